@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlin.mechanics.linkages import five_bar
+from flexlin.mechanics.closure import five_bar
 from flexlin.series import ImplicitMap
 
 BASE, LEFT, RIGHT = 0.25, (0.3, 0.4), (0.3, 0.4)

@@ -23,9 +23,9 @@ from outside.compiled import compile_function
 
 import flexlin as fl
 from flexlin.answers.accuracy.scipy_methods import prepare_rate
-from flexlin.answers.accuracy.simulated import POINTS, derive_loop_rate, integrate_loop
 from flexlin.answers.accuracy.trial import compare_arrays
-from flexlin.checks import Array
+from flexlin.answers.accuracy.work_precision import derive_loop_rate, integrate_loop
+from flexlin.checks import SAMPLES, Array
 
 ARMS = ("single-link", "three-link")
 TOLS = (1e-4, 1e-6, 1e-8)
@@ -83,7 +83,7 @@ def run_arm(
         return seconds
 
     def simulate(tol: float) -> Array:
-        return fl.simulate(lin, 1.0, tol=tol, points_per_period=POINTS).nonlinear
+        return fl.simulate(lin, 1.0, tol=tol, points_per_period=SAMPLES).nonlinear
 
     for tol in tols:
         add(OWN, tol, partial(simulate, tol))

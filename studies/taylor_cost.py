@@ -24,7 +24,7 @@ import casadi as ca
 import numpy as np
 
 import flexlin as fl
-from flexlin.mechanics.linkages import five_bar
+from flexlin.mechanics.closure import five_bar
 from flexlin.series import c_code
 
 LOOP, INVERSE = five_bar(0.25, (0.3, 0.4), (0.3, 0.4)), (4, 5)

@@ -132,7 +132,7 @@ def test_a_chart_over_two_parameters_is_a_map(tmp_path: Path) -> None:
     assert "fill:var(--unstable)" in page
     assert "fill:var(--undecided)" in page
     assert all(
-        words in page for words in ("gravity acceleration</text>", "principal, order", "url(#hatch)", "data-probe=")
+        words in page for words in ("gravity acceleration</text>", "principal, order", "url(#hatch", "data-probe=")
     )
     with np.load(tmp_path / "chart.npz") as arrays:
         assert arrays["verdict"].shape == (5, 4)

@@ -11,7 +11,7 @@ from flexlin.about.dead_points import keeps_clear, moves_followers
 from flexlin.about.law import Controller, Feedback, Law, scene_law
 from flexlin.about.routes import Route
 from flexlin.about.second_order import SecondOrderEquations
-from flexlin.checks import Array, at_times, whole
+from flexlin.checks import SAMPLES, Array, at_times, whole
 from flexlin.errors import MotionError
 from flexlin.lazy import lazy
 from flexlin.mechanics.effects import Effect, effects_of
@@ -25,9 +25,6 @@ from flexlin.scene.parameters import replace_value
 
 if TYPE_CHECKING:
     import xarray
-
-SHOWN = 129
-"""Times of the motion at which equations are shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -337,7 +334,7 @@ class Linearization(SecondOrderEquations, Shown):
         return xarray.Dataset(values, coords=axes, attrs={"period": self.period, "closed": self.control is not None})
 
     def _view(self) -> View:
-        t = np.linspace(0.0, self.period, SHOWN)
+        t = np.linspace(0.0, self.period, SAMPLES + 1)
         c, unbalanced = self.sample(t), self._unbalanced(t)
         squares = np.sort(np.linalg.eigvals(np.linalg.solve(c.M, c.K)).real, axis=1)
         curves = np.sqrt(np.where(squares > 0, squares, np.nan)) / (2 * np.pi)

@@ -20,7 +20,7 @@ from flexlin.about.law import Law
 from flexlin.about.layers import Layers
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked, instance
-from flexlin.checks import Array, at_times, positive
+from flexlin.checks import SAMPLES, Array, at_times, positive
 from flexlin.errors import MotionError, NumericalError, ToleranceNotReached
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.system import MatrixFunction
@@ -117,8 +117,6 @@ __all__ = ["Closing", "PeriodicMotion", "Unknowns", "periodic_motion"]
 
 POINTS = (33, 65, 129, 257, 513)
 SOFTER = "let friction saturate at a larger rate (effects.coulomb_friction.rate), or simulate the arm until its motion repeats"
-ENOUGH = 257
-"""Points on which a motion is given up whose closing determines no torque somewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,7 +317,7 @@ def periodic_motion(
             if error <= tol:
                 return PeriodicMotion(lin, y, torque, error, f"converged on {points} points", z)
         before = FourierSeries.through(values, lin.period)
-        singular = solver.singular_time(values) if points >= ENOUGH and closing is not None and not linear else None
+        singular = solver.singular_time(values) if points > SAMPLES and closing is not None and not linear else None
         if singular is not None:
             break
     why = "the motion is not smooth" if singular is None else describe_singular(singular)

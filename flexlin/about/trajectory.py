@@ -10,16 +10,14 @@ from numpy.typing import ArrayLike
 
 from flexlin import symbolic
 from flexlin.arguments import checked
-from flexlin.checks import Array, at_times, positive
+from flexlin.checks import ROUNDING, SAMPLES, Array, at_times, positive
 from flexlin.errors import ArgumentError, MotionError
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
-PANELS, NODES = 256, 4
+NODES = 4
 """Panels of the trajectory, and Gauss nodes in each, on which it is held against f: exact to 1e-8 for 60 harmonics."""
-ROUNDING = 1e-12
-"""A rate that counts as zero, where states and inputs of size 1 make rates of size 1."""
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -93,7 +91,7 @@ class Trajectory:
     @property
     def edges(self) -> Array:
         """The edges (K + 1,) of the panels on which the trajectory is held against f; the breaks are among them."""
-        return np.union1d(np.linspace(0.0, self.period, PANELS + 1), self.breaks)
+        return np.union1d(np.linspace(0.0, self.period, SAMPLES + 1), self.breaks)
 
 
 @dataclass(frozen=True, eq=False)

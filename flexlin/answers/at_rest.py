@@ -6,15 +6,10 @@ import numpy as np
 
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
-from flexlin.checks import Array
+from flexlin.checks import ROUNDING, SAMPLES, Array
 from flexlin.errors import InputError
 from flexlin.mechanics.axes import COLUMNS
 from flexlin.motion import SampledMotion
-
-PHASES = 64
-"""Postures of a period that are looked at."""
-ROUNDING = 1e-12
-"""Squares of frequencies that are this small against the largest are none, and imaginary parts neither."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +65,7 @@ def examine(plant: Linearization, lengths: Array) -> AtRest | None:
 
 def bend(lin: Linearization, links: int) -> Array:
     """The largest deflection of each link's tip (links,) against its own base, K y = h at each posture; infinite where K is singular."""
-    t = lin.period * np.arange(PHASES) / PHASES
+    t = lin.period * np.arange(SAMPLES) / SAMPLES
     c = lin.sample(t)
     try:
         y = np.linalg.solve(c.K, c.h[..., None])[..., 0]

@@ -22,6 +22,8 @@ SHARE = 2 / 3
 
 DRAWING = 0.4
 """Share of the time kept for drawing and writing that drawing may take: the numbers of a large arm or chart take as long."""
+USED = 0.9
+"""Share of its time that a search plans with: a call of a library may take longer than those before it."""
 
 
 @dataclass
@@ -51,6 +53,10 @@ class Budget:
             used = f"{end:g} of {asked.seconds:g} s are used up{kept}"
             raise TimeLimit(f"{name}: not begun", got=used, todo=allowed.more_time)
         return allowed
+
+    def plan(self, name: str, asked: Accuracy, share: float = 1.0) -> float:
+        """The seconds that a search within a stage plans with."""
+        return USED * self.allow(name, asked, share).seconds
 
 
 LOG = logging.getLogger(__name__)

@@ -1,10 +1,10 @@
 """One loop on the arm: Floquet's verdict, the steady motion that it keeps, and what the drives have to do for it."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
-from math import pi
-from typing import TYPE_CHECKING
+from math import inf, pi
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -18,12 +18,13 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.accuracy import Accuracy
-from flexlin.scene.control import DesignTable, Drives
+from flexlin.scene.control import DesignTable
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
     from flexlin.control.designed_loop import Design
-    from flexlin.control.estimator import Estimator
+
+Answer = TypeVar("Answer")
 
 BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
 """Designs whose gain has an error that can be asked for."""
@@ -71,15 +72,60 @@ class Loop:
         return float(self.floquet.exponents[0].real), float(self.floquet.errors[0])
 
 
-def judge_own_loops(scene: Scene, system: PeriodicSystem, loop: PeriodicSystem, clock: Clock) -> tuple[Loop, Loop]:
-    """The scene's own loop and the open loop; one result for both where the scene has no feedback."""
-    feedback, asked = scene.control.feedback, scene.accuracy
+@dataclass
+class Stages:
+    """What all stages of an analysis share: the arm alone and with the scene's own loop, times of a period with both ends, and the clock
+    that keeps each stage within its limits; `problems` says what is missing."""
+
+    scene: Scene
+    clock: Clock
+    plant: Linearization
+    closed: Linearization
+    t: Array
+    problems: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def asked(self) -> Accuracy:
+        """How accurate the answers should be, and what they may cost."""
+        return self.scene.accuracy
+
+    def attempt(
+        self,
+        key: str,
+        name: str,
+        work: Callable[[], Answer],
+        error_of: Callable[[Answer], float] | None = None,
+        asked: Accuracy | None = None,
+        at_most: float = inf,
+    ) -> Answer | None:
+        """Do the work of a stage; where it has no trustworthy answer, `problems` says why under `key`."""
+        return self.clock.attempt(self.problems, key, name, asked or self.asked, work, error_of, at_most=at_most)
+
+    def attempt_alone(
+        self,
+        name: str,
+        work: Callable[[], Answer],
+        error_of: Callable[[Answer], float] | None = None,
+        at_most: float = inf,
+    ) -> tuple[Answer | None, str]:
+        """The answer of a stage about one loop, or why it has none."""
+        problems = dict[str, str]()
+        answer = self.clock.attempt(problems, name, name, self.asked, work, error_of, at_most=at_most)
+        return answer, problems.get(name, "")
+
+
+def judge_own_loops(a: Stages) -> tuple[Loop, Loop]:
+    """The scene's own loop and the open loop; one result for both where the scene has no feedback; a motion that ends has no verdict."""
+    feedback = a.scene.control.feedback
+    name, kind = ("no feedback", "open") if feedback is None else (f"scene's {feedback.kind.upper()}", feedback.kind)
+    if not a.plant.motion.periodic:
+        bare = Loop("open loop", "open", None, describe_end(a.plant), ends=True)
+        return replace(bare, name=name, kind=kind), bare
     if feedback is None:
-        own = judge_loop("no feedback", "open", "Floquet: open loop", loop, asked, clock)
+        own = judge_loop(a, name, kind, "Floquet: open loop", a.closed.periodic_system())
         return own, replace(own, name="open loop")
-    kind = feedback.kind
-    own = judge_loop(f"scene's {kind.upper()}", kind, "Floquet: the scene's loop", loop, asked, clock)
-    return own, judge_loop("open loop", "open", "Floquet: open loop", system, asked, clock)
+    own = judge_loop(a, name, kind, "Floquet: the scene's loop", a.closed.periodic_system())
+    return own, judge_loop(a, "open loop", "open", "Floquet: open loop", a.plant.periodic_system())
 
 
 def describe_end(plant: Linearization) -> str:
@@ -87,45 +133,29 @@ def describe_end(plant: Linearization) -> str:
     return f"the motion ends after {plant.period:g} s, so there are no exponents; the simulation shows what is left at its end"
 
 
-def name_ending_loops(scene: Scene, plant: Linearization) -> tuple[Loop, Loop]:
-    """The own loop and the open loop of a one-way motion."""
-    feedback, why = scene.control.feedback, describe_end(plant)
-    bare = Loop("open loop", "open", None, why, ends=True)
-    if feedback is None:
-        return replace(bare, name="no feedback"), bare
-    return Loop(f"scene's {feedback.kind.upper()}", feedback.kind, None, why, ends=True), bare
-
-
-def judge_elastic_loop(closed: Linearization, asked: Accuracy, clock: Clock) -> Loop:
+def judge_elastic_loop(a: Stages) -> Loop:
     """The scene's own loop, linearized about the periodic motion of the elastic arm in the place of the rigid one."""
     from flexlin.about.elastic import linearize_about
     from flexlin.about.periodic_motion import periodic_motion
 
-    name, problems = "about elastic motion", dict[str, str]()
-    motion = clock.attempt(
-        problems,
-        name,
-        "periodic motion of the elastic arm",
-        asked,
-        lambda: periodic_motion(closed, tol=asked.tol),
-        lambda found: found.error,
-    )
+    name, work = "about elastic motion", partial(periodic_motion, a.closed, tol=a.asked.tol)
+    found = a.attempt_alone("periodic motion of the elastic arm", work, lambda made: made.error)
+    motion, problem = found
     if motion is None:
-        return Loop(name, "elastic", None, problems[name])
-    return judge_loop(name, "elastic", "Floquet: about the elastic motion", linearize_about(motion), asked, clock)
+        return Loop(name, "elastic", None, problem)
+    return judge_loop(a, name, "elastic", "Floquet: about the elastic motion", linearize_about(motion))
 
 
 def judge_loop(
-    name: str, kind: str, step: str, system: PeriodicSystem, asked: Accuracy, clock: Clock, made: "Design | None" = None
+    a: Stages, name: str, kind: str, step: str, system: PeriodicSystem, made: "Design | None" = None
 ) -> Loop:
     """Floquet's verdict on a loop, or why there is none."""
-    problems: dict[str, str] = {}
-    result = clock.attempt(problems, name, step, asked, lambda: floquet(system, asked.tol), exponent_error)
+    found = a.attempt_alone(step, lambda: floquet(system, a.asked.tol), exponent_error)
+    result, problem = found
     proof = None
     if result is not None and is_worth_proof(result):
-        step = f"certificate: {name}"
-        proof = clock.attempt(dict[str, str](), name, step, asked, result.certificate, at_most=PROOF)
-    return Loop(name, kind, result, problems.get(name, ""), made, certificate=proof)
+        proof, _ = a.attempt_alone(f"certificate: {name}", result.certificate, at_most=PROOF)
+    return Loop(name, kind, result, problem, made, certificate=proof)
 
 
 def is_worth_proof(result: FloquetResult) -> bool:
@@ -134,96 +164,85 @@ def is_worth_proof(result: FloquetResult) -> bool:
     return result.verdict == "stable" and slowest > WORTH_PROOF * 2 * pi / result.period
 
 
-def design_and_judge(plant: Linearization, table: DesignTable, asked: Accuracy, clock: Clock) -> Loop:
+def judge_designs(a: Stages) -> tuple[Loop, ...]:
+    """The scene's designs with their verdicts and the steady motions that they keep."""
+    return tuple(with_response(a, judge_design(a, table)) for table in a.scene.designs)
+
+
+def judge_design(a: Stages, table: DesignTable) -> Loop:
     """A designed controller with the verdict on its closed loop."""
     from flexlin.control.catalogue import design
 
-    problems: dict[str, str] = {}
     error_of = (lambda made: float(made.error)) if table.kind in BY_TOL else None
-    work = partial(design, plant, table, asked.tol)
-    made = clock.attempt(problems, table.name, f"design: {table.name}", asked, work, error_of)
+    made, problem = a.attempt_alone(f"design: {table.name}", partial(design, a.plant, table, a.asked.tol), error_of)
     if made is None:
-        return Loop(table.name, table.kind, None, problems[table.name])
-    if not plant.motion.periodic:
-        return Loop(table.name, table.kind, None, describe_end(plant), made, ends=True)
-    return judge_loop(table.name, table.kind, f"Floquet: {table.name}", made.closed_loop, asked, clock, made)
+        return Loop(table.name, table.kind, None, problem)
+    if not a.plant.motion.periodic:
+        return Loop(table.name, table.kind, None, describe_end(a.plant), made, ends=True)
+    return judge_loop(a, table.name, table.kind, f"Floquet: {table.name}", made.closed_loop, made)
 
 
-def with_response(
-    loop: Loop, closed: Linearization, t: Array, asked: Accuracy, clock: Clock, system: PeriodicSystem | None = None
-) -> Loop:
+def with_response(a: Stages, loop: Loop, system: PeriodicSystem | None = None) -> Loop:
     """The loop with its periodic response to what the feedforward leaves over, where it keeps one and its states are the arm's."""
-    system = loop.design.closed_loop if loop.design is not None else system
-    if system is None or loop.verdict not in ("stable", "undecided"):
+    known = loop.design.closed_loop if loop.design is not None else system
+    if known is None or loop.verdict not in ("stable", "undecided"):
         return loop
-    name, problems, known = f"forced response: {loop.name}", dict[str, str](), system
-    found = clock.attempt(
-        problems, name, name, asked, lambda: find_response(closed, known, t, asked.tol), response_error
-    )
-    return replace(loop, response=found)
+    work = partial(find_response, a.closed, known, a.t, a.asked.tol)
+    return replace(loop, response=a.attempt_alone(f"forced response: {loop.name}", work, response_error)[0])
 
 
-def judge_sampled_loops(
-    scene: Scene, loops: Sequence[Loop], plant: Linearization, closed: Linearization, clock: Clock
-) -> tuple[Loop, ...]:
+def judge_sampled_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
     """The loops with a feedback on the arm's own states once more, their torque sampled, held and late as the scene says."""
-    sampling, asked, found = scene.control.sampling, scene.accuracy, list[Loop]()
+    sampling, found = a.scene.control.sampling, list[Loop]()
     if sampling is None:
         return ()
     from flexlin.periodic.sampled.stability import sampled_floquet
 
     for loop in loops:
-        law = closed.law if loop.design is None else loop.design.law
+        law = a.closed.law if loop.design is None else loop.design.law
         if loop.floquet is None or loop.kind == "open":
             continue
-        name, problems = f"{loop.name}, sampled", dict[str, str]()
         rates = None if law.controller is None else law.controller.rates
-        given = law.gain, sampling.period, sampling.delay, max(asked.tol, LEAST), rates
-        work = partial(sampled_floquet, plant.periodic_system(), *given)
-        result = clock.attempt(problems, name, f"Floquet: {name}", asked, work)
-        found.append(Loop(name, "sampled", result, problems.get(name, "")))
+        given = law.gain, sampling.period, sampling.delay, max(a.asked.tol, LEAST), rates
+        name, work = f"{loop.name}, sampled", partial(sampled_floquet, a.plant.periodic_system(), *given)
+        found.append(Loop(name, "sampled", *a.attempt_alone(f"Floquet: {name}", work)))
     return tuple(found)
 
 
-def judge_estimated_loops(scene: Scene, loops: Sequence[Loop], plant: Linearization, clock: Clock) -> tuple[Loop, ...]:
+def judge_estimated_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
     """The designs that name sensors once more, their states estimated by a Kalman filter."""
-    asked, tables, found = scene.accuracy, {table.name: table.estimator for table in scene.designs}, list[Loop]()
+    tables, found = {table.name: table.estimator for table in a.scene.designs}, list[Loop]()
     for loop in loops:
         table, made = tables[loop.name], loop.design
-        if table is None or made is None or not plant.motion.periodic:
+        if table is None or made is None or not a.plant.motion.periodic:
             continue
         from flexlin.control.estimator import output_feedback
         from flexlin.control.sensors import scene_sensors
 
-        name, problems, sensors = f"{loop.name}, estimated", dict[str, str](), scene_sensors(scene, plant, table)
-        step = f"estimator: {loop.name}"
-        estimator = clock.attempt(problems, name, step, asked, partial(sensors.filter, plant, asked.tol), filter_error)
+        name, work = (
+            f"{loop.name}, estimated",
+            partial(scene_sensors(a.scene, a.plant, table).filter, a.plant, a.asked.tol),
+        )
+        filtered = a.attempt_alone(f"estimator: {loop.name}", work, lambda known: known.error)
+        estimator, problem = filtered
         if estimator is None:
-            found.append(Loop(name, "lqg", None, problems[name]))
-            continue
-        system = output_feedback(made, estimator)
-        found.append(judge_loop(name, "lqg", f"Floquet: {name}", system, asked, clock))
+            found.append(Loop(name, "lqg", None, problem))
+        else:
+            found.append(judge_loop(a, name, "lqg", f"Floquet: {name}", output_feedback(made, estimator)))
     return tuple(found)
 
 
-def filter_error(found: "Estimator") -> float:
-    """The relative error of a filter's covariance."""
-    return found.error
-
-
-def load_of(
-    loop: Loop, plant: Linearization, closed: Linearization, t: Array, drives: Drives | None
-) -> DriveLoad | None:
-    """What the drives have to do in the steady motion of a loop; t holds both ends of the period."""
-    response = loop.response
+def load_of(a: Stages, loop: Loop) -> DriveLoad | None:
+    """What the drives have to do in the steady motion of a loop."""
+    response, plant = loop.response, a.plant
     if response is None or loop.verdict in ("unstable", "failed") or not plant.about.m:
         return None
-    law = response.law or closed.law
+    law = response.law or a.closed.law
     if loop.design is not None:
         law = law.with_gain(loop.design.K, loop.design.controller)
     elif loop.kind == "open":
         law = law.with_gain(np.zeros((plant.about.m, 2 * plant.n)))
-    return drive_load(plant, t[:-1], response.states[:-1], law, drives)
+    return drive_load(plant, a.t[:-1], response.states[:-1], law, a.scene.drives)
 
 
 def exponent_error(result: FloquetResult) -> float:

@@ -13,8 +13,8 @@ from flexlin.errors import ArgumentError, ModelError, SceneError
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import DesignTable
+from flexlin.scene.loading import revise_scene
 from flexlin.scene.parameters import PARAMETERS, get_value, path_in
-from flexlin.scene.revised import revise_scene
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 

@@ -265,10 +265,10 @@ def parser() -> argparse.ArgumentParser:
         help="print the completion script of bash, zsh or tcsh",
     )
     names = top.add_subparsers(metavar="COMMAND", dest="command", required=True)
-    for name, module in COMMANDS.items():
-        command = names.add_parser(name, help=module.PURPOSE, description=module.PURPOSE)
-        for option in module.TAKES:
+    for found in COMMANDS.values():
+        command = names.add_parser(found.name, help=found.purpose, description=found.purpose)
+        for option in found.takes:
             flags, settings = OPTIONS[option]
             command.add_argument(*flags, **settings)
-        command.set_defaults(run=module.run)
+        command.set_defaults(run=found.run, takes=found.takes)
     return top

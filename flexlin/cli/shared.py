@@ -1,19 +1,106 @@
-"""What the commands share: reading the scene with its overrides, exit codes, the command line as a page quotes it."""
+"""What the commands share: reading the scene, its clock, writing the results, exit codes, the command line as a page quotes it."""
 
 import argparse
 import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from flexlin.cli.options import OPTIONS
 from flexlin.errors import OutputError
 
 if TYPE_CHECKING:
+    import xarray
+
+    from flexlin.answers.clock import Clock
+    from flexlin.report.figures.style import Picture
     from flexlin.scene.scene import Scene
 
 DONE, FAILED, BAD_INPUT, OTHER_VERDICT, NO_ANSWER = range(5)
 """Exit codes."""
+LONG = 600.0
+"""Limit in s of a search or a fit where nobody states one."""
 ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
 """Options that stand for a key of the scene's table [accuracy]."""
+UNQUOTED = ("scene", "out", "require", "workers", "scheduler", "store")
+"""Options that change where results go and who computes them, but not what they are; the scene is said first."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """A row of the table of commands: reads the options that it takes, calls the library, prints and writes; returns the exit code."""
+
+    name: str
+    purpose: str
+    takes: tuple[str, ...]
+    run: Callable[[argparse.Namespace], int]
+
+
+def command(name: str, purpose: str, *takes: str) -> Callable[[Callable[[argparse.Namespace], int]], Command]:
+    """Make a function the command of this name."""
+    return lambda run: Command(name, purpose, takes, run)
+
+
+class Work:
+    """What most commands do alike: read the scene, compute under a clock while progress is shown, write the results as one set.
+
+    Parameters: usual: the limit in s where nobody states one.
+    """
+
+    def __init__(self, options: argparse.Namespace, usual: float | None = None):
+        self.options, self.scene = options, loaded(options, usual)
+        self.quoted = quote(options)
+
+    @contextmanager
+    def clock(self, planned: int = 0) -> "Iterator[Clock]":
+        """The clock of the stages within; `planned`: how many there will be, where that is known."""
+        from flexlin.report.progress import Progress
+
+        with Progress() as self.progress:
+            self.progress("load the numerical libraries")
+            from flexlin.answers.clock import Budget, Clock
+
+            self.kept = Clock(self.progress, planned=planned, budget=Budget(self.options.watch))
+            yield self.kept
+
+    def say_accuracy(self) -> None:
+        """Print what was asked, reached and taken."""
+        from flexlin.report.terminal import accuracy_lines
+
+        print("\n".join(accuracy_lines(tuple(self.kept.steps))))
+
+    def page(self, pictures: "Sequence[Picture]", said: Sequence[str] = ()) -> str:
+        """A page of pictures, below what is to be said before them."""
+        from flexlin.report.page import picture_page
+
+        return picture_page(self.scene.title, pictures[0], self.quoted, pictures[1:], said)
+
+    def write(
+        self,
+        name: str,
+        pictures: "Sequence[Picture]",
+        record: Mapping[str, Any],
+        said: Sequence[str] = (),
+        more: Mapping[str, str] | None = None,
+    ) -> int:
+        """Write NAME.html with the pictures, NAME.json with the numbers, and more files of text; done."""
+        from flexlin.report.numbers import to_json
+
+        data = to_json({"schema": 1, "title": self.scene.title, **record})
+        texts = {f"{name}.html": self.page(pictures, said), f"{name}.json": data, **(more or {})}
+        return print_paths(self.write_files(name, texts))
+
+    def write_files(self, name: str, texts: Mapping[str, str], data: "xarray.Dataset | None" = None) -> list[Path]:
+        """Write files of text, and a dataset as NAME.nc, as one set; returns where they are."""
+        from flexlin.files import results
+        from flexlin.report.exports import write_dataset
+
+        with results(self.options.out, name) as made:
+            for file, text in texts.items():
+                (made / file).write_text(text, encoding="utf-8")
+            return made.placed(*texts) + ([] if data is None else write_dataset(data, made, name))
 
 
 def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
@@ -66,32 +153,20 @@ def print_paths(paths: list[Path]) -> int:
     return DONE
 
 
-def command(options: argparse.Namespace) -> str:
-    """The command line that made a page, without its output folder."""
-    overrides = [word for text in options.overrides for word in ("--set", text)]
-    axes = [
-        f"{key}={low:g}:{high:g}" + (f":{number}" if number else "")
-        for key, low, high, number in getattr(options, "over", [])
-    ]
-    over = ["--over", *axes] if axes else []
-    ranges = [f"{key}={low:g}:{high:g}" for key, low, high, _ in getattr(options, "margins", [])]
-    over += ["--margins", *ranges] if ranges else []
-    over += ["--data", str(options.data)] if getattr(options, "data", None) else []
-    flags = [
-        f"--{name}"
-        for name in ("effects", "sensitivity", "loop-margins", "animate")
-        if getattr(options, name.replace("-", "_"), False)
-    ]
-    forward = getattr(options, "feedforward", "scene")
-    flags += [] if forward == "scene" else ["--feedforward", forward]
-    for name in ("step", "initial", "push", "noise"):
-        words = getattr(options, name, None)
-        flags += [] if words is None else [f"--{name}", words]
-    flags += ["--loop", options.of] if getattr(options, "of", "own") != "own" else []
-    flags += ["--log", str(options.log)] if getattr(options, "log", None) else []
-    flags += ["--free", *options.free] if getattr(options, "free", None) else []
-    flags += ["--window", f"{options.window:g}"] if getattr(options, "window", 2.0) != 2.0 else []
-    for name in ACCURACY:
-        value = getattr(options, name, None)
-        flags += [] if value is None else [f"--{name.replace('_', '-')}", f"{value:g}"]
-    return shlex.join(["flexlin", options.command, options.scene, *overrides, *over, *flags])
+def quote(options: argparse.Namespace) -> str:
+    """The command line that made a page, without its output folder: what is not as it would be by itself."""
+    words = ["flexlin", options.command, options.scene]
+    for flags, settings in (OPTIONS[name] for name in options.takes if name not in UNQUOTED):
+        value = getattr(options, settings.get("dest", flags[0].strip("-").replace("-", "_")))
+        if value not in (None, False, settings.get("default")):
+            each = value if isinstance(value, list) else [] if value is True else [value]
+            words += [flags[0], *map(write_value, each)]
+    return shlex.join(words)
+
+
+def write_value(value: Any) -> str:
+    """A value of an option as one would write it."""
+    if isinstance(value, tuple):
+        key, low, high, number = value
+        return f"{key}={low:g}:{high:g}" + (f":{number}" if number else "")
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -10,7 +10,6 @@ __getattr__, __dir__, __all__ = load_lazily(
     {
         "about.elastic": "linearize_about",
         "about.periodic_motion": "periodic_motion PeriodicMotion",
-        "control.averaged": "averaged_lqr",
         "control.weights": "physical_weights",
         "control.catalogue": "design",
         "control.designed_loop": "Design",
@@ -23,7 +22,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "control.export.python_control": "gain_schedule lifted_model periodic_plant to_control",
         "control.finite_horizon": "finite_horizon_lqr horizon_system",
         "control.pd": "pd_feedback scene_feedback",
-        "control.frozen": "frozen_lqr",
+        "control.frozen": "averaged_lqr frozen_lqr",
         "control.integral": "with_integral_action",
         "control.measurement": "bending joint_angles joint_rates tip_acceleration tip_position",
         "control.periodic": "periodic_lqr",

@@ -7,10 +7,9 @@ import numpy as np
 
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
-from flexlin.control.averaged import averaged_lqr
 from flexlin.control.designed_loop import Design
 from flexlin.control.finite_horizon import finite_horizon_lqr, horizon_system
-from flexlin.control.frozen import frozen_lqr
+from flexlin.control.frozen import averaged_lqr, frozen_lqr
 from flexlin.control.periodic import periodic_lqr
 from flexlin.control.weights import Widened, diagonal_weight, joint_integrals, physical_weights
 from flexlin.errors import ArgumentError

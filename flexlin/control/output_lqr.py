@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import Array, positive, real_array
+from flexlin.checks import SAMPLES, Array, positive, real_array
 from flexlin.control.designed_loop import RunningCost
 from flexlin.control.periodic import periodic_lqr
 from flexlin.errors import ArgumentError, NotStabilizable, NotStable
@@ -20,7 +20,7 @@ from flexlin.periodic.related import dual_system
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.summary import represent
 
-SAMPLES, ROUNDS, HALVINGS = 256, 300, 30
+ROUNDS, HALVINGS = 300, 30
 """Times of a period in the means; steps at the most, and how often one is halved."""
 
 

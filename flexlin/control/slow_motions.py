@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.checks import Array, check_size
+from flexlin.checks import SAMPLES, Array, check_size
 from flexlin.errors import NumericalError
 from flexlin.periodic.floquet.decoupled_modes import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
@@ -24,7 +24,7 @@ GONE = 200.0
 """A mode that decays by exp(-GONE) from one sample to the next has no motion to show."""
 GROUPS = 64
 """Into so many products the transition matrices of a period are multiplied: over so small a part of it the slowest modes part by little."""
-SAMPLES = 64
+COARSE = 64
 """Times of a period at which a motion is given, at the least, where a direction is all that is asked for."""
 REAL = 1e-6
 """An imaginary part this small against the real one belongs to a real mode."""
@@ -59,7 +59,7 @@ def slow_motions(
     system: PeriodicSystem,
     count: int,
     result: FloquetResult | None = None,
-    samples: int = SAMPLES,
+    samples: int = COARSE,
     coordinates: int | None = None,
 ) -> SlowMotions:
     """Find the `count` slowest real motions of a system of second order; a complex pair gives two of them.
@@ -125,8 +125,6 @@ def real_motions(t: Array, mode: Array, exponent: complex, n: int) -> list[Array
 
 JUST_BEFORE = 1e-9
 """Of a period: where the coefficients are read just before they jump."""
-FINE = 257
-"""Times about a node at which a largest deflection is sought; it is flat there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +155,7 @@ class LinearMotion:
         """The largest deflection |y_i(t)| over the period."""
         k = int(np.abs(self.starts[0]).max(axis=1).argmax())
         low, high = self.t[max(0, k - 1)], self.t[min(len(self.t) - 1, k + 1)]
-        return float(np.abs(self(np.linspace(low, high, FINE))[0]).max())
+        return float(np.abs(self(np.linspace(low, high, SAMPLES + 1))[0]).max())
 
     def thinned(self) -> "LinearMotion":
         """The same motion from every second node."""

@@ -11,7 +11,7 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked, instance
-from flexlin.checks import Array, at_times, whole
+from flexlin.checks import SAMPLES, Array, at_times, whole
 from flexlin.errors import ArgumentError
 from flexlin.plots.view import Series, Shown, View
 
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 LEAST = 1e-8
 """The smallest error that a scene's feedforward is asked for."""
-SHOWN = 257
-"""Times of the period at which a feedforward is shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +92,7 @@ class Feedforward(Shown):
         return xarray.Dataset(values, coords=axes, attrs=attributes)
 
     def _view(self) -> View:
-        t = np.linspace(0.0, self.lin.period, SHOWN)
+        t = np.linspace(0.0, self.lin.period, SAMPLES + 1)
         units, torque = self.lin.input_units, self.torque(t)
         series = tuple(Series(name, t, curve) for name, curve in zip(self.lin.inputs, torque.T, strict=True))
         facts = (

@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked, instance
-from flexlin.checks import Array, positive
+from flexlin.checks import SAMPLES, Array, positive
 from flexlin.control.nonlinear_share import Along
 from flexlin.control.slow_motions import SLOW_TOL, LinearMotion, slow_motions
 from flexlin.mechanics.coordinates import Coordinate
@@ -15,9 +15,6 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.roots import SignedEnds, solve_brackets
 from flexlin.summary import represent
 
-SAMPLES = 256
-"""Times of a period at which the equations are evaluated, at the least; where the linear terms all pass through small values the share
-peaks within a thousandth of a period, between two of them."""
 LARGEST, SMALLEST = 10.0, 1e-7
 """Amplitudes between which the border is sought, in rad or m."""
 FIRST = 1e-3

@@ -18,8 +18,8 @@ from flexlin.identification.windows import Windows
 from flexlin.plots.view import Series, Shown, View
 from flexlin.progress import part
 from flexlin.resources import Stopwatch
+from flexlin.scene.loading import raw_tables, revise_scene
 from flexlin.scene.parameters import get_value, path_in
-from flexlin.scene.revised import raw_tables, revise_scene
 from flexlin.scene.scene import MOST, Scene
 from flexlin.summary import represent
 

@@ -12,20 +12,31 @@ import numpy as np
 from flexlin.arguments import checked, instance
 from flexlin.errors import ArgumentError, ModelError
 from flexlin.mechanics.axes import list_axes, list_points
-from flexlin.mechanics.body import Body, InertiaForm, Moments, rigid_moments, tensor
+from flexlin.mechanics.body import (
+    Body,
+    Frame,
+    InertiaForm,
+    Moments,
+    X,
+    Y,
+    Z,
+    column,
+    directions_across,
+    is_same,
+    rigid_moments,
+    tensor,
+    unit,
+)
 from flexlin.mechanics.closed_loop import close_loop
-from flexlin.mechanics.coordinates import Symbols, list_coordinates
+from flexlin.mechanics.coordinates import Parameters, Symbols, given_to_model, list_coordinates
 from flexlin.mechanics.curve import CurvedLink, CurveRule
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.effects.bending_torsion_coupling import BendingTorsionCoupling
-from flexlin.mechanics.frames import Frame, X, Y, Z, column, directions_across, is_same, unit
 from flexlin.mechanics.lagrange import derive_inertia
 from flexlin.mechanics.link_shapes import choose_basis, choose_rule
-from flexlin.mechanics.links import BentLink, LinkBasis, split_rotation
+from flexlin.mechanics.links import BentLink, LinkBasis, split_rotation, turned_sections
 from flexlin.mechanics.manipulator import FlexibleManipulator, Manipulator
-from flexlin.mechanics.parameters import Parameters, given_to_model
-from flexlin.mechanics.sections import turned_sections
 from flexlin.scene.library import registered_model
 from flexlin.scene.links import BASE, NO_LINK, Link, Loop, RigidPart, list_parents
 from flexlin.scene.loading import checked_table

@@ -12,9 +12,8 @@ from flexlin.checks import real_array
 from flexlin.errors import ModelError
 from flexlin.kronecker.algebra import kron
 from flexlin.kronecker.symbolic import derivative
-from flexlin.mechanics.coordinates import ClosedLoops
+from flexlin.mechanics.coordinates import ClosedLoops, Parameters
 from flexlin.mechanics.manipulator import Manipulator
-from flexlin.mechanics.parameters import Parameters
 from flexlin.series.implicit import implicit_taylor, solve_implicit
 
 NEWTON_STEPS, FOLLOWING = 4, 2

@@ -27,9 +27,8 @@ from flexlin.checks import Array
 from flexlin.lazy import lazy
 from flexlin.mechanics.beam import Profile, Shapes
 from flexlin.mechanics.beam.integrals import UNIFORM, gauss_legendre, panels
-from flexlin.mechanics.body import Body, InertiaForm, Moments, tensor
+from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, tensor
 from flexlin.mechanics.deflection import PLACES
-from flexlin.mechanics.frames import Frame
 from flexlin.mechanics.links import BentLink, split_rotation
 
 MOST = 40

@@ -19,7 +19,7 @@ from flexlin.mechanics.beam import (
     tapered,
     twisted,
 )
-from flexlin.mechanics.beam.couplings import couple_shapes
+from flexlin.mechanics.beam.integrals import couple_shapes
 from flexlin.mechanics.body import RigidMass
 from flexlin.mechanics.curve import CurveRule, make_rule
 from flexlin.mechanics.deflection import PLACES, Basis

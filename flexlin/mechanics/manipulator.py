@@ -1,7 +1,8 @@
 """The equations of motion of a manipulator, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -10,10 +11,9 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.expressions import Expressions, substituted
 from flexlin.lazy import lazy
-from flexlin.mechanics.coordinates import ClosedLoops, Coordinate
+from flexlin.mechanics.coordinates import ClosedLoops, Coordinate, Parameters, parameters_at_hand
 from flexlin.mechanics.lagrange import derive_coriolis, derive_lagrange_equations, describe_driving, place_inputs
 from flexlin.mechanics.named_functions import NamedFunctions
-from flexlin.mechanics.parameters import Parameters, parameters_at_hand
 from flexlin.mechanics.validation import check_coordinates, check_shapes, check_symbols, need_quadratic, validate
 from flexlin.plots.view import Series, Shown, View
 from flexlin.scene.effects import Effects
@@ -402,16 +402,6 @@ class Manipulator(Expressions, Shown):
         return arm
 
 
-class AtLarge:
-    """An attribute that is the one of the equations at any deflection."""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    def __get__(self, instance: Any, owner: type) -> Any:
-        return self if instance is None else getattr(instance.near.at_large, self.name)
-
-
 class FlexibleManipulator(Manipulator):
     """A manipulator whose links bend as curves; what that takes is derived when it is first asked for.
 
@@ -419,35 +409,10 @@ class FlexibleManipulator(Manipulator):
     """
 
     near: Any = None
-    residual: Any = AtLarge()
-    M: Any = AtLarge()
-    g: Any = AtLarge()
-    damping: Any = AtLarge()
-    B: Any = AtLarge()
-    energy: Any = AtLarge()
-    points: Any = AtLarge()
-    axes: Any = AtLarge()
-    coriolis: Any = AtLarge()
-    rotation: Any = AtLarge()
-    loops: Any = AtLarge()
-    C: Any = AtLarge()
-    functions: Any = AtLarge()
 
     def __init__(self, near: Manipulator):
-        kept = (
-            "s",
-            "s_dot",
-            "s_ddot",
-            "reference",
-            "drives",
-            "coordinates",
-            "parameters",
-            "measured",
-            "effects",
-            "phase",
-            "derive",
-        )
-        vars(self).update({"near": near, **{name: getattr(near, name) for name in kept}})
+        kept = {one.name: getattr(near, one.name) for one in fields(near) if one.name not in AT_LARGE}
+        vars(self).update(kept, near=near)
 
     def at_numbers(self, values: Array) -> Manipulator:
         """The same equations with other values of the free numbers."""
@@ -458,6 +423,26 @@ class FlexibleManipulator(Manipulator):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(state["near"])  # type: ignore[misc]
+
+
+AT_LARGE = (
+    "residual",
+    "M",
+    "g",
+    "damping",
+    "B",
+    "energy",
+    "points",
+    "axes",
+    "coriolis",
+    "rotation",
+    "loops",
+    "C",
+    "functions",
+)
+"""What differs at large deflections."""
+for _name in AT_LARGE:
+    setattr(FlexibleManipulator, _name, property(attrgetter(f"near.at_large.{_name}")))
 
 
 def name_functions(arm: Manipulator) -> NamedFunctions:

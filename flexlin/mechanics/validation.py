@@ -8,8 +8,8 @@ import numpy as np
 from flexlin.arguments import instance
 from flexlin.checks import Array
 from flexlin.errors import ModelError
+from flexlin.mechanics.coordinates import Parameters
 from flexlin.mechanics.lagrange import derive_coriolis
-from flexlin.mechanics.parameters import Parameters
 
 TOLERANCE = 1e-8
 """Relative size of a contradiction that rounding explains."""

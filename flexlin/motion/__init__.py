@@ -7,8 +7,8 @@ import casadi as ca
 
 from flexlin.arguments import checked, instance
 from flexlin.errors import MotionError
+from flexlin.mechanics.coordinates import Parameters
 from flexlin.mechanics.manipulator import Manipulator
-from flexlin.mechanics.parameters import Parameters
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
 from flexlin.motion.smooth import (
     PROFILES as PROFILES,
@@ -20,7 +20,7 @@ from flexlin.motion.smooth import (
     make_point_to_point,
     make_rotation,
 )
-from flexlin.motion.table import read_table_motion
+from flexlin.motion.table import read_log_motion, read_table_motion
 from flexlin.scene.loading import read_motion
 from flexlin.scene.motion import (
     AnyMotion,
@@ -94,8 +94,6 @@ def build_motion(
     if isinstance(table, TableMotion):
         return read_table_motion(table, joints, prescribed)
     if isinstance(table, LogMotion):
-        from flexlin.motion.log import read_log_motion
-
         return read_log_motion(table, joints, prescribed)
     parameters = parameters or Parameters()
     free, phase = parameters.placed_in(table, "motion."), ca.SX.sym("phase")

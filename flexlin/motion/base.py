@@ -10,7 +10,7 @@ from flexlin import symbolic
 from flexlin.checks import Array
 from flexlin.expressions import Expressions
 from flexlin.lazy import lazy
-from flexlin.mechanics.parameters import Parameters
+from flexlin.mechanics.coordinates import Parameters
 from flexlin.summary import represent
 
 Angles = tuple[Array, Array, Array]

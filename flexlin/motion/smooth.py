@@ -2,12 +2,12 @@
 
 from fractions import Fraction
 from functools import reduce
-from math import gcd, lcm, pi
+from math import comb, gcd, lcm, pi
 
 import casadi as ca
 
 from flexlin.errors import MotionError
-from flexlin.mechanics.parameters import Parameters
+from flexlin.mechanics.coordinates import Parameters
 from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, PointToPoint, Rotation
 
 LARGEST_RATIO = 1000
@@ -83,11 +83,8 @@ def _read_nominal(value: object, parameters: Parameters) -> float:
     return float(ca.evalf(ca.substitute(value, parameters.symbols, ca.DM(parameters.values))))
 
 
-PROFILES = {
-    "quintic": (0, 0, 0, 10, -15, 6),
-    "septic": (0, 0, 0, 0, 35, -84, 70, -20),
-}
-"""Steps from 0 to 1 with zero rate and acceleration (and jerk) at both ends. Source: Biagiotti, Melchiorri (2008), 2.1."""
+PROFILES = {"quintic": 2, "septic": 3}
+"""Derivatives of a step from 0 to 1 that vanish at both ends: rate, acceleration and jerk. Source: Biagiotti, Melchiorri (2008), 2.1."""
 
 
 def make_point_to_point(table: PointToPoint, phase: ca.SX) -> tuple[ca.SX, ca.SX, tuple[float, ...]]:
@@ -116,5 +113,7 @@ def make_point_to_point(table: PointToPoint, phase: ca.SX) -> tuple[ca.SX, ca.SX
 
 
 def make_step(profile: str, x: ca.SX) -> ca.SX:
-    """The polynomial step of a profile at x in [0, 1], by Horner's rule."""
-    return reduce(lambda value, coefficient: value * x + coefficient, reversed(PROFILES[profile]), ca.SX(0))
+    """The polynomial step of a profile at x in [0, 1], x^(n+1) sum_k binom(n+k, k) binom(2n+1, n-k) (-x)^k, by Horner's rule."""
+    n = PROFILES[profile]
+    factors = [0] * (n + 1) + [comb(n + k, k) * comb(2 * n + 1, n - k) * (-1) ** k for k in range(n + 1)]
+    return reduce(lambda value, factor: value * x + factor, reversed(factors), ca.SX(0))

@@ -12,7 +12,7 @@ from flexlin.checks import Array
 from flexlin.errors import MotionError
 from flexlin.expressions import Expressions
 from flexlin.lazy import lazy
-from flexlin.mechanics.frames import rotation_about
+from flexlin.mechanics.body import rotation_about
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.smooth import make_step
 from flexlin.scene.motion import AnyPath, Circle, Polyline

@@ -13,14 +13,12 @@ from flexlin.motion.base import Angles, SampledMotion
 from flexlin.motion.tip_equations import TipEquations, make_pose_path, make_tip_equations, refuse_unreachable
 from flexlin.periodic.circle import count_turns
 from flexlin.scene.motion import TipJoint, TipPath
-from flexlin.series.tracking import find_lowest, find_turn, newton_from, track, worth
+from flexlin.series.tracking import SHORTEST, SUSPECT, find_lowest, find_turn, newton_from, track, worth
 
 NODES = 512
 """Phases of a period at which the solution is kept; between them it is found again from their cubic."""
-SHORTEST = 1e-10
-"""The shortest step, as a share of the period."""
-SINGULAR, SUSPECT = 1e-6, 0.05
-"""A place is singular below this reciprocal condition number; only below the second a minimum is looked at more closely."""
+SINGULAR = 1e-6
+"""A place is singular below this reciprocal condition number."""
 SOLVED = 1e-11
 """Newton's method has found the joints once its step is this small, relative to the largest of them beyond 1 rad or m."""
 TRIES = 24

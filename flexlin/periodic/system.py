@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import positive, whole
+from flexlin.checks import SAMPLES, positive, whole
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.periodic.chebyshev import ChebyshevPanels
@@ -29,10 +29,6 @@ from flexlin.plots.view import Series, Shown, View
 
 if TYPE_CHECKING:
     import xarray
-
-
-SHOWN = 257
-"""Times of the period at which a system is shown."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +161,7 @@ class PeriodicSystem(Shown):
         return xarray.Dataset(values, coords={"time": ("time", t, {"units": "s"})}, attrs={"period": self.period})
 
     def _view(self) -> View:
-        t = np.linspace(0.0, self.period, SHOWN)
+        t = np.linspace(0.0, self.period, SAMPLES + 1)
         A = self.A(t)
         moving = [(i, j) for i, j in np.ndindex(self.n, self.n) if np.ptp(A[:, i, j]) > 0]
         moving.sort(key=lambda at: -np.ptp(A[:, *at]))

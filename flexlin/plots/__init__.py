@@ -1,16 +1,14 @@
-"""What a result looks like: one description, drawn by matplotlib, as a card in a notebook, or said in words."""
+"""What a result looks like: figures as data, drawn as SVG or by matplotlib, cards of notebooks, and words."""
 
-from importlib import import_module
-from typing import Any
+from flexlin.lazy import load_lazily
 
-__all__ = ["Comparison", "compare", "plot_chart"]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module 'flexlin.plots' has no attribute {name!r}")
-    return getattr(import_module("flexlin.plots.comparison"), name)
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = load_lazily(
+    __name__,
+    {"plots.comparison": "Comparison compare plot_chart"},
+    within={
+        "plots.panel": "SMALL Panel measure_text",
+        "plots.scales": "Linear Logarithmic Symlog",
+        "plots.svg": "Row count_lines draw",
+        "plots.view": "MOST_POINTS Series Shown View make_card",
+    },
+)

@@ -3,7 +3,6 @@
 No other file of flexlin imports matplotlib.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -12,14 +11,27 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
+from flexlin.plots.panel import Panel
+from flexlin.plots.svg import NARROW, Row, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-WIDTH, HEIGHT, MARGIN = 260.0, 120.0, 6.0
-MOST_POINTS, MOST_SERIES, MOST_FACTS = 120, 8, 6
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#e69f00", "#56b4e9")
-"""Distinguishable with every kind of colour blindness. Source: Okabe, Ito (2002), Color Universal Design; purple from Tol (2021)."""
+HEIGHT = 120.0
+"""Of a card's picture."""
+MOST_POINTS, MOST_FACTS = 120, 6
+COLOURS = {
+    "blue": "#0072b2",
+    "vermilion": "#d55e00",
+    "green": "#009e73",
+    "purple": "#aa4499",
+    "orange": "#e69f00",
+    "sky": "#56b4e9",
+}
+"""Of loops, methods and modes: distinguishable with every kind of colour blindness. Source: Okabe, Ito (2002), Color Universal Design;
+purple from Tol (2021)."""
+PAPER = {"ink": "currentColor", "faint": "#888888", "grid": "#88888855", "paper": "transparent"}
+"""Colours of a picture outside a report, whose page has its own."""
 SHADES = {"stable": "#00734f", "unstable": "#b03a00", "undecided": "#8a5a00"}
 FEW = 12
 """Curves that a legend names."""
@@ -106,26 +118,26 @@ def make_card(view: View) -> str:
 
 
 def draw_small(view: View) -> str:
-    """The curves as a small SVG, without numbers on its axes; nothing where there is no finite one."""
-    shown = [(i, thin(series)) for i, series in enumerate(view.series[:MOST_SERIES])]
-    shown = [(i, series) for i, series in shown if len(series.x)]
+    """The curves as a small SVG; nothing where there is no finite one."""
+    shown = [series for series in map(thin, view.series[: len(COLOURS)]) if len(series.x)]
     if not shown:
         return ""
-    x, y = (np.concatenate([getattr(series, axis) for _, series in shown]) for axis in ("x", "y"))
-    place_x, place_y = scale(x, MARGIN, WIDTH - MARGIN, view.zero), scale(y, HEIGHT - MARGIN, MARGIN)
-    marks = [
-        draw_series(series, place_x(series.x), place_y(series.y), COLOURS[i % len(COLOURS)]) for i, series in shown
-    ]
-    border = ""
+    panel = Panel(x_label=view.x_label, y_label=view.y_label)
+    for series, colour in zip(shown, COLOURS, strict=False):
+        if series.style == "dots":
+            panel.dots(series.x, series.y, colour, texts=[series.name] * len(series.x))
+        else:
+            panel.line(series.x, series.y, colour, dash="5 3" * (series.style == "dashed"))
     if view.zero:
-        at = place_x(np.zeros(1))[0]
-        border = f'<path d="M{at:.1f} 0V{HEIGHT:g}" stroke="currentColor" stroke-opacity=".4" stroke-dasharray="3 3"/>'
-    label = escape(f"{view.y_label} over {view.x_label}")
-    return (
-        f'<figure style="margin:0"><svg width="{WIDTH:g}" height="{HEIGHT:g}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" fill="none" '
-        f'role="img" aria-label="{label}">{border}{"".join(marks)}</svg>'
-        f'<figcaption style="font-size:.8em;opacity:.7">{label}</figcaption></figure>'
-    )
+        panel.line(
+            [0.0, 0.0],
+            [min(min(series.y) for series in shown), max(max(series.y) for series in shown)],
+            "faint",
+            dash="3 3",
+        )
+    drawn = draw([Row([panel], HEIGHT)], f"{view.y_label} over {view.x_label}", narrow=True)
+    variables = ";".join(f"--{name}:{shade}" for name, shade in (COLOURS | PAPER).items())
+    return f'<div style="flex:0 0 {NARROW:g}px;{variables}">{drawn}</div>'
 
 
 def thin(series: Series) -> Series:
@@ -136,32 +148,12 @@ def thin(series: Series) -> Series:
     return Series(series.name, np.asarray(series.x)[finite], np.asarray(series.y)[finite], series.style)
 
 
-def scale(values: Array, low: float, high: float, with_zero: bool = False) -> Callable[[Array], Array]:
-    """A function from values to pixels that brings the smallest to `low` and the largest to `high`."""
-    ends = np.append(values, 0.0) if with_zero else values
-    first, span = float(ends.min()), float(np.ptp(ends)) or 1.0
-    return lambda wanted: low + (high - low) * (wanted - first) / span
-
-
-def draw_series(series: Series, x: Array, y: Array, colour: str) -> str:
-    """One curve, with its name where one points at it."""
-    name = f"<title>{escape(series.name)}</title>"
-    if series.style == "dots":
-        return "".join(
-            f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3" fill="{colour}">{name}</circle>'
-            for a, b in zip(x, y, strict=True)
-        )
-    dash = ' stroke-dasharray="5 3"' if series.style == "dashed" else ""
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-    return f'<polyline points="{points}" stroke="{colour}" stroke-width="1.5"{dash}>{name}</polyline>'
-
-
 def draw_view(view: View, ax: "Axes | None", style: dict[str, Any]) -> "Axes":
     """Draw a view into axes, or into those of a new figure."""
-    axes = open_axes(ax)
+    axes, shades = open_axes(ax), tuple(COLOURS.values())
     kinds = {"line": {}, "dashed": {"linestyle": "--"}, "dots": {"linestyle": "none", "marker": "o"}}
     for i, series in enumerate(view.series):
-        how: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], **kinds[series.style], **style}
+        how: dict[str, Any] = {"color": shades[i % len(shades)], **kinds[series.style], **style}
         axes.plot(series.x, series.y, label=series.name, **how)
     if view.zero:
         axes.axvline(0.0, color="0.5", linestyle=":", linewidth=1.0)

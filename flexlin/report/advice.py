@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.answers.validity import REPEATABLE
-from flexlin.report.drive_words import comment_on_drives, comment_on_gains
+from flexlin.report.drive_words import comment_on_drives, comment_on_gains, name_loop
 from flexlin.report.wording import caution, format_quantity, is_dimensionless, reason
 from flexlin.simulation.result import Simulation
 
@@ -221,11 +221,6 @@ def comment_on_designs(a: Analysis) -> list[str]:
     best = choose_trade([weigh_design(a, loop) for loop in stable])
     room = f" As to the drives, {comment_on_gains(a, best.loop)}." if best.better else ""
     return [*said, describe_trade(best, name_loop(a.own)) + room]
-
-
-def name_loop(loop: Loop) -> str:
-    """A loop within a sentence."""
-    return "the arm without feedback" if loop.kind == "open" else f"the {loop.name}"
 
 
 def name_condition(loop: Loop) -> str:

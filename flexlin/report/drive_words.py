@@ -1,7 +1,5 @@
 """What a controller holds beside its gains and what a loop asks of the drives, in words and as data."""
 
-from typing import Any
-
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.control.drives import Demand, DriveLoad
@@ -50,7 +48,7 @@ def comment_on_drives(a: Analysis) -> list[str]:
             worst = load.exceeded[0]
             more = f" ({len(load.exceeded)} limits in all)" if len(load.exceeded) > 1 else ""
             said.append(
-                f"In steady motion {name_of(loop)} asks more than the drives give: {describe_demand(worst)}{more}. "
+                f"In steady motion {name_loop(loop)} asks more than the drives give: {describe_demand(worst)}{more}. "
                 "Slow down, lower the payload, or take a stronger drive."
             )
     return said
@@ -67,21 +65,9 @@ def comment_on_gains(a: Analysis, loop: Loop) -> str:
     return f"{torque}, {'more than' if load.exceeded else 'within what'} the drives give"
 
 
-def name_of(loop: Loop) -> str:
+def name_loop(loop: Loop) -> str:
     """A loop within a sentence."""
     return "the arm without feedback" if loop.kind == "open" else f"the {loop.name}"
-
-
-def record_load(a: Analysis, loop: Loop) -> dict[str, Any]:
-    """The drives' figures of a loop as data; empty where there are none."""
-    load = a.load(loop)
-    if load is None:
-        return {}
-    rows = [
-        {"what": d.what, "joint": d.joint, "value": d.value, "limit": d.limit, "unit": d.unit, "exceeds": d.exceeds}
-        for d in load.demands
-    ]
-    return {"drives": {"demands": rows, "exceeds": bool(load.exceeded)}}
 
 
 PLACES = {"torque": "on the torque", "rates": "on the measured rates"}

@@ -18,8 +18,7 @@ from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_estimator import write_estimator
 from flexlin.control.export.c_gain import write_gain
 from flexlin.control.export.c_linearization import write_linearization
-from flexlin.control.export.files import write_system
-from flexlin.control.export.matlab import matlab_script
+from flexlin.control.export.files import matlab_script, write_system
 from flexlin.control.finite_horizon import horizon_system
 from flexlin.control.pd import scene_feedback
 from flexlin.control.sensors import scene_sensors

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flexlin.answers.critical_values import CriticalValue
 from flexlin.answers.margins import Margin
@@ -87,30 +87,6 @@ def describe_nearest(scene: Scene, found: "NearestInstability | None") -> str:
     return f"{found.status}, at {' and '.join(places)}; {spread}"
 
 
-def record_margin(margin: Margin) -> dict[str, Any]:
-    """One number's critical values as data that JSON can hold."""
-    return {
-        "path": margin.path,
-        "low": margin.low,
-        "high": margin.high,
-        "own": margin.own,
-        "values": margin.values,
-        "gap": margin.gap,
-        "critical": [
-            {
-                "value": one.value,
-                "error": one.error,
-                "kind": one.kind,
-                "resonance": one.resonance,
-                "distance": one.distance,
-                "slope": one.slope if math.isfinite(one.slope) else None,
-                "touching": one.touching,
-            }
-            for one in margin.critical
-        ],
-    }
-
-
 def describe_endured(found: "Margins | None") -> str:
     """Gain 0.126 to ∞, phase 48°, delay 2.44 ms; a dash where nothing is known."""
     if found is None:
@@ -122,12 +98,3 @@ def describe_endured(found: "Margins | None") -> str:
     low, high = (say(one, lambda factor: format_decimal(factor, 3), "∞") for one in found.gain)
     phase = say(found.phase, lambda angle: f"{format_decimal(math.degrees(angle), 3)}°", "any")
     return f"gain {low} to {high}, phase {phase}, delay {say(found.delay, format_duration, 'any')}"
-
-
-def record_endured(found: "Margins") -> dict[str, Any]:
-    """The margins of one loop as data that JSON can hold; null where there is no limit, or `reason` says
-    why it is not known. Phase in rad, delay in s."""
-    low, high, phase, delay = (one if math.isfinite(one) else None for one in (*found.gain, found.phase, found.delay))
-    errors = [one if math.isfinite(one) else None for one in found.errors]
-    reason = {"reason": found.reason} if found.reason else {}
-    return {"gain": [low, high], "phase": phase, "delay": delay, "errors": errors, **reason}

@@ -13,9 +13,10 @@ import flexlin
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
+from flexlin.answers.margins import Margin
 from flexlin.checks import Array
-from flexlin.report.drive_words import describe_controller, record_load
-from flexlin.report.margins import record_endured, record_margin
+from flexlin.periodic.margins import Margins
+from flexlin.report.drive_words import describe_controller
 from flexlin.report.wording import reason
 from flexlin.scene.effects import known_effects
 from flexlin.scene.scene import Scene
@@ -133,20 +134,10 @@ def record_loop(loop: Loop) -> dict[str, Any]:
     result, setting = loop.floquet, loop.floquet.setting
     growth, growth_error = loop.growth
     return block | {
-        "status": result.status,
         "growth_rate": growth,
         "growth_rate_error": growth_error,
-        "exponents": record_numbers(result.exponents),
-        "errors": record_numbers(result.errors),
-        "error": record_number(result.error),
-        "log_multipliers": record_numbers(result.log_multipliers),
-        "multipliers": record_numbers(result.multipliers),
-        "setting": {
-            "method": setting.method,
-            "order": setting.order,
-            "segments": setting.segments,
-            "reason": setting.reason,
-        },
+        **record_fields(result, "status exponents errors error log_multipliers multipliers"),
+        "setting": record_fields(setting, "method order segments reason"),
         "certificate": None if loop.certificate is None else loop.certificate.record(),
     }
 
@@ -161,17 +152,7 @@ def record_controller(a: Analysis) -> dict[str, Any]:
 def record_validity(a: Analysis, loop: Loop) -> dict[str, Any]:
     """Whether the linear model holds along the motion under a loop, and the figures that say so: each with its bound, both in `unit`."""
     found = a.validity(loop)
-    figures = [
-        {
-            "what": figure.what,
-            "value": record_number(figure.value),
-            "bound": record_number(figure.bound),
-            "unit": figure.unit,
-            "share": record_number(figure.share),
-            "against": figure.against,
-        }
-        for figure in found.evidence
-    ]
+    figures = [record_fields(figure, "what value bound unit share against") for figure in found.evidence]
     return {"verdict": found.verdict, "reason": reason(found), "figures": figures}
 
 
@@ -185,9 +166,7 @@ def record_response(analysis: Analysis) -> dict[str, Any]:
         "tip_error_xy": record_numbers(response.tip),
         "largest_tip_error": record_number(response.tip_error.max()),
         "rms_tip_error": record_number(np.sqrt(np.mean(response.tip_error[:-1] ** 2))),
-        "error": record_number(response.solution.error),
-        "amplification": record_number(response.solution.amplification),
-        "status": response.solution.status,
+        **record_fields(response.solution, "error amplification status"),
     }
 
 
@@ -197,21 +176,34 @@ def record_simulation(analysis: Analysis) -> dict[str, Any]:
     if simulation is None:
         return {"problem": analysis.problems["simulation"]}
     return {
-        "t": record_numbers(simulation.t),
-        "nonlinear": record_numbers(simulation.nonlinear),
-        "linear": record_numbers(simulation.linear),
-        "torque": record_numbers(simulation.torque),
-        "tip": record_numbers(simulation.tip),
-        "tip_linear": record_numbers(simulation.tip_linear),
-        "tip_rigid": record_numbers(simulation.tip_rigid),
+        **record_fields(simulation, "t nonlinear linear torque tip tip_linear tip_rigid error linear_error status"),
         "largest_tip_difference": record_number(simulation.difference),
         "largest_tip_error": record_number(simulation.tip_error),
-        "error": record_number(simulation.error),
-        "linear_error": record_number(simulation.linear_error),
         "largest_tip_difference_error": record_number(simulation.difference_error),
-        "status": simulation.status,
         **({"events": [list(event) for event in simulation.events]} if simulation.events else {}),
     }
+
+
+def record_load(a: Analysis, loop: Loop) -> dict[str, Any]:
+    """The drives' figures of a loop as data; empty where there are none."""
+    load = a.load(loop)
+    if load is None:
+        return {}
+    rows = [record_fields(demand, "what joint value limit unit exceeds") for demand in load.demands]
+    return {"drives": {"demands": rows, "exceeds": bool(load.exceeded)}}
+
+
+def record_margin(margin: Margin) -> dict[str, Any]:
+    """One number's critical values as data that JSON can hold."""
+    critical = [record_fields(one, "value error kind resonance distance slope touching") for one in margin.critical]
+    return record_fields(margin, "path low high own values gap") | {"critical": critical}
+
+
+def record_endured(found: Margins) -> dict[str, Any]:
+    """The margins of one loop as data that JSON can hold; null where there is no limit, or `reason` says
+    why it is not known. Phase in rad, delay in s."""
+    lists = {name: [record_number(one) for one in getattr(found, name)] for name in ("gain", "errors")}
+    return lists | record_fields(found, "phase delay reason" if found.reason else "phase delay")
 
 
 def record_linear_range(analysis: Analysis) -> dict[str, Any]:
@@ -219,22 +211,13 @@ def record_linear_range(analysis: Analysis) -> dict[str, Any]:
     found = analysis.linear_range
     if found is None:
         return {"status": analysis.problems["linear range"]}
-    return {
-        "status": found.status,
-        "share": found.share,
-        "directions": record_numbers(found.directions),
-        "amplitudes": record_numbers(found.amplitudes),
-        "errors": record_numbers(found.errors),
-    }
+    return record_fields(found, "status share directions amplitudes errors")
 
 
 def audit_block(audit: "Audit") -> dict[str, Any]:
     """Which effects and modes the scene needs; a significance that is not finite (another verdict) is null."""
     return {
-        "tolerance": audit.tolerance,
-        "needed": list(audit.needed),
-        "droppable": list(audit.droppable),
-        "missing": list(audit.missing),
+        **record_fields(audit, "tolerance needed droppable missing"),
         "rows": [audit_row(row) for row in (*audit.effects, *audit.modes)],
         "pairs": [audit_row(row) for row in audit.pairs],
         "minimal": None if audit.minimal is None else record_minimal(audit.minimal),
@@ -244,15 +227,13 @@ def audit_block(audit: "Audit") -> dict[str, Any]:
 
 def audit_row(row: "Row") -> dict[str, Any]:
     """One change; a figure that is not finite is null."""
-    return {key: record_number(value) if isinstance(value, float) else value for key, value in asdict(row).items()}
+    return {key: record_value(value) for key, value in asdict(row).items()}
 
 
 def record_minimal(minimal: "Minimal") -> dict[str, Any]:
     """The smallest scene that was found to be enough, and its error."""
     return {
-        "dropped": list(minimal.dropped),
-        "added": list(minimal.added),
-        "coordinates": minimal.coordinates,
+        **record_fields(minimal, "dropped added coordinates"),
         "error": audit_row(minimal.error),
         "scene": minimal.scene.model_dump(mode="json", by_alias=True, exclude_none=True),
     }
@@ -274,6 +255,18 @@ def list_versions() -> dict[str, str]:
     packages = {package: str(sys.modules[package].__version__) for package in PACKAGES if package in sys.modules}
     place = "-".join(filter(None, (system(), release(), machine(), "".join(libc_ver()))))  # platform() starts a program
     return {"flexlin": flexlin.__version__, "python": python_version(), "platform": place, **packages}
+
+
+def record_fields(thing: Any, names: str) -> dict[str, Any]:
+    """Some attributes, as data that JSON can hold."""
+    return {name: record_value(getattr(thing, name)) for name in names.split()}
+
+
+def record_value(value: Any) -> Any:
+    """One attribute: numbers by `record_numbers`, what is none as it is."""
+    if isinstance(value, np.ndarray):
+        return record_numbers(value)
+    return record_number(value) if isinstance(value, float) else value
 
 
 def record_numbers(array: Array) -> Any:

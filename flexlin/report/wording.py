@@ -13,14 +13,15 @@ from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.answers.validity import ModelEvidence, ModelValidity
 from flexlin.checks import Array
+from flexlin.periodic.floquet.result import MARGINAL
+from flexlin.plots.scales import SUPERSCRIPTS
 from flexlin.scene.scene import Scene
-from flexlin.svg.scales import SUPERSCRIPTS
 
-MARGINAL, SLOW = 1e-9, 1e5
-"""A growth rate below this share of the motion's frequency is practically none; periods to settle beyond which a decay is not felt."""
+SLOW = 1e5
+"""Periods to settle beyond which a decay is not felt."""
 PLAIN = 5
 """Powers of ten below this are written out."""
-PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
+PREFIXES = dict(zip(range(-9, 9, 3), ("n", "µ", "m", "", "k", "M"), strict=True))
 
 
 ANGLES = ("rad", "mrad", "µrad", "nrad", "°")

@@ -1,7 +1,6 @@
 """From a scene to report.json and report.html."""
 
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -21,8 +20,8 @@ if TYPE_CHECKING:
     from flexlin.report.figures.style import Picture
 
 
-USUAL, USED = 4.0, 0.9
-"""Seconds of 60 in which a margin that nobody asked for has to end, and the share of a limit that a search plans with."""
+USUAL = 4.0
+"""Seconds of 60 in which a margin that nobody asked for has to end."""
 STAGES = 15
 """Of a report without designs, about."""
 CUT_OFF = Step("figures", 0.0, problem="figures: the program was ended before they were drawn")
@@ -67,44 +66,40 @@ def write_report(
 
     asked = scene.accuracy
     try:
-        analysis = analyse(scene, clock, tuple(choose_margins(scene)) if margins is None else ())
+        a = analyse(scene, clock, tuple(choose_margins(scene)) if margins is None else ())
     except (NumericalError, TooLarge) as error:
         return error, write_why(scene, folder, command, clock, error)
-    analysis = replace(analysis, margins=find_margins(scene, margins, analysis, clock))
+    a.margins = find_margins(a, margins)
     if with_audit:
         from flexlin.answers.audit.comparison import audit
 
-        work = partial(audit, scene, progress=progress, tol=asked.tol)
-        found = clock.attempt(analysis.problems, "effects audit", "audit of the effects", asked, work)
-        analysis = replace(analysis, audit=found)
+        a.audit = a.attempt(
+            "effects audit", "audit of the effects", partial(audit, scene, progress=progress, tol=asked.tol)
+        )
     if with_sensitivity:
         from flexlin.answers.sensitivity import sensitivity
 
-        rates = partial(sensitivity, scene, tol=asked.tol)
-        moved = clock.attempt(analysis.problems, "sensitivity", "sensitivities", asked, rates)
-        analysis = replace(analysis, sensitivity=moved)
+        a.sensitivity = a.attempt("sensitivity", "sensitivities", partial(sensitivity, scene, tol=asked.tol))
     if with_loop_margins:
         from flexlin.answers.analysis import find_loop_margins
 
-        analysis = replace(analysis, endured=find_loop_margins(analysis, clock))
+        find_loop_margins(a)
     if scene.uncertainty:
-        key, name = "uncertainty", "smallest change that makes the loop unstable"
-        place = clock.attempt(analysis.problems, key, name, asked, partial(search_box, box))
-        analysis = replace(analysis, nearest=place)
+        a.nearest = a.attempt("uncertainty", "smallest change that makes the loop unstable", partial(search_box, box))
     with clock.step("load the drawing library"):
         from flexlin.report.page import render_page
-    data = record(analysis)
+    data = record(a)
 
     def write(pictures: "list[Picture]", *ends: Step) -> "tuple[Analysis, list[Path]]":
-        known = replace(analysis, steps=(*clock.steps, *ends))
-        data["steps"] = [step_block(step) for step in known.steps]
+        a.steps = (*clock.steps, *ends)
+        data["steps"] = [step_block(step) for step in a.steps]
         with results(folder, "report") as made:
-            (made / "report.html").write_text(render_page(known, data, pictures, command), encoding="utf-8")
+            (made / "report.html").write_text(render_page(a, data, pictures, command), encoding="utf-8")
             (made / "report.json").write_text(to_json(data), encoding="utf-8")
-        return known, made.placed("report.html", "report.json")
+        return a, made.placed("report.html", "report.json")
 
     written(write([], CUT_OFF)[1])
-    return write(draw_in_time(analysis, clock))
+    return write(draw_in_time(a, clock))
 
 
 def draw_in_time(analysis: "Analysis", clock: Clock) -> "list[Picture]":
@@ -137,28 +132,24 @@ def write_why(scene: Scene, folder: Path, command: str, clock: Clock, error: Fle
     return made.placed("report.html", "report.json")
 
 
-def find_margins(
-    scene: Scene, chosen: "Mapping[str, tuple[float, float]] | None", analysis: "Analysis", clock: Clock
-) -> "tuple[Margin, ...]":
+def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | None") -> "tuple[Margin, ...]":
     """The critical values of some numbers, or what is known of them at the end of their time; none of one that nobody chose and that cannot
     be free."""
     from flexlin.answers.margins import EACH, Shared, choose_margins, find_margin
 
-    asked = scene.accuracy
+    scene, asked = a.scene, a.asked
     ranges = choose_margins(scene) if chosen is None else dict(chosen)
-    shared = Shared(scene, ranges, analysis.closed)
+    shared = Shared(scene, ranges, a.closed)
     found: list[Margin | None] = []
     for left, (path, limits) in zip(range(len(ranges), 0, -1), ranges.items(), strict=True):
-        key, step = f"margin {path}", f"critical values of {path}"
 
         def work(path: str = path, limits: tuple[float, float] = limits, left: int = left) -> "Margin | None":
             if chosen is not None:
-                return find_margin(scene, path, limits, USED * clock.budget.allow("", asked, SHARE).seconds / left)
-            try:
+                return find_margin(scene, path, limits, a.clock.budget.plan("", asked, SHARE) / left)
+            with suppress(InputError):
                 return find_margin(scene, path, limits, EACH * max(1.0, asked.seconds / SECONDS), shared)
-            except InputError:
-                return None
+            return None
 
         at_most = inf if chosen is not None else USUAL
-        found.append(clock.attempt(analysis.problems, key, step, asked, work, at_most=at_most))
+        found.append(a.attempt(f"margin {path}", f"critical values of {path}", work, at_most=at_most))
     return tuple(margin for margin in found if margin is not None)

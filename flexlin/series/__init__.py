@@ -7,8 +7,7 @@ __getattr__, __dir__, __all__ = load_lazily(
     {
         "series.explicit": "taylor TaylorMap",
         "series.implicit": "implicit_taylor solve_implicit",
-        "series.implicit_map": "ImplicitMap",
-        "series.radius": "Radius",
-        "series.unroll": "c_code",
+        "series.implicit_map": "ImplicitMap c_code",
+        "series.folds": "Radius",
     },
 )

@@ -10,13 +10,11 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
-from flexlin.series.elementary import record_expressions
-from flexlin.series.engine import Tape, expand_implicit, seeded
+from flexlin.series.engine import Tape, expand_implicit, record_expressions, seeded
 from flexlin.series.explicit import Expression, check_analytic, check_symbols
 from flexlin.series.folds import closure_and_jacobian, find_fold, newton
 from flexlin.series.implicit_map import ImplicitMap
-from flexlin.series.indices import indices
-from flexlin.series.polynomial import Polynomial
+from flexlin.series.indices import Polynomial, indices
 from flexlin.series.space import Numeric
 from flexlin.symbolic import as_expression
 

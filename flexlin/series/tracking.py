@@ -4,14 +4,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexlin.checks import Array
+from flexlin.checks import ROUNDING, Array
 
 Step = Callable[[float, Array], Array]
 """Time and place to Newton's step F_z^-1 F."""
 NEWTON, CONTRACTION = 8, 16
 """Newton's steps at each time, and how much shorter each must be than the one before."""
-CLOSE = 1e-12
-"""A step this short, relative to z, ends it."""
+SHORTEST = 1e-10
+"""Of a period, the shortest step, and how exactly a time is found."""
+SUSPECT = 0.05
+"""A reciprocal condition number below which it is looked at closer where it is least."""
 GOLDEN, SECTIONS = (np.sqrt(5.0) - 1) / 2, 40
 
 
@@ -21,10 +23,10 @@ def newton_from(step: Step, t: float, z: Array) -> Array | None:
     for _ in range(NEWTON):
         change = step(t, z)
         size = float(np.abs(change).max(initial=0.0))
-        if not size < max(last / CONTRACTION, CLOSE):
+        if not size < max(last / CONTRACTION, ROUNDING):
             return None
         z, last = z - change, size
-        if size < CLOSE * (1 + float(np.abs(z).max(initial=0.0))):
+        if size < ROUNDING * (1 + float(np.abs(z).max(initial=0.0))):
             return z
     return None
 

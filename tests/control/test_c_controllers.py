@@ -13,8 +13,7 @@ from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.control import design, estimator_source, gain_source, kalman_filter, periodic_plant, save, to_control
-from flexlin.control.export.files import Labels
-from flexlin.control.export.matlab import matlab_script
+from flexlin.control.export.files import Labels, matlab_script
 from flexlin.errors import ArgumentError
 from tests.thinned import thin
 

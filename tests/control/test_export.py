@@ -12,7 +12,7 @@ import xarray
 import flexlin as fl
 from flexlin.control import gain_source, linearization_source, periodic_lqr
 from flexlin.control.export import gain_schedule, periodic_plant, save, to_control
-from flexlin.control.export.matlab import matlab_script
+from flexlin.control.export.files import matlab_script
 from flexlin.errors import ArgumentError
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")

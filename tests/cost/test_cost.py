@@ -15,15 +15,15 @@ from flexlin.answers.accuracy import CostResult, Row, cost
 from flexlin.answers.accuracy import own_stages as own
 from flexlin.answers.accuracy.own_stages import name_setting
 from flexlin.answers.accuracy.scipy_methods import derive_product, prepare_rate, prepare_scipy
-from flexlin.answers.accuracy.simulated import POINTS, derive_loop_rate, integrate_loop
 from flexlin.answers.accuracy.trial import Trial, compare_exponents, measure_trials
+from flexlin.answers.accuracy.work_precision import derive_loop_rate, integrate_loop
+from flexlin.checks import SAMPLES
 from flexlin.cli.program import main
 from flexlin.errors import InputError
 from flexlin.periodic.transition.setting import Setting
-from flexlin.report.costing import summarise_cost
-from flexlin.report.figures.cost import draw_choices, draw_cost, name_family, style_family
+from flexlin.plots import Panel
+from flexlin.report.figures.cost import draw_choices, draw_cost, name_family, style_family, summarise_cost
 from flexlin.report.numbers import to_json
-from flexlin.svg import Panel
 from tests.thinned import thin
 
 METHODS = (
@@ -129,7 +129,7 @@ def test_scipy_integrates_the_same_equations(scene, method):
 def test_scipy_simulates_the_same_loop(scene, method):
     """The right-hand side is made from the residual by elimination; `simulate` never solves for the accelerations so."""
     lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    exact = fl.simulate(lin, 1.0, tol=1e-10, points_per_period=POINTS).nonlinear
+    exact = fl.simulate(lin, 1.0, tol=1e-10, points_per_period=SAMPLES).nonlinear
     rate = prepare_rate(derive_loop_rate(lin), lin.arm.parameters.values)
     found = integrate_loop(rate, 2 * lin.n, method, 0.1 * OUTSIDE[method])
     assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
@@ -145,13 +145,6 @@ def test_each_call_of_a_right_hand_side_returns_its_own_array(scene):
     np.testing.assert_array_equal(first, kept)
     A = loop.linearization.A(np.array([0.1 * loop.linearization.period]))[0]
     np.testing.assert_allclose(first.reshape(4, 4).T, loop.linearization.period * A @ x, rtol=1e-12)
-
-
-@pytest.mark.slow
-def test_the_engine_says_what_it_took(result):
-    """Settings of the automatic choice name the method."""
-    settings = [row.setting for row in result.stage("exponents") if row.chosen]
-    assert all("gauss" in setting or "decoupling" in setting for setting in settings)
 
 
 def test_settings_name_their_method_also_where_that_is_none_of_segments():

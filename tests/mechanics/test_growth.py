@@ -1,12 +1,10 @@
 """The recursion over links: instructions grow no faster than the square of the coordinates."""
 
-import sys
-
 import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.mechanics.beam import clamped_with_tip, pinned_with_hub, uniform
+from flexlin.mechanics.beam import uniform
 from flexlin.scene import builtin_scenes
 from studies.scaling import scene_of as chain_of
 from tests.thinned import thin
@@ -84,42 +82,6 @@ def test_a_curve_costs_the_square_of_its_places(modes):
     assert arm.functions["residual"].n_instructions() < CURVED[modes]
 
 
-CALLS = {  # of CasADi while the equations were derived, when frames and moments knew the plane only
-    "de-luca-siciliano-1991": 517,
-    "pick-and-place": 609,
-    "quanser-flexible-link": 286,
-    "rigid-flexible-forearm": 424,
-    "rotating-beam": 218,
-    "single-link": 346,
-    "three-link": 832,
-}
-
-
-def calls_of_casadi(action):
-    """How often CasADi's compiled code is called, but for questions of size and kind."""
-    found = []
-
-    def look(_, event, what):
-        if event == "c_call" and getattr(what, "__module__", None) == "casadi._casadi":
-            found.append(what.__name__)
-
-    before = sys.getprofile()
-    sys.setprofile(look)
-    try:
-        action()
-    finally:
-        sys.setprofile(before)
-    return sum(not name.startswith(("Gen", "SX_", "DM_")) for name in found)
-
-
-@pytest.mark.parametrize("name", CALLS)
-def test_a_planar_arm_is_derived_with_about_as_many_calls_as_by_planar_code(name):
-    """A call costs more than the arithmetic that it asks for. The links' axes and the tip's rotation are what planar code lacked."""
-    scene = fl.load_scene(builtin_scenes()[name])
-    fl.build_manipulator(scene)
-    assert CALLS[name] / 2 < calls_of_casadi(lambda: fl.build_manipulator(scene)) < 1.25 * CALLS[name]
-
-
 def test_modes_are_solved_once_where_a_link_deflects(monkeypatch):
     solved = []
     true = uniform.normalised
@@ -128,20 +90,3 @@ def test_modes_are_solved_once_where_a_link_deflects(monkeypatch):
     assert solved == [2, 3]
     fl.build_manipulator(scene_of({"modes": {"y": 1, "z": 2}, "bending_stiffness": [2.0, 1.0]}))
     assert solved == [2, 3, 1, 2]
-
-
-@pytest.mark.parametrize("make", [lambda n, load: clamped_with_tip(n, load, load / 9), pinned_with_hub])
-@pytest.mark.parametrize("load", [0.0, 0.3, 1e3])
-def test_a_beam_s_roots_take_few_determinants(monkeypatch, make, load):
-    """All roots together: the scan, some steps of superlinear convergence where halving takes fifty, and the null vectors.
-
-    The last steps are decided by rounding: 17 on one processor, 19 on another.
-    """
-    asked = []
-    true = uniform.boundary_matrix
-    monkeypatch.setattr(uniform, "boundary_matrix", lambda *given: asked.append(len(given[0])) or true(*given))
-    for n in (1, 4, 9):
-        asked.clear()
-        make(n, load)
-        assert len(asked) <= 20
-        assert sum(asked[1:]) <= 20 * n

@@ -11,7 +11,7 @@ from flexlin.mechanics import column, rotation_about
 from flexlin.scene import parse_scene
 
 from .scenes import random_state, value
-from .spatial import inverse_dynamics, random_chain, random_inertia, scene_table, table_of
+from .spatial import inverse_dynamics, random_chain, scene_table
 
 
 def chain_of(seed, joints, **effects):
@@ -28,67 +28,6 @@ def test_inverse_dynamics(joints):
         expected = inverse_dynamics(links, *state)
         got = value(arm, "residual", *state)[:, 0]
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
-
-
-def test_payload_with_any_centre_and_inertia():
-    """A payload is a body fixed to the last tip."""
-    rng = np.random.default_rng(5)
-    links = random_chain(rng, 3, fixed=0.0)
-    J, centre = random_inertia(rng, 0.7), rng.normal(size=3).tolist()
-    payload = {"mass": 0.7, "centre": centre, "tensor": table_of(J), "offset": 0.2, "inertia": 0.03}
-    arm = fl.build_manipulator(parse_scene(scene_table(links, payload=payload)))
-    J[2, 2] += 0.03
-    body = {"mass": 0.7, "centre": [centre[0] + 0.2, *centre[1:]], "inertia": table_of(J)}
-    fixed = {"joint": "fixed", "mount": {"xyz": [0.0] * 3, "rpy": [0.0] * 3}, "body": body}
-    state = random_state(arm, 2)
-    expected = inverse_dynamics([*links, fixed], *state)
-    np.testing.assert_allclose(value(arm, "residual", *state)[:, 0], expected, rtol=0, atol=1e-11 * abs(expected).max())
-
-
-def test_a_hub_turns_about_its_axis():
-    """The hub's inertia is that of a body round about the joint's axis."""
-    links = random_chain(np.random.default_rng(7), 4, fixed=0.0)
-    arm = fl.build_manipulator(parse_scene(scene_table(links, hub={"inertia": [0.4] * 4})))
-    for link in links:
-        axis = np.array(link["axis"]) / np.linalg.norm(link["axis"])
-        for name, part in table_of(0.4 * np.outer(axis, axis)).items():
-            link["body"]["inertia"][name] += part
-    state = random_state(arm, 2)
-    expected = inverse_dynamics(links, *state)
-    np.testing.assert_allclose(value(arm, "residual", *state)[:, 0], expected, rtol=0, atol=1e-11 * abs(expected).max())
-
-
-def test_spinning_rotors_are_bodies_behind_their_gears():
-    """T of a disc that turns with the link before the joint and by N q' about the joint's axis, but for the two squares."""
-    ratio, J = 80.0, 2e-4
-    links, arm = chain_of(11, 4, rotor_spin={"inertia": J, "gear_ratio": ratio})
-    _, bare = chain_of(11, 4)
-    q, rate, _ = random_state(arm, 1)
-    w, R, extra, joint = np.zeros(3), np.eye(3), 0.0, 0
-    for link in links:
-        R = R @ Rotation.from_euler("xyz", link["mount"]["rpy"]).as_matrix()
-        if link["joint"] == "fixed":
-            continue
-        axis = np.array(link["axis"]) / np.linalg.norm(link["axis"])
-        if link["joint"] == "revolute":
-            whole, alone = (R @ axis) @ w + ratio * rate[joint], ratio * rate[joint]
-            extra += J / 2 * (whole**2 - alone**2 - ((R @ axis) @ w) ** 2)
-            w = w + R @ axis * rate[joint]
-            R = R @ Rotation.from_rotvec(axis * q[joint]).as_matrix()
-        joint += 1
-    got = value(arm, "energy", q, rate) - value(bare, "energy", q, rate)
-    assert float(got[0, 0]) == pytest.approx(extra, rel=1e-9)
-
-
-def test_a_flexible_joint_has_a_damped_spring_of_its_own():
-    links, arm = chain_of(3, 3, joint_flexibility={"stiffness": 40.0, "motor_inertia": 0.2, "damping": 0.7})
-    s, rate, acceleration = random_state(arm, 4)
-    n = 3
-    twist = 40.0 * (s[n:] - s[:n]) + 0.7 * (rate[n:] - rate[:n])
-    expected = inverse_dynamics(links, s[:n], rate[:n], acceleration[:n])
-    got = value(arm, "residual", s, rate, acceleration)[:, 0]
-    np.testing.assert_allclose(got[:n], expected - twist, rtol=0, atol=1e-11 * np.abs(expected).max())
-    np.testing.assert_allclose(got[n:], 0.2 * acceleration[n:] + twist, rtol=1e-12)
 
 
 LINK = {"length": 0.6, "mass_per_length": 0.5, "bending_stiffness": 9.0, "modes": 2}

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 import flexlin as fl
 from flexlin.errors import MotionError, ToleranceNotReached
-from flexlin.mechanics.linkages import five_bar
+from flexlin.mechanics.closure import five_bar
 from flexlin.motion import build_motion
 from flexlin.motion.closed_loop import through_loop
 from flexlin.scene import parse_scene

@@ -11,7 +11,7 @@ import pytest
 import flexlin as fl
 from flexlin.control import pd_feedback
 from flexlin.errors import ArgumentError
-from flexlin.plots.view import MOST_POINTS, Series, Shown, View, make_card
+from flexlin.plots import MOST_POINTS, Series, Shown, View, make_card
 from tests.public_results import arm_results, stability_results
 
 matplotlib = pytest.importorskip("matplotlib")

@@ -32,9 +32,9 @@ def test_a_margin_that_is_unknown_is_not_said_to_be_without_limit():
 def test_the_own_loop_of_an_arm_has_margins_and_the_open_one_has_none():
     scene = fl.load_scene("single-link", {"links.0.modes": 0}).model_copy(update={"designs": ()})
     a = analyse(scene, Clock())
-    found = find_loop_margins(a, Clock())
-    assert list(found) == [a.own.name]
-    own = found[a.own.name]
+    find_loop_margins(a)
+    assert list(a.endured) == [a.own.name]
+    own = a.endured[a.own.name]
     late = fl.control.sampled_floquet(a.plant.periodic_system(), a.closed.law.gain, own.delay / 100, own.delay / 200)
     assert late.verdict == "stable"
     assert 0 < own.phase < math.pi

@@ -12,15 +12,14 @@ import pytest
 
 import flexlin as fl
 import flexlin.report.figures as figures
+from flexlin.answers import Clock
 from flexlin.answers.analysis import Analysis, analyse
 from flexlin.answers.judging import Loop
 from flexlin.answers.steady import find_response
+from flexlin.plots import SMALL, Linear, Logarithmic, Panel, Row, Symlog, count_lines, draw, measure_text
 from flexlin.report.figures.chart import follow_lines
 from flexlin.report.figures.coefficients import choose_shown, shift_and_scale
 from flexlin.report.figures.style import choose_colour
-from flexlin.svg import Linear, Logarithmic, Panel, Row, Symlog, measure_text
-from flexlin.svg.layout import count_lines, draw
-from flexlin.svg.panel import SMALL
 
 SCENE = """
 schema = 1
@@ -58,7 +57,8 @@ def large(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
     t = np.linspace(0.0, plant.period, 129)
     own, open_loop = (Loop(name, kind, None, "not asked") for name, kind in (("PD", "pd"), ("open loop", "open")))
     response = find_response(closed, closed.periodic_system(), t, 1e-6)
-    return Analysis(scene, plant, closed, t, plant.sample(t), own, open_loop, (), response, None, {}, ())
+    found = {"coefficients": plant.sample(t), "own": own, "open_loop": open_loop, "response": response}
+    return Analysis(scene, Clock(), plant, closed, t, **found)
 
 
 @pytest.fixture

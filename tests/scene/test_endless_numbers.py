@@ -42,11 +42,6 @@ def test_so_it_is_in_python(number: int) -> None:
         fl.load_scene("single-link", {"control.feedback.kp": [number]})
 
 
-def test_so_it_is_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", "single-link", "--set", f"effects.payload.mass={'9' * 6000}"]) == 2
-    assert "effects.payload.mass" in capsys.readouterr().err
-
-
 def test_digits_in_texts_and_keys_are_no_numbers(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(SCENE.format(length=1.0) + f"# {'9' * 5000}\n")
@@ -63,14 +58,6 @@ def test_many_mistakes_are_counted_not_described() -> None:
         fl.load_scene("single-link", {f"wrong{k}": 1 for k in range(5000)})
     assert len(found.value.problems) < 300
     assert "4800 further mistakes" in found.value.problems[-1].got
-
-
-@pytest.mark.parametrize("place", ["", "   "])
-def test_an_empty_name_is_no_folder(place: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(["linearize", "single-link", "--out", place])
-    assert end.value.code == 2
-    assert "an empty name" in capsys.readouterr().err
 
 
 def test_places_that_cannot_be_written_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 
 import flexlin as fl
 from flexlin.series import c_code, solve_implicit
-from flexlin.series.elementary import BINARY, UNARY
+from flexlin.series.engine import BINARY, UNARY
 from tests.thinned import thin
 
 ORDER = 6

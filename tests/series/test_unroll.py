@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 import flexlin as fl
 from flexlin.errors import TooLarge
-from flexlin.mechanics.linkages import five_bar
+from flexlin.mechanics.closure import five_bar
 from flexlin.mechanics.screws import OpenChain, revolute
 from flexlin.series import c_code
 
@@ -33,14 +33,6 @@ def test_functions_equal_the_map(partition):
     du = np.array([0.03, -0.02])
     assert_allclose(c.function()(du).full()[:, 0], c(du), rtol=1e-13)
     assert_allclose(c.moving(c.u0, c.v0, du).full()[:, 0], c(du), rtol=1e-12)
-
-
-@pytest.mark.parametrize("partition", ["inverse", "forward"])
-def test_moving_function_serves_other_points(partition):
-    c, du = expand(S0, 4, partition), np.array([0.03, -0.02])
-    s1 = LOOP.close(np.add(S0, [0, 0, 0, 0, 0.05, -0.04]), (4, 5))
-    other = expand(s1, 4, partition)
-    assert_allclose(c.moving(other.u0, other.v0, du).full()[:, 0], other(du), rtol=1e-12)
 
 
 def test_choices_are_unrolled_too():

@@ -37,9 +37,9 @@ TOLS = (1e-9, 1e-6, 1e-10, 1e-4, 1e-8)
 FINE, FINEST = 1e-11, 1e-12
 REFERENCE = 24
 """Order of the references, on twice the segments that the engine would take for FINEST."""
-SEGMENTS = (4, 8, 16, 32, 64, 128, 256)
-METHODS = {"gauss": (4, 8, 12, 16, 20), "radau": (5, 9)}
-HARMONICS = (2, 4, 8, 16, 32)
+METHODS = {"gauss": range(4, 21, 4), "radau": (5, 9)}
+RESOLUTIONS = tuple(2**k for k in range(1, 9))
+"""Numbers of segments, or of harmonics."""
 LARGEST = 1024
 """Segments times stages of a trial of collocation: more are not tried."""
 MOST_SEGMENTS = 4096
@@ -55,7 +55,7 @@ def measure_coefficients(closed: Linearization, seconds: float) -> list[Row]:
     exact = system.A(t)
 
     def trials() -> Iterator[Trial]:
-        for h in HARMONICS:
+        for h in RESOLUTIONS[:5]:
             at = T * np.arange(2 * h + 1) / (2 * h + 1)
             yield Trial("Fourier series", f"{h} harmonics", partial(interpolate_samples, system, at, t))
 
@@ -85,7 +85,7 @@ def measure_transition_matrices(system: PeriodicSystem, exact: Array, seconds: f
                 yield Trial(f"{setting.method} {setting.order}", name, run, f"{tol:.0e}")
         for method, orders in METHODS.items():
             for order in orders:
-                for count in (k for k in SEGMENTS if k * order <= 2 * LARGEST):
+                for count in (k for k in RESOLUTIONS[1:] if k * order <= 2 * LARGEST):
                     setting = Setting(method, order, count, "")
                     yield Trial(f"{method} {order}", f"{count} segments", partial(multiply_period, system, setting))
 

@@ -16,7 +16,12 @@ from flexlin.answers.accuracy.trial import Trial, compare_arrays, measure_trials
 from flexlin.checks import Array
 from flexlin.scene.scene import Scene
 
-TOLS, RADAU_TOLS = (1e-5, 1e-7, 1e-9, 1e-11, 1e-13), (1e-4, 1e-6, 1e-8)
+TOLS = {
+    "DOP853": (1e-5, 1e-7, 1e-9, 1e-11),
+    "LSODA": tuple(10.0**-k for k in range(4, 13)),
+    "Radau": (1e-4, 1e-6, 1e-8),
+}
+"""Of each method of SciPy."""
 LEAST = 3e-14
 """The smallest relative tolerance that SciPy takes."""
 Rate = Callable[[float, Array], Array]
@@ -31,7 +36,7 @@ def measure_scipy_methods(scene: Scene, exact: Array, seconds: float) -> list[Ro
     rate = prepare_rate(derive_product(loop), loop.nominal)
 
     def trials() -> Iterator[Trial]:
-        for method, tols in (("DOP853", TOLS), ("LSODA", TOLS), ("Radau", RADAU_TOLS)):
+        for method, tols in TOLS.items():
             for tol in tols:
                 run = prepare_scipy(loop, method, tol, rate=rate)
                 yield Trial(f"SciPy {method}", f"tol {tol:.0e}", run, outside=True)

@@ -11,7 +11,7 @@ from flexlin.about.law import Law
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.answers.steady import find_response
-from flexlin.checks import Array
+from flexlin.checks import ROUNDING, SAMPLES, Array
 from flexlin.control.drives import Demand, drive_load
 from flexlin.control.tracking import CLOSINGS, tip_positions
 from flexlin.errors import FlexlinError, MotionError, TimeLimit
@@ -23,13 +23,11 @@ from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
-PHASES, POINTS, REPEATS = 9, 257, 3
+PHASES, REPEATS = 9, 3
 SEGMENTS = 4000
 """A version that needs more segments than these for its margin is not judged."""
 COUPLINGS = 97
 """Times at which the equations are looked at for coordinates that nothing couples to the others."""
-NOTHING = 1e-12
-"""What is rounding, relative to the largest of its row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,9 +195,9 @@ def part_coordinates(lin: Linearization) -> tuple[Array, Array]:
     coupled = np.zeros(M.shape[1:], dtype=bool)
     for matrix in (M, D, K):
         size = np.abs(matrix * unit[:, None] * unit).max(axis=0)
-        coupled |= size > NOTHING * np.minimum(size.max(axis=1)[:, None], size.max(axis=1))
+        coupled |= size > ROUNDING * np.minimum(size.max(axis=1)[:, None], size.max(axis=1))
     force = np.abs(h * unit).max(axis=0)
-    felt = force > NOTHING * force.max()
+    felt = force > ROUNDING * force.max()
     felt[: lin.n] |= (np.abs(lin.sample(t).B) > 0).any(axis=(0, 2))
     labels = connected_components(coupled, directed=False)[1]
     return labels, felt if felt.any() else np.ones_like(felt)
@@ -250,21 +248,19 @@ def _follow(
 
 
 def _time_evaluation(lin: Linearization) -> float:
-    t = np.linspace(0, lin.period, POINTS)
+    t = np.linspace(0, lin.period, SAMPLES + 1)
     lin.sample(t)
     times = []
     for _ in range(REPEATS):
         start = perf_counter()
         lin.sample(t)
         times.append(perf_counter() - start)
-    return 1e6 * min(times) / POINTS
+    return 1e6 * min(times) / SAMPLES
 
 
 HARMONICS = (24, 48, 96)
 RESPONSE = 1e-3
 """How little more harmonics may change states and rates, relative to the largest; and the error that is asked where they change more."""
-SAMPLES = 256
-"""Times of the response, those of a report."""
 
 
 def steady_motion(lin: Linearization) -> tuple[Array, Array, Law]:

@@ -7,14 +7,12 @@ import numpy as np
 
 from flexlin.about.linearization import Linearization
 from flexlin.answers.disturbed.stated import Directions, Disturbance
-from flexlin.checks import Array
+from flexlin.checks import SAMPLES, Array
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.related import Backward, OfPlant, dual_system
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
-
-SAMPLES = 257
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +67,7 @@ def answer_noise(lin: Linearization, stated: Disturbance, loop: PeriodicSystem, 
     T = lin.period
     W = Spread(OfPlant(lin.input_matrix, 2 * lin.n, loop.n), stated.size**2 / (2 * stated.time))
     solution = periodic_lyapunov(dual_system(loop), Backward(W, T), tol)
-    t = np.linspace(0.0, T, SAMPLES)
+    t = np.linspace(0.0, T, SAMPLES + 1)
     P = solution.X(np.mod(-t, T))[:, : 2 * lin.n, : 2 * lin.n]
     tip = np.full(len(t), np.nan)
     if lin.arm.near.points is not None:

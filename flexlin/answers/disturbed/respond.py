@@ -12,7 +12,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.answers.clock import Clock
 from flexlin.answers.disturbed.noise import NoiseAnswer, answer_noise
 from flexlin.answers.disturbed.stated import Directions, Disturbance, Kind, disturbing, state_disturbance
-from flexlin.checks import Array, check_size, positive
+from flexlin.checks import SAMPLES, Array, check_size, positive
 from flexlin.control.catalogue import design
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.errors import ArgumentError, NumericalError
@@ -154,7 +154,7 @@ def answer_nonlinearly(
 
 Seen = Callable[[Array, Array], Array]
 """Times (N,) and states (N, 2n) -> what is looked at, (N,)."""
-PHASES, POINTS = 16, 256
+PHASES = 16
 """Phases at which the disturbance begins, and steps of a period at which the answer is kept."""
 BAND = 0.02
 """The answer has settled when it stays within this part of its largest size."""
@@ -268,11 +268,11 @@ def respond(
     enters, T = OfPlant(disturbing(closed, stated), 2 * closed.n, loop.n), closed.period
     count = steps_of(float(found.exponents[0].real), T, periods)
     size = 8 * PHASES * count * (2 * loop.n + 4)
-    check_size(f"an answer over {count / POINTS:.3g} periods", size, "ask for fewer periods")
+    check_size(f"an answer over {count / SAMPLES:.3g} periods", size, "ask for fewer periods")
     lasting = stated.time if stated.kind == "push" else 0.0
     start = np.array(stated.start) if stated.start else np.zeros(2 * closed.n)
     start = np.append(start, np.zeros(loop.n - len(start)))
-    linear = answer_linearly(loop, enters, start, stated.size, lasting, count, PHASES, POINTS, tol)
+    linear = answer_linearly(loop, enters, start, stated.size, lasting, count, PHASES, SAMPLES, tol)
     seen, what, unit = observe(closed, stated)
     values = np.array([seen(times, states) for times, states in zip(linear.times(T), linear.states, strict=True)])
     ends = final_values(loop, stated, enters, seen, linear, T, tol)
@@ -289,7 +289,7 @@ def steps_of(growth: float, period: float, periods: float | None) -> int:
     """How many steps to follow."""
     settled = math.log(1 / LEFT) / (-growth * period)
     wanted = min(LONGEST, settled) if periods is None else positive("the number of periods", periods)
-    return max(POINTS // 4, math.ceil(wanted * POINTS))
+    return max(SAMPLES // 4, math.ceil(wanted * SAMPLES))
 
 
 def observe(lin: Linearization, stated: Disturbance) -> tuple[Seen, str, str]:

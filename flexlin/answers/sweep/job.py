@@ -18,8 +18,8 @@ from flexlin.answers.sweep.together import Together
 from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.progress import advance, part
+from flexlin.scene.loading import raw_tables, revise_scene
 from flexlin.scene.parameters import get_value
-from flexlin.scene.revised import raw_tables, revise_scene
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from flexlin.answers.sweep.found import LONGEST, VERDICTS, Found
 from flexlin.answers.sweep.job import Job, lay_out
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, OutputError
-from flexlin.scene.revised import raw_tables
+from flexlin.scene.loading import raw_tables
 
 NUMBERS = ("error", "period", "one_by_one", "verdict", "exponents_re", "exponents_im", "reason")
 MAKER = "made_by"

@@ -16,8 +16,8 @@ from flexlin.control.drives import drive_load
 from flexlin.errors import ArgumentError, NotStable
 from flexlin.mechanics import build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.scene.loading import revise_scene
 from flexlin.scene.parameters import get_value, numeric_paths
-from flexlin.scene.revised import revise_scene
 from flexlin.scene.scene import Scene
 from flexlin.scene.units import in_si
 from flexlin.summary import represent

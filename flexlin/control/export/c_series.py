@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from flexlin.checks import Array
+from flexlin.checks import SAMPLES, Array
 from flexlin.control.smooth_gain import Series, smooth_gain
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
@@ -16,8 +16,6 @@ from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.sampling import stratified
 
 Form = Literal["series", "sampled"]
-SAMPLES = 256
-"""Samples of a period when the form is "sampled"."""
 NEGLIGIBLE = 1e-15
 """Coefficients at the end of a series are left out when all together are smaller than this against the largest value."""
 FOURIER = """\

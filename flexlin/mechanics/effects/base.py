@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Optional
 
 import casadi as ca
 
-from flexlin.mechanics.body import Body, InertiaForm
+from flexlin.mechanics.body import Body, Frame, InertiaForm
 from flexlin.mechanics.effects.narrow import Features, Moving
 from flexlin.mechanics.effects.parts import PartsEffect
-from flexlin.mechanics.frames import Frame
 from flexlin.scene.links import Link
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import casadi as ca
 
+from flexlin.mechanics.body import unit
 from flexlin.mechanics.effects.base import Chain, Effect, Scale
-from flexlin.mechanics.frames import unit
 from flexlin.scene.base import Number, Unit
 from flexlin.scene.links import Axis
 

@@ -8,9 +8,8 @@ from typing import Annotated
 
 import casadi as ca
 
-from flexlin.mechanics.body import Body, RigidMass, rigid_body, tensor
+from flexlin.mechanics.body import Body, RigidMass, column, rigid_body, tensor
 from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, at_tip
-from flexlin.mechanics.frames import column
 from flexlin.scene.base import Number, PerLink, Unit
 from flexlin.scene.links import Inertia, Vector
 

@@ -11,8 +11,8 @@ from typing import Annotated
 
 import casadi as ca
 
+from flexlin.mechanics.body import Z
 from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, per_joint
-from flexlin.mechanics.frames import Z
 from flexlin.scene.base import Number, PerLink, Unit
 
 RATIO = 100.0

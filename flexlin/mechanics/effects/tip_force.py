@@ -13,8 +13,8 @@ from typing import Annotated, Literal
 import casadi as ca
 from pydantic import Field, model_validator
 
+from flexlin.mechanics.body import column
 from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.frames import column
 from flexlin.scene.base import Number, Unit
 from flexlin.scene.links import Vector
 

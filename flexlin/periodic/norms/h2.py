@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, positive
+from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes
@@ -18,9 +18,6 @@ from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.panels import MOST_PANELS, NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
-
-SAMPLES = 256
-"""Times of a period at which sizes are looked at."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,8 @@ from flexlin.checks import Array
 from flexlin.control.tracking import arm_positions
 from flexlin.mechanics.axes import COLUMNS
 from flexlin.periodic.precision import ROOT
+from flexlin.plots.panel import Panel
+from flexlin.plots.svg import Row
 from flexlin.report.figures.style import (
     Picture,
     choose_colour,
@@ -17,7 +19,6 @@ from flexlin.report.figures.style import (
     style_part,
 )
 from flexlin.report.wording import format_duration, in_unit, is_dimensionless, name_joint_unit
-from flexlin.svg import Panel, Row
 
 STRAIGHT = 1e-9
 """A link whose axis is off a straight line by less, relative to what it sweeps, is drawn as one."""

@@ -9,13 +9,15 @@ from flexlin.answers.critical_values import CriticalValue
 from flexlin.answers.stability_boundary import BoundaryCurve
 from flexlin.checks import Array
 from flexlin.periodic.assignment import assign
+from flexlin.plots.panel import Panel
+from flexlin.plots.scales import Linear, Symlog
+from flexlin.plots.svg import Row
 from flexlin.report.figures.chart_map import draw_map
 from flexlin.report.figures.style import SERIES, Picture, make_picture
 from flexlin.report.wording import in_unit, is_dimensionless, without_units
 from flexlin.scene.names import label_number, name_number, show_unit
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
-from flexlin.svg import Linear, Panel, Row, Symlog
 
 LOOPS = {"own": "the scene's own loop", "open": "the arm without feedback"}
 

@@ -9,8 +9,10 @@ import xarray
 
 from flexlin.answers.stability_boundary import BoundaryCurve
 from flexlin.checks import Array
+from flexlin.plots.panel import Panel
+from flexlin.plots.scales import Linear
+from flexlin.plots.svg import Row
 from flexlin.report.wording import is_dimensionless
-from flexlin.svg import Linear, Panel, Row
 
 SHADES = 14
 """Strengths of a colour: they follow the square root of the rate, so that slow growth is seen beside fast."""

@@ -7,6 +7,8 @@ import numpy as np
 
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
+from flexlin.plots.panel import Panel
+from flexlin.plots.scales import SUPERSCRIPTS
 from flexlin.report.figures.style import (
     Picture,
     arrange_in_columns,
@@ -17,8 +19,6 @@ from flexlin.report.figures.style import (
     make_picture,
 )
 from flexlin.report.wording import format_decimal, in_unit, is_dimensionless, name_coordinate_unit
-from flexlin.svg import Panel
-from flexlin.svg.scales import SUPERSCRIPTS
 
 UNITS = {"M": ("kg", "kg m", "kg m²"), "D": ("N s/m", "N s", "N m s"), "K": ("N/m", "N", "N m")}
 GAINS = {("N m", "m"): "N", ("N m", "rad"): "N m/rad", ("N", "m"): "N/m", ("N", "rad"): "N/rad"}

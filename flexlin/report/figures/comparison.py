@@ -1,5 +1,7 @@
 """Two answers over time: nonlinear beside linear, with a disturbance and without, measured beside predicted."""
 
+from typing import Any
+
 import numpy as np
 
 from flexlin.answers.analysis import Analysis
@@ -8,8 +10,13 @@ from flexlin.answers.disturbed.respond import DisturbanceAnswer
 from flexlin.checks import Array
 from flexlin.identification.maximum_likelihood import Identification
 from flexlin.identification.prediction import Prediction
+from flexlin.plots.panel import Panel
+from flexlin.plots.scales import Linear
+from flexlin.plots.svg import Row
 from flexlin.report.advice import agreement, sentence
+from flexlin.report.drive_words import describe_demand
 from flexlin.report.figures.style import Picture, choose_colour, make_period_panel, make_picture
+from flexlin.report.numbers import record_fields, record_numbers
 from flexlin.report.wording import (
     format_duration,
     format_quantity,
@@ -21,7 +28,6 @@ from flexlin.report.wording import (
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 from flexlin.simulation.result import Simulation
-from flexlin.svg import Linear, Panel, Row
 
 
 def draw_comparison(a: Analysis) -> Picture | None:
@@ -177,3 +183,40 @@ def say_numbers(scene: Scene, found: Identification) -> list[str]:
         said.append(f"{path} = {value:.5g}{around}; it was {before:.5g}")
     said += [f"{pair}: correlated by {value:.3f}" for pair, value in found.correlations.items()]
     return [*said, *found.status.split("; ")]
+
+
+Answer = DisturbanceAnswer | NoiseAnswer
+
+
+def draw(answer: Answer) -> Picture:
+    """The picture of an answer."""
+    return draw_noise(answer) if isinstance(answer, NoiseAnswer) else draw_answer(answer)
+
+
+def answer_lines(answer: Answer) -> list[str]:
+    """The answer in words, and which limits of the drives it exceeds."""
+    if isinstance(answer, NoiseAnswer):
+        return [describe_noise(answer)]
+    over = [] if answer.load is None else [d for d in answer.load.exceeded if d.what.startswith("peak")]
+    return [describe_answer(answer), *(f"above the drive: {describe_demand(demand)}" for demand in over)]
+
+
+def answer_record(answer: Answer) -> dict[str, Any]:
+    """The answer as data that JSON can hold."""
+    head = {"disturbance": answer.words, **record_fields(answer, "t")}
+    if isinstance(answer, NoiseAnswer):
+        return (
+            head
+            | record_fields(answer, "error")
+            | {"rms_states": record_numbers(answer.states), "rms_tip": record_numbers(answer.tip)}
+        )
+    load = answer.load
+    names = "seen unit phases linear settling overshoot peak nonlinear difference problem"
+    return (
+        head
+        | record_fields(answer, names)
+        | {
+            "worst_phase": float(answer.phases[answer.worst]),
+            "peak_torque": None if load is None else np.abs(load.torque).max(axis=0).tolist(),
+        }
+    )

@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.answers.audit.result import Audit, Row
-from flexlin.report.figures.style import BAR, Picture, make_picture
+from flexlin.plots.panel import Panel
+from flexlin.plots.scales import Linear, Logarithmic, Named
+from flexlin.plots.svg import Row as Line
+from flexlin.report.figures.style import LINE, Picture, make_picture
 from flexlin.report.wording import in_unit
-from flexlin.svg import Linear, Logarithmic, Named, Panel
-from flexlin.svg import Row as Line
 
 if TYPE_CHECKING:
     import xarray
@@ -33,7 +34,7 @@ def draw_effects(audit: Audit) -> Picture:
             )
     panel.line([audit.tolerance] * 2, [-0.5, len(rows) - 0.5], "ink", width=1.2, dash="4 3")
     return make_picture(
-        "effects", "Which effects this scene needs", describe_findings(audit), [Line([panel], BAR * len(rows))]
+        "effects", "Which effects this scene needs", describe_findings(audit), [Line([panel], LINE * len(rows))]
     )
 
 
@@ -85,5 +86,5 @@ def draw_sensitivity(data: "xarray.Dataset") -> Picture:
         panel.area(corners, [row - 0.3, row - 0.3, row + 0.3, row + 0.3], "stable" if change[i] < 0 else "unstable")
     panel.line([0, 0], [-0.5, len(order) - 0.5], "ink", width=1.0)
     left_out = f" The {len(change) - MOST} that move it least are not shown." if len(change) > MOST else ""
-    title, rows = "Which numbers move the growth rate", [Line([panel], BAR * len(order))]
+    title, rows = "Which numbers move the growth rate", [Line([panel], LINE * len(order))]
     return make_picture("sensitivity", title, PERCENT + left_out, rows)

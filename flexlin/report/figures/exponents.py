@@ -6,9 +6,11 @@ from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.checks import Array
 from flexlin.periodic.floquet.frozen import follow_frozen_modes
+from flexlin.plots.panel import Panel
+from flexlin.plots.scales import Linear, Logarithmic, Symlog
+from flexlin.plots.svg import Row
 from flexlin.report.figures.style import SHAPES, Picture, choose_colour, make_period_panel, make_picture
 from flexlin.report.wording import format_largest_multiplier, format_modulus, in_unit, is_dimensionless
-from flexlin.svg import Linear, Logarithmic, Panel, Row, Symlog
 
 FROZEN = (
     "the arm held still at each place of its motion (its coefficients frozen), and the frequencies at which it would ring there. A line "

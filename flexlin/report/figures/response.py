@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from flexlin.answers.analysis import Analysis
-from flexlin.checks import Array
+from flexlin.checks import ROUNDING, Array
+from flexlin.plots.panel import Panel
+from flexlin.plots.svg import Row
 from flexlin.report.figures.coefficients import list_joints, weigh_entries
 from flexlin.report.figures.style import (
     Picture,
@@ -18,12 +20,9 @@ from flexlin.report.figures.style import (
     style_part,
 )
 from flexlin.report.wording import format_power, format_quantity, in_unit, name_coordinate_unit, scale_values
-from flexlin.svg import Panel, Row
 
 MOST = 12
 """Panels shown, or one for each joint and each input where these are more."""
-ROUNDING = 1e-12
-"""A deflection below this share of the largest of its unit is rounding, and drawn as none."""
 
 
 def draw_response(a: Analysis) -> Picture | None:

@@ -5,20 +5,17 @@ from dataclasses import dataclass
 
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
+from flexlin.plots.panel import Mark, Panel, measure_text
+from flexlin.plots.scales import Linear
+from flexlin.plots.svg import LINE, WIDTH, Row, draw
+from flexlin.plots.view import COLOURS
 from flexlin.report.wording import time_label
-from flexlin.svg import Linear, Panel, Row, draw, measure_text
-from flexlin.svg.layout import GAP, WIDTH
-from flexlin.svg.panel import Mark
 
-SERIES = ("blue", "vermilion", "green", "purple", "orange", "sky")
-"""Of loops, methods and modes: distinguishable with every kind of colour blindness. Source: Okabe, Ito (2002), Color Universal Design;
-purple from Tol (2021)."""
+SERIES = tuple(COLOURS)
 PARTS = ("indigo", "rose", "teal", "olive", "wine", "ink")
 """Of joints, inputs and components, which are no loops. Source: Tol (2021), the muted scheme."""
 SHAPES = ("circle", "square", "diamond", "triangle")
 DASHES = ("", "6 3", "2 2.5", "8 3 2 3")
-BAR = 17.0
-"""Height of a bar with its name."""
 OPEN = "faint"
 """The colour of the arm without feedback, where it stands beside other loops."""
 FOLDED_ROWS = 3
@@ -70,7 +67,7 @@ def count_columns(panels: Sequence[Panel]) -> int:
     """Three panels in a row, or what leaves fewer places empty and lets titles fit."""
     columns = 2 if len(panels) in (2, 4) else min((3, 4), key=lambda k: -len(panels) % k)
     longest = max((measure_text(panel.title) for panel in panels), default=0.0)
-    fitting = max(1, int((WIDTH + GAP) / (longest + GAP)))
+    fitting = max(1, int((WIDTH + LINE) / (longest + LINE)))
     return max(1, min(columns, len(panels), fitting))
 
 

@@ -7,15 +7,15 @@ from html import escape
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.svg.panel import FONT, SMALL, Mark, Panel, measure_text, write_text
-from flexlin.svg.scales import Linear, Scale
+from flexlin.plots.panel import FONT, SMALL, Mark, Panel, measure_text, write_text
+from flexlin.plots.scales import Linear, Scale
 
 WIDTH = 760.0
 """Units of the drawing's width; the page scales it to its column."""
 NARROW, ABREAST = 380.0, 520.0
 """The same for the screen of a phone, and how wide in units of a page are the panels that stand side by side there."""
-GAP, TITLE, LEGEND, TICK, LABEL = 16.0, 20.0, 16.0, 15.0, 15.0
-KEY, DOT, BETWEEN, RIGHT, ROUGH_MARGIN = 22.0, 16.0, 14.0, 19.0, 56.0
+LINE, WIDE, ROUGH_MARGIN = 16.0, 20.0, 56.0
+"""Of words below each other and gaps beside each other, of titles, keys of a legend, and the margin on the right."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Fitted:
 def draw(rows: Sequence[Row], description: str, legend: Sequence[Mark] = (), narrow: bool = False) -> str:
     """Lay out rows of panels from the top down; returns one svg element, `legend` above all panels."""
     width, rows = (NARROW, stack(rows)) if narrow else (WIDTH, rows)
-    parts, top = draw_legend(legend, 4.0, 12.0, width - 8.0), 4.0 + LEGEND * count_lines(legend, width - 8.0)
+    parts, top = draw_legend(legend, 4.0, 12.0, width - 8.0), 4.0 + LINE * count_lines(legend, width - 8.0)
     grid = [
         [fit(panel, room, row.height) for panel, room in zip(row.panels, measure_widths(row, width), strict=False)]
         for row in rows
@@ -97,7 +97,7 @@ def stack(rows: Sequence[Row]) -> list[Row]:
 def measure_widths(row: Row, width: float) -> list[float]:
     """The width of each cell of a row."""
     shares = np.array(row.shares or [1.0] * len(row.panels))
-    return [float(one) for one in (width - GAP * (len(shares) - 1)) * shares / shares.sum()]
+    return [float(one) for one in (width - LINE * (len(shares) - 1)) * shares / shares.sum()]
 
 
 def share_columns(one: list[Fitted], other: list[Fitted], k: int) -> bool:
@@ -111,10 +111,10 @@ def fit(panel: Panel, width: float, height: float) -> Fitted:
     if panel.bare:
         return Fitted(panel, *(equalize_units(x, y, width, height) if panel.equal else (x, y)), [], 0.0)
     if panel.equal:
-        x, y = equalize_units(x, y, width - ROUGH_MARGIN - RIGHT, height)
+        x, y = equalize_units(x, y, width - ROUGH_MARGIN - WIDE, height)
     y_ticks = y.ticks(min(7, max(3, int(height / 19))))
     labels = max((measure_text(label) for _, label in y_ticks), default=0.0) if panel.ticked[1] else 0.0
-    margin = labels + 8.0 + (LABEL if panel.y_label else 0.0)
+    margin = labels + 8.0 + (LINE if panel.y_label else 0.0)
     return Fitted(panel, x, y, y_ticks, max(margin, ROUGH_MARGIN) if panel.equal else margin)
 
 
@@ -124,13 +124,13 @@ def draw_row(
     """Draw one row; returns its elements and where the next row begins."""
     rooms = [width - margin for width, margin in zip(widths, margins, strict=False)]
     lines = max(count_lines(panel.legend, room) for panel, room in zip(row.panels, rooms, strict=False))
-    head = (TITLE if any(panel.title for panel in row.panels) else 6.0) + LEGEND * lines
-    foot = max(TICK * (p.ticked[0] and not p.bare) + LABEL * bool(p.x_label or p.footer) for p in row.panels) + 8.0
+    head = (WIDE if any(panel.title for panel in row.panels) else 6.0) + LINE * lines
+    foot = max(LINE * (p.ticked[0] and not p.bare) + LINE * bool(p.x_label or p.footer) for p in row.panels) + 8.0
     parts, left = [], 0.0
     for panel, width, margin in zip(fitted, widths, margins, strict=False):
-        right = 0.0 if panel.panel.bare else RIGHT
+        right = 0.0 if panel.panel.bare else WIDE
         parts += draw_panel(panel, Box(left + margin, top + head, width - margin - right, row.height), top)
-        left += width + GAP
+        left += width + LINE
     return parts, top + head + row.height + foot
 
 
@@ -138,16 +138,16 @@ def draw_panel(fitted: Fitted, box: Box, top: float) -> list[str]:
     """Draw one panel: words above, axes, marks, words below."""
     panel, x, y = fitted.panel, fitted.x, fitted.y
     middle = box.left + box.width / 2
-    room = box.left + box.width + RIGHT - measure_text(panel.title)
+    room = box.left + box.width + WIDE - measure_text(panel.title)
     anchor, at = ("middle", middle) if panel.bare else ("start", min(box.left, room))
     parts = [write_text(at, top + 13, panel.title, f"font-weight:600;text-anchor:{anchor}")]
-    room = box.width + (0.0 if panel.bare else RIGHT)
-    first = box.top - 6 - LEGEND * (count_lines(panel.legend, room) - 1)
+    room = box.width + (0.0 if panel.bare else WIDE)
+    first = box.top - 6 - LINE * (count_lines(panel.legend, room) - 1)
     parts += draw_legend(panel.legend, box.left, first, room)
     if not panel.bare:
         parts += draw_axes(panel, box, x, fitted.y_ticks, y)
     parts += [draw_mark(mark, box, x, y) for mark in panel.marks]
-    below = box.top + box.height + TICK * (panel.ticked[0] and not panel.bare) + 12
+    below = box.top + box.height + LINE * (panel.ticked[0] and not panel.bare) + 12
     style = f"fill:var(--{'faint' if panel.x_label else panel.footer_colour});text-anchor:middle"
     return [*parts, write_text(middle, below, panel.x_label or panel.footer, style)]
 
@@ -247,7 +247,7 @@ def wrap_legend(marks: Sequence[Mark], room: float) -> list[list[Mark]]:
         if lines[-1] and left + width > room:
             lines, left = [*lines, []], 0.0
         lines[-1].append(mark)
-        left += width + BETWEEN
+        left += width + LINE
     return lines if marks else []
 
 
@@ -258,7 +258,7 @@ def count_lines(marks: Sequence[Mark], room: float) -> int:
 
 def measure_entry(mark: Mark) -> float:
     """How wide a mark and its label are in a legend."""
-    return (DOT if mark.kind == "dots" else KEY) + measure_text(mark.label)
+    return (LINE if mark.kind == "dots" else WIDE) + measure_text(mark.label)
 
 
 def draw_legend(marks: Sequence[Mark], start: float, baseline: float, room: float) -> list[str]:
@@ -267,13 +267,13 @@ def draw_legend(marks: Sequence[Mark], start: float, baseline: float, room: floa
     for line in wrap_legend(marks, room):
         left = start
         for mark in line:
-            key = f"M{left:.1f},{baseline - 4:.1f}h{KEY - 5:.1f}"
+            key = f"M{left:.1f},{baseline - 4:.1f}h{WIDE - 5:.1f}"
             place = f'transform="translate({left + 6:.1f} {baseline - 4:.1f})" ' if mark.kind == "dots" else ""
             parts.append(f'<path {place}d="{mark.shape if place else key}" style="{mark.style}"/>')
-            text = left + (DOT if place else KEY)
+            text = left + (LINE if place else WIDE)
             parts.append(write_text(text, baseline, mark.label, "fill:var(--faint)"))
-            left += measure_entry(mark) + BETWEEN
-        baseline += LEGEND
+            left += measure_entry(mark) + LINE
+        baseline += LINE
     return parts
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
-from flexlin.svg.scales import Linear, Scale
+from flexlin.plots.scales import Linear, Scale
 
 FONT = 11.0
 SMALL = 9.0

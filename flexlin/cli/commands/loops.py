@@ -1,0 +1,159 @@
+"""Commands about loops and controllers: linearize, design, simulate, tune, export."""
+
+import argparse
+from functools import partial
+
+from flexlin.cli.options import COMPUTED, LIMITS, SCENE
+from flexlin.cli.shared import DONE, LONG, NO_ANSWER, OTHER_VERDICT, Work, command, meets, print_paths
+from flexlin.cli.supervised import send_written
+from flexlin.errors import ArgumentError
+
+
+@command("linearize", "write the coefficients over a period", *SCENE, *LIMITS, "points")
+def linearize_scene(options: argparse.Namespace) -> int:
+    work = Work(options)
+    with work.clock() as clock:
+        from flexlin.about.linear import linearize
+        from flexlin.mechanics import build_manipulator
+        from flexlin.report.exports import coefficients_dataset
+
+        scene, asked = work.scene, work.scene.accuracy
+        arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
+        plant, closed = clock.stage(
+            "linearization", asked, lambda: [linearize(arm, scene.motion, control) for control in (None, scene.control)]
+        )
+        data = clock.stage("coefficients", asked, lambda: coefficients_dataset(scene, plant, closed, options.points))
+    return print_paths(work.write_files("coefficients", {}, data))
+
+
+@command("design", "design the scene's controllers, write their gains", *COMPUTED, "require", "points")
+def design(options: argparse.Namespace) -> int:
+    work = Work(options)
+    scene = work.scene
+    if not scene.designs:
+        raise ArgumentError("nothing to design", got="no [[designs]] table", expected="at least one in the scene")
+    with work.clock(3 + 3 * len(scene.designs)) as clock:
+        from flexlin.answers.analysis import plant_and_designs
+        from flexlin.answers.steady import arm_length
+        from flexlin.answers.validity import judge_model
+        from flexlin.report.exports import check_gains, gains_dataset
+        from flexlin.report.terminal import say, say_loop
+        from flexlin.report.wording import reason
+
+        check_gains(scene, options.points)
+        plant, loops = plant_and_designs(scene, clock)
+    models = [judge_model(arm_length(plant), loop.steady) for loop in loops]
+    for loop, model in zip(loops, models, strict=True):
+        say_loop(loop, plant.period, model)
+        if model.verdict == "invalid":
+            say(f"    {reason(model)}")
+    work.say_accuracy()
+    made = [loop.design for loop in loops if loop.design is not None]
+    if made:
+        print_paths(work.write_files("gains", {}, gains_dataset(scene, plant, made, options.points)))
+    if len(made) < len(loops):
+        return NO_ANSWER
+    met = all(meets(options.require, loop.verdict, model.verdict) for loop, model in zip(loops, models, strict=True))
+    return DONE if met else OTHER_VERDICT
+
+
+@command(
+    "simulate",
+    "integrate the nonlinear equations beside the linear ones",
+    *(*COMPUTED, "periods", "feedforward", "attraction", "animate"),
+)
+def simulate_loop(options: argparse.Namespace) -> int:
+    work = Work(options)
+    scene, asked, tol = work.scene, work.scene.accuracy, work.scene.accuracy.tol
+    problems, said = dict[str, str](), list[str]()
+    with work.clock(4 + 2 * options.attraction + options.animate) as clock:
+        from flexlin.about.linear import linearize
+        from flexlin.control.tracking import feedforward
+        from flexlin.control.validity import linear_range
+        from flexlin.mechanics import build_manipulator
+        from flexlin.report.exports import described
+        from flexlin.simulation.attraction import region_of_attraction
+        from flexlin.simulation.run import check_duration, simulate
+
+        arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
+        closed = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
+        clock.stage("size of the result", asked, lambda: check_duration(closed, options.periods))
+        forward = None
+        if options.feedforward != "scene":
+            forward = clock.stage("feedforward", asked, lambda: feedforward(closed, options.feedforward, tol))
+        result = clock.stage(
+            "nonlinear simulation",
+            asked,
+            lambda: simulate(closed, options.periods, feedforward=forward, tol=tol),
+            lambda found: max(found.error, found.linear_error),
+        )
+        words = "deviations from the rigid motion as states [y; y'], tips in m"
+        data = described(result.dataset(), scene, closed.period, words)
+        send_written(paths := work.write_files("simulation", {}, data))
+        further = {
+            "range of the linear equations": lambda: linear_range(closed, tol=tol).status,
+            "region of attraction": lambda: region_of_attraction(closed, tol=tol).status,
+        }
+        for name, find in further.items() if options.attraction else ():
+            said.append(clock.attempt(problems, name, name, asked, find) or problems[name])
+        if options.animate:
+            from flexlin.report.animation import animation_page
+
+            draw = partial(animation_page, scene, closed, result, work.quoted)
+            page = clock.attempt(problems, "animation", "animation", asked, draw)
+            if page is None:
+                said.append(problems["animation"])
+            else:
+                paths = work.write_files("simulation", {"animation.html": page}, data)
+    for line in filter(None, (result.status, result.sticking, *said)):
+        print(line)
+    work.say_accuracy()
+    done = print_paths(paths)
+    return NO_ANSWER if problems else done
+
+
+@command("tune", "find the gains that decay fastest in all scenarios", *SCENE, *LIMITS, "vary", "gain")
+def tune_gains(options: argparse.Namespace) -> int:
+    work = Work(options, LONG)
+    spans = [*options.vary, *options.gain]
+    if len({key for key, *_ in spans}) < len(spans):
+        raise ArgumentError("a number is named twice", got=", ".join(key for key, *_ in spans), expected="each once")
+    with work.clock() as clock:
+        from flexlin.answers.tuning.tune import tune
+        from flexlin.report.terminal import say
+        from flexlin.scene.loading import raw_tables
+        from flexlin.scene.toml import write_toml
+
+        limits, vary = ({key: (low, high) for key, low, high, _ in asked} for asked in (options.gain, options.vary))
+        seconds = clock.budget.plan("tune the gains", work.scene.accuracy)
+        search = partial(tune, work.scene, list(limits) or None, vary, limits, seconds=seconds)
+        found = clock.stage("tune the gains", work.scene.accuracy, search)
+    say(f"{work.scene.title}: {found.status}")
+    for path, value in found.gains.items():
+        say(f"  {path} = {value:.6g}")
+    for one in found.active[:6]:
+        place = ", ".join(f"{path} = {value:.4g}" for path, value in one.scenario.items())
+        say(f"  active: {one.exponent.real:.6g} {one.exponent.imag:+.6g}i 1/s at {place}")
+    assert found.scene is not None
+    return print_paths(work.write_files("tune", {"tuned.toml": write_toml(raw_tables(found.scene))}))
+
+
+@command("export", "write system and designs for other tools: npz, MATLAB, netCDF, C", *COMPUTED, "points")
+def export(options: argparse.Namespace) -> int:
+    work = Work(options)
+    scene = work.scene
+    with work.clock(4 + 3 * len(scene.designs)) as clock:
+        from flexlin.answers.analysis import plant_and_designs
+        from flexlin.report.exports import check_gains, design_folders, export_all
+
+        design_folders([table.name for table in scene.designs])  # clashing names are refused before any work
+        check_gains(scene, options.points)
+        plant, loops = plant_and_designs(scene, clock)
+        write = partial(export_all, plant, loops, options.out, options.points, scene)
+        paths = clock.stage("files", scene.accuracy, write, last=True)
+    work.say_accuracy()
+    for loop in loops:
+        if loop.design is None:
+            print(f"{loop.name}: {loop.problem}")
+    print_paths(paths)
+    return NO_ANSWER if any(loop.design is None for loop in loops) else DONE

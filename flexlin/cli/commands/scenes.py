@@ -1,0 +1,156 @@
+"""Commands about scenes: list, show, new, import, schema, check."""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flexlin.cli.options import LIMITS, SCENE
+from flexlin.cli.shared import DONE, Work, command, refuse_existing
+
+if TYPE_CHECKING:
+    from flexlin.answers.at_rest import AtRest
+    from flexlin.scene.links import Link
+
+SHOWN = 5
+"""Natural frequencies that are printed."""
+BEYOND = ": further than linear equations hold; stiffen the link, or trust the simulation with effects.geometric_stiffening only"
+
+
+@command("list", "name the scenes that travel with flexlin")
+def list_scenes(options: argparse.Namespace) -> int:
+    import tomllib
+
+    from flexlin.scene.library import builtin_scenes
+
+    for name, path in builtin_scenes().items():
+        print(f"{name:<24} {tomllib.loads(path.read_text(encoding='utf-8'))['title']}")
+    return DONE
+
+
+@command("show", "print a scene as it stands in its file", "scene")
+def show(options: argparse.Namespace) -> int:
+    from flexlin.scene.loading import scene_text
+
+    print(scene_text(options.scene), end="")
+    return DONE
+
+
+@command("new", "write a commented scene to start from", "name", "like")
+def new(options: argparse.Namespace) -> int:
+    import tomllib
+
+    from flexlin.files import write_text
+    from flexlin.scene.json_schema import commented_scene
+    from flexlin.scene.loading import load_scene, parse_scene
+
+    path = options.name if options.name.suffix == ".toml" else Path(f"{options.name}.toml")
+    refuse_existing(path)
+    data = load_scene(options.like).model_dump(mode="json", by_alias=True, exclude_unset=True)
+    data["title"], text = path.stem, ""
+    data.pop("source", None)
+    text = commented_scene(data)
+    parse_scene(tomllib.loads(text), str(path))
+    write_text(path, text)
+    print(f"wrote {path}, after {options.like}")
+    print(f"next: flexlin check {path}; flexlin report {path}")
+    return DONE
+
+
+@command("import", "write a scene of a robot from its URDF file", "robot", "file", "base", "tip")
+def import_robot(options: argparse.Namespace) -> int:
+    from flexlin.files import write_text
+    from flexlin.scene.loading import parse_scene
+    from flexlin.scene.toml import write_toml
+    from flexlin.scene.urdf import read_robot, scene_tables
+
+    path = options.out
+    refuse_existing(path)
+    data = scene_tables(read_robot(options.robot), options.base, options.tip)
+    scene = parse_scene(data, str(options.robot))
+    write_text(path, write_toml(data))
+    print(f"wrote {path}: joints {', '.join(link.name for link in scene.links if link.moves)}")
+    print(f"  {scene.source}")
+    print("  joints stand still, rigid and without control: give [motion], [effects.joint_flexibility], [control]")
+    return DONE
+
+
+@command("schema", "print the JSON schema of scenes, with descriptions and units")
+def schema(options: argparse.Namespace) -> int:
+    import json
+
+    from flexlin.scene.json_schema import scene_schema
+
+    print(json.dumps(scene_schema(), indent=1, ensure_ascii=False))
+    return DONE
+
+
+@command("check", "read a scene and derive its equations", *SCENE, *LIMITS)
+def check(options: argparse.Namespace) -> int:
+    work = Work(options)
+    with work.clock() as clock:
+        import numpy as np
+
+        from flexlin.about.linear import linearize
+        from flexlin.answers.at_rest import examine
+        from flexlin.mechanics import build_manipulator
+        from flexlin.report.numbers import effects
+        from flexlin.report.wording import units_of_scene
+
+        scene, asked = work.scene, work.scene.accuracy
+        arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
+        plant = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
+        lengths = np.array([link.length for link in scene.links])
+        rest = clock.stage("arm at rest", asked, lambda: examine(plant, lengths))
+    print(f"{scene.title}: usable")
+    print(f"  coordinates  {', '.join(plant.names)}")
+    print(f"  torques on   {', '.join(plant.inputs) or 'no joint'}")
+    print(f"  effects on   {', '.join(effects(scene)['on']) or 'none'}")
+    print(f"  period       {plant.period:.6g} s")
+    with units_of_scene(scene):
+        for i, link in enumerate(scene.links):
+            if any(link.counts.by_direction().values()):
+                print(f"  link {i + 1:<8}{', '.join(describe_link(link))}")
+        for name, words in () if rest is None else describe_rest(rest):
+            print(f"  {name:<13}{words}")
+    return DONE
+
+
+def describe_link(link: "Link") -> Iterator[str]:
+    """The figures of a link that deflects."""
+    from flexlin.scene.links import DIRECTIONS
+
+    yield say(link.mass_per_length, "kg/m")
+    for direction, name in zip(DIRECTIONS, ("EI in y", "EI in z", "GJ"), strict=True):
+        if link.stiffness_in(direction) is not None:
+            yield f"{name} {say(link.stiffness_in(direction), 'N m^2')}"
+    if link.polar_inertia is not None:
+        yield f"rho I_p {say(link.polar_inertia, 'kg m')}"
+
+
+def describe_rest(rest: "AtRest") -> Iterator[tuple[str, str]]:
+    """What the arm does with its joints held."""
+    from flexlin.answers.validity import SMALL
+
+    if rest.gives_way:
+        yield "at rest", "gives way under its loads even with its joints held: stiffen its links, or lessen the loads"
+        return
+    known = ", ".join(f"{frequency:.4g}" for frequency in rest.frequencies[:SHOWN])
+    yield "at rest", f"{say(known, 'Hz')}, its joints held where the motion begins"
+    bending = rest.bending
+    if bending is None:
+        return
+    for i, share in enumerate(bending.largest):
+        sides = ((bending.at_rest[i], "under gravity"), (bending.moving[i], "along the motion"))
+        said = " and ".join(f"{say(f'{size:.3g}', 'm')} {where}" for size, where in sides if size > 0)
+        if said:
+            beyond = BEYOND if share > SMALL else ""
+            yield f"link {i + 1}", f"bends by {said}, {100 * share:.2g} % of its length{beyond}"
+
+
+def say(value: float | str, unit: str) -> str:
+    """A value with its unit, which a scene without dimensions has not."""
+    from flexlin.report.wording import is_dimensionless
+
+    text = value if isinstance(value, str) else f"{value:.4g}"
+    return text if is_dimensionless() else f"{text} {unit}"
