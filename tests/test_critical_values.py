@@ -117,3 +117,45 @@ def test_what_does_not_fit_is_refused(path, limits, loop):
         fl.critical_values(fl.load_scene("khang-2019"), path, limits, loop=loop)
     with pytest.raises(ArgumentError):
         fl.critical_values("khang-2019", path, limits)
+
+
+def test_a_spring_that_jumps():
+    """Meissner's equation with damping c: multipliers of the undamped one with stiffness a +- q - c^2/4 reach exp(c T / 2)."""
+    q, c, T = 0.6, 0.05, np.pi
+
+    def system(a):
+        def spring(t):
+            return (a + q * np.where(np.mod(t, T) < T / 2, 1.0, -1.0))[:, None, None]
+
+        return fl.PeriodicSystem.from_second_order([[1.0]], [[c]], spring, T, breaks=(0.0, T / 2))
+
+    def excess(a):
+        first, second = np.sqrt(a + q - c * c / 4 + 0j), np.sqrt(a - q - c * c / 4 + 0j)
+        x, y = first * T / 2, second * T / 2
+        trace = 2 * np.cos(x) * np.cos(y) - (first / second + second / first) * np.sin(x) * np.sin(y)
+        return abs(trace.real) - 2 * np.cosh(c * T / 2)
+
+    grid = np.linspace(0.1, 5, 4001)
+    values = np.array([excess(a) for a in grid])
+    cells = np.flatnonzero(values[:-1] * values[1:] < 0)
+    exact = [brentq(excess, grid[k], grid[k + 1], xtol=1e-13) for k in cells]
+    found = fl.critical_values(system, "a", (0.1, 5.0), tol=1e-7)
+    assert [one.value for one in found] == pytest.approx(exact, abs=1e-7)
+    assert [one.kind for one in found] == [("onset", "recovery")[int(excess(a + 1e-3) < 0)] for a in exact]
+
+
+@pytest.mark.parametrize("bend", [np.abs, lambda p: np.where(p < 0, 0.2, 1.0) * p])
+def test_a_function_with_a_kink_in_its_number(bend):
+    """No polynomial in the number serves across the kink: Mathieu's equation in |p|, and in a number that counts less below zero."""
+
+    def system(p):
+        a = float(bend(p))
+        return fl.PeriodicSystem.from_second_order(
+            [[1.0]], [[0.0]], lambda t: (a - 0.4 * np.cos(2 * t))[:, None, None], np.pi
+        )
+
+    found = [one.value for one in fl.critical_values(system, "p", (-1.0, 1.5), samples=257)]
+    above = [0.795124, 1.194874]
+    assert [value for value in found if value > 0.5] == pytest.approx(above, abs=2e-6)
+    if bend is np.abs:
+        assert found[0] == pytest.approx(-above[0], abs=2e-6)

@@ -15,11 +15,13 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
 from flexlin.lazy import lazy
 from flexlin.periodic.boundary.spectra import Spectra
-from flexlin.periodic.boundary.together import find_together
+from flexlin.periodic.boundary.together import Interpolant, Products, find_together
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.precision import EPS, MINOR
+from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
@@ -236,24 +238,62 @@ class OneOfSeveral(Family):
 
 @dataclass
 class FunctionFamily(Family):
-    """Systems that a function makes; `smooth`: whether those at the ends and in the middle are, once it is known."""
+    """Systems that a function makes; of one number in a range, their transition matrices are interpolated where that is known to serve.
 
+    `smooth`: whether those at the ends and in the middle are, but for jumps at equal `phases`, once it is known; `start`: where
+    `find_together` begins.
+    """
+
+    box: Array | None = None
     smooth: bool | None = None
+    phases: tuple[float, ...] = ()
+    start: int = 0
+
+    @lazy
+    def interpolant(self) -> Interpolant | None:
+        """The transition matrix as a polynomial in the one number, if it is one."""
+        if self.box is None or self.box.shape[1] > 1:
+            return None
+        try:
+            return Interpolant.fit(self.products, float(self.box[0, 0]), float(self.box[1, 0]), ROUGH)
+        except TimeLimit:
+            raise
+        except (FlexlinError, np.linalg.LinAlgError):
+            return None
+
+    def products(self, values: Array, start: int) -> Products:
+        """Together, at values (V,) of the one number, to a part of what is wanted between them."""
+        systems = [self.system_at(np.array([value])) for value in values.tolist()]
+        self.evaluations += len(systems)
+        return find_together(systems, MINOR * ROUGH, start, self.phases)
+
+    def look(self, systems: list[PeriodicSystem]) -> None:
+        """See whether a few systems are smooth between the same phases."""
+        some = [one.resolved for one in systems]
+        phases = [np.array(one.breaks) / one.period for one in some]
+        alike = all(len(one) == len(phases[0]) and np.allclose(one, phases[0], rtol=0, atol=4 * EPS) for one in phases)
+        wide = all(one.panels == 1 or np.diff(one.edges).min() > one.period / NODES for one in some)
+        self.smooth, self.phases = alike and wide, tuple(phases[0].tolist())
 
     def rough(self, points: Array) -> Spectra:
         """Together, where A is smooth and that is accurate enough; else one by one."""
+        if not len(points):
+            return self.unknown(points, ROUGH)
         try:
-            systems = [self.system_at(point) for point in points]
-            if self.smooth is None and systems:
-                some = [systems[k].resolved for k in (0, len(systems) // 2, -1)]
-                self.smooth = all(one.panels == 1 for one in some)
-            if not self.smooth or len({one.n for one in systems}) != 1:
+            if self.smooth is None:
+                self.look([self.system_at(point) for point in points[[0, len(points) // 2, -1]]])
+            if not self.smooth:
                 return self.one_by_one(points, ROUGH)
-            found, reached = find_together(systems, ROUGH)
+            products = None if self.interpolant is None else self.interpolant.at(points[:, 0])
+            if products is None:
+                systems = [self.system_at(point) for point in points]
+                products = find_together(systems, ROUGH, self.start, self.phases)
+                self.start = products.enough
         except TimeLimit:
             raise
         except (FlexlinError, np.linalg.LinAlgError):
             return self.one_by_one(points, ROUGH)
+        found, reached = products.spectra, products.meets(ROUGH)
         self.evaluations += int(reached.sum())
         if not reached.all():
             alone = self.one_by_one(points[~reached], ROUGH)
@@ -287,7 +327,7 @@ def make_family(
         raise ArgumentError("the source is of another kind", got=repr(source)[:80], expected=expected)
     if loop != "own":
         raise ArgumentError("a function has one loop", got=repr(loop), expected="own")
-    return FunctionFamily(Positional(source), np.full(len(ranges), np.nan))
+    return FunctionFamily(Positional(source), np.full(len(ranges), np.nan), box=box)
 
 
 @dataclass(frozen=True)

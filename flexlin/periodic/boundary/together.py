@@ -1,71 +1,170 @@
 """Spectra of many small systems at once: each on the same parts of its own period, by two rules that share neither node nor edge."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.errors import ArgumentError
+from flexlin.lazy import lazy
 from flexlin.periodic.boundary.spectra import Spectra
-from flexlin.periodic.precision import EPS
+from flexlin.periodic.grid import golden, place_edges
+from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import CHUNK_BYTES, collocate, collocate_accelerations, gauss, place_nodes
+from flexlin.periodic.transition.factors import factor_accelerations, factor_states
+from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss, place_nodes
 
 STAGES = 4
 """Gauss stages of the rule that shows how wrong the one with a stage more may be."""
-SEGMENTS = (NODES // STAGES, NODES, NODES * STAGES)
+SEGMENTS = (NODES // 4, NODES // 2, NODES, 2 * NODES, 4 * NODES)
 """Of a period; systems that miss tol on the first are tried on the next."""
+CHECKS, FEWEST_POINTS, MOST_POINTS = 15, 17, 129
+"""Values between the points of an interpolant at which it is checked, and its points."""
 
 
-def find_together(systems: Sequence[PeriodicSystem], tol: float) -> tuple[Spectra, Array]:
-    """Spectra of systems without jumps, all of n states, and which of them meet tol, in 1/s or relative beyond, (V,).
+@dataclass(frozen=True)
+class Products:
+    """Transition matrices of periods (V, n, n), what is not known of each entry, and the periods (V,) in s; `enough`: the first of SEGMENTS
+    on which half of them meet the tolerance."""
+
+    P: Array
+    moved: Array
+    periods: Array
+    enough: int = 0
+
+    @lazy
+    def spectra(self) -> Spectra:
+        """Logs of the multipliers with their errors."""
+        return solve_products(self.P, self.moved)
+
+    def meets(self, tol: float) -> Array:
+        """Of which all logs are known to tol, in 1/s or relative beyond, (V,)."""
+        logs, errors = self.spectra.logs, self.spectra.errors
+        wanted = tol * np.maximum(self.periods[:, None], np.abs(logs))
+        return np.asarray((np.isfinite(errors) & (errors <= wanted)).all(axis=1))
+
+
+def find_together(
+    systems: Sequence[PeriodicSystem], tol: float, start: int = 0, phases: Sequence[float] = ()
+) -> Products:
+    """The products of systems of n states, on segments that serve for exponents to tol, where any do.
 
     Nothing is resolved: what A does between the nodes is seen by the difference of the two rules alone.
+    Parameters: start: the first of SEGMENTS that is tried; phases: of the period at which the systems may jump.
     """
-    n, left = systems[0].n, np.arange(len(systems))
-    logs, errors = np.full((len(left), n), np.nan + 0j), np.full((len(left), n), np.inf)
+    if len(sizes := {one.n for one in systems}) > 1:
+        raise ArgumentError("the systems are not of one size", got=sorted(sizes), expected="as many states in each")
+    n, left, enough = systems[0].n, np.arange(len(systems)), start
     periods = np.array([one.period for one in systems])
-    for segments in SEGMENTS:
+    P, moved = np.full((len(left), n, n), np.nan), np.full((len(left), n, n), np.inf)
+    for place, segments in enumerate(SEGMENTS[start:], start):
         size = max(1, CHUNK_BYTES // (8 * segments * ((STAGES + 1) * n) ** 2))
         for part in (left[i : i + size] for i in range(0, len(left), size)):
-            logs[part], errors[part] = solve_on([systems[i] for i in part.tolist()], periods[part], segments)
-        wanted = tol * np.maximum(periods[left, None], np.abs(logs[left]))
-        left = left[~(np.isfinite(errors[left]) & (errors[left] <= wanted)).all(axis=1)]
-    return Spectra(logs, errors), ~np.isin(np.arange(len(systems)), left)
+            P[part], moved[part] = multiply_on([systems[i] for i in part.tolist()], periods[part], segments, phases)
+        left = left[~Products(P[left], moved[left], periods[left]).meets(tol)]
+        if 2 * len(left) > len(systems):
+            enough = min(place + 1, len(SEGMENTS) - 1)
+        if not len(left):
+            break
+    return Products(P, moved, periods, enough)
 
 
-def solve_on(systems: Sequence[PeriodicSystem], periods: Array, segments: int) -> tuple[Array, Array]:
+@dataclass(frozen=True)
+class Interpolant:
+    """The transition matrix of the period as a polynomial in a parameter through Chebyshev's extreme points of a range; its error is that
+    of the points and what it misses at points that it does not go through."""
+
+    low: float
+    high: float
+    known: Products
+    missed: Array
+
+    @classmethod
+    def fit(
+        cls, products_at: Callable[[Array, int], Products], low: float, high: float, tol: float
+    ) -> "Interpolant | None":
+        """The interpolant on as few points as serve, none where MOST_POINTS do not; `products_at` values, from a number of segments on."""
+        between = low + (high - low) * golden(np.arange(1, CHECKS + 1))
+        sure = products_at(between, 0)
+        missed, known = np.zeros(sure.P.shape[1:]), products_at(cls.place(low, high, FEWEST_POINTS), sure.enough)
+        while True:
+            found = cls(low, high, known, missed)
+            here = found.at(between)
+            found = cls(low, high, known, SAFETY * np.abs(here.P - sure.P).max(axis=0))
+            if not np.isfinite(found.missed).all():
+                return None
+            if found.at(between).meets(tol).all():
+                return found
+            count = 2 * len(known.P) - 1
+            if count > MOST_POINTS:
+                return None
+            more = products_at(cls.place(low, high, count)[1::2], known.enough)
+            P, moved, periods = (weave(getattr(known, name), getattr(more, name)) for name in ("P", "moved", "periods"))
+            known = Products(P, moved, periods, more.enough)
+
+    @staticmethod
+    def place(low: float, high: float, count: int) -> Array:
+        """Chebyshev's extreme points, every other one of which are those of half the degree."""
+        return low + (high - low) * (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
+
+    def at(self, values: Array) -> Products:
+        """Products at values (V,). Source: Berrut, Trefethen, Barycentric Lagrange interpolation, SIAM Rev. 46 (2004) 501."""
+        points = self.place(self.low, self.high, len(self.known.P))
+        weights = (-1.0) ** np.arange(len(points))
+        weights[[0, -1]] /= 2
+        gaps = values[:, None] - points
+        on = gaps == 0
+        lagrange = weights / np.where(on, 1.0, gaps)
+        lagrange = np.where(on.any(axis=1, keepdims=True), on, lagrange / lagrange.sum(axis=1, keepdims=True))
+        moved = np.tensordot(np.abs(lagrange), self.known.moved, 1) + self.missed
+        return Products(np.tensordot(lagrange, self.known.P, 1), moved, lagrange @ self.known.periods)
+
+
+def weave(even: Array, odd: Array) -> Array:
+    """Rows in turn from both, the first one's first."""
+    both = np.empty((len(even) + len(odd), *even.shape[1:]))
+    both[::2], both[1::2] = even, odd
+    return both
+
+
+def multiply_on(
+    systems: Sequence[PeriodicSystem], periods: Array, segments: int, phases: Sequence[float]
+) -> tuple[Array, Array]:
+    """Transition matrices of the periods (V, n, n), and what is not known of each entry; inf where there is none."""
+    count, n = len(systems), systems[0].n
+    even = place_edges(1.0, phases, segments)
+    shifted = even[:-1] + (3 - np.sqrt(5)) / 2 * np.diff(even)
+    corners = np.array([0.0, *phases, 1.0])
+    grids = np.union1d(corners, shifted), even  # where an unnamed jump seems to lie for one rule, it does for no other
+    rules = gauss(STAGES), gauss(STAGES + 1)
+    shares = [place_nodes(grid, rule.c).ravel() for grid, rule in zip(grids, rules, strict=True)]
+    times, twice = np.concatenate(shares), all(one.second_order is not None for one in systems)
+    sampled = [sample_either(one, one.period * times, twice) for one in systems]
+    products = []
+    with np.errstate(over="ignore", invalid="ignore"):
+        for grid, rule, first in zip(grids, rules, (0, len(shares[0])), strict=True):
+            segments, stages = len(grid) - 1, len(rule.c)
+            values = np.array([one[first : first + segments * stages] for one in sampled])
+            values = values.reshape(count * segments, stages, *values.shape[2:])
+            lengths = (periods[:, None] * np.diff(grid)).ravel()
+            factors = (factor_accelerations if twice else factor_states)(values, lengths, rule)
+            products.append(multiply_up(factors.reshape(count, segments, n, n)))
+    (coarse, _), (P, rounding) = products
+    return P, np.where(np.isfinite(P) & np.isfinite(coarse), np.abs(P - coarse) + rounding, np.inf)
+
+
+def solve_products(P: Array, moved: Array) -> Spectra:
     """Logs of the multipliers (V, n) and bounds on their errors, inf where there is none.
 
     The bound on an eigenvalue of P + dP is the smaller one of Gershgorin's, sum_j |X^-1 dP X|_ij, and of Elsner's,
     (|P| + |P + dP|)^(1 - 1/n) |dP|^(1/n), which holds where eigenvalues meet.
     Source: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1 and IV.2.
     """
-    count, n = len(systems), systems[0].n
-    even = np.linspace(0.0, 1.0, segments + 1)
-    shifted = (
-        even[:-1] + (3 - np.sqrt(5)) / 2 / segments
-    )  # where a jump seems to lie for one rule, it does for no other
-    grids = np.concatenate([even[:1], shifted, even[-1:]]), even
-    rules = gauss(STAGES), gauss(STAGES + 1)
-    shares = [place_nodes(grid, rule.c).ravel() for grid, rule in zip(grids, rules, strict=True)]
-    times, twice = np.concatenate(shares), all(one.second_order is not None for one in systems)
-    sampled = [sample_either(one, one.period * times, twice) for one in systems]
-    factor: Callable[..., Array] = collocate_accelerations if twice else collocate
-    products = []
-    with np.errstate(over="ignore", invalid="ignore"):
-        for grid, rule, first in zip(grids, rules, (0, len(shares[0])), strict=True):
-            segments, stages = len(grid) - 1, len(rule.c)
-            parts = [np.array(part)[:, first : first + segments * stages] for part in zip(*sampled, strict=True)]
-            parts = [part.reshape(count, segments, stages, *part.shape[2:]) for part in parts]
-            lengths = periods[:, None] * np.diff(grid)
-            products.append(multiply_up(factor(*parts, lengths, rule)))
-    (coarse, _), (P, rounding) = products
-    known = (
-        np.isfinite(P).all(axis=(1, 2)) & np.isfinite(coarse).all(axis=(1, 2)) & np.isfinite(rounding).all(axis=(1, 2))
-    )
-    logs, errors = np.full((count, n), np.nan + 0j), np.full((count, n), np.inf)
-    P, moved = P[known], np.abs(P - coarse)[known] + rounding[known]
+    n, known = P.shape[-1], np.isfinite(moved).all(axis=(1, 2))
+    logs, errors = np.full(P.shape[:2], np.nan + 0j), np.full(P.shape[:2], np.inf)
+    P, moved = P[known], moved[known]
     values, X = np.linalg.eig(P)
     with np.errstate(all="ignore"):
         regular = np.linalg.cond(X) < 1 / EPS
@@ -76,12 +175,14 @@ def solve_on(systems: Sequence[PeriodicSystem], periods: Array, segments: int) -
         share = np.minimum(near, met[:, None]) / np.abs(values)
         logs[known] = np.log(values.astype(complex))
         errors[known] = np.where(share < 0.5, -np.log1p(-np.minimum(share, 0.5)), np.inf)
-    return logs, errors
+    return Spectra(logs, errors)
 
 
-def sample_either(system: PeriodicSystem, t: Array, twice: bool) -> tuple[Array, ...]:
-    """M, D and K of a second-order system at times (N,), else A."""
-    return system.second_order.sample(t) if twice and system.second_order is not None else (system.A(t),)
+def sample_either(system: PeriodicSystem, t: Array, twice: bool) -> Array:
+    """[M D K] of a second-order system at times (N,), else A."""
+    if twice and system.second_order is not None:
+        return np.concatenate(system.second_order.sample(t), axis=2)
+    return system.A(t)
 
 
 def multiply_up(factors: Array) -> tuple[Array, Array]:

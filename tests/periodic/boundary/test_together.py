@@ -17,7 +17,8 @@ def mathieu(a, q, damping=0.0):
 
 def agree(systems, tol):
     """How many systems meet tol; each of them lies within both errors of what `floquet` says, and its verdict is the same."""
-    found, reached = find_together(systems, tol)
+    products = find_together(systems, tol)
+    found, reached = products.spectra, products.meets(tol)
     codes = {"stable": -1, "unstable": 1, "undecided": 0}
     for k in np.flatnonzero(reached):
         one = fl.floquet(systems[k], 1e-11)
@@ -62,5 +63,4 @@ def test_what_the_segments_do_not_follow_is_not_called_accurate():
     apart = fl.PeriodicSystem(
         lambda t: np.array([[1.0, 5.0], [0.0, -90.0]]) + 0.1 * np.sin(2 * np.pi * t)[:, None, None], 1.0
     )
-    _, reached = find_together([fast, fl.PeriodicSystem(jump, 1.0), apart], 1e-8)
-    assert not reached.any()
+    assert not find_together([fast, fl.PeriodicSystem(jump, 1.0), apart], 1e-8).meets(1e-8).any()
