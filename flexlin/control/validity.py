@@ -49,8 +49,8 @@ class Validity:
     >>> import flexlin as fl
     >>> from flexlin.control.validity import Validity
     >>> plant = fl.linearize(fl.build_manipulator(scene := fl.load_scene("khang-2019")), scene.motion)
-    >>> print(Validity(np.eye(4)[:2], np.array([0.2, 0.5]), 0.1, plant.coordinates, np.full(2, 1e-4)).status.split(" along")[0])
-    deflections below 0.2 ± 1e-04 rad in q1
+    >>> print(Validity(np.eye(4)[:2], np.array([0.2, 0.5]), 0.1, plant.coordinates, np.full(2, 1e-4)).status.split(", where")[0])
+    the linear model serves for disturbances of up to 0.2 ± 1e-04 rad in q1
     """
 
     directions: Array

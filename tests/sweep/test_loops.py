@@ -108,7 +108,7 @@ def test_a_model_written_in_python_is_swept_by_symbols_or_rebuilt_at_each_value(
         assert largest_gap(data["exponents"].values[1], exact) < 3e-8
     assert alone == [0, 2, 2]
     with pytest.raises(ArgumentError, match="registered in this process only"):
-        fl.sweep(scene, {"parameters.length": [0.5, 0.8]}, workers=2)
+        fl.sweep(scene, {"parameters.length": np.linspace(0.5, 0.8, 2000)}, workers=2)
 
 
 @pytest.mark.parametrize(

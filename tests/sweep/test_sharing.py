@@ -13,6 +13,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.answers import compute_here, keep_in, prepare_job, share_among_processes, share_on_cluster
+from flexlin.cli import main
 from flexlin.errors import ArgumentError, OutputError
 
 SCENE = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
@@ -175,6 +176,25 @@ def test_a_store_of_another_sweep_is_refused_with_what_differs(change, what, tmp
             loop=change.get("loop", "own"),
             store=tmp_path / "c.zarr",
         )
+
+
+def test_an_incomplete_chart_goes_on_with_more_time(tmp_path, capsys, monkeypatch):
+    """Limits change no number, so the command may be given again with others, as its message advises."""
+    pytest.importorskip("zarr")
+    words = ["chart", "single-link", "--over", "effects.payload.mass=0:0.3:200", "--store", str(tmp_path / "c.zarr")]
+    words += ["--set", "links.0.modes=1", "designs=[]", "control={}", "--out", str(tmp_path / "out")]
+
+    def interrupted(job):
+        yield next(compute_here(job))
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("flexlin.report.charts.choose_crew", lambda *_: interrupted)
+        assert main(words) == 4
+    assert main([*words, "--limit-seconds", "500", "--limit-memory", "9e8"]) == 0
+    said = capsys.readouterr().err
+    assert "values are there already" in said
+    assert "another" not in said
 
 
 def test_what_is_no_store_is_refused(tmp_path):

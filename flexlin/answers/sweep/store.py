@@ -198,7 +198,9 @@ def describe(job: Job) -> dict[str, str]:
         "version of flexlin": flexlin.__version__,
         "scene": job.scene.text
         if isinstance(job.scene, PeriodicFamily)
-        else json.dumps(raw_tables(job.scene), sort_keys=True),
+        else json.dumps(
+            {**raw_tables(job.scene), "accuracy": None}, sort_keys=True
+        ),  # limits change no number, tol stands below
         **values,
         "shape": str(job.shape),
         "loop": job.loop,
