@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -114,6 +115,33 @@ def test_an_alarm_within_a_finalizer_is_not_printed_and_rings_again(monkeypatch:
         Broken()
     assert [type(note.exc_value) for note in printed] == [ValueError]  # type: ignore[attr-defined]
     assert sys.unraisablehook == printed.append
+
+
+def test_an_alarm_amid_an_import_waits_until_the_module_is_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A package whose parts are only half there stays in sys.modules, and the next import of it takes them for whole."""
+    package = tmp_path / "slow_package"
+    package.mkdir()
+    (package / "__init__.py").write_text("from slow_package import first\nfrom slow_package import second\n")
+    (package / "first.py").write_text(
+        "import time\nend = time.process_time() + 0.6\nwhile time.process_time() < end: pass\n"
+    )
+    (package / "second.py").write_text("value = 2\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def load_and_spin() -> None:
+        import_module("slow_package")
+        spin(20.0)
+
+    with pytest.raises(TimeLimit), time_limit("the stage", 0.1):
+        load_and_spin()
+    assert sys.modules.pop("slow_package").second.value == 2
+    (tmp_path / "study.py").write_text(
+        "import time\nfrom flexlin.answers import time_limit\nwith time_limit('the study', 0.1):\n    while True: pass\n"
+    )
+    with pytest.raises(TimeLimit, match="the study"):
+        import_module("study")
 
 
 def test_an_alarm_that_compiled_code_hands_on_as_its_own_error_is_the_time_limit() -> None:

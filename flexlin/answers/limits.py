@@ -1,11 +1,13 @@
 """The limits of time and memory that a stage of the work keeps."""
 
+import inspect
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from types import FrameType
 
 import numpy as np
 
@@ -74,14 +76,24 @@ def limited(name: str, allowed: Allowance) -> Iterator[None]:
         ) from error
 
 
+def count_imports(frame: FrameType | None) -> int:
+    """How many imports are under way in a frame: an alarm amid one would leave half a module, taken for a whole one later."""
+    count = 0
+    while frame is not None:
+        code, frame = frame.f_code, frame.f_back
+        count += code.co_name == "_find_and_load" and code.co_filename.startswith("<frozen importlib")
+    return count
+
+
 @dataclass(frozen=True, eq=False)
 class Limit:
-    """The limit of a block: a watch that began with it, what was held then, and the alarms that rang for it."""
+    """The limit of a block: a watch that began with it, what was held and imported then, and the alarms that rang for it."""
 
     name: str
     allowed: Allowance
     watch: Stopwatch = field(default_factory=Stopwatch)
     held: int = field(default_factory=read_resident)
+    imports: int = field(default_factory=lambda: count_imports(inspect.currentframe()))
     rung: list[TimeLimit | TooLarge] = field(default_factory=list)
 
     def look(self) -> None:
@@ -101,12 +113,13 @@ LOOKING = threading.Lock()
 """Held while they are looked at: on a busy machine the next alarm may ring before that has ended."""
 
 
-def look_at_all(*_: object) -> None:
-    """Look whether the work is within all of its limits, which is what the alarm is for."""
+def look_at_all(_: int, frame: FrameType | None) -> None:
+    """Look whether the work is within all of its limits, which is what the alarm is for; behind an import, where one is under way."""
     if LOOKING.acquire(blocking=False):
         try:
             for limit in tuple(WATCHED):
-                limit.look()
+                if count_imports(frame) <= limit.imports:
+                    limit.look()
         finally:
             LOOKING.release()
 
