@@ -15,14 +15,14 @@ from flexlin.periodic.decoupling.parting import MAX_MERGES
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.result import FloquetResult, find_reached, judge
-from flexlin.periodic.floquet.segmented import solve_by_segments
+from flexlin.periodic.floquet.segmented import Factoring, solve_by_segments
 from flexlin.periodic.precision import CUBE, EPS, SAFETY
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.product.perturbation import bound_pairs, separate_triangular
 from flexlin.periodic.resolved.companion import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
-from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting
+from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, factor_twice
 
 PATIENCE = 4e9
 """Multiplications of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
@@ -138,22 +138,26 @@ def find_exponents(
     return answer_by_either(system, setting, tol, limit)
 
 
-def answer_by_segments(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
+def answer_by_segments(
+    system: PeriodicSystem, setting: Setting, tol: float, limit: int, factor: Factoring = factor_twice
+) -> FloquetResult:
     """The exponents of the product of the segments' factors.
 
     Raises: TooManySegments.
     """
-    spectrum = solve_by_segments(system, setting, tol, limit)
+    spectrum = solve_by_segments(system, setting, tol, limit, factor=factor)
     return finish(system, spectrum.logs / system.period, spectrum.errors / system.period, spectrum.setting, tol)
 
 
-def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
+def answer_by_either(
+    system: PeriodicSystem, setting: Setting, tol: float, limit: int, factor: Factoring = factor_twice
+) -> FloquetResult:
     """The exponents by decoupling where that promises less work, else by segments; by the better one where decoupling misses tol."""
     decoupled = try_decoupling(system, setting, tol)
     if decoupled is not None and not (count_missed(decoupled, tol) and is_worth_trying(system, setting, limit)):
         return decoupled
     try:
-        answer = answer_by_segments(system, setting, tol, limit)
+        answer = answer_by_segments(system, setting, tol, limit, factor)
     except TooManySegments:
         if decoupled is not None:
             return decoupled

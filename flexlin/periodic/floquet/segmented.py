@@ -1,5 +1,6 @@
 """Floquet exponents from the transition matrices of segments, with the error of the method and of rounding."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.grid import FINER
 from flexlin.periodic.precision import CUBE, FAINT, ROOT, SLIGHT
-from flexlin.periodic.product.spectrum import ProductSpectrum, find_spectrum
+from flexlin.periodic.product.spectrum import ProductSpectrum, Unknown, find_spectrum
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import FEWER_SEGMENTS, Setting, factor_twice, place_segments, report_too_many
@@ -41,8 +42,18 @@ class SegmentedSpectrum:
     stretched: bool = False
 
 
+Factored = tuple[list[Array], Array, Unknown]
+"""The factors of a period by a method and a better one, h A at their beginnings, and what is not known over each."""
+Factoring = Callable[[PeriodicSystem, Array, Setting], Factored]
+
+
 def solve_by_segments(
-    system: PeriodicSystem, setting: Setting, tol: float, max_segments: int, fixed: bool = False
+    system: PeriodicSystem,
+    setting: Setting,
+    tol: float,
+    max_segments: int,
+    fixed: bool = False,
+    factor: Factoring = factor_twice,
 ) -> SegmentedSpectrum:
     """Refine the segments until the errors of all exponents are below tol, or rounding allows no more.
 
@@ -53,9 +64,10 @@ def solve_by_segments(
     """
     if setting.segments > max_segments:
         raise report_too_many(setting.segments, max_segments, tol)
-    start, before, refined = None, np.inf, False
+    start, before, refined, factored = None, np.inf, False, None
     while True:
-        spectrum, method = measure_spectrum(system, setting, start)
+        factored = factored or factor(system, place_segments(system, setting), setting)
+        spectrum, method = measure_spectrum(system, setting, factored, start)
         wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / SAFETY
         resolved = np.isfinite(spectrum.errors)
         noise = (SAFETY if refined else 1.0) * spectrum.rounding  # below it, rounding alone may stand
@@ -71,16 +83,16 @@ def solve_by_segments(
             and not fixed
             and twice <= min(max_segments, FEWER_SEGMENTS)
         ):
-            setting, start, before = setting.with_segments(twice), spectrum.start, rounded
+            setting, start, before, factored = setting.with_segments(twice), spectrum.start, rounded, None
             continue
         if fixed or excess <= 1:
             noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
-            return add_blind(compare_noise(system, spectrum) if noisy else spectrum, system, tol)
+            return add_blind(compare_noise(system, spectrum, factor) if noisy else spectrum, system, tol)
         finer = np.clip(1.1 * excess ** (1 / setting.order), *FINER) if np.isfinite(excess) else FINER[1]
         count = int(np.ceil(setting.segments * finer))
         if count > max_segments:
             raise report_too_many(count, max_segments, tol)
-        setting, start, refined = setting.with_segments(count), spectrum.start, True
+        setting, start, refined, factored = setting.with_segments(count), spectrum.start, True, None
 
 
 def add_blind(spectrum: SegmentedSpectrum, system: PeriodicSystem, tol: float) -> SegmentedSpectrum:
@@ -90,25 +102,25 @@ def add_blind(spectrum: SegmentedSpectrum, system: PeriodicSystem, tol: float) -
     return replace(spectrum, errors=spectrum.errors + ROOT * tol * np.maximum(system.period, np.abs(spectrum.logs)))
 
 
-def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum) -> SegmentedSpectrum:
+def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum, factor: Factoring) -> SegmentedSpectrum:
     """Enlarge the errors by what other segments change, where what two methods differ by is rounding.
 
     The rounding of a strongly non-normal factor is far above that of its entries, in both methods, which may agree by accident.
     """
     setting, panels = spectrum.setting, len(spectrum.setting.shares)
     finer = setting.with_segments(int(np.ceil(FINER[0] * setting.segments)) + panels)  # more in every panel
-    other = measure_spectrum(system, finer, spectrum.start)[0]
+    factored = factor(system, place_segments(system, finer), finer)
+    other = measure_spectrum(system, finer, factored, spectrum.start)[0]
     apart = measure_distances(spectrum.logs, other.logs)
     moved = apart[np.arange(len(apart)), assign(apart)]
     return replace(spectrum, errors=np.maximum(spectrum.errors, SAFETY * moved))
 
 
 def measure_spectrum(
-    system: PeriodicSystem, setting: Setting, start: Array | None = None
+    system: PeriodicSystem, setting: Setting, factored: Factored, start: Array | None = None
 ) -> tuple[SegmentedSpectrum, Array]:
     """The exponents at one resolution, and the method's part of their errors (n,)."""
-    grid = place_segments(system, setting)
-    (plain, better), steps, unknown = factor_twice(system, grid, setting)
+    grid, ((plain, better), steps, unknown) = place_segments(system, setting), factored
     damped = setting.method == "radau"  # what is fast is damped: the stages do not cancel
     found = find_spectrum(plain, better, unknown, start=start, steps=None if damped else steps)
     logs, rounding = found.logs, found.rounding

@@ -1,20 +1,28 @@
 """Levels of the H-infinity norm, judged by a Hamiltonian system's multipliers, and the gains beside which they are tried."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.lazy import lazy
 from flexlin.periodic.circle import measure_distances, wrap_angle, wrap_log
-from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.exponents import answer_by_either, floquet
 from flexlin.periodic.floquet.modes import solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.floquet.segmented import Factored
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, SAFETY
+from flexlin.periodic.product.spectrum import Unknown
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.response.frequency import STAGES, Collocated
+from flexlin.periodic.response.frequency import STAGES, Collocated, Segments, condense
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.choice import choose_setting
+from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
+from flexlin.periodic.transition.setting import MAX_SEGMENTS, METHODS, Setting, factor_twice
 
+LEVEL_TOL = 1e-9
+"""Wanted accuracy of the exponents that judge a level."""
 WIDER = 4.0
 """The least factor on the distance to the largest gain that was found, from a level whose side is hidden to the next."""
 WAVES, MOST_WAVES, STARTS, CLIMBS = 8, 48, 3, 3
@@ -65,13 +73,67 @@ class BoundedReal:
             return PeriodicSystem(H(np.zeros(1))[0], self.system.period)
         return PeriodicSystem(H, self.system.period, breaks=self.breaks, complete=True)
 
+    @lazy
+    def settings(self) -> list[Setting]:
+        """Of the level before, where its method serves the next one."""
+        return []
+
+    @lazy
+    def made(self) -> dict[tuple[bytes, bytes], Segments]:
+        """The segments that were made, by edges and nodes."""
+        return {}
+
+    def segments(self, edges: Array, rule: Tableau) -> Segments:
+        """The system's own, which serve all levels; inputs and outputs so weighted that their squares add up to the integrals."""
+        key = edges.tobytes(), rule.c.tobytes()
+        if key not in self.made:
+            t, h = place_nodes(edges, rule.c), np.diff(edges)
+            A, *ports = (sample_at(one, t) for one in (self.system.resolved, self.B, self.C, self.D))
+            found = condense(A, ports, h, rule)
+            p, m = ports[2].shape[-2:]
+            by = np.sqrt(h[:, None] * rule.b)
+            into, out = 1 / np.repeat(by, m, axis=1)[:, None], np.repeat(by, p, axis=1)[..., None]
+            self.made[key] = Segments(found.free, found.pushed * into, found.seen * out, found.through * out * into)
+        return self.made[key]
+
+    def factor(self, level: float, system: PeriodicSystem, edges: Array, setting: Setting) -> Factored:
+        """Transition matrices of H from the segments of the system itself: Gauss collocation of the one is that of the other.
+
+            g^2 u = P' l_1 + R' y,  l_0 = F' l_1 + S' y       x_1 = F x_0 + P u,  y = S x_0 + R u
+
+        Source: Sanz-Serna, Symplectic Runge-Kutta schemes for adjoint equations, optimal control, and more, SIAM Review 58 (2016).
+        """
+        if setting.method != "gauss":
+            return factor_twice(system, edges, setting)
+        resolved, h, n = system.resolved, np.diff(edges)[:, None, None], self.system.n
+        starts, factors = resolved(edges[:-1]), []
+        for order in (setting.order, setting.order + 4):
+            one = self.segments(edges, METHODS[setting.method](order))
+            F, P, S, R = one.free, one.pushed, one.seen, one.through
+            turned = np.swapaxes(R, 1, 2)
+            solved = np.linalg.solve(
+                level**2 * np.eye(R.shape[2]) - turned @ R, np.concatenate([turned @ S, np.swapaxes(P, 1, 2)], axis=2)
+            )
+            a, b = F + P @ solved[..., :n], level * P @ solved[..., n:]
+            c = np.swapaxes(S, 1, 2) @ (S + R @ solved[..., :n]) / level
+            back = np.linalg.inv(np.swapaxes(a, 1, 2))
+            factors.append(np.block([[a - b @ back @ c, b @ back], [-back @ c, back]]))
+        return factors, h * starts, Unknown(h * (EPS * np.abs(starts) + resolved.mean_error(edges)))
+
     def judge(self, level: float, unseen: Array) -> "Level":
         """On which side of the norm a level lies, as far as the exponents of H show it, and the frequencies of what it meets.
 
         Below: a multiplier lies on the circle, since no other one is near that could be its mirror image in it. Above: none does, but for
         the pairs of modes that are `unseen` or not reached, which no level moves, where no other one is near.
         """
-        found = floquet(self.hamiltonian(level))
+        system = self.hamiltonian(level)
+        if self.constant:
+            found = floquet(system)
+        else:
+            setting = self.settings[0] if self.settings else choose_setting(system, LEVEL_TOL, "auto", None, None)
+            found = answer_by_either(system, setting, LEVEL_TOL, MAX_SEGMENTS, partial(self.factor, level))
+            if found.setting.method == "gauss":
+                self.settings[:] = [found.setting]
         known = np.isfinite(found.errors)
         errors, size = np.where(known, found.errors, 0.0), np.where(known, np.abs(found.exponents.real), np.inf)
         logs = found.log_multipliers

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, NotStable, ToleranceNotReached
+from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.grid import place_edges
@@ -16,7 +17,15 @@ from flexlin.periodic.product.cyclic import cyclic_system
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve_port
 from flexlin.periodic.system import PeriodicSystem, as_system
-from flexlin.periodic.transition.gauss import place_nodes, radau, sample_at, solve_stages
+from flexlin.periodic.transition.gauss import (
+    CHUNK_BYTES,
+    Tableau,
+    place_nodes,
+    radau,
+    sample_at,
+    solve_stages,
+    weigh_stages,
+)
 from flexlin.summary import represent
 
 STAGES, FEWEST, LARGEST, FARTHEST_ORDER = 8, 8, 4000, 64
@@ -155,44 +164,79 @@ class Collocated:
         every = (system.resolved, *ports)
         least = max((-(-2 * one.degree // STAGES) for one in every if one.panels > 1), default=1)
         edges = place_edges(system.period, np.unique(np.concatenate([one.edges for one in every])), count, least)
-        self.rule, h = radau(STAGES), np.diff(edges)
+        self.rule, self.h = radau(STAGES), np.diff(edges)
         t = place_nodes(edges, self.rule.c)
         t[:, -1] = np.nextafter(edges[1:], -np.inf)  # before a jump
-        self.t, self.h, self.period, self.weights = (
-            t,
-            h[:, None, None, None],
-            system.period,
-            h[:, None] * self.rule.b / system.period,
-        )
+        self.t, self.period, self.weights = t, system.period, self.h[:, None] * self.rule.b / system.period
         self.A, self.ports = sample_at(system.resolved, t), [sample_at(one, t) for one in ports]
 
-    def answer(self, omega: float, v: Array) -> Array:
-        """What stands beside exp(i omega t) in y at the stages (K, s, p, r), for v there (K, s, m, r)."""
-        B, C, *D = self.ports
-        n = self.A.shape[-1]
-        hA = self.h * (self.A - 1j * omega * np.eye(n))
-        pushed = np.einsum("ij,kjnr->kinr", self.rule.a, self.h * (B @ v))
-        start = np.broadcast_to(np.eye(n), self.A.shape)
-        within = solve_stages(hA, self.rule, np.concatenate([start, pushed], axis=-1))
-        free, forced = within[..., :n], within[..., n:]
-        x = cyclic_system(free[:, -1]).solve(forced[:, -1])
-        y = C @ (free @ x[:, None] + forced)
-        return y + D[0] @ v if D else y
+    def condense(self, shift: float) -> "Segments":
+        """The segments of x' = (A - i shift) x + B u."""
+        A = self.A - 1j * shift * np.eye(self.A.shape[-1]) if shift else self.A
+        return condense(A, self.ports, self.h, self.rule)
+
+    @lazy
+    def unshifted(self) -> "Segments":
+        """The segments for inputs of any frequency that they resolve."""
+        return self.condense(0.0)
 
     def harmonics(self, omega: Array, highest: int) -> Array:
         """H (W, 2 highest + 1, p, m)."""
-        v = np.broadcast_to(np.eye(self.ports[0].shape[-1]), (*self.t.shape, *[self.ports[0].shape[-1]] * 2))
+        (K, s), p, m = self.t.shape, self.ports[1].shape[-2], self.ports[0].shape[-1]
+        v = np.tile(np.eye(m), (s, 1))
         back = self.weights * self.waves(-np.arange(-highest, highest + 1))
-        return np.array([np.tensordot(back, self.answer(w, v), axes=((1, 2), (0, 1))) for w in omega.tolist()])
+        answers = (self.condense(w).answer(v, 1.0).reshape(K, s, p, m) for w in omega.tolist())
+        return np.array([np.tensordot(back, y, axes=((1, 2), (0, 1))) for y in answers])
 
     def gain(self, omega: float, highest: int) -> float:
-        """The largest |y| / |u| in mean square, for inputs with so many harmonics."""
-        m = self.ports[0].shape[-1]
-        waves = self.waves(np.arange(-highest, highest + 1))
-        v = np.einsum("lks,ij->ksilj", waves, np.eye(m)).reshape(*self.t.shape, m, -1)
-        y = (np.sqrt(self.weights)[..., None, None] * self.answer(omega, v)).reshape(-1, v.shape[-1])
+        """The largest |y| / |u| in mean square, for inputs with so many harmonics; omega within what the segments resolve."""
+        m, orders = self.ports[0].shape[-1], np.arange(-highest, highest + 1)
+        u = np.exp(1j * omega * self.t) * self.waves(orders)
+        v = np.einsum("lks,ij->ksilj", u, np.eye(m)).reshape(len(self.h), -1, m * len(orders))
+        y = self.unshifted.answer(v, np.exp(1j * omega * self.period))
+        y = (np.repeat(np.sqrt(self.weights), y.shape[1] // STAGES, axis=1)[..., None] * y).reshape(-1, v.shape[-1])
         return float(np.sqrt(np.linalg.eigvalsh(y.conj().T @ y)[-1]))
 
     def waves(self, orders: Array) -> Array:
         """exp(2 pi i k t / T) at the stages, (k, K, s)."""
         return np.asarray(np.exp(2j * np.pi / self.period * orders[:, None, None] * self.t))
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """Segments of x' = A x + B u, y = C x + D u by their ends: x_1 = free x_0 + pushed u, y = seen x_0 + through u, u and y at the stages.
+
+    free (K, n, n), pushed (K, n, s m), seen (K, s p, n), through (K, s p, s m).
+    """
+
+    free: Array
+    pushed: Array
+    seen: Array
+    through: Array
+
+    def answer(self, u: Array, turn: complex) -> Array:
+        """The output at the stages (K, s p, r) for an input there (K, s m, r), where x(T) = turn x(0)."""
+        back = np.where(np.arange(len(self.free)) < len(self.free) - 1, 1.0, 1 / turn)[:, None, None]
+        x = cyclic_system(back * self.free).solve(back * (self.pushed @ u))
+        return self.seen @ x + self.through @ u
+
+
+def condense(A: Array, ports: list[Array], h: Array, rule: Tableau) -> Segments:
+    """Segments from samples at the stages, A (K, s, n, n), B, C and perhaps D: nothing is left to be solved for an input in any of them."""
+    B, C, *D = ports
+    (s, n), m = A.shape[1:3], B.shape[-1]
+    size, made = max(1, CHUNK_BYTES // (8 * (s * n) ** 2)), list[tuple[Array, ...]]()
+    for k in (slice(i, i + size) for i in range(0, len(h), size)):
+        hA, hB = (h[k, None, None, None] * one[k] for one in (A, B))
+        K = len(hA)
+        inputs = np.einsum("ij,kjnm->kinjm", rule.a, hB).reshape(K, s, n, s * m)
+        within = solve_stages(hA, rule, np.concatenate([np.broadcast_to(np.eye(n), hA.shape), inputs], axis=-1))
+        ends = weigh_stages(hA, rule, within)
+        ends[..., :n] += np.eye(n)
+        ends[..., n:] += np.swapaxes(rule.b[:, None, None] * hB, 1, 2).reshape(K, n, s * m)
+        seen = C[k] @ within
+        for i in range(s if D else 0):
+            seen[:, i, :, n + i * m : n + (i + 1) * m] += D[0][k, i]
+        seen = seen.reshape(K, -1, n + s * m)
+        made.append((ends[..., :n], ends[..., n:], seen[..., :n], seen[..., n:]))
+    return Segments(*map(np.concatenate, zip(*made, strict=True)))
