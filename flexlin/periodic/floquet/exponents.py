@@ -149,15 +149,13 @@ def answer_by_segments(
     return finish(system, spectrum.logs / system.period, spectrum.errors / system.period, spectrum.setting, tol)
 
 
-def answer_by_either(
-    system: PeriodicSystem, setting: Setting, tol: float, limit: int, factor: Factoring = factor_twice
-) -> FloquetResult:
+def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
     """The exponents by decoupling where that promises less work, else by segments; by the better one where decoupling misses tol."""
     decoupled = try_decoupling(system, setting, tol)
     if decoupled is not None and not (count_missed(decoupled, tol) and is_worth_trying(system, setting, limit)):
         return decoupled
     try:
-        answer = answer_by_segments(system, setting, tol, limit, factor)
+        answer = answer_by_segments(system, setting, tol, limit)
     except TooManySegments:
         if decoupled is not None:
             return decoupled

@@ -6,9 +6,10 @@ from functools import partial
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.errors import TooManySegments
 from flexlin.lazy import lazy
 from flexlin.periodic.circle import measure_distances, wrap_angle, wrap_log
-from flexlin.periodic.floquet.exponents import answer_by_either, floquet
+from flexlin.periodic.floquet.exponents import answer_by_segments, floquet
 from flexlin.periodic.floquet.modes import solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.floquet.segmented import Factored
@@ -19,7 +20,7 @@ from flexlin.periodic.response.frequency import STAGES, Collocated, Segments, co
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
-from flexlin.periodic.transition.setting import MAX_SEGMENTS, METHODS, Setting, factor_twice
+from flexlin.periodic.transition.setting import FEWER_SEGMENTS, METHODS, Setting, factor_twice
 
 LEVEL_TOL = 1e-9
 """Wanted accuracy of the exponents that judge a level."""
@@ -75,7 +76,7 @@ class BoundedReal:
 
     @lazy
     def settings(self) -> list[Setting]:
-        """Of the level before, where its method serves the next one."""
+        """That of the first level, with which all begin, so that they share segments."""
         return []
 
     @lazy
@@ -120,6 +121,15 @@ class BoundedReal:
             factors.append(np.block([[a - b @ back @ c, b @ back], [-back @ c, back]]))
         return factors, h * starts, Unknown(h * (EPS * np.abs(starts) + resolved.mean_error(edges)))
 
+    def find_exponents(self, system: PeriodicSystem, level: float) -> FloquetResult:
+        """The exponents of H by segments that all levels share, where so few do."""
+        if not self.settings:
+            self.settings.append(choose_setting(system, LEVEL_TOL, "auto", None, None))
+        try:
+            return answer_by_segments(system, self.settings[0], LEVEL_TOL, FEWER_SEGMENTS, partial(self.factor, level))
+        except TooManySegments:
+            return floquet(system, LEVEL_TOL)
+
     def judge(self, level: float, unseen: Array) -> "Level":
         """On which side of the norm a level lies, as far as the exponents of H show it, and the frequencies of what it meets.
 
@@ -127,13 +137,7 @@ class BoundedReal:
         the pairs of modes that are `unseen` or not reached, which no level moves, where no other one is near.
         """
         system = self.hamiltonian(level)
-        if self.constant:
-            found = floquet(system)
-        else:
-            setting = self.settings[0] if self.settings else choose_setting(system, LEVEL_TOL, "auto", None, None)
-            found = answer_by_either(system, setting, LEVEL_TOL, MAX_SEGMENTS, partial(self.factor, level))
-            if found.setting.method == "gauss":
-                self.settings[:] = [found.setting]
+        found = floquet(system) if self.constant else self.find_exponents(system, level)
         known = np.isfinite(found.errors)
         errors, size = np.where(known, found.errors, 0.0), np.where(known, np.abs(found.exponents.real), np.inf)
         logs = found.log_multipliers
@@ -243,8 +247,12 @@ class PeakSearch:
         return float(np.clip(wanted, WIDER * aside, WIDER**STARTS * aside))
 
     def least(self) -> float:
-        """A little more than the least gain that was found, by a second resolution that is twice as fine."""
-        omega = min(self.gains, key=lambda one: self.gains[one])
-        finer = Collocated(self.problem.system, self.problem.C, self.problem.D, 2 * self.segments)
-        again = finer.gain(omega, 2 * self.highest)
-        return max(again, self.gains[omega]) + SAFETY * abs(again - self.gains[omega])
+        """A little more than the least gain that was found, by a second resolution: half as fine, or twice where that says too little."""
+        omega, bound = min(self.gains, key=lambda one: self.gains[one]), np.inf
+        for count, highest in ((max(1, self.segments // 2), self.highest // 2), (2 * self.segments, 2 * self.highest)):
+            other = Collocated(self.problem.system, self.problem.C, self.problem.D, count)
+            again = other.gain(omega, highest)
+            bound = max(again, self.gains[omega]) + SAFETY * abs(again - self.gains[omega])
+            if bound < self.best[0]:
+                break
+        return float(bound)

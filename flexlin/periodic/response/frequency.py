@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg.blas import zherk
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
@@ -195,7 +196,7 @@ class Collocated:
         v = np.einsum("lks,ij->ksilj", u, np.eye(m)).reshape(len(self.h), -1, m * len(orders))
         y = self.unshifted.answer(v, np.exp(1j * omega * self.period))
         y = (np.repeat(np.sqrt(self.weights), y.shape[1] // STAGES, axis=1)[..., None] * y).reshape(-1, v.shape[-1])
-        return float(np.sqrt(np.linalg.eigvalsh(y.conj().T @ y)[-1]))
+        return float(np.sqrt(np.linalg.eigvalsh(zherk(1.0, y.T), "U")[-1]))
 
     def waves(self, orders: Array) -> Array:
         """exp(2 pi i k t / T) at the stages, (k, K, s)."""

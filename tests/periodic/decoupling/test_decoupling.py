@@ -109,7 +109,7 @@ def test_the_worse_of_two_answers_is_not_given(monkeypatch):
     blind = SegmentedSpectrum(good.log_multipliers, np.full(4, 1e3), np.zeros(4), good.setting, np.eye(4))
     for endless in (False, True):
 
-        def by_segments(*_, endless=endless):
+        def by_segments(*_, endless=endless, **__):
             if endless:
                 raise TooManySegments("too many")
             return blind
