@@ -321,7 +321,8 @@ def make_family(
     if isinstance(source, PeriodicFamily):
         order = source.find_places(ranges, loop)
         own = np.full(len(order), np.nan)
-        return SymbolicFamily(Placed(source, order), own, source=source, box=box, places=tuple(order))
+        kept = SymbolicFamily(Placed(source, order), own, source=source, box=box, places=tuple(order))
+        return kept if kept.together is not None else FunctionFamily(kept.make, own, box=box)
     if not callable(source):
         expected = "a scene, a PeriodicFamily, or a function of numbers that returns a PeriodicSystem"
         raise ArgumentError("the source is of another kind", got=repr(source)[:80], expected=expected)

@@ -119,7 +119,8 @@ SMALL = 1e-3
 """The least unit, in mean sizes of an exponent."""
 AGAIN, CHANGED = 5, 2.0
 """How often the first level is repeated while the growth rate still changes by this factor."""
-SETTLED = 1e-7
+SETTLED = 0.01
+"""Relative decrease over a few steps that ends a level's search, as a part of the level: it is smoothed by more than that."""
 DIFFERENCE = 0.02
 """Step of differences by x, in mu per growth rate."""
 SCREENED, GRID = 40, 3
@@ -209,7 +210,7 @@ def search_level(
     """The minimum of the smoothed growth rate at one level."""
     smoothing, step = Smoothing(level * unit, HORIZON / unit), DIFFERENCE * level
     return descend(
-        lambda at: problem.value(at, smoothing), lambda at: problem.gradient(at, smoothing, step), x, steps, SETTLED, factor
+        lambda at: problem.value(at, smoothing), lambda at: problem.gradient(at, smoothing, step), x, steps, SETTLED * level, factor
     )  # fmt: skip
 
 
