@@ -154,16 +154,18 @@ static void command(int m, int inputs, long points, const double *gain, const do
     }
 }
 
-/* Whether what the sweeps still leave over does not count: rule: slow, share, stalled; left: the share of the last change that a sweep leaves. */
+/* Whether what the sweeps still leave over does not count: rule: slow, share, stalled, least; left: the share of the last change that a sweep
+ * leaves, of which the least is believed: one sweep may come out small by chance, after wild ones too. */
 static int settled(double change, double left, const double *rule, double tol) {
   if (left >= rule[0]) return change <= (isfinite(left) ? rule[2] : rule[1]) * tol;
+  left = fmax(left, rule[3]);
   return change * left / (1.0 - left) <= rule[1] * tol;
 }
 
 /* Newton's sweeps over a window of steps with the same factors, until they settle or call for others. A sweep corrects the motion x, y, v, w by its
  * residuals F, of which those at hand are taken where known > 0; others come from the torque, offset - gain [y; v], and the program in code, whose
  * inputs `in` and outputs `out` are these arrays, among them F. Without a program (count 0), or where `once` > 0, one sweep is made.
- * state: sweeps so far, and the last change; rule: slow, share, stalled, grown, the most sweeps; tol.
+ * state: sweeps so far, and the last change; rule: slow, share, stalled, least, grown, the most sweeps; tol.
  * Returns 0 where another sweep is to be made, 1 settled, 2 slow, 3 lost, -1 without memory; what is settled has the outputs of its motion. */
 CALLED int sweep_steps(int m, int stages, int steps, int inputs, const double *lengths, const double *tableau, double *kept, const double *by_start,
                        const double *Phi, const double *gain, const double *offset, const double *start, const double *scale, double tol,
@@ -189,7 +191,7 @@ CALLED int sweep_steps(int m, int stages, int steps, int inputs, const double *l
     if (change < 0.0) found = -1;
     else if (!isfinite(change)) found = 3;
     else if (settled(change, state[0] > 1.0 ? left : INFINITY, rule, tol)) found = 1;
-    else if ((state[0] > 2.0 && left > rule[3]) || state[0] >= rule[4]) found = 3;
+    else if ((state[0] > 2.0 && left > rule[4]) || state[0] >= rule[5]) found = 3;
     else if (state[0] > 1.0 && left >= rule[0]) found = 2;
     state[1] = change;
     if (once || !count) break;

@@ -24,7 +24,9 @@ SHARE = 0.02
 """The share of the tolerance that the sweeps may leave over."""
 STALLED = 0.1
 """The share of the tolerance at which rounding may stop the sweeps."""
-RULE = np.array([SLOW, SHARE, STALLED, GROWN, SWEEPS])
+LEAST = 0.01
+"""A sweep is not believed to leave less of the last one's change than this."""
+RULE = np.array([SLOW, SHARE, STALLED, LEAST, GROWN, SWEEPS])
 
 FACTOR_STEPS = declare(
     "int factor_steps(int m, int stages, int steps, const double *blocks, const double *lengths, const double *tableau, double *kept, "
@@ -46,7 +48,7 @@ SWEEP_STEPS = declare(
     "double *w)",
     lambda m, s, K, inputs, *rest: (
         *(K, 2 * s * (s + 1), kept_numbers(m, s, K), (K, s * m, 2 * m), (K, 2 * m, 2 * m)),
-        *((K * s, inputs, 2 * m), (K * s, inputs), 2 * m, 2 * m, 5, (rest[13], 4), None, None, None, 2),
+        *((K * s, inputs, 2 * m), (K * s, inputs), 2 * m, 2 * m, 6, (rest[13], 4), None, None, None, 2),
         *((K * s, m), (K * s, inputs), (K + 1, 2 * m), (K, s, m), (K, s, m), (K, s, m)),
     ),
     optional=("code", "rows", "sizes", "work"),
@@ -215,6 +217,15 @@ class Window:
         if found < 0:
             raise MemoryError("the stages of a step")
         self.sound = bool(found)
+
+    def first(self, grid: Grid) -> "Window":
+        """The same on a grid of the first steps."""
+        n, s, count, part = self.n, grid.stages, grid.count, object.__new__(Window)
+        vars(part).update(
+            grid=grid, n=n, _blocks=self._blocks[: count * s], kept=self.kept[: kept_numbers(n, s, count)]
+        )
+        vars(part).update(by_start=self.by_start[:count], transition=self.transition[:count], sound=self.sound)
+        return part
 
     def corrected(self, path: Path, start: Array, F: Array) -> Path:
         """Newton's step from a path whose residuals are F (K s, n) to one that begins at `start`; the path itself is changed."""
