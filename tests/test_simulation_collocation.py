@@ -16,7 +16,7 @@ from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import LinearEquations, NonlinearEquations
 from flexlin.simulation.marks import with_breaks
-from flexlin.simulation.sweeps import Start, solve_window
+from flexlin.simulation.sweeps import Rigid, Start, solve_window
 from flexlin.simulation.window import Grid, Window, between
 from tests.closed_arm import closed
 
@@ -48,7 +48,7 @@ def test_states_agree_with_an_independent_integrator_within_the_stated_error(nam
     lin = closed(name)
     for tol in (1e-5, 1e-8):
         run = simulate(lin, share, tol=tol)
-        expected = independent(lin, np.zeros(2 * lin.n), run.t)
+        expected = independent(lin, np.zeros(2 * lin.n), run.t, rtol=1e-13)
         apart = np.abs(run.nonlinear - expected).max() / max(1.0, np.abs(expected).max())
         assert apart <= run.error + 1e-10
         assert run.error <= 10 * tol
@@ -80,7 +80,9 @@ def test_fixed_steps_converge_with_the_order_of_the_method(stages):
         x, before = start, np.zeros(lin.n)
         for k in range(count):
             grid = Grid(end * np.array([k, k + 1]) / count, stages)
-            x = solve_window(equations, grid, x, before, np.ones(4), 1e-14, Start.NEWTON, 0.0).path.x[-1]
+            x = solve_window(
+                equations, Rigid.of(equations, grid, 0.0), x, before, np.ones(4), 1e-14, Start.NEWTON
+            ).path.x[-1]
         return x
 
     exact = independent(lin, start, np.array([0.0, end]), rtol=1e-13)[-1]
@@ -93,10 +95,10 @@ def test_windows_of_many_steps_equal_one_step_after_another():
     lin = closed()
     equations, grid = NonlinearEquations(lin, lin.law), Grid(0.3 + 0.06 * np.linspace(0, 1, 17) ** 1.3, 4)
     x, before = 0.01 * np.random.default_rng(3).standard_normal(6), np.zeros(3)
-    whole = solve_window(equations, grid, x, before, np.ones(6), 1e-12, Start.RIGID, 0.0)
+    whole = solve_window(equations, Rigid.of(equations, grid, 0.0), x, before, np.ones(6), 1e-12, Start.RIGID)
     for k in range(grid.count):
-        one = Grid(grid.edges[k : k + 2], 4)
-        x = solve_window(equations, one, x, before, np.ones(6), 1e-12, Start.NEWTON, 0.0).path.x[-1]
+        one = Rigid.of(equations, Grid(grid.edges[k : k + 2], 4), 0.0)
+        x = solve_window(equations, one, x, before, np.ones(6), 1e-12, Start.NEWTON).path.x[-1]
         np.testing.assert_allclose(whole.path.x[k + 1], x, atol=1e-10)
 
 
@@ -205,7 +207,7 @@ def test_linear_equations_need_one_sweep():
     start = np.random.default_rng(5).standard_normal(6)
     grid = Grid(np.linspace(0.1, 0.14, 5), 4)
     equations = LinearEquations(lin, lin.law)
-    one = solve_window(equations, grid, start, np.zeros(3), np.ones(6), 1e-9, Start.RIGID, 0.0)
+    one = solve_window(equations, Rigid.of(equations, grid, 0.0), start, np.zeros(3), np.ones(6), 1e-9, Start.RIGID)
     at = equations.places(grid.times.ravel())
     F, _ = equations.residual(at, *one.path.stages)
     assert one.sweeps == 2
@@ -222,6 +224,16 @@ def test_the_linear_answer_beside_the_nonlinear_one_is_that_of_a_run_of_its_own(
         _, beside = NonlinearLoop(lin, lin.law).beside_linear(t, start, 1e-9, 5)
         alone, _ = predict(lin, t, start, lin.law, 1e-10)
         assert np.abs(beside - alone).max() <= 1e-7 * np.abs(alone).max()
+
+
+@pytest.mark.parametrize("t", [[0.0], [0.0, 0.0], [0.0, 0.0, 0.01]])
+def test_times_may_begin_with_the_start_several_times_or_be_the_start_alone(t):
+    lin, start = closed("khang-2019"), np.full(4, 0.01)
+    found = NonlinearLoop(lin, lin.law).integrate(np.array(t), start, 1e-6)
+    at_start = np.array(t) == 0.0
+    np.testing.assert_array_equal(found[at_start], np.append(start, 0.0) + np.zeros((at_start.sum(), 1)))
+    assert np.isfinite(found).all()
+    assert np.abs(found[~at_start, :4] - start).max(initial=0.1) > 1e-6
 
 
 @pytest.mark.slow

@@ -135,7 +135,11 @@ class Deviation:
 
     def of_arm(self, name: str, t: Array, *deviation: Array) -> Array:
         """One of `arm.functions` at s = E q + P y and as many rates as it takes: (N, rows, columns)."""
+        return self.at_positions(name, t, *self.positions(t, *deviation))
+
+    def at_positions(self, name: str, t: Array, *positions: Array) -> Array:
+        """The same at s and as many rates as it takes, (N, arm.n) each."""
         p = np.broadcast_to(self.arm.parameters.values, (len(t), len(self.arm.parameters.values)))
         function = self.arm.functions[name]
         phase = [self.motion.phase_of(t)[:, None]] if "phase" in function.name_in() else []
-        return symbolic.evaluate(function, *self.positions(t, *deviation), *phase, p)[0]
+        return symbolic.evaluate(function, *positions, *phase, p)[0]

@@ -4,7 +4,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.simulation.equations import Places
-from flexlin.simulation.window import Grid, Path, Window, between
+from flexlin.simulation.sweeps import Rigid
+from flexlin.simulation.window import Grid, Path, between
 
 
 class LinearPath:
@@ -26,11 +27,11 @@ class LinearPath:
         with np.errstate(over="ignore", invalid="ignore"):
             self.before = np.linalg.solve(M, places.force[0] - D @ self.x[n:] - K @ self.x[:n])
 
-    def on(self, window: Window, at: Places, floor: float) -> tuple[Path, Array]:
-        """The motion on a window of rigid matrices, and its local errors (K, 2n) relative to the largest state or to `floor`."""
+    def on(self, about: Rigid, floor: float) -> tuple[Path, Array]:
+        """The motion on a window, and its local errors (K, 2n) relative to the largest state or to `floor`."""
         with np.errstate(over="ignore", invalid="ignore"):
-            path = window.corrected(window.grid.rest(np.zeros(len(self.before))), self.x, -at.force)
-            errors = window.local_errors(path, self.before) / np.maximum(self.largest, floor)
+            path = about.window.corrected(about.grid.rest(np.zeros(len(self.before))), self.x, -about.at.force)
+            errors = about.window.local_errors(path, self.before) / np.maximum(self.largest, floor)
         return path, np.where(np.isfinite(errors), np.abs(errors), 0.0)
 
     def accept(self, path: Path) -> None:

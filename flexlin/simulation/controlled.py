@@ -21,7 +21,7 @@ class ControlledPlaces(Places):
     by_states: Array
     of_states: Array
 
-    def some(self, which: Array) -> "ControlledPlaces":
+    def some(self, which: Array | slice) -> "ControlledPlaces":
         """The same at some of the times."""
         some, arm = super().some(which), self.of_arm.some(which)
         own = self.by_states[which], self.of_states[which]

@@ -15,6 +15,7 @@ from flexlin.simulation.drive import Drive
 from flexlin.simulation.ending import name_largest
 from flexlin.simulation.friction import Friction, refuse
 from flexlin.simulation.marks import find_rough_times
+from flexlin.simulation.trail import Trail
 
 if TYPE_CHECKING:
     from flexlin.simulation.acceleration import Acceleration
@@ -54,6 +55,7 @@ class ControlledArm:
             raise refuse("a drive of limited rate, [control.saturation] rate", "a drive that follows at once")
         self.given: Array | None = None
         self.reached = list[float]()
+        self.trail: Trail | None = None
         self._calls = 0
 
     def command(self, t: float, x: Array) -> Array:

@@ -36,6 +36,17 @@ def smallest_masses(lin: Linearization, t: Array, x: Array) -> Array:
     return np.linalg.eigvalsh(M * scale[:, :, None] * scale[:, None, :])[:, 0]
 
 
+def find_indefinite(lin: Linearization, t: Array, x: Array) -> int | None:
+    """The first of states x (N, 2n) at times t (N,) whose mass matrix is not positive definite."""
+    kept = list(lin.kept)
+    try:
+        np.linalg.cholesky(lin.about.of_arm("M", t, x[:, : lin.n])[:, kept][:, :, kept])
+    except np.linalg.LinAlgError:
+        positive = smallest_masses(lin, t, x) > 0
+        return None if positive.all() else int(np.argmin(positive))
+    return None
+
+
 def name_largest(lin: Linearization, deviation: Array) -> str:
     """The largest of the deviations (n,) in each unit, with its coordinate: 0.41 rad in q1 and 0.22 m in w11."""
     size, units = np.where(np.isnan(deviation), np.inf, deviation), [c.unit for c in lin.coordinates]

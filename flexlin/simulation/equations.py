@@ -35,7 +35,7 @@ class Places:
     linear: Matrices
     force: Array
 
-    def some(self, which: Array) -> "Places":
+    def some(self, which: Array | slice) -> "Places":
         """The same at some of the times."""
         M, D, K = (A[which] for A in self.linear)
         return Places(

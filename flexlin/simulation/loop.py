@@ -11,13 +11,14 @@ from flexlin.lazy import lazy
 from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.controlled import from_coordinates, to_coordinates, with_controller
 from flexlin.simulation.controlled_arm import ControlledArm
-from flexlin.simulation.ending import explain_end, smallest_masses
+from flexlin.simulation.ending import explain_end, find_indefinite
 from flexlin.simulation.equations import Equations, NonlinearEquations
 from flexlin.simulation.layers import hurries
 from flexlin.simulation.marks import with_breaks
 from flexlin.simulation.prediction import ROUNDING
 from flexlin.simulation.step_by_step import follow_cut, follow_held, follow_slewing, follow_sticking
 from flexlin.simulation.stepping import stopped
+from flexlin.simulation.trail import Trail
 
 CLOSE = 0.999
 """A torque nearer to its limit than this, at any stage of the collocation, is integrated as one that is cut."""
@@ -72,7 +73,7 @@ class NonlinearLoop(ControlledArm):
         return self.beside_linear(t, start, rtol, stages, linear=False)[0]
 
     def beside_linear(
-        self, t: Array, start: Array, rtol: float, stages: int, linear: bool = True
+        self, t: Array, start: Array, rtol: float, stages: int, linear: bool = True, trail: Trail | None = None
     ) -> tuple[Array, Array | None]:
         """Integrate from a start, and the linear equations on the same steps.
 
@@ -82,6 +83,8 @@ class NonlinearLoop(ControlledArm):
             As for `integrate`.
         linear : bool
             Whether the linear answer is wanted.
+        trail : Trail, optional
+            Of another run, for a start of this one.
 
         Returns
         -------
@@ -97,7 +100,7 @@ class NonlinearLoop(ControlledArm):
             if stepped:
                 return self._stepped(t, z, rtol), None
             try:
-                found = self._collocated(t, start, rtol, stages, linear)
+                found = self._collocated(t, start, rtol, stages, linear, trail)
             except TorqueCut:
                 return self._stepped(t, z, rtol), None
         except SimulationStopped as end:
@@ -125,7 +128,7 @@ class NonlinearLoop(ControlledArm):
         """The equations of the arm under a law without a controller."""
         return NonlinearEquations(self.lin, law)
 
-    def _collocated(self, t: Array, start: Array, rtol: float, stages: int, linear: bool) -> Array:
+    def _collocated(self, t: Array, start: Array, rtol: float, stages: int, linear: bool, trail: Trail | None) -> Array:
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
         marks, limit = with_breaks(t[[0, -1]], self.lin, self.rough), self.drive.limit
         passed: list[tuple[Array, Array]] = []
@@ -141,7 +144,8 @@ class NonlinearLoop(ControlledArm):
         watched = None if self.layers is None else partial(hurries, self.layers)
         integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept, watched)
         try:
-            return integrator.integrate(t, to_coordinates(start, self.n), marks, linear)
+            found, self.trail = integrator.integrate(t, to_coordinates(start, self.n), marks, linear, trail)
+            return found
         finally:
             self._check_mass(passed)
 
@@ -151,7 +155,6 @@ class NonlinearLoop(ControlledArm):
             return
         t, x = map(np.concatenate, zip(*passed, strict=True))
         passed.clear()
-        positive = smallest_masses(self.lin, t, x) > 0
-        if not positive.all():
-            first = int(np.argmin(positive))
+        first = find_indefinite(self.lin, t, x)
+        if first is not None:
             raise stopped(float(t[first]), "the mass matrix is not positive definite there", x[first])

@@ -10,6 +10,7 @@ from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.controlled import from_coordinates, to_coordinates, with_controller
 from flexlin.simulation.equations import LinearEquations
 from flexlin.simulation.marks import find_rough_times, with_breaks
+from flexlin.simulation.trail import Trail
 
 ROUNDING = 1e-12
 """A tolerance below this is not asked of a run."""
@@ -62,15 +63,17 @@ def predict(lin: Linearization, t: Array, start: Array, law: Law, tol: float) ->
     equations = with_controller(LinearEquations(lin, law.direct), law)
     n, k = lin.n, law.memory
 
-    def run(stages: int, share: float) -> Array:
+    def run(stages: int, share: float, trail: Trail | None = None) -> tuple[Array, Trail | None]:
         integrator = Collocation(equations, lin.period, stages, max(share * tol, ROUNDING))
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                return from_coordinates(integrator.integrate(t, to_coordinates(start, n), marks)[:, :-1], n, k)
+                found, trail = integrator.integrate(t, to_coordinates(start, n), marks, trail=trail)
+                return from_coordinates(found[:, :-1], n, k), trail
         except NumericalError:
-            return np.full((len(t), len(start)), np.nan)
+            return np.full((len(t), len(start)), np.nan), trail
 
-    coarse, fine = (run(*setting) for setting in RUNS)
+    coarse, trail = run(*RUNS[0])
+    fine, _ = run(*RUNS[1], trail)
     return fine, coarse
 
 

@@ -98,7 +98,7 @@ def simulate(
     (stages, share), (more, less) = RUNS
     rough, coarse = loop.beside_linear(t, start, share * tol, stages)
     often = subdivide(t, np.array(loop.reached), 6 * len(start))
-    fine, linear = loop.beside_linear(often, start, less * tol, more)
+    fine, linear = loop.beside_linear(often, start, less * tol, more, trail=loop.trail)
     at, arm = np.searchsorted(often, t), slice(2 * n)
     if linear is None or coarse is None:
         linear, coarse = predict(lin, often, start, law, tol)
@@ -204,9 +204,9 @@ def energy_error(lin: Linearization, t: Array, states: Array, work: Array) -> fl
     if lin.arm.near.energy is None:
         return float("nan")
     y, y_rate = states[:, : lin.n], states[:, lin.n : 2 * lin.n]
-    energy = lin.about.of_arm("energy", t, y, y_rate)[:, 0, 0]
-    rates = lin.about.positions(t, y, y_rate)[1]
-    kinetic = 0.5 * np.einsum("ti,tij,tj->t", rates, lin.about.of_arm("M", t, y), rates)
+    s, rates = lin.about.positions(t, y, y_rate)
+    energy = lin.about.at_positions("energy", t, s, rates)[:, 0, 0]
+    kinetic = 0.5 * np.einsum("ti,tij,tj->t", rates, lin.about.at_positions("M", t, s), rates)
     moved = max(np.ptp(kinetic) + np.ptp(energy - kinetic), np.ptp(work))
     scale = max(moved, np.abs(energy).max() * 1e-12, np.finfo(float).tiny)
     return float(np.abs(energy - energy[0] - work).max() / scale)

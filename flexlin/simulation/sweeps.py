@@ -6,24 +6,52 @@ from enum import IntEnum
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.lazy import lazy
 from flexlin.simulation.equations import Equations, Matrices, Places
 from flexlin.simulation.window import Found, Grid, Path, Sweeps, Window
 
 
 @dataclass(frozen=True)
 class Solved:
-    """A window's motion, the power (K, s) and the torque (K, s, m) at its stages, the matrices, and how many sweeps it took.
-
-    at, rigid: the equations of the rigid motion at the stages, and their matrices.
-    """
+    """A window's motion, the power (K, s) and the torque (K, s, m) at its stages, the matrices, and how many sweeps it took."""
 
     window: Window
     path: Path
     power: Array
     torque: Array
     sweeps: int
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """The equations about the rigid motion at the stages of a grid.
+
+    inside: how far before a step's end its last stage is taken, since a break may be there.
+    """
+
+    grid: Grid
     at: Places
-    rigid: Window
+    inside: float
+
+    @classmethod
+    def of(cls, equations: Equations, grid: Grid, inside: float) -> "Rigid":
+        """All that depends on the times alone."""
+        times = np.minimum(grid.times, grid.edges[1:, None] - inside).ravel()
+        return cls(grid, equations.places(times), inside)
+
+    @lazy
+    def window(self) -> Window:
+        """The linear equations, factored."""
+        return Window(self.grid, *self.at.linear)
+
+    def first(self, count: int) -> "Rigid":
+        """The same on the first steps, the window cut."""
+        if count == self.grid.count:
+            return self
+        grid = self.grid.first(count)
+        part = Rigid(grid, self.at.some(slice(count * grid.stages)), self.inside)
+        vars(part)["window"] = self.window.first(grid)
+        return part
 
 
 class Start(IntEnum):
@@ -38,19 +66,27 @@ class Start(IntEnum):
 
 
 def solve_window(
-    equations: Equations, grid: Grid, start: Array, before: Array, scale: Array, tol: float, begin: Start, inside: float
+    equations: Equations,
+    about: Rigid,
+    start: Array,
+    before: Array,
+    scale: Array,
+    tol: float,
+    begin: Start,
+    path: Path | None = None,
 ) -> Solved | None:
     """The motion on a grid from a state `start` (2n,) with acceleration `before` (n,), or None where the sweeps do not settle.
 
-    scale: (2n,) what tol is relative to; inside: how far before a step's end its last stage is taken, since a break may be there.
+    scale: (2n,) what tol is relative to; path: where the sweeps begin, if that is known better.
     """
-    n = len(before)
-    times = np.minimum(grid.times, grid.edges[1:, None] - inside).ravel()
-    at = equations.places(times)
+    n, grid, at = len(before), about.grid, about.at
     rigid, newton, slow = begin is Start.RIGID, begin is Start.NEWTON, 0
-    path = grid.coasting(start) if newton else grid.rest(np.zeros(n) if rigid else start[:n])
-    first = Window(grid, *(at.linear if rigid else shifted(equations, at, grid.edges[0] + inside, start, before)))
-    F, ready = np.empty((len(times), n)), equations.ready(at)
+    resting = rigid and path is None
+    path = path or (grid.coasting(start) if newton else grid.rest(np.zeros(n) if rigid else start[:n]))
+    first = (
+        about.window if rigid else Window(grid, *shifted(equations, at, grid.edges[0] + about.inside, start, before))
+    )
+    F, ready = np.empty((len(at.t), n)), equations.ready(at)
     sweeps = Sweeps(first, path, start, scale, np.ascontiguousarray(at.gain), np.ascontiguousarray(at.offset), F)
     while True:
         if newton or slow:
@@ -63,7 +99,7 @@ def solve_window(
                     else shifted_by_steps(equations, at, path)
                 ),
             )
-        known, made = rigid and not sweeps.made, sweeps.made
+        known, made = resting and not sweeps.made, sweeps.made
         if known:
             F[:] = -at.force
         elif ready is None:
@@ -73,10 +109,9 @@ def solve_window(
             return None
         if found is Found.SETTLED:
             power = sweeps.power if ready else equations.residual(at, *path.stages)[1]
-            linear = first if rigid else Window(grid, *at.linear)
             shape = grid.count, grid.stages
             torque = sweeps.torque.reshape(*shape, -1)
-            return Solved(sweeps.window, path, power.reshape(shape), torque, sweeps.made, at, linear)
+            return Solved(sweeps.window, path, power.reshape(shape), torque, sweeps.made)
         slow = slow * (newton or sweeps.made == made + 1) + 1 if found is Found.SLOW else slow * newton
 
 
