@@ -98,7 +98,7 @@ class ParametricLoop:
 
     def is_narrow(self, point: Array) -> bool:
         """Whether the coefficients have narrow features at one point (P,)."""
-        return bool(self.at(point).features)
+        return self.at(point).is_narrow
 
     @property
     def nominal(self) -> Array:

@@ -93,6 +93,11 @@ class Linearization(SecondOrderEquations, Shown):
         return tuple(sorted(found))
 
     @property
+    def is_narrow(self) -> bool:
+        """Whether there are any features."""
+        return bool(self.motion.features) or any(effect.features(self.motion) for effect in self._effects or ())
+
+    @property
     def may_be_narrow(self) -> bool:
         """Whether an effect in the arm may have features, for some values of its numbers."""
         return any(type(effect).features is not Effect.features for effect in self._effects or ())

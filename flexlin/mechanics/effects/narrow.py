@@ -1,6 +1,7 @@
 """Where a saturating function of a joint's rate changes fast while the joint follows its basic motion."""
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -17,7 +18,8 @@ WIDE = 1 / 20
 """Of the period: what is wider is not narrow."""
 COVERED = 4.5
 """Where q' leaves zero as t^p, it passes the rate after p times the half-width there; p is at most 4 in the shipped motions."""
-HALVINGS = 60
+PARTS, ROUNDS = 32, 12
+"""Into how many parts an interval is divided at a time, and how often: to rounding."""
 
 
 class Moving(Protocol):
@@ -30,8 +32,10 @@ class Moving(Protocol):
     @property
     def breaks(self) -> tuple[float, ...]: ...
     def sample(self, t: Array) -> tuple[Array, Array, Array]: ...
+    def __hash__(self) -> int: ...
 
 
+@lru_cache(maxsize=16)
 def slow_passages(motion: Moving, joint: int, rate: float) -> Features:
     """Find where |q'| of a joint is no larger than a saturating rate for a short while.
 
@@ -46,10 +50,10 @@ def slow_passages(motion: Moving, joint: int, rate: float) -> Features:
     T, edges = motion.period, np.unique(np.array(motion.breaks, dtype=float))
 
     def of(t: Array) -> tuple[Array, Array]:
-        if not len(t):
+        if not t.size:
             return t, t
-        _, speed, acceleration = motion.sample(np.mod(t, T))
-        return speed[:, joint], acceleration[:, joint]
+        _, speed, acceleration = motion.sample(np.mod(t.ravel(), T))
+        return speed[:, joint].reshape(t.shape), acceleration[:, joint].reshape(t.shape)
 
     t = np.union1d(T * np.arange(-1, SAMPLES + 1) / SAMPLES, edges)
     speed, acceleration = of(t)
@@ -75,12 +79,19 @@ def crossings(f: Callable[[Array], Array], t: Array, values: Array) -> Array:
     """Zeros of f between neighbouring times where it changes its sign, and at those where it is zero for an instant."""
     change = values[:-1] * values[1:] < 0
     low, high, sign = t[:-1][change], t[1:][change], np.sign(values[:-1][change])
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        left = np.sign(f(middle)) == sign
-        low, high = np.where(left, middle, low), np.where(left, high, middle)
+    low, high = pin_down(lambda s: np.sign(f(s)) == sign, low, high)
     inner = (values[1:-1] == 0) & (values[:-2] != 0) & (values[2:] != 0)
     return np.union1d(0.5 * (low + high), t[1:-1][inner])
+
+
+def pin_down(before: Callable[[Array], Array], low: Array, high: Array, rounds: int = ROUNDS) -> tuple[Array, Array]:
+    """Ends (N,) of intervals within which `before` turns false, for times (P, N) at once: what costs is each call, not its times."""
+    each = np.arange(len(low))
+    for _ in range(rounds):
+        t = np.linspace(low, high, PARTS + 1)
+        passed = np.logical_and.accumulate(before(t[1:-1])).sum(axis=0)
+        low, high = t[passed, each], t[passed + 1, each]
+    return low, high
 
 
 def minima(of: Callable[[Array], tuple[Array, Array]], t: Array, speed: Array, acceleration: Array) -> Array:
@@ -92,10 +103,7 @@ def minima(of: Callable[[Array], tuple[Array, Array]], t: Array, speed: Array, a
     beside = low[:-1] | low[1:]
     change = beside & (acceleration[:-1] * acceleration[1:] < 0)
     first, last, sign = t[:-1][change], t[1:][change], np.sign(acceleration[:-1][change])
-    for _ in range(HALVINGS):
-        middle = 0.5 * (first + last)
-        left = np.sign(of(middle)[1]) == sign
-        first, last = np.where(left, middle, first), np.where(left, last, middle)
+    first, last = pin_down(lambda s: np.sign(of(s)[1]) == sign, first, last)
     return np.union1d(0.5 * (first + last), t[:-1][low[:-1] & (acceleration[:-1] == 0) & (speed[:-1] != 0)])
 
 
@@ -107,14 +115,15 @@ def widths(of: Callable[[Array], tuple[Array, Array]], centres: Array, rate: flo
     start = of(centres)[0]
     for side in (1.0, -1.0):
         ladder = period * 2.0 ** -np.arange(1.0, 45.0)[::-1]
-        moved = np.stack([np.abs(of(centres + side * step)[0] - start) >= rate for step in ladder])
+        moved = np.abs(of(centres + side * ladder[:, None])[0] - start) >= rate
         first = np.argmax(moved, axis=0)
         high = np.where(moved.any(axis=0), ladder[first], period / 2)
         low = np.where(first > 0, high / 2, 0.0)
-        for _ in range(HALVINGS // 2):
-            middle = 0.5 * (low + high)
-            there = np.abs(of(centres + side * middle)[0] - start) >= rate
-            low, high = np.where(there, low, middle), np.where(there, middle, high)
+
+        def near(s: Array, side: float = side) -> Array:
+            return np.abs(of(centres + side * s)[0] - start) < rate
+
+        _, high = pin_down(near, low, high, ROUNDS // 2)
         best = np.minimum(best, high)
     return best
 

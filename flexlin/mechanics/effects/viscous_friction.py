@@ -37,8 +37,12 @@ class ViscousFriction(Effect):
         """Where a joint turns round, an exponent's slope lasts while |q'| is a few eps."""
         if self.exponent is None:
             return ()
-        joints = [(i, per_joint(self.rate, i, single="every")) for i in range(motion.joints)]
-        return tuple(found for i, rate in joints for found in slow_passages(motion, i, rate))
+        numbers = [
+            [per_joint(one, i, single="every") for one in (self.exponent, self.rate)] for i in range(motion.joints)
+        ]
+        return tuple(
+            found for i, (power, rate) in enumerate(numbers) if power != 1 for found in slow_passages(motion, i, rate)
+        )
 
     def dissipation(self, chain: Chain) -> ca.SX:
         rates = chain.motor_rate if self.at == "motor" else chain.q_rate
