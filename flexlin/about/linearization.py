@@ -320,7 +320,7 @@ class Linearization(SecondOrderEquations, Shown):
         Returns
         -------
         xarray.Dataset
-            M, D, K by time, equation and coordinate, h, B and tau; the coordinates' units beside their names.
+            M, D, K by time, equation and coordinate, h, B and tau; beside the coordinates' names their units and the robot's joints.
         """
         import xarray
 
@@ -335,6 +335,7 @@ class Linearization(SecondOrderEquations, Shown):
             "coordinate": list(self.names),
             "input": list(self.inputs),
             "unit": ("coordinate", units),
+            "joint": ("coordinate", [one.joint for one in self.coordinates]),
         }
         return xarray.Dataset(values, coords=axes, attrs={"period": self.period, "closed": self.control is not None})
 
@@ -350,7 +351,7 @@ class Linearization(SecondOrderEquations, Shown):
 
     def _names(self) -> tuple[str, ...]:
         """Coordinates, inputs, time and states in words."""
-        named = ", ".join(f"{one.name} in {one.unit}" for one in self.coordinates)
+        named = ", ".join(f"{one.title} in {one.unit}" for one in self.coordinates)
         driven = ", ".join(f"{name} in {unit}" for name, unit in zip(self.inputs, self.input_units, strict=True))
         time = f"{'period' if self.motion.periodic else 'duration'} {self.period:.6g} s"
         loop = "loop closed" if self.control is not None else "loop open"
@@ -365,7 +366,7 @@ class Linearization(SecondOrderEquations, Shown):
             return ""
         worst = int(np.argmax(left))
         unit = {"rad": "N m", "m": "N"}.get(self.coordinates[worst].unit, "")
-        return f"up to {left[worst]:.3g} {unit} in {self.names[worst]} that no input balances: the arm leaves its rigid motion"
+        return f"up to {left[worst]:.3g} {unit} in {self.coordinates[worst].title} that no input balances: the arm leaves its rigid motion"
 
     def _with_controller(self, columns: Array) -> Array:
         """Columns (N, 2n, p) of the arm's states, with zeros for those of the controller."""

@@ -66,7 +66,7 @@ class Validity:
         """What the smallest amplitude means."""
         worst, percent = int(np.argmin(self.amplitudes)), f"{100 * self.share:g} % of what it keeps"
         smallest, at = self.amplitudes[worst], self.leading[worst]
-        where = f"{at.unit} in {at.name}"
+        where = f"{at.unit} in {at.title}"
         if not np.isfinite(smallest):
             return (
                 f"the linear model serves for disturbances of up to {LARGEST:g} {where}, the largest tried: along the slowest modes "

@@ -44,7 +44,7 @@ def read_inputs(scene: Scene, arm: Manipulator, log: Log) -> list[Channel]:
     found: list[Channel] = []
     for name in log.inputs:
         column = table.get(name, LogColumn(column=name))
-        place = find_joint(scene, arm, name)
+        place = find_joint(arm, name)
         if place in [one.place for one in found]:
             raise ArgumentError("two inputs of the log are of one joint", got=name, expected="one a joint")
         found.append(Channel(name, *calibration(column), ca.SX(0), place))
@@ -70,12 +70,11 @@ def calibration(column: LogColumn) -> tuple[ca.SX, ca.SX, ca.SX]:
     return ca.SX(column.gain), ca.SX(column.offset), ca.SX(column.delay)
 
 
-def find_joint(scene: Scene, arm: Manipulator, name: str) -> int:
+def find_joint(arm: Manipulator, name: str) -> int:
     """The number of a joint by its coordinate (q1) or by the name that the scene gives it."""
     joints = [c for c in arm.coordinates if c.kind == "joint"]
     for k, joint in enumerate(joints):
-        link = None if joint.link is None or not scene.links else scene.links[joint.link]
-        if name in (joint.name, link.name if link and link.name else None):
+        if name and name in (joint.name, joint.joint):
             return k
     known = ", ".join(joint.name for joint in joints)
     raise ArgumentError(f"the arm has no joint {name!r}", got=name, expected=f"{known}, or a joint's name in the scene")
@@ -92,7 +91,7 @@ def see(scene: Scene, arm: Manipulator, name: str, sensor: LogOutput) -> ca.SX:
     if kind == "strain":
         return see_curvature(scene, arm, name, sensor)
     if kind == "encoder":
-        return (arm.encoders @ arm.s)[find_joint(scene, arm, name) if sensor.link is None else sensor.link]
+        return (arm.encoders @ arm.s)[find_joint(arm, name) if sensor.link is None else sensor.link]
     if arm.points is None or "xyz".index(axis) >= arm.points.size1():
         raise ArgumentError(
             f"the arm has no tip.{axis}", got=name, expected="tip.x or tip.y of an arm that has a tip in its plane"

@@ -112,7 +112,7 @@ def _build(
     units = {i: "m" if link.joint == "prismatic" else "rad" for i, link in enumerate(scene.links) if link.moves}
     free_motors = [i for i in units if scene.links[i].driven and any(effect.frees_motor(i) for effect in effects)]
     free_bearings = [i for i in units if any(effect.frees_bearing(i) for effect in effects)]
-    coordinates = list_coordinates([link.counts for link in scene.links], units, free_motors, free_bearings)
+    coordinates = list_coordinates(scene.links, units, free_motors, free_bearings)
     at, rate = (Symbols.of(coordinates, len(scene.links), mark) for mark in ("", "d_"))
     chain = _build_chain(scene.links, effects, basis, at, rate, rules)
     arm = replace(_derive_equations(chain, effects, at, rate, free), coordinates=coordinates, effects=tables)

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.expressions import Expressions
-from flexlin.scene.links import Direction, Modes
+from flexlin.scene.links import Direction, Link
 from flexlin.scene.parameters import PARAMETERS, get_value, path_in, replace_value
 from flexlin.summary import represent
 
@@ -84,7 +84,7 @@ class Coordinate:
 
     kind: a joint's displacement, an elastic one, or that of a motor behind a flexible joint; name: such as q1 or w12;
     unit: rad or m; link: number of its link or joint from 0, None where the model has no links; mode: number from 0 of the link's mode;
-    direction: y, z or torsion for a mode of a link.
+    direction: y, z or torsion for a mode of a link; joint: what the robot calls a joint.
     """
 
     kind: Kind
@@ -93,17 +93,23 @@ class Coordinate:
     link: int | None = None
     mode: int | None = None
     direction: Direction | None = field(default=None, compare=False)
+    joint: str = field(default="", compare=False)
+
+    @property
+    def title(self) -> str:
+        """The name, with the robot's own word for the joint: q1 (shoulder)."""
+        return f"{self.name} ({self.joint})" if self.joint else self.name
 
 
 def list_coordinates(
-    modes: Sequence[Modes], units: Mapping[int, str], free_motors: Sequence[int], free_bearings: Sequence[int] = ()
+    links: Sequence[Link], units: Mapping[int, str], free_motors: Sequence[int], free_bearings: Sequence[int] = ()
 ) -> tuple[Coordinate, ...]:
     """Describe the coordinates of a chain: the modes of each link; the unit of the joint before each link that moves; bearings, motors."""
-    joints = [Coordinate("joint", f"q{i + 1}", unit, i) for i, unit in units.items()]
+    joints = [Coordinate("joint", f"q{i + 1}", unit, i, joint=links[i].name) for i, unit in units.items()]
     elastic = [
         Coordinate("elastic", f"{letter}{i + 1}{'' if count < 10 else '_'}{k + 1}", unit, i, k, direction=direction)
-        for i, counts in enumerate(modes)
-        for direction, count in counts.by_direction().items()
+        for i, link in enumerate(links)
+        for direction, count in link.counts.by_direction().items()
         for letter, unit in (NAMES[direction],)
         for k in range(count)
     ]

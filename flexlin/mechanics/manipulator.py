@@ -103,7 +103,7 @@ class Manipulator(Expressions, Shown):
 
     def _names(self) -> tuple[str, ...]:
         """Coordinates, inputs and free numbers in words."""
-        named = ", ".join(f"{one.name} in {one.unit}" for one in self.coordinates)
+        named = ", ".join(f"{one.title} in {one.unit}" for one in self.coordinates)
         led = ", ".join(self.names[k] for k in self.drives)
         values = zip(self.parameters.paths, self.parameters.values, strict=True)
         free = ", ".join(f"{path} = {value:.6g}" for path, value in values)

@@ -329,7 +329,7 @@ def largest_beyond_range(a: Analysis, simulation: Simulation) -> str:
     for amplitude, at in zip(a.linear_range.amplitudes, a.linear_range.leading, strict=False):
         own = float(simulation.largest.nonlinear[a.plant.names.index(at.name)])
         if own > amplitude:
-            return f"{own:.2g} {at.unit} in {at.name}"
+            return f"{own:.2g} {at.unit} in {at.title}"
     return ""
 
 

@@ -105,7 +105,7 @@ def mode_states(lin: Linearization) -> list[tuple[str, Array, Array]]:
         x = np.stack([np.interp(t, slow.t, column) for column in states.T], axis=1)
         leading = lin.coordinates[int(np.abs(states[:, : lin.n]).max(axis=0).argmax())]
         size = SWING if leading.unit == "rad" else SWING * reach
-        found.append((f"Floquet motion {k + 1}, mostly {leading.name}", t, size * x))
+        found.append((f"Floquet motion {k + 1}, mostly {leading.title}", t, size * x))
     return found
 
 

@@ -53,5 +53,5 @@ def name_largest(lin: Linearization, deviation: Array) -> str:
     found = []
     for unit in dict.fromkeys(units):
         worst = max((i for i in range(lin.n) if units[i] == unit), key=lambda i: size[i])
-        found.append(f"{deviation[worst]:.3g} {unit} in {lin.names[worst]}")
+        found.append(f"{deviation[worst]:.3g} {unit} in {lin.coordinates[worst].title}")
     return " and ".join(found)

@@ -120,3 +120,12 @@ def test_contradictions_are_named(link, effects, message):
 def test_pinned_hub_shapes_need_a_hub():
     with pytest.raises(ArgumentError, match=r"effects\.hub"):
         arm_of({"mode_shapes": "pinned-hub"})
+
+
+def test_coordinates_bear_the_names_of_the_robots_joints():
+    scene = fl.load_scene("spatial-arm")
+    arm = fl.build_manipulator(scene)
+    assert [one.title for one in arm.coordinates[:4]] == ["q1 (turret)", "q2 (shoulder)", "q3 (elbow)", "w21"]
+    lin = fl.linearize(arm, scene.motion, scene.control)
+    assert "q2 (shoulder) in rad" in repr(lin)
+    assert lin.to_xarray(3)["joint"].values.tolist()[:4] == ["turret", "shoulder", "elbow", ""]

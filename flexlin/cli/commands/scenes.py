@@ -103,7 +103,7 @@ def check(options: argparse.Namespace) -> int:
         lengths = np.array([link.length for link in scene.links])
         rest = clock.stage("arm at rest", asked, lambda: examine(plant, lengths))
     print(f"{scene.title}: usable")
-    print(f"  coordinates  {', '.join(plant.names)}")
+    print(f"  coordinates  {', '.join(one.title for one in plant.coordinates)}")
     print(f"  torques on   {', '.join(plant.inputs) or 'no joint'}")
     print(f"  effects on   {', '.join(effects(scene)['on']) or 'none'}")
     print(f"  period       {plant.period:.6g} s")
