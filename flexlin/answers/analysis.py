@@ -267,7 +267,8 @@ def find_loop_margins(a: Analysis) -> None:
     plant = a.plant.periodic_system() if a.plant.motion.periodic and a.plant.about.m else None
     for loop in (a.own, *a.designs):
         law = a.closed.law if loop.design is None else loop.design.law
-        known = loop.floquet is not None and loop.verdict == "stable"
+        held = loop.design is not None and loop.design.sample_time is not None
+        known = loop.floquet is not None and loop.verdict == "stable" and not held
         if plant is None or not known or not np.any(law.gain(np.zeros(1))):
             continue
         broken = plant if law.controller is None else extend_system(plant, law.controller.rates)

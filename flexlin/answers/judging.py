@@ -179,13 +179,17 @@ def judge_design(a: Stages, table: DesignTable) -> Loop:
         return Loop(table.name, table.kind, None, problem)
     if not a.plant.motion.periodic:
         return Loop(table.name, table.kind, None, describe_end(a.plant), made, ends=True)
+    if made.sample_time is not None:
+        judged = a.attempt_alone(f"Floquet: {table.name}", partial(made.floquet, max(a.asked.tol, LEAST)))
+        return Loop(table.name, made.kind, *judged, made)
     return judge_loop(a, table.name, table.kind, f"Floquet: {table.name}", made.closed_loop, made)
 
 
 def with_response(a: Stages, loop: Loop, system: PeriodicSystem | None = None) -> Loop:
     """The loop with its periodic response to what the feedforward leaves over, where it keeps one and its states are the arm's."""
     known = loop.design.closed_loop if loop.design is not None else system
-    if known is None or loop.verdict not in ("stable", "undecided"):
+    sampled = loop.design is not None and loop.design.sample_time is not None
+    if known is None or sampled or loop.verdict not in ("stable", "undecided"):
         return loop
     work = partial(find_response, a.closed, known, a.t, a.asked.tol)
     return replace(loop, response=a.attempt_alone(f"forced response: {loop.name}", work, response_error)[0])
@@ -200,7 +204,7 @@ def judge_sampled_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
 
     for loop in loops:
         law = a.closed.law if loop.design is None else loop.design.law
-        if loop.floquet is None or loop.kind == "open":
+        if loop.floquet is None or loop.kind == "open" or (loop.design is not None and loop.design.sample_time):
             continue
         rates = None if law.controller is None else law.controller.rates
         given = law.gain, sampling.period, sampling.delay, max(a.asked.tol, LEAST), rates

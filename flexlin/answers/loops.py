@@ -173,10 +173,21 @@ def is_same_model(loop: ParametricLoop, rebuilt: RebuiltLoop) -> bool:
     return True
 
 
+def need_continuous(table: DesignTable) -> None:
+    """Raise ArgumentError for a sampled design, which is judged at the scene's own numbers alone."""
+    if table.sample_time is not None:
+        raise ArgumentError(
+            "this answer is known of continuous designs alone",
+            got=f"{table.name}, sampled every {table.sample_time:g} s",
+            todo="ask for a report, with --set for other numbers, or leave sample_time out",
+        )
+
+
 def find_design(scene: Scene, loop: str) -> DesignTable:
     """The design that a word names. Raises: ArgumentError with the words that there are."""
     for table in scene.designs:
         if loop in (table.name, table.name + REDONE):
+            need_continuous(table)
             return table
     words = ["own", "open", *(word for table in scene.designs for word in (table.name, table.name + REDONE))]
     raise ArgumentError("there is no such loop", got=repr(loop), expected=" | ".join(words))

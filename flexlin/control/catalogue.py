@@ -11,6 +11,7 @@ from flexlin.control.designed_loop import Design
 from flexlin.control.finite_horizon import finite_horizon_lqr, horizon_system
 from flexlin.control.frozen import averaged_lqr, frozen_lqr
 from flexlin.control.periodic import periodic_lqr
+from flexlin.control.sampled import sampled_lqr
 from flexlin.control.weights import Widened, diagonal_weight, joint_integrals, physical_weights
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant
@@ -34,6 +35,8 @@ class DesignTable(Protocol):
     def input_weight(self) -> tuple[float, ...] | None: ...
     @property
     def phases(self) -> int: ...
+    @property
+    def sample_time(self) -> float | None: ...
 
 
 @checked
@@ -63,7 +66,7 @@ def design(plant: Linearization | PeriodicSystem, table: DesignTable, tol: float
 
     See Also
     --------
-    periodic_lqr, frozen_lqr, averaged_lqr, finite_horizon_lqr : What they raise comes through.
+    periodic_lqr, sampled_lqr, frozen_lqr, averaged_lqr, finite_horizon_lqr : What they raise comes through.
 
     Examples
     --------
@@ -87,6 +90,8 @@ def solve_design(
     system: PeriodicSystem, Q: MatrixFunction, R: MatrixFunction, table: DesignTable, tol: float
 ) -> Design:
     """The design of a table's kind; raises ArgumentError for an unknown one."""
+    if table.sample_time is not None:
+        return sampled_lqr(system, Q, R, table.sample_time, tol=tol).named(table.name)
     if table.kind == "periodic-lqr":
         return periodic_lqr(system, Q, R, tol=tol, name=table.name)
     if table.kind == "frozen-lqr":

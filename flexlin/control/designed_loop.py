@@ -12,10 +12,13 @@ from flexlin.checks import Array, at_times, real_array, whole
 from flexlin.errors import ArgumentError, DesignError, NotStable, ToleranceNotReached
 from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import Constant, has_nothing_narrow
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.response.result import label_states
+from flexlin.periodic.sampled.stability import sampled_floquet
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
@@ -68,7 +71,7 @@ class Design(Shown):
     K : function of times (N,) -> (N, m, n)
         The gain.
     closed_loop : PeriodicSystem
-        x' = (A - B K) x, for Floquet's verdict.
+        x' = (A - B K) x; of a sampled design the plant, whose input is held.
     error : float
         Relative error of K; `status` says what it means.
     status : str
@@ -79,6 +82,8 @@ class Design(Shown):
         The weights by which the loop is judged, whatever way its gain was found.
     solution : RiccatiSolution or None
         The Riccati solution, when K is the optimal gain of `problem`.
+    sample_time : float or None
+        Of a design whose input is held from sample to sample, in s.
 
     Examples
     --------
@@ -101,8 +106,26 @@ class Design(Shown):
     problem: LinearQuadratic | None = None
     solution: RiccatiSolution | None = None
     controller: Controller | None = None
+    sample_time: float | None = None
 
     __repr__ = represent
+
+    def floquet(self, tol: float = 1e-9) -> FloquetResult:
+        """Return Floquet's verdict on the loop, with its input held where the design is sampled.
+
+        Parameters
+        ----------
+        tol : float
+            Wanted error of the exponents, in 1/s.
+
+        Returns
+        -------
+        FloquetResult
+            What `floquet` says of the closed loop, or `sampled_floquet` of the gains.
+        """
+        if self.sample_time is None:
+            return floquet(self.closed_loop, tol)
+        return sampled_floquet(self.closed_loop, self.K, self.sample_time, tol=tol)
 
     def to_xarray(self, points: int = 257, names: Sequence[str] = (), inputs: Sequence[str] = ()) -> "xarray.Dataset":
         """Return the gain over a period as a dataset.

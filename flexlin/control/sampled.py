@@ -8,7 +8,9 @@ from numpy.typing import ArrayLike
 from flexlin.about.law import Law
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
+from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError
+from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.precision import SAFETY
@@ -32,10 +34,21 @@ class SampledGain:
     instants: Array
     period: float
 
+    @property
+    def in_order(self) -> Array:
+        """The gains at the phases 0, 1/N, 2/N ..."""
+        return np.asarray(self.gains[np.argsort(np.mod(self.instants / self.period + 0.5 / len(self.instants), 1.0))])
+
+    @property
+    def series(self) -> ChebyshevPanels:
+        """The gain of the nearest sample at every time of a period."""
+        count = len(self.gains)
+        edges = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]]) * self.period
+        return ChebyshevPanels(edges, np.append(self.in_order, self.in_order[:1], axis=0)[:, None])
+
     def __call__(self, t: Array) -> Array:
-        order = np.argsort(np.mod(self.instants / self.period + 0.5 / len(self.instants), 1.0))
-        place = np.rint(np.asarray(t) / self.period * len(order)).astype(int) % len(order)
-        return np.asarray(self.gains[order[place]])
+        place = np.rint(np.asarray(t) / self.period * len(self.gains)).astype(int) % len(self.gains)
+        return np.asarray(self.in_order[place])
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +104,23 @@ class SampledDesign:
             )
         m, n = self.K.shape[1:]
         return Law("none", Constant(np.zeros(m)), self.gain, Constant(np.zeros(n)))
+
+    def named(self, name: str) -> Design:
+        """Return the design as those of other kinds, for reports and exports.
+
+        Parameters
+        ----------
+        name : str
+            Name in reports.
+
+        Returns
+        -------
+        Design
+            With the gains, their error and the sample time.
+        """
+        status = f"gains of {len(self.K)} samples, held for {self.sample_time:.6g} s each"
+        law, plant = self.law, self.system
+        return Design(name, "sampled-lqr", law.gain, plant, self.error, status, sample_time=self.sample_time)
 
     def floquet(self, tol: float = 1e-9) -> FloquetResult:
         """Return Floquet's verdict on the sampled loop.

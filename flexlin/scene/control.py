@@ -251,6 +251,8 @@ class DesignTable(Table):
     """Sensors and their noise: the design is judged with its states estimated, too."""
     phases: Annotated[int, Field(strict=True, ge=1, le=4096)] = 16
     """Places of a period at which a frozen-lqr is designed."""
+    sample_time: Duration | None = None
+    """Time between samples that fill whole periods: the gains are those of a periodic-lqr whose torque is held from sample to sample."""
 
     @model_validator(mode="after")
     def _weighs_once(self) -> "DesignTable":
@@ -259,6 +261,13 @@ class DesignTable(Table):
             raise ValueError(
                 'either weights = { joints = "0.5 deg", ..., input = "3 N m" }, or state_weight and input_weight'
             )
+        return self
+
+    @model_validator(mode="after")
+    def _samples_what_is_known_at_once(self) -> "DesignTable":
+        remembers = self.estimator is not None or (self.weights is not None and self.weights.integrals is not None)
+        if self.sample_time is not None and (self.kind != "periodic-lqr" or remembers):
+            raise ValueError('sample_time beside kind = "periodic-lqr", without an estimator or integrals')
         return self
 
 

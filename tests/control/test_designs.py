@@ -44,7 +44,7 @@ Q, R = np.diag([2.0, 2.0, 1.0, 1.0]), np.array([[0.5]])
 
 
 def table(kind, **changes):
-    content = {"name": "mine", "kind": kind, "weights": None, "phases": 24}
+    content = {"name": "mine", "kind": kind, "weights": None, "phases": 24, "sample_time": None}
     content |= {"state_weight": np.diag(Q), "input_weight": np.diag(R)}
     return SimpleNamespace(**(content | changes))
 

@@ -12,6 +12,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.answers.clock import Clock
 from flexlin.answers.disturbed.noise import NoiseAnswer, answer_noise
 from flexlin.answers.disturbed.stated import Directions, Disturbance, Kind, disturbing, state_disturbance
+from flexlin.answers.loops import need_continuous
 from flexlin.checks import SAMPLES, Array, check_size, positive
 from flexlin.control.catalogue import design
 from flexlin.control.drives import DriveLoad, drive_load
@@ -376,6 +377,8 @@ def answer_in_scene(
     tables = {table.name: table for table in scene.designs}
     if loop != "own" and loop not in tables:
         raise ArgumentError("there is no such loop", got=repr(loop), expected=" | ".join(["own", *tables]))
+    if loop != "own":
+        need_continuous(tables[loop])
     tol = max(asked.tol, LEAST)
     arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
     closed = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from flexlin.checks import SAMPLES, Array
+from flexlin.control.sampled import SampledGain
 from flexlin.control.smooth_gain import Series, smooth_gain
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
@@ -85,12 +86,17 @@ def write_series(
     if form not in ("series", "sampled"):
         raise ArgumentError("there is no such form", got=repr(form), expected="'series' or 'sampled'")
     edges = np.unique([0.0, *breaks, period])
-    series = smooth_gain(f, breaks, edges)[0] if form == "series" else through_samples(f, period, breaks, samples)
-    series = shortened(series)
+    if isinstance(f, SampledGain):
+        series: Series = f.series
+    else:
+        smooth = form == "series"
+        series = shortened(smooth_gain(f, breaks, edges)[0] if smooth else through_samples(f, period, breaks, samples))
     t = (edges[:-1, None] + np.diff(edges)[:, None] * stratified(499)).ravel()
     wanted = f(t)
     error = float(np.abs(series(t) - wanted).max() / (np.abs(wanted).max() or 1.0))
     source, layout = write_fourier(name, series) if isinstance(series, FourierSeries) else write_panels(name, series)
+    if isinstance(f, SampledGain):
+        layout = f"that of the nearest of {len(f.gains)} samples; take it at a sample, and hold the torque to the next"
     return CSeries(source, error, layout)
 
 

@@ -12,6 +12,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, check_size
 from flexlin.control.designed_loop import Design
+from flexlin.control.sampled import SampledGain
 from flexlin.errors import ArgumentError
 from flexlin.files import replacing
 from flexlin.files.arrays import write_npz
@@ -78,8 +79,9 @@ def save(
     """Write A(t), B(t) and the gains of designs over one period to a file.
 
     The arrays are t (N,), A (N, n, n), B (N, n, m), and K_<i>, X_<i> for each design, with `names` of the designs and `period`; the N
-    times are equally spaced. `states`, `state_units`, `inputs` and `input_units` name the axes. In MATLAB's file time is the last axis, A
-    is (n, n, N), and `designs` is a struct array of name, K (m, n, N) and X (n, n, N). In netCDF every axis has names and units.
+    times are equally spaced; samples_<i> are the gains of a sampled design at its own phases. `states`, `state_units`, `inputs` and
+    `input_units` name the axes. In MATLAB's file time is the last axis, A is (n, n, N), and `designs` is a struct array of name, samples,
+    K (m, n, N) and X (n, n, N). In netCDF every axis has names and units.
 
     Parameters
     ----------
@@ -141,6 +143,8 @@ def write_system(
             arrays[f"X_{i}"] = made.solution.X(t)
         if made.controller is not None:
             arrays[f"rates_{i}"] = made.controller.rates
+        if isinstance(made.K, SampledGain):
+            arrays[f"samples_{i}"] = made.K.in_order
     texts = {"names": [made.name for made in designs]}
     texts |= {
         f"states_{i}": list(made.controller.names) for i, made in enumerate(designs) if made.controller is not None
@@ -157,14 +161,18 @@ def _save_npz(path: Path, arrays: dict[str, Array], texts: Texts, period: float)
     write_npz(path, {**arrays, **words, "period": np.array(period)}, compressed=True)
 
 
+MATLAB_DESIGN = ("name", "samples", "K", "X", "rates", "states")
+"""Fields of a design in MATLAB's file."""
+
+
 def _save_mat(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
     from scipy.io import savemat
 
     words = {key: np.array(value, dtype=object) for key, value in texts.items() if key != "names"}
     plant: dict[str, Any] = {key: np.moveaxis(arrays[key], 0, -1) for key in ("A", "B") if key in arrays}
-    designs = np.zeros(len(texts["names"]), dtype=[(key, object) for key in ("name", "K", "X", "rates", "states")])
+    designs = np.zeros(len(texts["names"]), dtype=[(key, object) for key in MATLAB_DESIGN])
     for i, name in enumerate(texts["names"]):
-        matrices = (np.moveaxis(arrays.get(f"{key}_{i}", np.zeros((0, 0, 0))), 0, -1) for key in ("K", "X"))
+        matrices = [np.moveaxis(arrays.get(f"{key}_{i}", np.zeros((0, 0, 0))), 0, -1) for key in ("samples", "K", "X")]
         rates = arrays.get(f"rates_{i}", np.zeros((0, arrays["A"].shape[1])))
         designs[i] = (name, *matrices, rates, np.array(texts.get(f"states_{i}", []), dtype=object))
     with path.open("wb") as file:
@@ -177,6 +185,7 @@ def _save_netcdf(path: Path, arrays: dict[str, Array], texts: Texts, period: flo
 
     axes: dict[str, tuple[str, ...]] = {"A": ("time", "state", "state_"), "B": ("time", "state", "input")}
     axes |= {key: ("time", "input", "state") for key in arrays if key.startswith("K_")}
+    axes |= {key: (f"phase_{key}", "input", "state") for key in arrays if key.startswith("samples_")}
     axes |= {key: ("time", "state", "state_") for key in arrays if key.startswith("X_")}
     for i in (i for i in range(len(texts["names"])) if f"rates_{i}" in arrays):
         of_loop = f"state_{i}", f"state_{i}_"
@@ -209,6 +218,7 @@ def describe_arrays(names: list[str]) -> dict[str, dict[str, str]]:
     }
     for i, name in enumerate(names):
         found[f"K_{i}"] = {"long_name": f"gain of {name}, u = -K x", "units": f"input_unit / {column}", "design": name}
+        found[f"samples_{i}"] = found[f"K_{i}"] | {"long_name": f"gain of {name} at its samples"}
         found[f"X_{i}"] = {
             "long_name": f"Riccati solution of {name}",
             "units": f"1 / ({row} x {column})",
@@ -245,6 +255,10 @@ for i = 1:{designs}
     arm.memory{{i}} = strtrim(cellstr(char(data.designs(i).states)));
     arm.memory{{i}} = arm.memory{{i}}(1:k);
     arm.gain{{i}} = periodic(data.t, data.designs(i).K, data.period, m, n + k);
+    if ~isempty(data.designs(i).samples)  % that of the nearest sample
+        N = size(data.designs(i).samples, 3);
+        arm.gain{{i}} = @(time) data.designs(i).samples(:, :, 1 + mod(round(time / data.period * N), N));
+    end
 end
 check = max(max(abs(arm.A(data.t(2)) - data.A(:, :, 2))));
 assert(check <= 1e-9 * max(abs(data.A(:))), 'the splines do not pass through the samples');

@@ -1,0 +1,98 @@
+"""A scene's design with a sample time: gains, verdict, simulation with rounded readings, and what other programs get."""
+
+import ctypes
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+import scipy.io
+
+import flexlin as fl
+from flexlin.answers.analysis import analyse
+from flexlin.control import design, gain_source, save
+from flexlin.errors import ArgumentError, SceneError
+from flexlin.report import record
+from flexlin.simulation import Drive, simulate
+
+TABLE = {
+    "name": "digital", "kind": "periodic-lqr", "state_weight": [9.0, 9.0, 0.1, 0.1], "input_weight": [2.0], "sample_time": 0.05
+}  # fmt: skip
+CHANGES = {"links.0.modes": 1, "designs": [TABLE], "control.feedback": {"kind": "none"}}
+
+
+def with_design(**changes):
+    return fl.load_scene("single-link", {**CHANGES, "designs": [TABLE | changes]})
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return with_design()
+
+
+@pytest.fixture(scope="module")
+def plant(scene):
+    return fl.linearize(fl.build_manipulator(scene), scene.motion)
+
+
+@pytest.fixture(scope="module")
+def made(scene, plant):
+    return design(plant, scene.designs[0])
+
+
+def test_a_design_of_a_scene_is_that_of_its_plant(plant, made):
+    same = fl.sampled_lqr(plant.periodic_system(), np.diag(TABLE["state_weight"]), 2.0, 0.05)
+    np.testing.assert_array_equal(made.K(same.instants), same.K)
+    np.testing.assert_array_equal(made.floquet().exponents, same.floquet().exponents)
+    assert made.kind == "sampled-lqr"
+    assert made.error < 1e-9
+
+
+@pytest.mark.slow
+def test_a_report_judges_the_held_torque(scene, made):
+    a = analyse(scene)
+    block = record(a)["designs"]["digital"]
+    assert (block["kind"], block["verdict"]) == ("sampled-lqr", "stable")
+    np.testing.assert_allclose(block["exponents"][0][0], made.floquet(1e-8).exponents[0].real, atol=1e-7)
+    assert [loop.name for loop in a.loops].count("digital") == 1
+
+
+@pytest.mark.slow
+def test_the_nonlinear_arm_under_rounded_readings_stays_near(scene, plant, made):
+    """A disturbance decays as the multipliers say, down to what the steps leave: some of them, amplified by the loop."""
+    steps, start = {"encoders": (1e-4,), "steps": (1e-4,)}, np.array([0.05, 0.0, 0.0, 0.0])
+    drive, law = Drive(sample_time=0.05, **steps), plant.law.with_gain(made.K)
+    runs = [simulate(plant, 1.0, at, tol=1e-5, drive=drive, law=law) for at in (np.zeros(4), start)]
+    apart = np.abs(runs[1].nonlinear - runs[0].nonlinear)[-1].max()
+    decayed = np.exp(2.0 * made.floquet().exponents[0].real)
+    assert apart < 10 * (decayed * start.max() + 1e-4)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler on this machine")
+def test_compiled_gains_are_those_of_the_nearest_sample(plant, made, tmp_path):
+    files = gain_source(made, plant.period, tmp_path, lin=plant)
+    strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", "-lm"]
+    subprocess.run(["cc", *strict, str(tmp_path / "gain.c"), "-o", str(tmp_path / "gain.so")], check=True)
+    compiled, count = ctypes.CDLL(str(tmp_path / "gain.so")).gain_matrix, round(plant.period / 0.05)
+    for phase in [*np.arange(count) / count, 0.3 / count, 0.7 / count, 1 - 0.3 / count]:
+        K = np.zeros((1, 4))
+        compiled(ctypes.c_double(phase), K.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
+        np.testing.assert_allclose(K, made.K(np.array([phase * plant.period]))[0], rtol=1e-15)
+    assert "nearest of 40 samples" in next(one for one in files if one.suffix == ".h").read_text()
+
+
+def test_matlab_gets_the_gains_at_the_samples(plant, made, tmp_path):
+    path = save(plant.periodic_system(), tmp_path / "plant.mat", (made,), phases=7, lin=plant)
+    held = scipy.io.loadmat(path)["designs"]["samples"][0, 0]
+    np.testing.assert_array_equal(np.moveaxis(held, -1, 0), made.K(0.05 * np.arange(40)))
+    other = fl.control.save(plant.periodic_system(), tmp_path / "plant.nc", (made,), phases=7, lin=plant)
+    assert other.stat().st_size > 0
+
+
+def test_what_is_not_known_of_held_torques_is_refused(scene, plant):
+    with pytest.raises(SceneError, match="sample_time beside"):
+        with_design(kind="frozen-lqr")
+    with pytest.raises(ArgumentError, match="sample_time ="):
+        design(plant, with_design(sample_time=1 / np.pi).designs[0])
+    with pytest.raises(ArgumentError, match="continuous designs alone"):
+        fl.sweep(scene, {"motion.frequency": [0.5, 1.0]}, loop="digital")
