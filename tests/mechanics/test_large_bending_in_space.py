@@ -31,7 +31,7 @@ def skew(v):
     return np.cross(v[..., None, :], np.eye(3)).swapaxes(-1, -2)
 
 
-def swing_segments(across, up, count, t):
+def swing_segments(across, up, count, t, beside):
     """The tip (N, 3) of segments that hang on a hinge about z, let go from the first mode's slopes in both planes."""
     h, E = 1.0 / count, np.eye(3)
     length = np.r_[h / 2, np.full(count - 1, h), h / 2]
@@ -51,7 +51,7 @@ def swing_segments(across, up, count, t):
 
     def rates(_, x):
         R, w = x[: 9 * bodies].reshape(-1, 3, 3), x[9 * bodies :].reshape(-1, 3)
-        e = np.concatenate([R[:, :, 0], (R[-1] @ BESIDE)[None]])
+        e = np.concatenate([R[:, :, 0], (R[-1] @ beside)[None]])
         of, spin = w[on], np.sum(w * R[:, :, 0], axis=1)
         blocks = a[:, :, None, None] * ((e @ e.T)[:, :, None, None] * E - e[None, :, :, None] * e[:, None, None, :])
         M = np.einsum("vb,vuxy,uc->bxcy", sum_up, blocks, sum_up, optimize=True)
@@ -79,15 +79,19 @@ def swing_segments(across, up, count, t):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [0.1, 0.25])
-def test_a_link_that_bends_and_twists_swings_as_an_inextensible_curve(size):
-    """No hub, half its mass beside its tip: against segments by Richardson's rule."""
-    t, across, up = np.linspace(0.0, 0.15, 16), 0.8 * size, 0.6 * size
-    payload = {"mass": PAYLOAD, "centre": BESIDE.tolist()}
+@pytest.mark.parametrize(("size", "share", "missed"), [(0.1, 0.0, 1e-3), (0.25, 0.0, 2e-3), (0.25, 1.0, 0.02)])
+def test_a_link_that_bends_and_twists_swings_as_an_inextensible_curve(size, share, missed):
+    """No hub, half the link's mass at its tip, or beside it: against segments by Richardson's rule.
+
+    What is beside gives the tip a moment and a torque, which no shape of a free end has: these converge slowly, however little
+    the link bends. With 16 shapes for 6 the linear motion from this start is another by 0.3 %.
+    """
+    t, across, up, beside = np.linspace(0.0, 0.15, 16), 0.8 * size, 0.6 * size, share * BESIDE
+    payload = {"mass": PAYLOAD, "centre": beside.tolist()}
     arm = arm_of(LINK, effects={"geometric_stiffening": {}, "bending_torsion_coupling": {}, "payload": payload})
     first = 1 / FIRST.values(np.ones(1))[0, 0]
     tip, energy = swing(arm, np.r_[0.0, across * first, np.zeros(5), up * first, np.zeros(7)], t)
-    coarse, fine = (swing_segments(across, up, count, t) for count in (8, 16))
+    coarse, fine = (swing_segments(across, up, count, t, beside) for count in (8, 16))
     exact = fine + (fine - coarse) / 3
-    assert np.abs(tip - exact).max() < {0.1: 0.005, 0.25: 0.02}[size] * size
+    assert np.abs(tip - exact).max() < missed * size
     assert np.ptp(energy) < 1e-8 * energy[0]
