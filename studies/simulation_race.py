@@ -112,14 +112,14 @@ def draw(rows: list[Row], path: Path) -> None:
     from matplotlib.figure import Figure
 
     arms = list(dict.fromkeys(row.arm for row in rows))
-    figure = Figure(figsize=(5 * len(arms), 4), layout="constrained")
+    figure = Figure(figsize=(5 * len(arms), 4.4), layout="constrained")
     for panel, arm in zip(np.ravel(figure.subplots(1, len(arms))), arms, strict=True):
         for program in dict.fromkeys(row.program for row in rows if row.arm == arm):
             mine = [row for row in rows if (row.arm, row.program) == (arm, program)]
             style = "k-D" if program == OWN else "--" if program.endswith("CasADi") else "-"
             panel.plot([row.error for row in mine], [row.milliseconds for row in mine], style, label=program)
         panel.set(title=arm, xscale="log", yscale="log", xlabel="true error", ylabel="CPU time in ms")
-    panel.legend(frameon=False, fontsize="small")
+    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     figure.savefig(path)
 
 
