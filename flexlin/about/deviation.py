@@ -112,7 +112,11 @@ class Deviation:
     def place(self, t: Array) -> list[Array]:
         """The arguments that functions take after their own inputs at times (N,): the place on the motion, and the parameters."""
         motion, values, phase = self.motion, self.arm.parameters.values, self.motion.phase_of(t)[:, None]
-        where = [] if isinstance(motion, SymbolicMotion) else list(motion.sample(t))
+        where = (
+            []
+            if isinstance(motion, SymbolicMotion)
+            else [np.ascontiguousarray(part, float) for part in motion.sample(t)]
+        )
         if not where or self.arm.phase is not None:
             where.append(phase)
         return [*where, np.full((len(t), len(values)), values)]

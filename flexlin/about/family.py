@@ -219,8 +219,12 @@ class PeriodicFamily(Expressions):
         given = list(names)
         if set(given) != set(self.paths) or loop != "own":
             got = ", ".join(given) + ("" if loop == "own" else f"; loop {loop}")
+            todo = "give each of them one value or more, or write the numbers that are fixed into the matrices"
             raise ArgumentError(
-                "these are not the family's parameters", got=got or "none", expected=", ".join(self.paths)
+                "these are not all of the family's parameters, and no others",
+                got=got or "none",
+                expected=", ".join(self.paths),
+                todo=todo,
             )
         return [given.index(path) for path in self.paths]
 

@@ -85,6 +85,7 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
         raise MotionError(
             f"motion.file: the table {name} is too long", got=got, expected=expected, todo="take fewer samples"
         )
+    need_commas(text, name)
     rows = []
     for number, line in enumerate((line for line in text.splitlines() if line.strip()), start=1):
         cells = line.split(",")
@@ -109,6 +110,14 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
             f"motion.file: the times in {name} do not increase", got=f"row {int(np.argmin(np.diff(data[:, 0]))) + 2}"
         )
     return data[:, 0], data[:, 1:]
+
+
+def need_commas(text: str, name: str) -> None:
+    """Refuse a table whose cells are separated otherwise."""
+    first = text.partition("\n")[0]
+    if "," not in first and (";" in first or "\t" in first):
+        got = "semicolons" if ";" in first else "tabs"
+        raise MotionError(f"motion.file: {name} does not separate its columns by commas", got=got, expected="a,b,c")
 
 
 def is_number(cell: str) -> bool:
@@ -140,6 +149,10 @@ LIKE = 0.95
 """Correlation of the log with itself a period later, from which on it counts as periodic."""
 SPEAKS = 20.0
 """Power of a harmonic, in variances of the noise in one coefficient: noise alone reaches it once in 20,000."""
+REPEATS = 0.5
+"""Share of the log's power that the series of a period leaves over, from which on the log does not repeat with it."""
+KNOWN = 0.9
+"""Share of the rows that must be numbers: a gap is left out, a log that is mostly gaps is none."""
 LARGEST_FILE = 2**26
 """Bytes of a log."""
 MOST = 60
@@ -163,6 +176,10 @@ def read_log_motion(table: LogMotion, joints: int, prescribed: tuple[bool, ...])
     phase = 2 * np.pi * np.outer((t[kept] - t[0]) / period, np.arange(1, highest + 1))
     rows = np.hstack([np.ones((len(phase), 1)), np.cos(phase), np.sin(phase)])
     found, *_ = np.linalg.lstsq(rows, q[kept], rcond=None)
+    left = np.var(q[kept] - rows @ found, axis=0).sum() / max(np.var(q[kept], axis=0).sum(), 1e-300)
+    if left > REPEATS:
+        got, todo = f"{100 * left:.0f} % of the motion is left over", "correct motion.period, or leave it out"
+        raise MotionError(f"motion: the log does not repeat every {period:.6g} s", got=got, todo=todo)
     noise = np.var(q[kept] - rows @ found, axis=0) * 2 / kept.sum()
     power = found[1 : highest + 1] ** 2 + found[highest + 1 :] ** 2
     speaking = np.flatnonzero(np.any(power > SPEAKS * noise + 1e-12 * power.max(), axis=1))
@@ -189,9 +206,11 @@ def find_period(t: Array, q: Array) -> float:
     like = np.array([np.mean(x[s:] * x[:-s]) / np.sqrt(np.mean(x[s:] ** 2) * np.mean(x[:-s] ** 2)) for s in shifts])
     peaks = [i for i in range(1, len(like) - 1) if like[i - 1] <= like[i] > like[i + 1] and like[i] > LIKE]
     if not peaks:
-        got = f"a likeness of {like.max():.2f} a cycle later"
+        short = like.argmax() in (0, len(like) - 1) and like.max() > LIKE
+        got = "less than two cycles" if short else f"a likeness of {like.max():.2f} a cycle later"
         todo = "give motion.period, or a log of two cycles and more"
-        raise MotionError("motion: the log does not repeat", got=got, expected=f"{LIKE} or more", todo=todo)
+        expected = None if short else f"{LIKE} or more"
+        raise MotionError("motion: the log does not repeat", got=got, expected=expected, todo=todo)
     i = next(i for i in peaks if like[i] > max(like[k] for k in peaks) - 0.02)
     bend = like[i - 1] - 2 * like[i] + like[i + 1]
     shift = shifts[i] + 0.5 * (like[i - 1] - like[i + 1]) / bend
@@ -206,7 +225,11 @@ def read_columns(path: Path, table: LogMotion, joints: int) -> tuple[Array, Arra
     if len(table.columns) != joints:
         raise MotionError("motion.columns: one name a joint", got=len(table.columns), expected=str(joints))
     try:
-        data = np.genfromtxt(io.StringIO(read_text(path, LARGEST_FILE)), delimiter=",", names=True, deletechars="")
+        text = read_text(path, LARGEST_FILE)
+        need_commas(text, name)
+        data = np.genfromtxt(io.StringIO(text), delimiter=",", names=True, deletechars="")
+    except MotionError:
+        raise
     except (OSError, ValueError) as error:
         raise MotionError(f"motion.file: the log {name} cannot be read", got=printable(error)[:120]) from None
     missing = [column for column in (table.time, *table.columns) if column not in (data.dtype.names or ())]
@@ -216,6 +239,9 @@ def read_columns(path: Path, table: LogMotion, joints: int) -> tuple[Array, Arra
         )
     t, q = data[table.time], np.stack([data[column] for column in table.columns], axis=1)
     known = np.isfinite(t) & np.isfinite(q).all(axis=1)
+    if known.mean() < KNOWN:
+        got, expected = f"{(~known).sum()} of {len(known)} rows that are not", "numbers, with a few gaps at the most"
+        raise MotionError(f"motion.file: the log {name} is not numeric", got=got, expected=expected)
     if known.sum() < 20 or np.any(np.diff(t[known]) <= 0):
         raise MotionError(
             f"motion: the log {name} is too short, or its times do not increase", got=f"{known.sum()} rows"

@@ -25,7 +25,7 @@ def suggest(kind: str, value: Any, unit: str | None) -> str:
     kind: pydantic's name of what is wrong; unit: of the key, where it states one.
     """
     if kind == "tuple_type":
-        return suggest_list(value)
+        return ", each under a heading in two brackets, [[ ]]" if isinstance(value, dict) else suggest_list(value)
     if kind in ("float_type", "int_type") and isinstance(value, str) and len(value) <= LONGEST_GUESSED:
         return suggest_number(value, unit)
     if kind in ("float_type", "int_type") and isinstance(value, list | tuple) and len(value) == 1:
@@ -49,10 +49,16 @@ def suggest_number(value: str, unit: str | None) -> str:
     try:
         found = read_quantity(value)
     except ValueError:
-        return f" in {unit}, without a unit behind it" if unit and re.match(rf"\s*{NUMBER}\s*\D", value) else ""
+        return name_units(unit) if unit and re.match(rf"\s*{NUMBER}\s*\D", value) else ""
     if unit and found.dimension is not None:
-        return f" in {unit}" + (f", or {NAMES[unit]}" if unit in NAMES else "")
+        return name_units(unit)
     return f"; did you mean {found.value:.12g}? Numbers are in {unit or 'SI units'}"
+
+
+def name_units(units: str) -> str:
+    """In what a bare number is, and what may be written with a unit: in rad or m, or an angle such as 0.5 deg."""
+    written = [NAMES[unit] for unit in re.split(r" or |, ", units) if unit in NAMES]
+    return ", or ".join([f" in {units}", *written])
 
 
 WORDS = {
@@ -85,7 +91,9 @@ def schema_problems(schema: type[BaseModel], error: ValidationError) -> list[Pro
         if known is None:
             merged[problem.key] = problem
         elif problem.expected not in known.expected:
-            merged[problem.key] = Problem(problem.key, known.got, f"{known.expected} or {problem.expected}")
+            number = isinstance(entry["input"], int | float)  # out of its bounds, as it would be in a list
+            also = problem.expected.partition("; did you mean")[0] if number else problem.expected
+            merged[problem.key] = Problem(problem.key, known.got, f"{known.expected} or {also}")
     steps = [key.split(".") for key in merged]
     parents = {".".join(path[:depth]) for path in steps for depth in range(1, len(path))}
     rest = (
@@ -121,9 +129,13 @@ def _problem(schema: type[BaseModel], entry: Any) -> Problem:
     if kind == "union_tag_not_found":
         return Problem(f"{key}.kind", "nothing", WORDS["missing"])
     if kind == "union_tag_invalid":
-        return Problem(f"{key}.kind", repr(context["tag"]), f"one of {context['expected_tags']}")
+        expected = context["expected_tags"]
+        hint = hint_at(str(context["tag"])[:LONGEST], re.findall(r"'([^']*)'", expected))
+        return Problem(f"{key}.kind", repr(context["tag"])[:LONGEST], f"one of {expected}{hint}")
     got = "nothing" if kind == "missing" else repr(entry["input"])[:LONGEST]
     hint = "" if kind == "missing" else suggest(kind, entry["input"], _unit_of(schema, entry["loc"]))
+    if kind == "literal_error":
+        hint = hint_at(str(entry["input"])[:LONGEST], re.findall(r"'([^']*)'", context["expected"]))
     return Problem(key, got, _expected(kind, context, entry["msg"]) + hint)
 
 

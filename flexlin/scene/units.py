@@ -27,6 +27,8 @@ UNITS: dict[str, tuple[float, Dimension]] = {}
 """Every unit that may be written, with its size in SI units."""
 NAMES = {
     "m": "a length such as 2 mm",
+    "kg": "a mass such as 100 g",
+    "kg/m": "a mass per length such as 162 g/m",
     "rad": "an angle such as 0.5 deg",
     "m/s": "a speed such as 50 mm/s",
     "rad/s": "a rate such as 5 deg/s",

@@ -31,3 +31,27 @@ def test_a_log_that_does_not_repeat_is_refused(tmp_path):
         fl.build_motion(written(tmp_path / "b.csv", np.sin(0.3 * T**1.5)), 1)
     with pytest.raises(fl.errors.MotionError, match="one name a joint"):
         fl.build_motion(written(tmp_path / "c.csv", np.sin(T)), 2)
+
+
+def test_a_log_drives_a_nonlinear_simulation(tmp_path):
+    """The series' derivatives are strided views, which compiled code does not take."""
+    scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
+    lin = fl.linearize(fl.build_manipulator(scene), written(tmp_path / "a.csv", 0.3 * np.sin(np.pi * T)), scene.control)
+    assert fl.simulate(lin, periods=1, tol=1e-4).status
+
+
+def test_a_wrong_period_a_short_log_and_other_separators_are_refused_in_words(tmp_path):
+    def refused(words, text, **table):
+        path = tmp_path / "log.csv"
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(fl.errors.MotionError, match=words):
+            fl.build_motion(LogMotion(kind="log", file=str(path), columns=("angle",), **table), 1)
+
+    rows = [f"{t:.4f},{np.sin(2 * np.pi * t / 1.25):.6f}" for t in T]
+    refused("does not repeat every 1.7 s", "\n".join(["t,angle", *rows]), period=1.7)
+    refused("less than two cycles", "\n".join(["t,angle", *rows[:200]]))
+    refused("got semicolons", "\n".join(["t,angle", *rows]).replace(",", ";"))
+    refused(
+        "1000 of 3000 rows",
+        "\n".join(["t,angle", *[row if i % 3 else "x,y" for i, row in enumerate(rows)]]),
+    )

@@ -168,7 +168,7 @@ HINTS = {
     "motion.joints.0.amplitude=30 mm": "expected a number in rad or m",
     "effects.payload.mass=30 m": "expected a number in kg",
     "effects.hub.inertia=3kg": "expected a number in kg m^2",
-    "links.0.length=3 parsec": "expected a number in m, without a unit behind it",
+    "links.0.length=3 parsec": "expected a number in m, or a length such as 2 mm",
     "links.0.length=[0.9]": "did you mean 0.9?",
     "effects.gravty=off": "did you mean 'gravity'?",
 }

@@ -15,6 +15,11 @@ if TYPE_CHECKING:
 SHOWN = 5
 """Natural frequencies that are printed."""
 BEYOND = ": further than linear equations hold; stiffen the link, or trust the simulation with effects.geometric_stiffening only"
+ABSURD, MISTAKEN = (
+    10.0,
+    ": no arm does; is a unit missing? Numbers are in m, kg, s and rad, others such as '1000 mm' or '30 deg' name theirs",
+)
+"""The share of its length that no link bends by, and what is said of it."""
 
 
 @command("list", "name the scenes that travel with flexlin")
@@ -144,7 +149,7 @@ def describe_rest(rest: "AtRest") -> Iterator[tuple[str, str]]:
         sides = ((bending.at_rest[i], "under gravity"), (bending.moving[i], "along the motion"))
         said = " and ".join(f"{say(f'{size:.3g}', 'm')} {where}" for size, where in sides if size > 0)
         if said:
-            beyond = BEYOND if share > SMALL else ""
+            beyond = "" if share <= SMALL else MISTAKEN if share > ABSURD else BEYOND
             yield f"link {i + 1}", f"bends by {said}, {100 * share:.2g} % of its length{beyond}"
 
 
