@@ -22,6 +22,7 @@ from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, build_motion
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import Control
+from flexlin.scene.loading import checked_table
 from flexlin.scene.motion import AnyMotion, MotionTable
 from flexlin.series.tracking import CONTRACTION, SHORTEST, SUSPECT, find_lowest, find_turn, track, worth
 
@@ -158,7 +159,11 @@ def linearize(arm: ca.Function, motion: Trajectory) -> PeriodicSystem: ...
 
 @overload
 def linearize(
-    arm: Manipulator, motion: AnyBasicMotion, control: Control | None = None, *, route: Route = "jacobian"
+    arm: Manipulator,
+    motion: AnyBasicMotion,
+    control: Control | Mapping[str, Any] | None = None,
+    *,
+    route: Route = "jacobian",
 ) -> Linearization: ...
 
 
@@ -166,7 +171,7 @@ def linearize(
 def linearize(
     arm: Manipulator | ca.Function,
     motion: AnyBasicMotion | Trajectory,
-    control: Control | None = None,
+    control: Control | Mapping[str, Any] | None = None,
     *,
     route: Route = "jacobian",
 ) -> Linearization | PeriodicSystem:
@@ -187,7 +192,7 @@ def linearize(
         The equations of motion; or f (n, 1), which gives x'.
     motion : Motion, a scene's motion table, or a dict of its keys; with a function a Trajectory
         The rigid basic motion of the joints.
-    control : Control, optional
+    control : Control, or a dict of its keys, optional
         The scene's control: with it the loop is closed. Its numbers that the arm keeps free (paths below `control.`) stay free.
     route : {"jacobian", "kronecker"}
         "jacobian" differentiates the residual M s'' + C s' + g + d (cheapest), "kronecker" writes the equations above in Kronecker
@@ -203,7 +208,7 @@ def linearize(
     MotionError
         When the motion does not fit, a loop of the arm does not close along it, or the trajectory does not solve x' = f.
     SceneError
-        For a dict that is no motion table, naming each key.
+        For a dict that is no motion or control table, naming each key.
     SingularClosure
         When the closure of a loop becomes singular along the motion.
     ArgumentError
@@ -239,8 +244,10 @@ def linearize(
             todo = "linearize(f, fl.Trajectory(x, u, period=...))"
             raise ArgumentError("a function is linearized along a trajectory", expected=expected, todo=todo)
         return linearize_along(arm, motion)
+    if isinstance(control, Mapping):
+        control = checked_table(Control, control, "control", "control")
     if control is not None:
-        instance("control", control, Control, "give scene.control")
+        instance("control", control, Control, "give scene.control, or a dict of its keys")
     instance("arm", arm, Manipulator, "make one: fl.build_manipulator(scene), or Manipulator.from_matrices(...)")
     if isinstance(motion, Trajectory):
         raise ArgumentError(

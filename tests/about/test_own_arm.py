@@ -94,3 +94,15 @@ def test_objects_show_what_they_are(tmp_path):
     for t in (0.3, [0.3]):
         np.testing.assert_array_equal(lin.A(t), system.A(t))
         np.testing.assert_array_equal(np.shape(lin.forcing(t)), (*np.shape(t), 4))
+
+
+def test_a_control_may_be_a_dict_of_its_keys():
+    scene = fl.load_scene("single-link", {"designs": []})
+    arm = fl.build_manipulator(scene)
+    given = {"feedback": {"kind": "pd", "kp": [3.0], "kd": [0.4]}}
+    same = fl.load_scene("single-link", {"designs": [], "control": given})
+    made = fl.linearize(arm, scene.motion, given)
+    t = np.linspace(0.0, 1.0, 5)
+    assert (made.law.gain(t) == fl.linearize(arm, same.motion, same.control).law.gain(t)).all()
+    with pytest.raises(fl.errors.SceneError, match=r"control.feedback.kind.*did you mean 'pd'"):
+        fl.linearize(arm, scene.motion, {"feedback": {"kind": "pdd"}})

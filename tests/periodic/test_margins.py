@@ -137,7 +137,7 @@ def test_a_narrow_pulse_is_in_every_perturbed_loop(named):
         for a, b in pairwise(edges):
             ends = [
                 solve_ivp(
-                    lambda t, x: (kicked(t) - np.exp(1j * phi) * B @ gain) @ x, (a, b), x0, "DOP853", rtol=1e-11, atol=1e-13
+                    lambda t, x: (kicked(t) - np.exp(1j * phi) * B @ gain) @ x, (a, b), x0, "DOP853", rtol=1e-8, atol=1e-10
                 ).y[:, -1]
                 for x0 in np.eye(2, dtype=complex)
             ]  # fmt: skip
