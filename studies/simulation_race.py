@@ -22,9 +22,9 @@ import numpy as np
 from outside.compiled import compile_function
 
 import flexlin as fl
+from flexlin.answers.accuracy.scipy_loops import derive_loop_rate, integrate_loop
 from flexlin.answers.accuracy.scipy_methods import prepare_rate
 from flexlin.answers.accuracy.trial import compare_arrays
-from flexlin.answers.accuracy.work_precision import derive_loop_rate, integrate_loop
 from flexlin.checks import SAMPLES, Array
 
 ARMS = ("single-link", "three-link")

@@ -14,12 +14,20 @@ from flexlin.about.free import parametric_loop
 from flexlin.answers.accuracy import CostResult, Row, cost
 from flexlin.answers.accuracy import own_stages as own
 from flexlin.answers.accuracy.own_stages import name_setting
+from flexlin.answers.accuracy.scipy_loops import (
+    derive_loop_rate,
+    derive_response_rate,
+    derive_riccati_rate,
+    forget_start,
+    integrate_loop,
+    respond_periodically,
+)
 from flexlin.answers.accuracy.scipy_methods import derive_product, prepare_rate, prepare_scipy
 from flexlin.answers.accuracy.trial import Trial, compare_exponents, measure_trials
-from flexlin.answers.accuracy.work_precision import derive_loop_rate, integrate_loop
 from flexlin.checks import SAMPLES
 from flexlin.cli.program import main
 from flexlin.errors import InputError
+from flexlin.periodic import periodic_riccati
 from flexlin.periodic.transition.setting import Setting
 from flexlin.plots import Panel
 from flexlin.report.figures.cost import draw_choices, draw_cost, name_family, style_family, summarise_cost
@@ -133,6 +141,23 @@ def test_scipy_simulates_the_same_loop(scene, method):
     rate = prepare_rate(derive_loop_rate(lin), lin.arm.parameters.values)
     found = integrate_loop(rate, 2 * lin.n, method, 0.1 * OUTSIDE[method])
     assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", OUTSIDE)
+def test_scipy_answers_the_same_questions_about_the_loop(scene, method):
+    """A periodic response and a Riccati equation solved by stepping: only M, D, K, h and B are shared."""
+    arm = fl.build_manipulator(scene)
+    closed, plant = fl.linearize(arm, scene.motion, scene.control), fl.linearize(arm, scene.motion)
+    t, weights = closed.period * np.arange(32) / 32, (np.eye(4), np.eye(1))
+    response = fl.forced_response(closed.periodic_system(), closed.forcing)(t)
+    X = periodic_riccati(plant.periodic_system(), *weights).X(t)
+    for lin, derive, run, exact in (
+        (closed, derive_response_rate, respond_periodically, response),
+        (plant, derive_riccati_rate, forget_start, X),
+    ):
+        found = run(prepare_rate(derive(lin), lin.arm.parameters.values), 4, method, 0.1 * OUTSIDE[method])
+        assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
 
 
 def test_each_call_of_a_right_hand_side_returns_its_own_array(scene):

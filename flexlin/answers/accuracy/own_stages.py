@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial, reduce
+from itertools import chain
 
 import casadi as ca
 import numpy as np
@@ -11,8 +12,18 @@ from flexlin import symbolic
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.answers.accuracy.result import Row
+from flexlin.answers.accuracy.scipy_loops import (
+    PLACES,
+    derive_loop_rate,
+    derive_response_rate,
+    derive_riccati_rate,
+    forget_start,
+    integrate_loop,
+    respond_periodically,
+    try_scipy,
+)
 from flexlin.answers.accuracy.trial import Trial, compare_arrays, compare_exponents, measure_trials
-from flexlin.checks import Array
+from flexlin.checks import SAMPLES, Array
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
@@ -20,10 +31,9 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.product.spectrum import product_logs
-from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_riccati
+from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response
-from flexlin.periodic.response.result import ForcedResponse
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.setting import Setting, factor_period
@@ -31,6 +41,7 @@ from flexlin.scene.links import Link, Modes
 from flexlin.scene.parameters import replace_value
 from flexlin.scene.scene import Scene
 from flexlin.series.explicit import taylor
+from flexlin.simulation.run import simulate
 
 TOLS = (1e-9, 1e-6, 1e-10, 1e-4, 1e-8)
 """The default first: it is measured even where there is time for one alone."""
@@ -132,32 +143,49 @@ def name_setting(setting: Setting) -> str:
     return f"{setting.method} {setting.order} on {setting.segments}"
 
 
-def measure_riccati(plant: Linearization, seconds: float) -> list[Row]:
+def measure_riccati(plant: Linearization, peers: bool, seconds: float) -> list[Row]:
     """The periodic Riccati equation of the open loop with unit weights, X at 32 times."""
     if not plant.inputs:
         return []
-    system, t = plant.periodic_system(), plant.period * np.arange(32) / 32
+    system, t = plant.periodic_system(), plant.period * np.arange(PLACES) / PLACES
     Q, R = np.eye(system.n), np.eye(system.m)
     exact = periodic_riccati(system, Q, R, tol=FINE).X(t)
 
-    def run(tol: float) -> RiccatiSolution:
-        return periodic_riccati(replace(plant).periodic_system(), Q, R, tol=tol)
+    def run(tol: float) -> Array:
+        return periodic_riccati(replace(plant).periodic_system(), Q, R, tol=tol).X(t)
 
     trials = [Trial("periodic_riccati", f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}") for tol in TOLS]
-    return measure_trials("periodic Riccati", trials, lambda solution: compare_arrays(solution.X(t), exact), seconds)
+    outside = try_scipy(plant, derive_riccati_rate, forget_start) if peers else ()
+    return measure_trials("periodic Riccati", chain(trials, outside), lambda X: compare_arrays(X, exact), seconds)
 
 
-def measure_forced_response(closed: Linearization, seconds: float) -> list[Row]:
+def measure_forced_response(closed: Linearization, peers: bool, seconds: float) -> list[Row]:
     """The periodic response to what the rigid motion leaves over, at 32 times."""
-    t = closed.period * np.arange(32) / 32
+    t = closed.period * np.arange(PLACES) / PLACES
 
-    def run(tol: float) -> ForcedResponse:
+    def run(tol: float) -> Array:
         system = replace(closed).periodic_system()
-        return forced_response(system, OfPlant(closed.forcing, system.n, system.n), tol)
+        return forced_response(system, OfPlant(closed.forcing, system.n, system.n), tol)(t)
 
-    exact = run(FINE)(t)
+    exact = run(FINE)
     trials = [Trial("forced_response", f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}") for tol in TOLS]
-    return measure_trials("forced response", trials, lambda response: compare_arrays(response(t), exact), seconds)
+    outside = try_scipy(closed, derive_response_rate, respond_periodically) if peers else ()
+    return measure_trials("forced response", chain(trials, outside), lambda x: compare_arrays(x, exact), seconds)
+
+
+def measure_simulation(closed: Linearization, peers: bool, seconds: float) -> list[Row]:
+    """One period of the nonlinear loop from rest on the rigid motion.
+
+    `simulate` has its own error, the linear answer, tips, torques and energy in its time; the others have the states alone.
+    """
+
+    def run(tol: float) -> Array:
+        return simulate(closed, 1.0, tol=tol, points_per_period=SAMPLES).nonlinear
+
+    exact = run(FINEST)
+    trials = [Trial("simulate", f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}") for tol in TOLS]
+    outside = try_scipy(closed, derive_loop_rate, integrate_loop) if peers else ()
+    return measure_trials("simulation", chain(trials, outside), lambda x: compare_arrays(x, exact), seconds)
 
 
 def measure_modes(scene: Scene, seconds: float, more: int = 2) -> list[Row]:

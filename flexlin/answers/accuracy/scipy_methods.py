@@ -56,30 +56,37 @@ def prepare_scipy(
     n = loop.states
     f = prepare_rate(derive_product(loop), values) if rate is None else rate
     start = np.eye(n).ravel()
-    if method == "LSODA":
-        return partial(integrate_by_odeint, f, start, tol)
-    jac = (
-        partial(arrange_jacobian, symbolic.Pointwise(derive_state_matrix(loop)), values) if method == "Radau" else None
-    )
-    extra: dict[str, Any] = {} if jac is None else {"jac": jac}
+    extra: dict[str, Any] = {}
+    if method == "Radau":
+        extra["jac"] = partial(arrange_jacobian, symbolic.Pointwise(derive_state_matrix(loop)), values)
 
     def transition() -> Array:
-        found = solve_ivp(f, (0.0, 1.0), start, method, rtol=max(tol, LEAST), atol=tol, t_eval=(1.0,), **extra)
-        if not found.success:
-            raise RuntimeError(found.message)
-        return np.asarray(found.y[:, -1].reshape(n, n).T)
+        return integrate(f, start, np.array([0.0, 1.0]), method, tol, n - 1, **extra)[-1].reshape(n, n).T
 
     return transition
 
 
-def integrate_by_odeint(rate: Rate, start: Array, tol: float) -> Array:
-    """LSODA over one period."""
-    n = round(np.sqrt(len(start)))
-    options = {"rtol": max(tol, LEAST), "atol": tol, "ml": n - 1, "mu": n - 1, "mxstep": 10**7, "full_output": True}
-    found, info = odeint(rate, start, (0.0, 1.0), tfirst=True, **options)
-    if info["message"] != "Integration successful.":
-        raise RuntimeError(info["message"])
-    return np.asarray(found[-1].reshape(n, n).T)
+def integrate(
+    rate: Rate, start: Array, t: Array, method: str, tol: float, band: int | None = None, **extra: Any
+) -> Array:
+    """The unknowns (N, ...) at times t: LSODA by odeint, whose loop over the steps is compiled, others by solve_ivp.
+
+    Parameters: band: how far from the diagonal the Jacobian has entries, for LSODA; extra: of solve_ivp. Raises: RuntimeError.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # a step that is far too long may leave the range
+        if method == "LSODA":
+            found, info = odeint(
+                *(rate, start, t),
+                **{"tfirst": True, "rtol": max(tol, LEAST), "atol": tol, "mxstep": 10**7, "full_output": True},
+                **({} if band is None else {"ml": band, "mu": band}),
+            )
+            good, message = info["message"] == "Integration successful.", info["message"]
+        else:
+            run = solve_ivp(rate, (t[0], t[-1]), start, method, rtol=max(tol, LEAST), atol=tol, t_eval=t, **extra)
+            found, good, message = run.y.T, run.success, run.message
+    if not good:
+        raise RuntimeError(message)
+    return np.asarray(found)
 
 
 def arrange_jacobian(A: symbolic.Pointwise, p: Array, phase: float, x: Array) -> csc_array:

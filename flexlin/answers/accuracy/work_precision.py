@@ -1,92 +1,23 @@
 """Work and precision of every stage for one scene."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache, partial
 from time import perf_counter
 
-import casadi as ca
-import numpy as np
-from scipy.integrate import odeint, solve_ivp
-
 from flexlin.about.linear import linearize
-from flexlin.about.linearization import Linearization
 from flexlin.answers.accuracy import own_stages as own
-from flexlin.answers.accuracy import scipy_methods
-from flexlin.answers.accuracy.own_stages import FINEST, TOLS
 from flexlin.answers.accuracy.result import CostResult, Row
-from flexlin.answers.accuracy.scipy_methods import LEAST, Rate, measure_scipy_methods, prepare_rate
-from flexlin.answers.accuracy.trial import STAGE_SECONDS, Trial, compare_arrays, measure_trials
+from flexlin.answers.accuracy.scipy_methods import measure_scipy_methods
+from flexlin.answers.accuracy.trial import STAGE_SECONDS, compare_arrays
 from flexlin.answers.limits import time_limit
 from flexlin.arguments import checked, instance
-from flexlin.checks import SAMPLES, Array, positive
+from flexlin.checks import positive
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.mechanics import build_manipulator
 from flexlin.motion import SymbolicMotion
 from flexlin.progress import part
 from flexlin.scene.scene import Scene
-from flexlin.simulation.equations import loop_expressions
-from flexlin.simulation.run import simulate
-
-
-def measure_simulation(closed: Linearization, peers: bool, seconds: float) -> list[Row]:
-    """One period of the nonlinear loop from rest on the rigid motion, by `simulate` and by SciPy's integrators.
-
-    `simulate` has its own error, the linear answer, tips, torques and energy in its time; the others have the states alone.
-    """
-
-    def run(tol: float) -> Array:
-        return simulate(closed, 1.0, tol=tol, points_per_period=SAMPLES).nonlinear
-
-    exact = run(FINEST)
-
-    def trials() -> Iterator[Trial]:
-        for tol in TOLS:
-            yield Trial("simulate", f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}")
-        if peers and can_be_written(closed):
-            rate = prepare_rate(derive_loop_rate(closed), closed.arm.parameters.values)
-            for method, tols in scipy_methods.TOLS.items():
-                for tol in tols:
-                    outside = partial(integrate_loop, rate, 2 * closed.n, method, tol)
-                    yield Trial(f"SciPy {method}", f"tol {tol:.0e}", outside, outside=True)
-
-    return measure_trials("simulation", trials(), lambda x: compare_arrays(x, exact), seconds)
-
-
-def can_be_written(lin: Linearization) -> bool:
-    """Whether the whole right-hand side is one expression of phase and state: a symbolic motion, a law without states or tables."""
-    return isinstance(lin.motion, SymbolicMotion) and lin.controller is None
-
-
-def derive_loop_rate(lin: Linearization) -> ca.Function:
-    """(phase, [y; y'], p) -> T [y'; y''] of the nonlinear loop under the scene's law, with time in units of the period."""
-    about, law = lin.about, lin.law
-    inputs, _, F, _, _ = loop_expressions(about)
-    y, v, w, torque = inputs.values()
-    assert isinstance(about.motion, SymbolicMotion)
-    phase, p = about.motion.phase, about.arm.parameters.symbols
-    rigid = dict(zip(lin.of_arm.name_out(), lin.of_arm.call([phase, p]), strict=True))["tau"]
-    given = rigid if law.feedforward == "rigid" else ca.SX.zeros(about.m)
-    given = given - ca.DM(law.gain(np.zeros(1))[0]) @ ca.vertcat(y, v)
-    M, left = ca.substitute([ca.jacobian(F, w), F], [torque, w], [given, ca.SX.zeros(about.n)])
-    acceleration = -ca.ldl_solve(left, *ca.ldl(ca.sparsify(M)))
-    rate = ca.densify(lin.period * ca.vertcat(v, acceleration))
-    return ca.Function("loop_rate", [phase, ca.vertcat(y, v), p], [rate], ["phase", "x", "p"], ["rate"])
-
-
-def integrate_loop(rate: Rate, states: int, method: str, tol: float) -> Array:
-    """States (N, 2n) over a period from rest: LSODA by odeint, whose loop over the steps is compiled, others by solve_ivp."""
-    t, start = np.linspace(0.0, 1.0, SAMPLES + 1), np.zeros(states)
-    if method == "LSODA":
-        options = {"rtol": max(tol, LEAST), "atol": tol, "mxstep": 10**7, "full_output": True}
-        found, info = odeint(rate, start, t, tfirst=True, **options)
-        if info["message"] != "Integration successful.":
-            raise RuntimeError(info["message"])
-        return np.asarray(found)
-    solved = solve_ivp(rate, (0.0, 1.0), start, method, rtol=max(tol, LEAST), atol=tol, t_eval=t)
-    if not solved.success:
-        raise RuntimeError(solved.message)
-    return np.asarray(solved.y.T)
 
 
 @checked
@@ -100,7 +31,7 @@ def cost(scene: Scene, *, peers: bool = True, seconds: float | None = None) -> C
     scene : Scene
         A scene with a periodic motion.
     peers : bool
-        Measure SciPy's integrators on the transition matrices and the simulation too.
+        Measure SciPy's integrators too: on transition matrices, forced response, Riccati equation and simulation.
     seconds : float, optional
         Wall time that all of it may take; by default the scene's limit.
 
@@ -147,9 +78,9 @@ def cost(scene: Scene, *, peers: bool = True, seconds: float | None = None) -> C
 
     stages: dict[str, Callable[[float], list[Row]]] = {
         "exponents": lambda s: own.measure_exponents(closed, own.find_exact_exponents(system), s),
-        "forced response": partial(own.measure_forced_response, closed),
-        "periodic Riccati": partial(own.measure_riccati, plant),
-        "simulation": partial(measure_simulation, closed, peers),
+        "forced response": partial(own.measure_forced_response, closed, peers),
+        "periodic Riccati": partial(own.measure_riccati, plant, peers),
+        "simulation": partial(own.measure_simulation, closed, peers),
         "transition matrices": transition_matrices,
         "coefficients": partial(own.measure_coefficients, closed),
         "number of modes": partial(own.measure_modes, scene),
