@@ -215,7 +215,7 @@ def follow_nonlinear(a: Analysis) -> None:
 def find_range(a: Analysis) -> None:
     """How far the linear equations of the own loop hold; it is measured along the loop's Floquet modes."""
     if a.own.floquet is None:
-        a.problems["linear range"] = "there are no Floquet modes to measure it along"
+        a.problems["linear range"] = "no Floquet modes are known to measure it along"
         return
     work = partial(linear_range, a.closed, result=a.own.floquet, tol=max(RANGE, a.asked.tol), plant=a.plant)
     a.linear_range = a.attempt("linear range", "range of the linear equations", work)

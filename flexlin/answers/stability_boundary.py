@@ -11,6 +11,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.curves import Curve, find_curves
+from flexlin.periodic.boundary.effort import Effort
 from flexlin.periodic.boundary.lattice import CELLS
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.summary import represent
@@ -123,6 +124,13 @@ def stability_boundary(
     if len(ranges) != 2:
         expected = "two numbers with their ranges"
         raise ArgumentError("a boundary has two parameters", got=", ".join(ranges) or "none", expected=expected)
+    return search_boundary(source, ranges, positive("tol", tol), loop, whole("cells", cells, 2), Effort())
+
+
+def search_boundary(
+    source: Source, ranges: Mapping[str, tuple[float, float]], tol: float, loop: str, cells: int, effort: Effort
+) -> list[BoundaryCurve]:
+    """The curves of `stability_boundary`; effort: ends the search for tongues' tips, and knows whether it did."""
     limits = np.array([check_limits(path, limits) for path, limits in ranges.items()])
     low, span = limits[:, 0], limits[:, 1] - limits[:, 0]
     family = make_family(source, {path: (float(a), float(b)) for path, (a, b) in ranges.items()}, loop)
@@ -130,8 +138,8 @@ def stability_boundary(
     def rough(points: Array) -> Spectra:
         return family.rough(low + span * points)
 
-    share = positive("tol", tol) / max(1.0, float(span.max()))
-    found = find_curves(rough, share, whole("cells", cells, 2), family.is_constant(low + span / 2))
+    share = tol / max(1.0, float(span.max()))
+    found = find_curves(rough, share, cells, family.is_constant(low + span / 2), effort)
     first, second = ranges
     curves = [describe_curve((first, second), curve, family, low, span) for curve in found]
     return sorted(curves, key=lambda curve: -len(curve.points))

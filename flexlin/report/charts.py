@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +12,23 @@ import xarray
 from flexlin.answers.campbell import unfold_frequencies
 from flexlin.answers.clock import Clock
 from flexlin.answers.critical_values import CriticalValue, critical_values
-from flexlin.answers.stability_boundary import BoundaryCurve, stability_boundary
+from flexlin.answers.stability_boundary import BoundaryCurve, search_boundary
 from flexlin.answers.sweep import worst_error
 from flexlin.answers.sweep.found import VERDICTS, Found
 from flexlin.answers.sweep.job import Job, prepare_job
 from flexlin.answers.sweep.run import choose_crew, keep_in
 from flexlin.checks import Array
 from flexlin.errors import TimeLimit
+from flexlin.periodic.boundary.effort import Effort
+from flexlin.periodic.boundary.lattice import CELLS
 from flexlin.report.figures.chart import draw_campbell, draw_chart, list_paths, thin
 from flexlin.report.figures.style import Picture
 from flexlin.report.wording import units_of_scene
 from flexlin.scene.names import label_number, name_number, name_unit
 from flexlin.scene.scene import Scene
 
+BOUNDARY_SHARE = 0.1
+"""Of a command's time: after it, no more tongues' tips are searched for; a strip with three modes has dozens of them."""
 BOUNDARY_TOL = 1e-4
 """Wanted error of a boundary that is drawn, as a share of its ranges: a tenth of what a picture shows."""
 CRITICAL_TOL = 1e-8
@@ -46,8 +51,11 @@ def find_boundary(
         data.attrs["search"] = " ".join(problems.values())
         return values, []
     span = max(high - low for low, high in ranges.values())
-    follow = lambda: stability_boundary(scene, ranges, BOUNDARY_TOL * max(1.0, span), loop=loop)  # noqa: E731
+    effort = Effort(BOUNDARY_SHARE * asked.seconds)
+    follow = partial(search_boundary, scene, ranges, BOUNDARY_TOL * max(1.0, span), loop, CELLS, effort)
     curves = clock.attempt(problems, "boundary", "boundary of stability", asked, follow) or []
+    if effort.unfinished:
+        problems["boundary"] = f"some tips of tongues were left open after {effort.seconds:.3g} s"
     data.attrs["search"] = " ".join(problems.values())
     return [], curves
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.boundary.effort import Effort
 from flexlin.periodic.boundary.follow import EXACT, STEP, Vertices, find_directions, place_cubic, refine_pieces
 from flexlin.periodic.boundary.lattice import CELLS, find_islands, find_nodes, link_nodes, spread
 from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction, count_resting, drop_resting
@@ -51,11 +52,13 @@ class Trace:
 
 @dataclass(frozen=True)
 class Tracer:
-    """What follows the boundary through boxes: spectra, wanted distance, and whether tongues between lattice points are looked for."""
+    """What follows the boundary through boxes: spectra, wanted distance, whether tongues between lattice points are looked for, and the
+    effort, at whose end cells through which the boundary could not be followed at once stay open."""
 
     function: SpectraFunction
     tol: float
     narrow: bool
+    effort: Effort
 
     def trace(self, low: Array, high: Array, cells: int) -> Trace:
         """Follow the boundary through a box of the unit square; parts that could not be followed are left out.
@@ -77,6 +80,9 @@ class Tracer:
         trace = Trace(*refine_pieces(nodes, pairs, self.function, self.tol, step))
         broken = [node for node, last in pairs.tolist() if not trace.is_followed(node, last)]
         for i, j in np.unique(entered[broken], axis=0) if broken else ():
+            if not self.effort.affords(0):
+                self.effort.unfinished = True
+                return replace(trace, follower=np.where(np.isfinite(trace.off), trace.follower, -1))
             through = pairs[(entered[pairs[:, 0]] == (i, j)).all(axis=1)]
             trace = self.divide(trace, through, np.array([xs[i], ys[j]]), np.array([xs[i + 1], ys[j + 1]]))
         return trace
@@ -101,7 +107,9 @@ class Tracer:
         return join_traces(trace, self.trace(low, high, INNER), pairs, self.tol)
 
 
-def find_curves(function: SpectraFunction, tol: float, cells: int = CELLS, constant: bool = False) -> list[Curve]:
+def find_curves(
+    function: SpectraFunction, tol: float, cells: int = CELLS, constant: bool = False, effort: Effort | None = None
+) -> list[Curve]:
     """The curves along which the largest growth passes zero, with the unstable side on their left.
 
     Spectra on the lines of a lattice give the points at which the boundary crosses them; through each cell, points are joined by cubics
@@ -109,7 +117,7 @@ def find_curves(function: SpectraFunction, tol: float, cells: int = CELLS, const
     be followed that way, at the tip of a tongue, is divided again, until both sides meet there to within rounding (`find_tip`).
 
     Parameters: function: points (V, 2) of the unit square -> spectra; tol: wanted distance from the exact boundary;
-    constant: whether A does not depend on time, so that multipliers may meet without any effect.
+    constant: whether A does not depend on time, so that multipliers may meet without any effect; effort: ends the search.
     """
     some = function(np.random.default_rng(0).random((8, 2)))
     resting = count_resting(some)
@@ -119,7 +127,7 @@ def find_curves(function: SpectraFunction, tol: float, cells: int = CELLS, const
     def moving(points: Array) -> Spectra:
         return drop_resting(function(points), resting)
 
-    trace = Tracer(moving, tol, not constant).trace(np.zeros(2), np.ones(2), cells)
+    trace = Tracer(moving, tol, not constant, effort or Effort()).trace(np.zeros(2), np.ones(2), cells)
     curves = [draw_curve(chain, trace, tol) for chain in list_chains(trace.follower)]
     return [curve for curve in curves if np.ptp(curve.points, axis=0).max() > SMALLEST]
 

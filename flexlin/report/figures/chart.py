@@ -41,7 +41,9 @@ def draw_chart(
         return make_picture("chart", title, said, [draw_line(labels[0], own[0], thin(data), critical)])
     nearest = find_nearest(own, data, paths, curves)
     inside = all(data[path].min() <= value <= data[path].max() for path, value in zip(paths, own, strict=True))
-    said = describe_distance(scene, paths, own, nearest, inside) if nearest is not None else say_none_was_found(data)[0]
+    said = "" if nearest is None else describe_distance(scene, paths, own, nearest, inside) + " "
+    if nearest is None or data.attrs.get("search"):
+        said += say_none_was_found(data)[0]
     shade = f"Stronger: faster growth or decay; lines of equal {in_unit('growth rate', '1/s')}; hatched: undecided."
     return make_picture(
         "chart", title, f"{caption} {shade}\n{said}", [draw_map(labels, own, nearest, thin(data), curves)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flexlin.periodic import Spectra, find_curves, find_tip
+from flexlin.periodic import Effort, Spectra, find_curves, find_tip
 from tests.periodic.boundary import test_curves as meissner
 
 CENTRE = np.array([0.5003, 0.4991])
@@ -106,3 +106,16 @@ def test_meissners_tongues_are_followed_into_their_tips(monkeypatch, lowest):
             exact.append((root, q))
     assert len(exact) > 100
     assert measure_distance((np.array(exact) - low) / span, curves).max() * span.max() < 1e-6
+
+
+def test_an_effort_that_ends_leaves_tips_open_and_knows_it(monkeypatch):
+    """What is handed back lies on the boundary all the same."""
+    monkeypatch.setattr(meissner, "LOW", np.array([0.3, 0.2]))
+    monkeypatch.setattr(meissner, "SPAN", np.array([3.5, 2.0]))
+    effort, family = Effort(0.0), meissner.Meissner(0.0)
+    curves = find_curves(family, 1e-5, cells=16, effort=effort)
+    assert effort.unfinished
+    a, q = (meissner.LOW + meissner.SPAN * np.concatenate([one.points for one in curves])).T
+    h = 1e-6
+    slopes = np.hypot(sides(a + h, q) - sides(a - h, q), sides(a, q + h) - sides(a, q - h)) / (2 * h)
+    assert np.min(np.abs(sides(a, q)) / slopes, axis=0).max() < 1e-4
