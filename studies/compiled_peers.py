@@ -8,7 +8,7 @@ then NumPy's eigenvalues of the transition matrix; of the link the transition ma
 lost. Each runs at the cheapest of its settings that meets the tolerance against a common reference, its compilation left out; CPU time of
 one thread, the least of several runs, all in one process. `fl.periodic_lqr` on random systems is timed beside them, without a peer.
 
-    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python studies/compiled_peers.py [--small] [--only GROUP ...] [--out DIR]
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python studies/compiled_peers.py [--size small] [--only GROUP ...] [--out DIR]
 """
 
 import argparse
@@ -675,11 +675,13 @@ def draw(ratios: dict[str, dict[str, float]], path: Path) -> None:
         places = [place + 0.35 * (k - 0.5) for place, group in enumerate(ratios) if kind in ratios[group]]
         times = [found[kind] for found in ratios.values() if kind in found]
         axes.barh(places, times, 0.3, color=f"C{k}", label=f"over {kind}")
-    axes.plot([TARGETS[group] for group in ratios], range(len(ratios)), "k|", markersize=16, label="aim")
+    axes.plot(
+        [TARGETS[group] for group in ratios], range(len(ratios)), "kD", markersize=5, markeredgecolor="w", label="aim"
+    )
     axes.set_yticks(range(len(ratios)), ratios)
     axes.invert_yaxis()
     axes.set(xscale="log", xlabel="ratio of CPU times", title="All exponents with errors, over compiled peers")
-    axes.legend(frameon=False)
+    figure.legend(loc="outside right center", frameon=False)
     axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(path)
 
@@ -737,9 +739,10 @@ def shown(rows: list[Row]) -> list[Row]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="one system of a kind, few values")
-    parser.add_argument("--size", choices=("small", "full"), default="full", help="--size small is --small")
+    parser.add_argument(
+        "--size", choices=("small", "full"), default="full", help="small: one system of a kind, few values"
+    )
     parser.add_argument("--only", nargs="+", choices=[*TARGETS, "periodic LQR"], help="some groups alone")
     parser.add_argument("--out", default="out/studies", help="folder for the picture")
     options = parser.parse_args()
-    main("small" if options.small else options.size, options.out, options.only)
+    main(options.size, options.out, options.only)

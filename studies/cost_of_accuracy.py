@@ -252,7 +252,7 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="one mode, few values")
+    parser.add_argument("--size", choices=("full", "small"), default="full", help="small: one mode, few values")
     parser.add_argument("--out", default="out/studies", help="folder for the figures")
     options = parser.parse_args()
-    main("small" if options.small else "full", options.out)
+    main(options.size, options.out)

@@ -3,7 +3,7 @@
 First the linearization (65)-(67) is carried out in Kronecker layout on the paper's own matrices, with every constant a symbol, and held
 against (68)-(71) as printed. Then the arm turns in a vertical plane, faster and faster, with and without geometric stiffening.
 
-    python studies/khang_2019.py [--small] [--out DIR]
+    python studies/khang_2019.py [--size small] [--out DIR]
 """
 
 import argparse
@@ -142,7 +142,7 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="few points")
+    parser.add_argument("--size", choices=("full", "small"), default="full", help="small: few points")
     parser.add_argument("--out", default="out/studies", help="folder for the picture")
     options = parser.parse_args()
-    main("small" if options.small else "full", options.out)
+    main(options.size, options.out)

@@ -3,7 +3,7 @@
 The shipped single link carries more and swings faster. Every design is made for the light, slow arm it was tuned on (robustness) and
 for each arm anew (performance), and Floquet judges each loop. What the periodic Riccati equation behind them costs: `riccati_race.py`.
 
-    python studies/lqr_designs.py [--small] [--out DIR]
+    python studies/lqr_designs.py [--size small] [--out DIR]
 """
 
 import argparse
@@ -93,7 +93,7 @@ def draw(data: Survival, path: Path) -> None:
     from matplotlib.colors import SymLogNorm
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9, 6), layout="constrained")
+    figure = Figure(figsize=(6.6, 5.4), layout="constrained")
     axes = figure.subplots(2, len(DESIGNS), sharex=True, sharey=True)
     norm = SymLogNorm(0.1, vmin=-3, vmax=3)
     for row, (label, part) in zip(
@@ -103,7 +103,7 @@ def draw(data: Survival, path: Path) -> None:
             shown = cell.pcolormesh(data.frequencies, 1e3 * data.payloads, part[name], cmap="RdBu_r", norm=norm)
             if np.any(part[name] > 0) and np.any(part[name] < 0):
                 cell.contour(data.frequencies, 1e3 * data.payloads, part[name], [0.0], colors="k")
-            cell.set_title(f"{name}, {label}", fontsize="small")
+            cell.set_title(f"{name},\n{label}", fontsize="medium")
             cell.set_ylim(*1e3 * data.payloads[[0, -1]])
         row[0].set_ylabel("payload in g")
     for cell in axes[-1]:
@@ -111,7 +111,7 @@ def draw(data: Survival, path: Path) -> None:
         cell.set_xticks([0.2, 0.5, 1.0, 2.0], ["0.2", "0.5", "1", "2"])
         cell.set_xticks([], minor=True)
         cell.set_xlim(*data.frequencies[[0, -1]])
-    figure.colorbar(shown, ax=axes, label="largest real part of the exponents in 1/s")
+    figure.colorbar(shown, ax=axes, label="growth rate in 1/s")
     figure.suptitle("Which loop survives (blue: stable)")
     figure.savefig(path)
 
@@ -133,7 +133,12 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="few cases and phases, one mode, a looser tolerance")
+    parser.add_argument(
+        "--size",
+        choices=("full", "small"),
+        default="full",
+        help="small: few cases and phases, one mode, a looser tolerance",
+    )
     parser.add_argument("--out", default="out/studies", help="folder for the picture")
     options = parser.parse_args()
-    main("small" if options.small else "full", options.out)
+    main(options.size, options.out)

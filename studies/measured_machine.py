@@ -5,7 +5,7 @@ numbers and with the fitted ones that ship. Then exponents of the arm whose join
 frequency and decay of the strain that both logs show there: the fit, which large moves decide, rings slower by 7 to 11 %.
 Source of the logs, thinned to 100 Hz: github.com/basta/quanser-2-dof-serial-flexible-link, commit 48ab0ce; MIT licence, see logs/LICENSE.
 
-    python studies/measured_machine.py [--small] [--out DIR]
+    python studies/measured_machine.py [--size small] [--out DIR]
 """
 
 import argparse
@@ -104,7 +104,7 @@ def draw(predictions: dict[str, Any], path: Path) -> None:
             cell.plot(found.time, found.outputs[column], label=f"{made}: {found.fit[column]:.0f} %", linewidth=1.2)
         cell.plot(found.time, found.measured[column], "k", label="measured", linewidth=0.8)
         cell.set_ylabel(label)
-        cell.legend(loc="upper right", fontsize="small")
+        cell.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False, fontsize="small")
     axes[1].set_xlabel("time in s; a new window every 2 s")
     figure.suptitle("A two-link flexible arm, predicted from its measured currents")
     figure.savefig(path)
@@ -129,7 +129,7 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, Any]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="the first 2 s of each log")
+    parser.add_argument("--size", choices=("full", "small"), default="full", help="small: the first 2 s of each log")
     parser.add_argument("--out", default="out/studies", help="folder for the picture")
     options = parser.parse_args()
-    main("small" if options.small else "full", options.out)
+    main(options.size, options.out)

@@ -121,8 +121,8 @@ def draw(rows: list[Row], path: Path) -> None:
                 textcoords="offset points",
             )
         axes.set(xlabel="instructions of M, D, K, h (times in the table)", ylabel="relative error", title=arm)
-        axes.legend(frameon=False, fontsize=8)
         axes.spines[["top", "right"]].set_visible(False)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=8)
     figure.savefig(path)
 
 

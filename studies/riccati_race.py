@@ -8,7 +8,7 @@ system and resolves its coefficients anew each time; "flexlin, design" is the wh
 "flexlin, set up" is the solution alone, as the others have it. The satellite's field is known to have no narrow features (`complete`);
 "flexlin, unknown" is given A and B as plain functions, and looks at them everywhere.
 
-    python studies/riccati_race.py [--small] [--out DIR]
+    python studies/riccati_race.py [--size small] [--out DIR]
 """
 
 import argparse
@@ -247,7 +247,9 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, dict[
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="two small systems, a looser tolerance")
+    parser.add_argument(
+        "--size", choices=("full", "small"), default="full", help="small: two small systems, a looser tolerance"
+    )
     parser.add_argument("--out", default="out/studies", help="folder for the picture")
     options = parser.parse_args()
-    main("small" if options.small else "full", options.out)
+    main(options.size, options.out)

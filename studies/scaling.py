@@ -164,13 +164,16 @@ def draw(costs: list[Cost], exponents: dict[str, float], path: Path) -> None:
     }
     figure = Figure(figsize=(11, 6.5), layout="constrained")
     for axes, (name, label) in zip(figure.subplots(2, 3).ravel(), labels.items(), strict=True):
+        if np.isnan(exponents[name]):
+            axes.set_axis_off()
+            continue
         for k, modes in enumerate(sorted({c.modes for c in costs})):
             chain = [c for c in costs if c.modes == modes]
             n = [c.coordinates for c in chain]
             axes.loglog(n, [getattr(c, name) for c in chain], "o-", markersize=3, color=f"C{k}", label=f"{modes} modes")
             if name == "evaluate":
                 axes.loglog(n, [c.compiled for c in chain], "--", color=f"C{k}")
-        axes.set(xlabel="coordinates", title=f"{label}: power {exponents[name]:.2f}")
+        axes.set(xlabel="coordinates", title=f"{label}\npower {exponents[name]:.2f}")
         axes.spines[["top", "right"]].set_visible(False)
     figure.axes[0].legend(frameon=False)
     figure.savefig(path)

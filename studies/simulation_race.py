@@ -7,7 +7,7 @@ code; what makes it and compiles it is left out. True errors are against DOP853 
 state. Each peer runs at the cheapest of its tolerances whose true error is no larger than that of `simulate` at its tol; the least CPU
 time of several runs in one process.
 
-    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python studies/simulation_race.py [--small] [--out DIR]
+    OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python studies/simulation_race.py [--size small] [--out DIR]
 """
 
 import argparse
@@ -143,7 +143,9 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, Any]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="one arm with one mode, one tolerance")
+    parser.add_argument(
+        "--size", choices=("full", "small"), default="full", help="small: one arm with one mode, one tolerance"
+    )
     parser.add_argument("--out", default="out/studies", help="folder for the picture")
     options = parser.parse_args()
-    main("small" if options.small else "full", options.out)
+    main(options.size, options.out)

@@ -4,7 +4,7 @@ A cantilever (l = 10, EI = 1.4e4, rhoA = 1.2) is brought from rest to 6 rad/s in
 is 3.80 rad/s: a model that leaves out the shortening of a bent link loses its stiffness at that speed and diverges.
 Source: Kane, Ryan, Banerjee, J. Guidance 10 (1987) 139; Simo, Vu-Quoc, J. Sound Vib. 119 (1987) 487.
 
-    python studies/spin_up.py [--small] [--out DIR]
+    python studies/spin_up.py [--size small] [--out DIR]
 """
 
 import argparse
@@ -118,7 +118,7 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, SpinU
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="four modes, 18 s")
+    parser.add_argument("--size", choices=("full", "small"), default="full", help="small: four modes, 18 s")
     parser.add_argument("--out", default="out/studies", help="folder for the picture")
     options = parser.parse_args()
-    main("small" if options.small else "full", options.out)
+    main(options.size, options.out)

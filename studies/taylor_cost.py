@@ -247,7 +247,7 @@ def draw(costs: list[Cost], out: Path) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, 2, figsize=(13, 6), sharey=True)
+    figure, axes = plt.subplots(1, 2, figsize=(9, 5.5), sharey=True, layout="constrained")
     for route in dict.fromkeys(cost.route for cost in costs):
         mine = [cost for cost in costs if cost.route == route]
         errors = [cost.error for cost in mine]
@@ -255,8 +255,7 @@ def draw(costs: list[Cost], out: Path) -> None:
         axes[1].loglog([max(cost.bytes, 4096) for cost in mine], errors, "o-", label=route)
     axes[0].set(xlabel="seconds for one evaluation", ylabel="error of v in rad at |du| = 0.05 m")
     axes[1].set(xlabel="bytes the process grew by, building included")
-    axes[0].legend(fontsize=8)
-    figure.tight_layout()
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize=8)
     out.mkdir(parents=True, exist_ok=True)
     figure.savefig(out / "taylor_cost.png", dpi=110)
     plt.close(figure)

@@ -86,16 +86,16 @@ def draw(rows: list[Row], path: Path) -> None:
     """Runs of each part, and what went wrong."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7, 3))
-    axes = figure.add_subplot(title="Runs, and what should not be among them", xlabel="number, logarithmic above 1")
+    figure = Figure(figsize=(7, 3.4), layout="constrained")
+    axes = figure.add_subplot(title="Runs, and what should not be among them", xlabel="number of runs")
     names = [row.part for row in rows]
     bad = [row.uncaught + row.keyless + row.mixed + row.left for row in rows]
     axes.barh(names, [row.runs for row in rows], color="0.8", label="runs")
     axes.barh(names, bad, color="tab:red", label="uncaught, without a key, mixed or left over")
     axes.set_xscale("symlog", linthresh=1.0)
     axes.invert_yaxis()
-    axes.legend(loc="lower right", fontsize=8)
-    figure.savefig(path, bbox_inches="tight")
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=8)
+    figure.savefig(path)
 
 
 def main(size: str, out: Path | str, parts: tuple[str, ...] = tuple(PARTS), number: int = 0) -> dict:

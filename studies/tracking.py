@@ -4,7 +4,7 @@ The shipped single link swings under its own PD loop. Fed forward are the torque
 exactly on its path, or the torque and joint motion that keep the tip on its path (stable inversion of a plant that is not of minimum
 phase).
 
-    python studies/tracking.py [--small] [--scene NAME] [--out DIR]
+    python studies/tracking.py [--size small] [--scene NAME] [--out DIR]
 """
 
 import argparse
@@ -102,8 +102,8 @@ def main(size: str = "full", out: str | Path = "out/studies", scene: str = "sing
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="one speed only")
+    parser.add_argument("--size", choices=("full", "small"), default="full", help="small: one speed only")
     parser.add_argument("--scene", default="single-link", help="name or path of the scene")
     parser.add_argument("--out", default="out/studies", help="folder for the picture")
     options = parser.parse_args()
-    main("small" if options.small else "full", options.out, options.scene)
+    main(options.size, options.out, options.scene)

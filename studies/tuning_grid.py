@@ -3,7 +3,7 @@
 The grid is laid over the same limits. Both are judged on a grid of scenarios and on random ones of the same box: the best of the grid is
 the one whose worst of all is best, as sought among the gains in the order of their worst on the grid of scenarios.
 
-    python studies/tuning_grid.py [--small]
+    python studies/tuning_grid.py [--size small]
 """
 
 import argparse
@@ -97,6 +97,6 @@ def check_all(size="full"):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="one scene and few points")
+    parser.add_argument("--size", choices=("full", "small"), default="full", help="small: one scene and few points")
     options = parser.parse_args()
-    check_all("small" if options.small else "full")
+    check_all(options.size)

@@ -106,8 +106,8 @@ def draw(elbow: np.ndarray, coupled: np.ndarray, sweeps: dict[str, Sweep], path:
     right.axhline(0.0, color="0.6", linewidth=0.8)
     right.set(
         xlabel="frequency of the motion in Hz",
-        ylabel="margin in 1/s",
-        title="Own loop: largest real part of the exponents",
+        ylabel="largest growth rate in 1/s",
+        title="Stability of the own loop",
     )
     right.legend(frameon=False)
     for axes in (left, right):

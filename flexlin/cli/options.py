@@ -49,7 +49,7 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     ),
     "data": (
         ["--data"],
-        {"type": parse_place, "metavar": "DIR", "help": "folder whose files the scene may name, beside its own (see docs/security.md)"},
+        {"type": parse_place, "metavar": "DIR", "help": "folder whose files the scene may name, beside its own"},
     ),
     "out": (["--out"], {"type": parse_place, "metavar": "DIR", "help": "folder for the results (default: out/ and the scene's name)"}),
     "require": (

@@ -24,7 +24,7 @@ LONG = 600.0
 """Limit in s of a search or a fit where nobody states one."""
 ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
 """Options that stand for a key of the scene's table [accuracy]."""
-UNQUOTED = ("scene", "out", "require", "workers", "scheduler", "store")
+UNQUOTED = ("scene", "out", "require", "workers", "scheduler")
 """Options that change where results go and who computes them, but not what they are; the scene is said first."""
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from html import escape
+from itertools import groupby
 
 import numpy as np
 
@@ -79,19 +80,31 @@ def draw(rows: Sequence[Row], description: str, legend: Sequence[Mark] = (), nar
 def stack(rows: Sequence[Row]) -> list[Row]:
     """The same panels in rows for a narrow screen: as many side by side as leaves their words legible, in columns where all are alike."""
     stacked = []
-    for row in rows:
-        widths, groups = measure_widths(row, WIDTH)[: len(row.panels)], list[list[int]]()
-        for k, width in enumerate(widths):
-            slight = 4 * width < max(widths)  # the bar of colours beside a map
-            if groups and (slight or sum(widths[i] for i in groups[-1]) + width <= ABREAST):
-                groups[-1].append(k)
-            else:
-                groups.append([k])
-        columns = max(map(len, groups), default=1) if len(set(widths)) == 1 else 0
-        for group in groups:
-            shares = [widths[k] for k in group] + [widths[0]] * (columns - len(group))
-            stacked.append(Row([row.panels[k] for k in group], row.height, shares))
+    for (height, *widths), alike in groupby(rows, lambda row: (row.height, *measure_widths(row, WIDTH))):
+        if len(set(widths)) == 1:
+            stacked += restack([panel for row in alike for panel in row.panels], int(ABREAST // widths[0]) or 1, height)
+            continue
+        for row in alike:
+            groups = list[list[int]]()
+            for k, width in enumerate(widths[: len(row.panels)]):
+                slight = 4 * width < max(widths)  # the bar of colours beside a map
+                if groups and (slight or sum(widths[i] for i in groups[-1]) + width <= ABREAST):
+                    groups[-1].append(k)
+                else:
+                    groups.append([k])
+            stacked += [Row([row.panels[k] for k in group], height, [widths[k] for k in group]) for group in groups]
     return stacked
+
+
+def restack(panels: list[Panel], columns: int, height: float) -> list[Row]:
+    """Panels of one width in fewer columns; where only the last of a column bears the labels across, the new last ones do."""
+    if not all(panel.ticked[0] for panel in panels):
+        label, last = panels[-1].x_label, len(panels) - columns
+        panels = [
+            replace(panel, ticked=(k >= last, panel.ticked[1]), x_label=label * (k >= last))
+            for k, panel in enumerate(panels)
+        ]
+    return [Row(panels[i : i + columns], height, (1.0,) * columns) for i in range(0, len(panels), columns)]
 
 
 def measure_widths(row: Row, width: float) -> list[float]:

@@ -79,6 +79,9 @@ class Shown:
         head = f"{view.title}: {view.verdict}" if view.verdict else view.title
         return "\n".join([head, *(f"  {fact}" for fact in view.facts)])
 
+    def __str__(self) -> str:
+        return self.summary()
+
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw into matplotlib's axes.
 
@@ -111,10 +114,8 @@ def make_card(view: View) -> str:
     shade = SHADES.get(view.verdict.partition(",")[0], "inherit")
     verdict = f' <b style="color:{shade}">{escape(view.verdict)}</b>' if view.verdict else ""
     facts = "".join(f"<div>{escape(fact)}</div>" for fact in view.facts[:MOST_FACTS])
-    words = (
-        f'<div style="max-width:42em"><b>{escape(view.title)}</b>{verdict}<div style="opacity:.8">{facts}</div></div>'
-    )
-    return f'<div style="display:flex;gap:1.2em;align-items:flex-start">{words}{draw_small(view)}</div>'
+    words = f'<div style="flex:1 1 16em;max-width:42em"><b>{escape(view.title)}</b>{verdict}<div style="opacity:.8">{facts}</div></div>'
+    return f'<div style="display:flex;flex-wrap:wrap;gap:1.2em;align-items:flex-start">{words}{draw_small(view)}</div>'
 
 
 def draw_small(view: View) -> str:
@@ -137,7 +138,7 @@ def draw_small(view: View) -> str:
         )
     drawn = draw([Row([panel], HEIGHT)], f"{view.y_label} over {view.x_label}", narrow=True)
     variables = ";".join(f"--{name}:{shade}" for name, shade in (COLOURS | PAPER).items())
-    return f'<div style="flex:0 0 {NARROW:g}px;{variables}">{drawn}</div>'
+    return f'<div style="flex:0 1 {NARROW:g}px;max-width:100%;{variables}">{drawn}</div>'
 
 
 def thin(series: Series) -> Series:
@@ -184,4 +185,4 @@ def open_axes(ax: "Axes | None") -> "Axes":
             got="no such package",
             todo="pip install matplotlib, or read the numbers: to_xarray()",
         ) from None
-    return pyplot.subplots()[1]
+    return pyplot.subplots(layout="constrained")[1]

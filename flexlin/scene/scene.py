@@ -253,7 +253,11 @@ class Scene(Table):
     def _facts(self) -> tuple[str, ...]:
         """Links, effects, motion and control in words."""
         modes = [link.modes for link in self.links]
-        arm = f"model {self.model}" if self.model else f"{len(self.links)} links, modes {', '.join(map(str, modes))}"
+        arm = (
+            f"model {self.model}"
+            if self.model
+            else f"{len(self.links)} link{'s' * (len(self.links) > 1)}, modes {', '.join(map(str, modes))}"
+        )
         on = [
             name.replace("_", " ")
             for name in type(self.effects).model_fields

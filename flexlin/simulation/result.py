@@ -214,7 +214,7 @@ class Simulation(Shown):
         pairs = [("nonlinear", "line"), ("linear", "dashed")]
         if np.isfinite(self.difference):
             away = [np.linalg.norm(tip - self.tip_rigid, axis=1) for tip in (self.tip, self.tip_linear)]
-            label = "distance of the tip from its rigid path in m"
+            label = "tip off its rigid path in m"
         else:
             away = [states[:, 0] for states in (self.nonlinear, self.linear)]
             label = f"{self.names[0]} minus its rigid motion" + (f" in {self.units[0]}" if self.units else "")

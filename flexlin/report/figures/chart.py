@@ -102,7 +102,7 @@ def find_nearest(
 def say_none_was_found(data: xarray.Dataset) -> list[str]:
     """Why there is no boundary, or no critical value: none is there, or the search has not come to its end."""
     if data.attrs.get("search"):
-        return [f"Where the verdict changes was not searched to the end: {data.attrs['search']}."]
+        return [f"Where the verdict changes was not searched to the end ({data.attrs['search']})."]
     kinds = set(np.unique(data["verdict"].to_numpy())) - {"failed", "missing"}
     if len(kinds) > 1:
         return ["The verdict changes between neighbouring values of different colour; no more exact place was found."]

@@ -75,21 +75,24 @@ def draw_contours(panel: Panel, axes: list[Array], growth: Array, verdict: Array
         return []
     scale = Linear(float(min(decided.min(), 0.0)), float(max(decided.max(), 0.0)))
     ticks = [(level, text) for level, text in scale.ticks(LEVELS) if level != 0] if scale.low != scale.high else []
-    span, drawn, placed = np.array([np.ptp(axis) for axis in axes]), list[float](), list[Array]()
+    low, span = (np.array([measure(axis) for axis in axes]) for measure in (np.min, np.ptp))
+    drawn, placed = list[float](), list[Array]()
     for level, text in ticks:
         x, y = trace_contour(axes[0], axes[1], growth, level)
         if len(x):
             panel.line(x, y, "ink", width=0.6, opacity=0.55)
-            middle = choose_place(np.stack([x, y], axis=1), span, placed)
+            middle = choose_place(np.stack([x, y], axis=1), low, span, placed)
             placed.append(middle)
             panel.words(float(middle[0]), float(middle[1]), text, "ink", halo=True)
             drawn.append(level)
     return drawn
 
 
-def choose_place(points: Array, span: Array, placed: list[Array]) -> Array:
-    """The point of a line that is farthest from all labels so far; its middle where there is none."""
+def choose_place(points: Array, low: Array, span: Array, placed: list[Array]) -> Array:
+    """The point of a line, off the frame if it can be, that is farthest from all labels so far; its middle where there is none."""
     known = points[np.isfinite(points).all(axis=1)]
+    inner = known[(np.minimum(known - low, low + span - known) > FEWEST * span).all(axis=1)]
+    known = inner if len(inner) else known
     if not placed:
         return np.asarray(known[len(known) // 2])
     apart = np.min([np.linalg.norm((known - other) / span, axis=1) for other in placed], axis=0)
@@ -97,14 +100,14 @@ def choose_place(points: Array, span: Array, placed: list[Array]) -> Array:
 
 
 def label_resonances(panel: Panel, curves: Sequence[BoundaryCurve], x: Array, y: Array) -> None:
-    """The resonance of each tongue, once, inside it."""
+    """The resonance of each tongue, once, from a point inside it on to the right."""
     span, placed, named = np.array([np.ptp(x), np.ptp(y)]), list[Array](), set[str]()
     for curve in curves:
         text = shorten(curve.resonance)
         at = np.array(curve.inside)
         crowded = any(np.linalg.norm((at - other) / span) < FEWEST for other in placed)
         if text not in named and not crowded:
-            panel.words(float(at[0]), float(at[1]), text, "ink", halo=True)
+            panel.words(float(at[0] + FEWEST / 2 * span[0]), float(at[1]), text, "ink", anchor="start", halo=True)
             named.add(text)
             placed.append(at)
 
@@ -124,7 +127,9 @@ def mark_scene(panel: Panel, own: list[float], nearest: Array | None, axes: list
 
 def draw_bar(growth: Array, verdict: Array, levels: list[float]) -> Panel:
     """Which colour is which growth rate."""
-    panel = Panel("growth" if is_dimensionless() else "1/s", x=Linear(0.0, 1.0), ticked=(False, True))
+    panel = Panel(
+        "growth rate" if is_dimensionless() else "growth rate in 1/s", x=Linear(0.0, 1.0), ticked=(False, True)
+    )
     shown = growth[(verdict == "stable") | (verdict == "unstable")]
     low, high = float(min(shown.min(initial=0.0), 0.0)), float(max(shown.max(initial=0.0), 0.0))
     panel.y = Linear(low, high if high > low else low + 1.0)

@@ -10,7 +10,7 @@ from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic, Symlog
 from flexlin.plots.svg import Row
 from flexlin.report.figures.style import SHAPES, Picture, choose_colour, make_period_panel, make_picture
-from flexlin.report.wording import format_largest_multiplier, format_modulus, in_unit, is_dimensionless
+from flexlin.report.wording import colour, format_largest_multiplier, format_modulus, in_unit, is_dimensionless
 
 FROZEN = (
     "the arm held still at each place of its motion (its coefficients frozen), and the frequencies at which it would ring there. A line "
@@ -96,7 +96,7 @@ def draw_multipliers(a: Analysis) -> Picture | None:
     """A unit circle for each loop; none for a motion that ends."""
     if not a.plant.motion.periodic:
         return None
-    panels = [draw_circle(loop, choose_colour(a, loop)) for loop in a.loops]
+    panels = [draw_circle(a, loop) for loop in a.loops]
     columns = min(4, max(3, len(panels)))
     rows = [Row(panels[i : i + columns], 165) for i in range(0, len(panels), columns)]
     return make_picture("multipliers", "Multipliers on the unit circle", CIRCLE, rows)
@@ -114,7 +114,7 @@ def write_footer(loop: Loop) -> str:
     return "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_largest_multiplier(loop)}"
 
 
-def draw_circle(loop: Loop, colour: str) -> Panel:
+def draw_circle(a: Analysis, loop: Loop) -> Panel:
     """The unit circle, its rings, and the multipliers of one loop; the view grows where one lies far outside."""
     logs = loop.floquet.log_multipliers if loop.floquet is not None else np.zeros(0, dtype=complex)
     r = scale_radius(logs.real / np.log(10))
@@ -127,7 +127,7 @@ def draw_circle(loop: Loop, colour: str) -> Panel:
         equal=True,
         bare=True,
         footer=write_footer(loop),
-        footer_colour=loop.verdict if loop.floquet is not None else "faint",
+        footer_colour="faint" if loop.floquet is None else colour(loop, a.plant.period, a.validity(loop)),
     )
     panel.area(np.cos(TURN), np.sin(TURN), "shade")
     for power in RINGS:
@@ -136,4 +136,4 @@ def draw_circle(loop: Loop, colour: str) -> Panel:
     panel.line([-1.12, 1.12], [0, 0], "grid", width=0.8).line([0, 0], [-1.12, 1.12], "grid", width=0.8)
     panel.line(np.cos(TURN), np.sin(TURN), "ink", width=1.3)
     texts = [f"|µ| = {format_modulus(log.real)}, angle {np.degrees(log.imag):.1f}°" for log in logs]
-    return panel.dots(r * np.cos(logs.imag), r * np.sin(logs.imag), colour, size=4.2, texts=texts)
+    return panel.dots(r * np.cos(logs.imag), r * np.sin(logs.imag), choose_colour(a, loop), size=4.2, texts=texts)
