@@ -103,7 +103,7 @@ def draw(data: Survival, path: Path) -> None:
             shown = cell.pcolormesh(data.frequencies, 1e3 * data.payloads, part[name], cmap="RdBu_r", norm=norm)
             if np.any(part[name] > 0) and np.any(part[name] < 0):
                 cell.contour(data.frequencies, 1e3 * data.payloads, part[name], [0.0], colors="k")
-            cell.set_title(f"{name},\n{label}", fontsize="medium")
+            cell.set_title(f"{name},\n{label}", fontsize="small")
             cell.set_ylim(*1e3 * data.payloads[[0, -1]])
         row[0].set_ylabel("payload in g")
     for cell in axes[-1]:
