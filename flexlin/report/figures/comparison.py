@@ -18,6 +18,7 @@ from flexlin.report.drive_words import describe_demand
 from flexlin.report.figures.style import Picture, choose_colour, make_period_panel, make_picture
 from flexlin.report.numbers import record_fields, record_numbers
 from flexlin.report.wording import (
+    format_decimal,
     format_duration,
     format_quantity,
     in_unit,
@@ -25,6 +26,7 @@ from flexlin.report.wording import (
     scale_values,
     time_label,
 )
+from flexlin.scene.names import name_number, show_unit
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 from flexlin.simulation.result import Simulation
@@ -174,15 +176,18 @@ def draw_errors(found: Prediction) -> Picture:
 
 
 def say_numbers(scene: Scene, found: Identification) -> list[str]:
-    """Each number with its error and what it was before, then the status."""
+    """Each number with one standard error and what it was before, then the status."""
     said = []
     for path, value in found.values.items():
         before, error = float(get_value(scene, path)), found.errors[path]
-        around = f" ± {error:.2g} (one standard error)" if np.isfinite(error) else ""
+        around = f" ± {format_decimal(error, 2)}" if np.isfinite(error) else ""
         around = around or (", at the end of what is possible" if found.settled else "")
-        said.append(f"{path} = {value:.5g}{around}; it was {before:.5g}")
+        unit = show_unit(scene, path)
+        said.append(
+            f"{name_number(path)} ({path}): {format_decimal(value, 5)}{around}{unit and f' {unit}'}; it was {format_decimal(before, 5)}"
+        )
     said += [f"{pair}: correlated by {value:.3f}" for pair, value in found.correlations.items()]
-    return [*said, *found.status.split("; ")]
+    return [*said, "the errors are one standard error each", *found.status.split("; ")]
 
 
 Answer = DisturbanceAnswer | NoiseAnswer
