@@ -136,6 +136,7 @@ def test_a_link_that_bends_keeps_its_place(tmp_path):
     area, second = np.pi * (0.1**2 - 0.092**2), np.pi / 4 * (0.1**4 - 0.092**4)
     assert other.links[1].mass_per_length == pytest.approx(2710.0 * area)
     assert other.links[1].bending_stiffness == pytest.approx((68.9e9 * second,) * 2)
+    assert "kg by its section" in other.source
     with pytest.raises(SceneError, match="no bending_stiffness beside section"):
         fl.parse_scene({**raw, "flexible": {"link_2": {**beam, "section": tube}}}, folder=R3.parent)
 

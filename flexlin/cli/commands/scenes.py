@@ -108,6 +108,8 @@ def check(options: argparse.Namespace) -> int:
         lengths = np.array([link.length for link in scene.links])
         rest = clock.stage("arm at rest", asked, lambda: examine(plant, lengths))
     print(f"{scene.title}: usable")
+    if scene.source:
+        print(f"  source       {scene.source}")
     print(f"  coordinates  {', '.join(one.title for one in plant.coordinates)}")
     print(f"  torques on   {', '.join(plant.inputs) or 'no joint'}")
     print(f"  effects on   {', '.join(effects(scene)['on']) or 'none'}")

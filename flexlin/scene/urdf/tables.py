@@ -108,10 +108,16 @@ def bend_links(chain: ChainTables, flexible: Mapping[str, Any]) -> list[Problem]
         beam = read_table(FlexibleTable, table, f"flexible.{printable(name)}", problems)
         if beam is None:
             continue
+        index = chain.children.index(name)
+        stated = chain.links[index]["body"]["mass"]
         try:
-            bend_link(chain, chain.children.index(name), beam.model_dump(exclude_unset=True))
+            bend_link(chain, index, beam.model_dump(exclude_unset=True))
         except SceneError as error:
             problems += error.problems
+            continue
+        if beam.section is not None:
+            mass = beam.section.figures()["mass_per_length"] * chain.links[index]["length"]
+            chain.notes.append(f"{printable(name)} weighs {mass:.4g} kg by its section, {stated:.4g} kg in the file")
     return problems
 
 
