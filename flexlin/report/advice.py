@@ -69,9 +69,11 @@ def largest_figures(a: Analysis, loop: Loop) -> dict[tuple[str, str], float]:
 
 
 def choose_trade(trades: list[Trade]) -> Trade:
-    """The design that is nowhere worse, if there is one that is better at all; else the one that settles fastest."""
-    free = [trade for trade in trades if trade.better and not trade.worse]
-    return min(free or [t for t in trades if t.better] or trades, key=lambda trade: trade.ratios["settling"])
+    """The design that is better and nowhere worse, those that are known in full first; else the one that settles fastest."""
+    better = [trade for trade in trades if trade.better]
+    free = [trade for trade in better if not trade.worse]
+    known = [trade for trade in free if not trade.missing]
+    return min(known or free or better or trades, key=lambda trade: trade.ratios["settling"])
 
 
 def describe_trade(trade: Trade, own: str) -> str:
@@ -80,8 +82,10 @@ def describe_trade(trade: Trade, own: str) -> str:
     rest = f"; {join_words(list(trade.missing))} could not be compared" if trade.missing else ""
     if better and worse:
         return f"The design “{trade.loop.name}” is a trade against {own}: {join_words(better)}, but {join_words(worse)}{rest}."
+    if better and rest:
+        return f"The design “{trade.loop.name}” is better than {own} as far as is known: {join_words(better)}{rest}, and may be worse."
     if better:
-        return f"The design “{trade.loop.name}” is better than {own}: {join_words(better)}{rest or ', and nothing else compared is worse'}."
+        return f"The design “{trade.loop.name}” is better than {own}: {join_words(better)}, and nothing else compared is worse."
     if rest:
         return f"No design was found to be better than {own}{rest}."
     return f"No design is better than {own}: change the weights, or keep the loop you have."
