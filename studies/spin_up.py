@@ -113,6 +113,7 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, SpinU
         print(f"{label}: largest lag {lag:.4f} m at t = {time:.2f} s, {end}")
     Path(out).mkdir(parents=True, exist_ok=True)
     draw(series, Path(out) / "spin_up.svg")
+    print(f"wrote {Path(out) / 'spin_up.svg'}")
     return series
 
 

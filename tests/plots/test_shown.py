@@ -84,6 +84,7 @@ def test_summaries_are_short_and_say_the_verdict(results):
         lines = result.summary().splitlines()
         assert 2 <= len(lines) <= 12, name
         assert isinstance(result, Shown)
+        assert str(result) == result.summary(), name
     floquet = results["floquet"]
     assert floquet.summary().startswith(f"Floquet: {floquet.verdict}\n")
     assert f"{floquet.exponents[0].real:.6g}" in floquet.summary()

@@ -233,3 +233,12 @@ def test_lines_of_the_campbell_diagram_cross_without_a_kink() -> None:
     gap = np.sort(lines, axis=1)
     gap[20:23] = np.nan
     assert np.isnan(follow_lines(gap)[21]).all()
+
+
+def test_a_narrow_picture_leaves_no_hole_and_bears_times_below_each_column():
+    panels = [
+        Panel(str(k), x_label="time" * (k > 2), ticked=(k > 2, True)).line([0, 1], [0, 1], "blue") for k in range(6)
+    ]
+    drawn = draw([Row(panels[k : k + 3], 80.0, (1.0,) * 3) for k in (0, 3)], "six", narrow=True)
+    assert drawn.count(">time<") == 2
+    assert len(set(re.findall(r'y="([\d.]+)" style="font-weight', drawn))) == 3

@@ -37,7 +37,7 @@ def test_lqr_designs(study, pictures, tmp_path):
     cells = {axes.get_title(): axes.collections[0] for axes in pictures["lqr_designs.svg"].axes if axes.get_title()}
     for label, part in (("made for each arm", "own"), ("kept from the first arm", "kept")):
         for name, rates in getattr(result["survival"], part).items():
-            np.testing.assert_array_equal(np.ravel(cells[f"{name}, {label}"].get_array()), rates.ravel())
+            np.testing.assert_array_equal(np.ravel(cells[f"{name},\n{label}"].get_array()), rates.ravel())
 
 
 @pytest.mark.slow

@@ -193,6 +193,7 @@ def test_an_incomplete_chart_goes_on_with_more_time(tmp_path, capsys, monkeypatc
         assert main(words) == 4
     assert main([*words, "--limit-seconds", "500", "--limit-memory", "9e8"]) == 0
     said = capsys.readouterr().err
+    assert "--store" in (tmp_path / "out" / "chart.html").read_text(encoding="utf-8")
     assert "values are there already" in said
     assert "another" not in said
 
