@@ -11,8 +11,6 @@ SAFETY = 0.9
 """A step is this much shorter than its error would have it."""
 CHANGE = (0.02, 2.0)
 """How much shorter or longer than a step that was tried one is wished for."""
-LONGEST = 5.0
-"""How much longer than the last step that is known a window's steps may become."""
 NEARLY = 1e-3
 """Of a step: what is left to the mark joins the steps before."""
 FIRST, GRADED, WIDEST = 1 / 2048, 1.3, 1 / 8
@@ -21,11 +19,10 @@ FIRST, GRADED, WIDEST = 1 / 2048, 1.3, 1 / 8
 
 @dataclass(frozen=True)
 class Mesh:
-    """Wished lengths (K,) of steps between edges (K + 1,) in time; behind the last edge each step is `growth` times as long as the last."""
+    """Wished lengths (K,) of steps between edges (K + 1,) in time; behind the last edge steps stay as long as the last."""
 
     edges: Array
     lengths: Array
-    growth: float = 1.0
 
     @classmethod
     def graded(cls, t: float, period: float, stages: int, tol: float) -> "Mesh":
@@ -37,11 +34,11 @@ class Mesh:
 
     def moved(self, t: float) -> "Mesh":
         """The same from another time on."""
-        return Mesh(self.edges + (t - self.edges[0]), self.lengths, self.growth)
+        return Mesh(self.edges + (t - self.edges[0]), self.lengths)
 
     def next_edges(self, t: float, mark: float, most: int, reach: float) -> Array:
         """Edges (k + 1,) of at most so many steps from t on, to the mark at the farthest; one goes further than t + reach only alone."""
-        tail = self.lengths[-1] * self.growth ** np.arange(1, most + 1)
+        tail = np.full(most, self.lengths[-1])
         edges = np.concatenate([self.edges, max(self.edges[-1], t) + np.cumsum(tail)])
         passed = np.append(0.0, np.cumsum(np.diff(edges) / np.append(self.lengths, tail)))
         begin, end = np.interp([t, mark], edges, passed)
@@ -62,25 +59,23 @@ class Mesh:
         wished = np.diff(edges) * np.where(np.isfinite(ratio), factor, CHANGE[0])
         beside = np.concatenate([wished[:1], wished, wished[-1:]])
         wished = np.minimum(wished, np.minimum(beside[:-2], beside[2:]))
-        half = len(wished) // 2
-        later, sooner = wished[half:].min(), wished[: half or 1].min()
-        growth = float(np.clip((later / sooner) ** (1 / max(half, 1)), 1.0, LONGEST ** (1 / len(wished))))
         known = int(np.sum(self.edges > edges[-1]))
         ahead = np.concatenate([edges[good:], self.edges[len(self.edges) - known :]])
         lengths = np.concatenate([wished[good:], self.lengths[len(self.lengths) - known :]])
         if not len(lengths):
+            later = wished[len(wished) // 2 :].min()
             ahead, lengths = edges[-1] + np.array([0.0, later]), np.array([later])
-        return Mesh(edges[: good + 1], wished[:good], growth), Mesh(ahead, lengths, growth)
+        return Mesh(edges[: good + 1], wished[:good]), Mesh(ahead, lengths)
 
     def shortened(self, t: float, step: float) -> "Mesh":
-        """Steps of this length from a time on, growing no further."""
+        """Steps of this length from a time on."""
         return Mesh(t + np.array([0.0, step]), np.array([step]))
 
     @staticmethod
     def joined(parts: list["Mesh"]) -> "Mesh":
         """Meshes that follow each other as one."""
         lengths = np.concatenate([part.lengths for part in parts])
-        return Mesh(join_edges([part.edges for part in parts]), lengths, parts[-1].growth)
+        return Mesh(join_edges([part.edges for part in parts]), lengths)
 
 
 def join_edges(parts: Sequence[Array]) -> Array:

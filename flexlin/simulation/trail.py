@@ -26,7 +26,7 @@ class Trail:
 
     def mesh_for(self, tol: float, stages: int) -> Mesh:
         """The mesh for a run with another tol and as many stages."""
-        return Mesh(self.mesh.edges, self.mesh.lengths * (tol / self.tol) ** (1 / (stages + 1)), self.mesh.growth)
+        return Mesh(self.mesh.edges, self.mesh.lengths * (tol / self.tol) ** (1 / (stages + 1)))
 
     def follow(self, grid: Grid, start: Array) -> Path:
         """The motion from a state (2n,) with these accelerations, by the polynomials through the stages."""
