@@ -91,3 +91,10 @@ def test_a_coordinate_without_a_spring_gives_way():
     arm = fl.Manipulator.from_lagrangian(s, s_dot, T, 9.81 * ca.sin(s[0]), B=ca.DM([1, 0]))
     plant = fl.linearize(arm, scene_of({}).motion)
     assert examine(plant, np.ones(1)).gives_way
+
+
+def test_a_missing_unit_is_asked_for(capsys):
+    """A strip of 1000 m where 1000 mm was meant."""
+    change = ["links.0.length=1000", "designs=[]", "effects.geometric_stiffening=off"]
+    assert main(["check", "single-link", "--set", *change]) == 0
+    assert "no arm does; is a unit missing?" in capsys.readouterr().out

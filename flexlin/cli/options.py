@@ -43,8 +43,9 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "set": (
         ["--set"],
         {"dest": "overrides", "metavar": "KEY=VALUE", "action": "extend", "nargs": "+", "default": [],
-         "help": "override values of the scene, in SI units or with their own: effects.payload.mass=0.3 links.0.length='960 mm'; lists in brackets: "
-                 "control.feedback.kp=[5,2]; an effect on by its whole table: effects.shear={stiffness=1e5}, or off: effects.gravity=off; "
+         "help": "override values of the scene, in SI units or with their own: effects.payload.mass=0.3 links.0.length='960 mm'; lists in "
+                 "brackets: control.feedback.kp=[5,2]; an effect on by its whole table: effects.shear={stiffness=1e5}, or off: "
+                 "effects.gravity=off; "
                  "what stands in a model's [parameters] also without that word: links.0.modes=5"},
     ),
     "data": (

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 SHOWN = 5
 """Natural frequencies that are printed."""
-BEYOND = ": further than linear equations hold; stiffen the link, or trust the simulation with effects.geometric_stiffening only"
+BEYOND = ": further than linear equations hold; stiffen the link, or trust the simulation alone"
 ABSURD, MISTAKEN = (
     10.0,
     ": no arm does; is a unit missing? Numbers are in m, kg, s and rad, others such as '1000 mm' or '30 deg' name theirs",
@@ -118,7 +118,7 @@ def check(options: argparse.Namespace) -> int:
         for i, link in enumerate(scene.links):
             if any(link.counts.by_direction().values()):
                 print(f"  link {i + 1:<8}{', '.join(describe_link(link))}")
-        for name, words in () if rest is None else describe_rest(rest):
+        for name, words in () if rest is None else describe_rest(rest, "geometric_stiffening" in scene.effects.on()):
             print(f"  {name:<13}{words}")
     return DONE
 
@@ -135,8 +135,8 @@ def describe_link(link: "Link") -> Iterator[str]:
         yield f"rho I_p {say(link.polar_inertia, 'kg m')}"
 
 
-def describe_rest(rest: "AtRest") -> Iterator[tuple[str, str]]:
-    """What the arm does with its joints held."""
+def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
+    """What the arm does with its joints held; `stiffened`: its equations hold at large deflections."""
     from flexlin.answers.validity import SMALL
 
     if rest.gives_way:
@@ -151,7 +151,8 @@ def describe_rest(rest: "AtRest") -> Iterator[tuple[str, str]]:
         sides = ((bending.at_rest[i], "under gravity"), (bending.moving[i], "along the motion"))
         said = " and ".join(f"{say(f'{size:.3g}', 'm')} {where}" for size, where in sides if size > 0)
         if said:
-            beyond = "" if share <= SMALL else MISTAKEN if share > ABSURD else BEYOND
+            further = BEYOND + ("" if stiffened else ", with effects.geometric_stiffening")
+            beyond = "" if share <= SMALL else MISTAKEN if share > ABSURD else further
             yield f"link {i + 1}", f"bends by {said}, {100 * share:.2g} % of its length{beyond}"
 
 
