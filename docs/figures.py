@@ -102,7 +102,7 @@ def studies() -> str:
         question = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").splitlines()[0]
         picture = f"![{path.stem}](pictures/{path.stem}.png)" if (PICTURES / f"{path.stem}.png").exists() else ""
         rows.append([f"[`{path.stem}`](../studies/{path.name})", question, picture])
-    return table(["study", "question", "its picture, of the small run"], rows)
+    return table(["study", "question", "its picture"], rows)
 
 
 def licences() -> str:
