@@ -117,7 +117,7 @@ class Manipulator(Expressions, Shown):
             drawn = (Series("links", places[0], places[-1]),)
         side = "y" if self.points is None or self.points.size1() == 2 else "z"
         title = "M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau"
-        return View(title, "", self._names(), "x in m, all coordinates at zero", f"{side} in m", drawn)
+        return View(title, "", self._names(), "x in m, all coordinates at zero", f"{side} in m", drawn, equal=True)
 
     @property
     def n(self) -> int:

@@ -59,6 +59,8 @@ class View:
     series: tuple[Series, ...]
     zero: bool = False
     """Whether x = 0 is a border that is drawn, such as that of stability."""
+    equal: bool = False
+    """Whether a unit has the same length on both axes."""
 
 
 class Shown:
@@ -66,6 +68,10 @@ class Shown:
 
     def _view(self) -> View:
         raise NotImplementedError
+
+    def _drawn(self) -> View:
+        """What `plot` draws, where that takes longer than words and a card may."""
+        return self._view()
 
     def summary(self) -> str:
         """Say in a few lines what this is and what came out.
@@ -102,7 +108,7 @@ class Shown:
         ArgumentError
             When matplotlib is not installed, or `ax` is something else.
         """
-        return draw_view(self._view(), ax, style)
+        return draw_view(self._drawn(), ax, style)
 
     def _repr_html_(self) -> str:
         """The card of a notebook."""
@@ -123,7 +129,7 @@ def draw_small(view: View) -> str:
     shown = [series for series in map(thin, view.series[: len(COLOURS)]) if len(series.x)]
     if not shown:
         return ""
-    panel = Panel(x_label=view.x_label, y_label=view.y_label)
+    panel = Panel(x_label=view.x_label, y_label=view.y_label, equal=view.equal)
     for series, colour in zip(shown, COLOURS, strict=False):
         if series.style == "dots":
             panel.dots(series.x, series.y, colour, texts=[series.name] * len(series.x))
@@ -158,6 +164,8 @@ def draw_view(view: View, ax: "Axes | None", style: dict[str, Any]) -> "Axes":
         axes.plot(series.x, series.y, label=series.name, **how)
     if view.zero:
         axes.axvline(0.0, color="0.5", linestyle=":", linewidth=1.0)
+    if view.equal:
+        axes.set_aspect("equal", "datalim")
     axes.set_xlabel(view.x_label)
     axes.set_ylabel(view.y_label)
     axes.set_title(f"{view.title}: {view.verdict}" if view.verdict else view.title)

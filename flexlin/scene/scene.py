@@ -1,12 +1,13 @@
 """The whole scene, with its robot file, its log, and what is known of its numbers only between limits."""
 
+from importlib import import_module
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from flexlin.bounds import MOST_ITEMS, printable
 from flexlin.errors import ArgumentError, Problem
-from flexlin.plots.view import View, make_card
+from flexlin.plots.view import Shown, View
 from flexlin.scene.accuracy import Accuracy
 from flexlin.scene.base import NonNegative, NotEndless, Number, Positive, Table, Text, Unit
 from flexlin.scene.control import Control, DesignTable, Drives
@@ -161,7 +162,7 @@ def uncertainty_problems(scene: Any) -> list[Problem]:
     return problems
 
 
-class Scene(Table):
+class Scene(Shown, Table):
     """All that flexlin needs to know of an arm, its motion and its control.
 
     A scene is data: nothing in it is evaluated as code. Either `links` describe a chain, with `loops` a closed one, or `model` names a
@@ -244,11 +245,12 @@ class Scene(Table):
     def __repr__(self) -> str:
         return f"Scene({self.title!r}; {'; '.join(self._facts())})"
 
-    __str__ = __repr__
+    def _view(self) -> View:
+        return View(self.title, "", self._facts(), "", "", ())
 
-    def _repr_html_(self) -> str:
-        """The card of a notebook."""
-        return make_card(View(self.title, "", self._facts(), "", "", ()))
+    def _drawn(self) -> View:
+        view: View = import_module("flexlin.motion.shown").view_motion(self)  # it stands above this room
+        return view
 
     def _facts(self) -> tuple[str, ...]:
         """Links, effects, motion and control in words."""

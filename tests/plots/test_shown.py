@@ -131,6 +131,27 @@ def test_charts_of_one_and_two_parameters_are_drawn():
         fl.plots.compare({"b": 3})
 
 
+def test_a_scene_draws_its_arm_along_the_motion():
+    """A blade of 1 m on a hub of 0.05 m turns once in a plane; a five-bar of 0.2 and 0.3 m is closed, each tip where the links end."""
+    from matplotlib import pyplot
+
+    blade, loop = (fl.load_scene(name) for name in ("rotating-blade", "five-bar"))
+    *arms, tip = (line.get_xydata() for line in blade.plot().lines)
+    turned = 1.05 * np.exp(2j * np.pi * np.arange(3) / 3)
+    np.testing.assert_allclose([arm[-1] for arm in arms], np.stack([turned.real, turned.imag], axis=1), atol=1e-9)
+    np.testing.assert_allclose(np.hypot(*tip.T), 1.05, rtol=1e-12)
+    ax = loop.plot()
+    *arms, tip = (line.get_xydata() for line in ax.lines)
+    lengths = np.hypot(*np.diff(arms, axis=1).T).T
+    np.testing.assert_allclose(
+        lengths[:, [0, 1, 4, 5, 7, 8]], np.tile([0.2, 0.3, 0.3, 0.2, 0.2, 0.3], (3, 1)), rtol=1e-9
+    )
+    np.testing.assert_allclose(tip[0], tip[-1], atol=1e-9)
+    assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_aspect(), ax.get_title()) == ("x in m", "y in m", 1.0, loop.title)
+    assert loop.summary().startswith(f"{loop.title}\n  4 links")
+    pyplot.close("all")
+
+
 @pytest.mark.slow
 def test_drawing_without_matplotlib_says_what_to_install():
     program = """
