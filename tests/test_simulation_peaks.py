@@ -5,7 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.simulation.drive import Drive
-from flexlin.simulation.peaks import find_peaks, subdivide
+from flexlin.simulation.result import find_peaks, subdivide
 
 
 def loop(**changes):

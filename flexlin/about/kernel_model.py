@@ -6,7 +6,7 @@ import numpy as np
 from flexlin.about.family import PeriodicFamily
 from flexlin.about.free import ParametricLoop
 from flexlin.errors import ArgumentError
-from flexlin.periodic.many.kernel import Kernel, Model, take_phases
+from flexlin.periodic.many import Kernel, Model, take_phases
 from flexlin.program import INPUT, OUTPUT, Program
 
 PHASE, POINT = 1, 2

@@ -10,8 +10,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.crossings import SAMPLES, Crossing, find_crossings
-from flexlin.periodic.boundary.effort import Effort
-from flexlin.periodic.boundary.spectra import Spectra
+from flexlin.periodic.boundary.spectra import Effort, Spectra
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.summary import represent
 

@@ -13,7 +13,7 @@ from flexlin.answers.clock import Clock
 from flexlin.answers.steady import Response, find_response, response_error
 from flexlin.checks import Array
 from flexlin.control.drives import DriveLoad, drive_load
-from flexlin.periodic.certificate.lyapunov import Certificate
+from flexlin.periodic.certificate import Certificate
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem

@@ -8,7 +8,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.answers.critical_values import CriticalValue, check_limits, search_family
 from flexlin.answers.spectra import Family, OneOfSeveral, SceneFamily, make_family
 from flexlin.errors import ArgumentError, InputError
-from flexlin.periodic.boundary.effort import Effort
+from flexlin.periodic.boundary.spectra import Effort
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent

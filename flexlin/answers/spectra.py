@@ -29,7 +29,7 @@ from flexlin.scene.scene import Scene
 if TYPE_CHECKING:
     from flexlin.answers.sweep.together import Together
     from flexlin.periodic.floquet.resonance import Resonance
-    from flexlin.periodic.many.kernel import Logs
+    from flexlin.periodic.many import Logs
 
 ROUGH, FINE = 1e-8, 1e-12
 """Wanted errors of the exponents, in 1/s: of the scan, and of the values that are reported."""

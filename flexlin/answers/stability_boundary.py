@@ -11,9 +11,8 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.curves import Curve, find_curves
-from flexlin.periodic.boundary.effort import Effort
 from flexlin.periodic.boundary.lattice import CELLS
-from flexlin.periodic.boundary.spectra import Spectra
+from flexlin.periodic.boundary.spectra import Effort, Spectra
 from flexlin.summary import represent
 
 

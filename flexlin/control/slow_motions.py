@@ -9,9 +9,9 @@ from flexlin.errors import NumericalError
 from flexlin.periodic.floquet.decoupled_modes import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import find_coinciding
-from flexlin.periodic.floquet.periodic_vectors import periodic_vectors
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.product.balancing import balance_factors
+from flexlin.periodic.product.cyclic import periodic_vectors
+from flexlin.periodic.product.spectrum import balance_factors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.setting import METHODS, factor_by, place_segments

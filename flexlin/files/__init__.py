@@ -3,8 +3,7 @@
 `docs/results.md` says what a reader may rely on.
 """
 
-from flexlin.files.manifest import MANIFEST
-from flexlin.files.reading import read_text, refuse_odd
+from flexlin.files.manifest import MANIFEST, read_text, refuse_odd
 from flexlin.files.writing import Results, check_folder, clear_left, replacing, results, write_text
 
 __all__ = [

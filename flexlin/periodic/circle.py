@@ -1,4 +1,4 @@
-"""The circle: angles modulo 2 pi, and logarithms modulo 2 pi i."""
+"""The circle: angles modulo 2 pi, logarithms modulo 2 pi i, and how two sets of them are paired."""
 
 import numpy as np
 
@@ -52,3 +52,17 @@ def pair_conjugates(logs: Array, errors: Array) -> tuple[Array, Array]:
     angle = np.where(np.abs(middle.imag) < np.pi / 2, 0.0, np.pi)
     paired = np.where(alone, middle.real + 1j * angle, middle)
     return np.where(mutual, paired, logs), np.where(mutual, np.maximum(errors, errors[partner]), errors)
+
+
+def assign(cost: Array) -> Array:
+    """The column of each row (n,) such that the sum of the costs (n, m), n <= m, is least.
+
+    Each row takes its cheapest column; where that does not do, SciPy assigns by shortest augmenting paths. Its sparse matching, which
+    loads faster, may turn in a circle for ever where differences of costs are lost in rounding.
+    """
+    cheapest = cost.argmin(axis=1)
+    if len(np.unique(cheapest)) == len(cost):
+        return cheapest
+    from scipy.optimize import linear_sum_assignment
+
+    return np.asarray(linear_sum_assignment(np.where(np.isfinite(cost), cost, np.inf))[1])

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError, NumericalError
-from flexlin.periodic.assignment import assign
+from flexlin.periodic.circle import assign
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.precision import FAINT, SAFETY, SLIGHT, TINY

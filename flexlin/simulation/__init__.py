@@ -16,6 +16,6 @@ __getattr__, __dir__, __all__ = load_lazily(
     within={
         "simulation.events": "Switching",
         "simulation.step_by_step": "follow_cut",
-        "simulation.table": "LawTable",
+        "simulation.controlled_arm": "LawTable",
     },
 )

@@ -1,4 +1,4 @@
-"""Collocation on windows of time whose steps follow the motion: the integrator of the closed loop."""
+"""Collocation on windows of time whose steps follow the motion: the integrator of the closed loop, and the linear answer on its steps."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -6,12 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flexlin.checks import Array, check_size
-from flexlin.simulation.beside import LinearPath
-from flexlin.simulation.equations import Equations
-from flexlin.simulation.mesh import Mesh
+from flexlin.simulation.equations import Equations, Places
+from flexlin.simulation.mesh import Mesh, Trail
 from flexlin.simulation.stepping import GENTLER, SHORTER, stopped
 from flexlin.simulation.sweeps import Rigid, Solved, Start, solve_window
-from flexlin.simulation.trail import Trail
 from flexlin.simulation.window import Grid, Path, between
 
 LARGEST_WINDOW = 64
@@ -34,11 +32,48 @@ FURTHER = 1.3
 """How much further windows reach, one after another, behind one whose sweeps did not settle."""
 INSIDE = 1e-13
 """A break of the motion is looked at from so far before it, relative to the period."""
-
 Accept = Callable[[Array, Array, Array], None]
 """Looks at times (N,) and states (N, 2n) that were reached, and the torque (.., m) at the stages before; raises if they must not be."""
 Hurries = Callable[[Grid, Path], Array]
 """How many times too long each step (K,) of a window is for what it passes."""
+
+
+class LinearPath:
+    """M_L y'' + D_L y' + K_L y = f along the windows of another integration, with its own error estimate.
+
+    The sweeps of a nonlinear window begin with these matrices factored, so the linear motion is one correction from rest.
+    Where it outgrows all numbers it is lost, and no step is made shorter for it.
+
+    x: (2n,) the state reached; before: (n,) the acceleration there; largest: of each state so far.
+    """
+
+    def __init__(self, start: Array):
+        self.x, self.largest, self.before = start, np.abs(start), np.zeros(len(start) // 2)
+
+    def behind_break(self, places: Places) -> None:
+        """The acceleration behind a break: `places` of that one time."""
+        M, D, K = (part[0] for part in places.linear)
+        n = len(self.before)
+        with np.errstate(over="ignore", invalid="ignore"):
+            self.before = np.linalg.solve(M, places.force[0] - D @ self.x[n:] - K @ self.x[:n])
+
+    def on(self, about: Rigid, floor: float) -> tuple[Path, Array]:
+        """The motion on a window, and its local errors (K, 2n) relative to the largest state or to `floor`."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            path = about.window.corrected(about.grid.rest(np.zeros(len(self.before))), self.x, -about.at.force)
+            errors = about.window.local_errors(path, self.before) / np.maximum(self.largest, floor)
+        return path, np.where(np.isfinite(errors), np.abs(errors), 0.0)
+
+    def accept(self, path: Path) -> None:
+        """Move to the end of a path."""
+        self.x, self.before = path.x[-1], path.w[-1, -1]
+        self.largest = np.maximum(self.largest, np.abs(path.x).max(axis=0))
+
+    @staticmethod
+    def states(grid: Grid, path: Path, t: Array) -> Array:
+        """The states (N, 2n) at times t of the grid."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return between(grid, path, np.zeros((grid.count, grid.stages)), t)[0]
 
 
 @dataclass

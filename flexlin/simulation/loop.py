@@ -13,12 +13,12 @@ from flexlin.simulation.controlled import from_coordinates, to_coordinates, with
 from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.ending import explain_end, find_indefinite
 from flexlin.simulation.equations import Equations, NonlinearEquations
-from flexlin.simulation.layers import hurries
+from flexlin.simulation.events import hurries
 from flexlin.simulation.marks import with_breaks
+from flexlin.simulation.mesh import Trail
 from flexlin.simulation.prediction import ROUNDING
 from flexlin.simulation.step_by_step import follow_cut, follow_held, follow_slewing, follow_sticking
 from flexlin.simulation.stepping import stopped
-from flexlin.simulation.trail import Trail
 
 CLOSE = 0.999
 """A torque nearer to its limit than this, at any stage of the collocation, is integrated as one that is cut."""

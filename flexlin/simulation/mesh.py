@@ -1,4 +1,4 @@
-"""How long the steps of an integration should be, as a function of time: found by its local errors, and read by the next windows."""
+"""How long the steps of an integration should be, found by its local errors: what the next windows, and the next runs, read."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.simulation.window import Grid, Path, Rule
 
 SAFETY = 0.9
 """A step is this much shorter than its error would have it."""
@@ -81,3 +82,38 @@ class Mesh:
 def join_edges(parts: Sequence[Array]) -> Array:
     """The edges of steps that follow each other, each part beginning where the last one ends."""
     return np.concatenate([*(edges[:-1] for edges in parts), parts[-1][-1:]])
+
+
+@dataclass(frozen=True)
+class Trail:
+    """The mesh of a run, for its tol; the edges (K + 1,) of its steps and the accelerations (K, s, n) at their stages."""
+
+    mesh: Mesh
+    tol: float
+    edges: Array
+    w: Array
+
+    @classmethod
+    def of(cls, meshes: list[Mesh], windows: list[tuple[Array, Array]], tol: float) -> "Trail":
+        """That of windows that follow each other."""
+        edges, w = zip(*windows, strict=True)
+        return cls(Mesh.joined(meshes), tol, join_edges(edges), np.concatenate(w))
+
+    def mesh_for(self, tol: float, stages: int) -> Mesh:
+        """The mesh for a run with another tol and as many stages."""
+        return Mesh(self.mesh.edges, self.mesh.lengths * (tol / self.tol) ** (1 / (stages + 1)))
+
+    def follow(self, grid: Grid, start: Array) -> Path:
+        """The motion from a state (2n,) with these accelerations, by the polynomials through the stages."""
+        stages, n = self.w.shape[1:]
+        which = np.clip(np.searchsorted(self.edges, grid.times) - 1, 0, len(self.w) - 1)
+        begin = self.edges[which]
+        inside = (grid.times - begin) / (self.edges[which + 1] - begin)
+        shares = inside[..., None] ** np.arange(stages) @ Rule.of(stages).powers
+        w = (shares[..., None, :] @ self.w[which])[..., 0, :]
+        h, rule = grid.h[:, None], grid.rule.tableau
+        x = np.empty((grid.count + 1, 2 * n))
+        x[:, n:] = start[n:] + np.append(np.zeros((1, n)), np.cumsum(h * (rule.b @ w), axis=0), axis=0)
+        moved = h * x[:-1, n:] + h**2 * ((rule.b * (1 - rule.c)) @ w)
+        x[:, :n] = start[:n] + np.append(np.zeros((1, n)), np.cumsum(moved, axis=0), axis=0)
+        return grid.path(x, w)

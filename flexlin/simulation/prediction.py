@@ -10,7 +10,7 @@ from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.controlled import from_coordinates, to_coordinates, with_controller
 from flexlin.simulation.equations import LinearEquations
 from flexlin.simulation.marks import find_rough_times, with_breaks
-from flexlin.simulation.trail import Trail
+from flexlin.simulation.mesh import Trail
 
 ROUNDING = 1e-12
 """A tolerance below this is not asked of a run."""

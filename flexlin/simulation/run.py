@@ -14,9 +14,8 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.simulation.drive import Drive, scene_drive
 from flexlin.simulation.loop import NonlinearLoop
-from flexlin.simulation.peaks import Peaks, subdivide
 from flexlin.simulation.prediction import RUNS, distance, predict
-from flexlin.simulation.result import Simulation
+from flexlin.simulation.result import Peaks, Simulation, subdivide
 
 
 @checked

@@ -9,11 +9,9 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.sampled.hold import hold_controller
 from flexlin.simulation.controlled_arm import ControlledArm
-from flexlin.simulation.layers import skips_layer
+from flexlin.simulation.events import Slewing, Sticking, skips_layer
 from flexlin.simulation.marks import INSIDE, with_breaks
-from flexlin.simulation.slewing import Slewing
 from flexlin.simulation.stepping import march
-from flexlin.simulation.sticking import Sticking
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853, LSODA

@@ -165,7 +165,7 @@ def test_a_gain_that_changes_fast_behind_a_narrow_weight_is_followed():
 
 
 def test_a_series_is_held_against_its_gain_beside_the_corners_of_its_panels():
-    from flexlin.control.smooth_gain import smooth_gain
+    from flexlin.control.periodic import smooth_gain
 
     panels = np.linspace(0.0, 1.0, 83)
 

@@ -14,15 +14,17 @@ from flexlin.about.free import parametric_loop
 from flexlin.answers.accuracy import CostResult, Row, cost
 from flexlin.answers.accuracy import own_stages as own
 from flexlin.answers.accuracy.own_stages import name_setting
-from flexlin.answers.accuracy.scipy_loops import (
+from flexlin.answers.accuracy.scipy_methods import (
     derive_loop_rate,
+    derive_product,
     derive_response_rate,
     derive_riccati_rate,
     forget_start,
     integrate_loop,
+    prepare_rate,
+    prepare_scipy,
     respond_periodically,
 )
-from flexlin.answers.accuracy.scipy_methods import derive_product, prepare_rate, prepare_scipy
 from flexlin.answers.accuracy.trial import Trial, compare_exponents, measure_trials
 from flexlin.checks import SAMPLES
 from flexlin.cli.program import main

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlin.answers.sweep.together import MARGIN, MOST, PILOTS, STARTS, find_rungs, learn_needs, pack, try_pilots
-from flexlin.periodic.many.kernel import WIDTH, Logs
+from flexlin.periodic.many import WIDTH, Logs
 
 TOL, PERIOD = 1e-8, 3.0
 """Errors may be as large as tol times the period, which is longer than the logs are large."""

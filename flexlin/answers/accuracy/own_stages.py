@@ -12,7 +12,7 @@ from flexlin import symbolic
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.answers.accuracy.result import Row
-from flexlin.answers.accuracy.scipy_loops import (
+from flexlin.answers.accuracy.scipy_methods import (
     PLACES,
     derive_loop_rate,
     derive_response_rate,

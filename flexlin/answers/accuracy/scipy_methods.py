@@ -1,4 +1,4 @@
-"""The same transition matrices by SciPy's integrators: X' = T A X with CasADi's functions as the right-hand side."""
+"""Transition matrices, motion from rest, periodic response and Riccati equation by SciPy's integrators on one CasADi expression each."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -11,11 +11,18 @@ from scipy.sparse import csc_array
 
 from flexlin import symbolic
 from flexlin.about.free import ParametricLoop, parametric_loop
+from flexlin.about.linearization import Linearization
 from flexlin.answers.accuracy.result import Row
 from flexlin.answers.accuracy.trial import Trial, compare_arrays, measure_trials
-from flexlin.checks import Array
+from flexlin.checks import SAMPLES, Array
+from flexlin.motion import SymbolicMotion
 from flexlin.scene.scene import Scene
+from flexlin.simulation.equations import loop_expressions
 
+PLACES = 32
+"""Times in a period at which periodic answers are compared."""
+PERIODS, FORGOTTEN = 100, 10.0
+"""Periods after which X must have become periodic: its change over one is so many times tol at the most."""
 TOLS = {
     "DOP853": (1e-5, 1e-7, 1e-9, 1e-11),
     "LSODA": tuple(10.0**-k for k in range(4, 13)),
@@ -28,6 +35,88 @@ Rate = Callable[[float, Array], Array]
 """(phase, columns of X one after another (n n,)) -> the columns of T A X."""
 Transition = Callable[[], Array]
 """-> the transition matrix of one period (n, n), with the set-up behind it."""
+
+
+def try_scipy(
+    lin: Linearization, derive: Callable[[Linearization], ca.Function], run: Callable[[Rate, int, str, float], Array]
+) -> Iterator[Trial]:
+    """Every method at each of its tolerances, where the right-hand side is one expression: a symbolic motion, a law without states."""
+    if isinstance(lin.motion, SymbolicMotion) and lin.controller is None:
+        rate = prepare_rate(derive(lin), lin.arm.parameters.values)
+        for method, tols in TOLS.items():
+            for tol in tols:
+                yield Trial(
+                    f"SciPy {method}", f"tol {tol:.0e}", partial(run, rate, 2 * lin.n, method, tol), outside=True
+                )
+
+
+def derive_loop_rate(lin: Linearization) -> ca.Function:
+    """(phase, [y; y'], p) -> T [y'; y''] of the nonlinear loop under the scene's law."""
+    about, law = lin.about, lin.law
+    inputs, _, F, _, _ = loop_expressions(about)
+    y, v, w, torque = inputs.values()
+    assert isinstance(about.motion, SymbolicMotion)
+    phase, p = about.motion.phase, about.arm.parameters.symbols
+    rigid = dict(zip(lin.of_arm.name_out(), lin.of_arm.call([phase, p]), strict=True))["tau"]
+    given = rigid if law.feedforward == "rigid" else ca.SX.zeros(about.m)
+    given = given - ca.DM(law.gain(np.zeros(1))[0]) @ ca.vertcat(y, v)
+    M, left = ca.substitute([ca.jacobian(F, w), F], [torque, w], [given, ca.SX.zeros(about.n)])
+    acceleration = -ca.ldl_solve(left, *ca.ldl(ca.sparsify(M)))
+    rate = ca.densify(lin.period * ca.vertcat(v, acceleration))
+    return ca.Function("loop_rate", [phase, ca.vertcat(y, v), p], [rate], ["phase", "x", "p"], ["rate"])
+
+
+def integrate_loop(rate: Rate, states: int, method: str, tol: float) -> Array:
+    """States (N, 2n) over a period from rest."""
+    return integrate(rate, np.zeros(states), np.linspace(0.0, 1.0, SAMPLES + 1), method, tol)
+
+
+def derive_linear(lin: Linearization) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
+    """phase, p, T A, T b and T B of x' = A x + b + B u, the linear loop."""
+    phase, p = lin.coefficients.sx_in()
+    M, D, K, h, B, _ = lin.coefficients(phase, p)
+    lower = ca.ldl_solve(ca.sparsify(ca.horzcat(-K, -D, h, B)), *ca.ldl(ca.sparsify(M)))
+    n, upper = lin.n, ca.SX(lin.n, lower.size2())
+    upper[:, n : 2 * n] = ca.SX.eye(n)
+    rows = lin.period * ca.vertcat(upper, lower)
+    return phase, p, rows[:, : 2 * n], rows[:, 2 * n], rows[:, 2 * n + 1 :]
+
+
+def derive_response_rate(lin: Linearization) -> ca.Function:
+    """(phase, columns of [X, x], p) -> those of T [A X, A x + b]: the transition matrix, and a motion."""
+    phase, p, A, b, _ = derive_linear(lin)
+    X = ca.SX.sym("X", 2 * lin.n, 2 * lin.n + 1)
+    rate = A @ X
+    rate[:, -1] += b
+    return ca.Function("response_rate", [phase, ca.vec(X), p], [ca.densify(ca.vec(rate))])
+
+
+def respond_periodically(rate: Rate, states: int, method: str, tol: float) -> Array:
+    """The periodic response (32, 2n) from the transition matrix and the motion from rest."""
+    start, t = np.eye(states + 1, states).ravel(), np.arange(PLACES + 1) / PLACES
+    columns = integrate(rate, start, t, method, tol, states - 1).reshape(PLACES + 1, states + 1, states)
+    X, x = columns[:, :-1].swapaxes(1, 2), columns[:, -1]
+    return (X @ np.linalg.solve(np.eye(states) - X[-1], x[-1]) + x)[:-1]
+
+
+def derive_riccati_rate(lin: Linearization) -> ca.Function:
+    """(s, X, p) -> T (A' X + X A - X B B' X + I) at the phase -s: the Riccati equation with unit weights, backward in time."""
+    phase, p, A, _, B = derive_linear(lin)
+    X = ca.SX.sym("X", 2 * lin.n, 2 * lin.n)
+    pushed = X @ B
+    rate = A.T @ X + X @ A - pushed @ pushed.T / lin.period + lin.period * ca.SX.eye(2 * lin.n)
+    return ca.Function("riccati_rate", [phase, ca.vec(X), p], [ca.substitute(ca.densify(ca.vec(rate)), phase, -phase)])
+
+
+def forget_start(rate: Rate, states: int, method: str, tol: float) -> Array:
+    """The periodic X (32, 2n, 2n): backward from 0, period after period, until it repeats itself."""
+    start = np.zeros(states**2)
+    for _ in range(PERIODS):
+        found = integrate(rate, start, np.arange(PLACES + 1) / PLACES, method, tol)
+        if np.abs(found[-1] - start).max() <= FORGOTTEN * tol * np.abs(start).max():
+            return found[:0:-1].reshape(PLACES, states, states)
+        start = found[-1]
+    raise RuntimeError(f"X is not periodic after {PERIODS} periods")
 
 
 def measure_scipy_methods(scene: Scene, exact: Array, seconds: float) -> list[Row]:

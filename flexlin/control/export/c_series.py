@@ -8,8 +8,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from flexlin.checks import SAMPLES, Array
+from flexlin.control.periodic import Series, smooth_gain
 from flexlin.control.sampled import SampledGain
-from flexlin.control.smooth_gain import Series, smooth_gain
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import MatrixFunction

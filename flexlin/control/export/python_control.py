@@ -11,8 +11,8 @@ from flexlin.checks import Array, check_size, positive
 from flexlin.control.designed_loop import Design
 from flexlin.control.export.files import Labels
 from flexlin.errors import ArgumentError
-from flexlin.periodic.sampled.commensurate import find_rounds
 from flexlin.periodic.sampled.hold import hold_plant
+from flexlin.periodic.sampled.stability import find_rounds
 from flexlin.periodic.system import PeriodicSystem
 
 if TYPE_CHECKING:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.effort import SCAN, Effort
 from flexlin.periodic.boundary.lattice import CELLS
 from flexlin.periodic.boundary.lines import (
     LinesFunction,
@@ -16,7 +15,7 @@ from flexlin.periodic.boundary.lines import (
     settles,
     solve_changes,
 )
-from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction, count_resting, drop_resting
+from flexlin.periodic.boundary.spectra import SCAN, Effort, Spectra, SpectraFunction, count_resting, drop_resting
 from flexlin.periodic.precision import ROOT
 
 SAMPLES = 1025

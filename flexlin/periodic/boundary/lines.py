@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.effort import SCAN, Effort
-from flexlin.periodic.boundary.spectra import Spectra, measure_margins, measure_meetings
+from flexlin.periodic.boundary.spectra import SCAN, Effort, Spectra, measure_margins, measure_meetings
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.precision import MINOR, ROOT, TINY
 from flexlin.periodic.roots import MOST, SignedEnds, solve_brackets, solve_uncertain

@@ -1,4 +1,4 @@
-"""Spectra of many systems of one family: verdicts, and functions of them that stay smooth where multipliers meet."""
+"""Spectra of many systems of one family: verdicts, functions that stay smooth where multipliers meet, and what a search may take."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,6 +8,10 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.circle import wrap_angle
 from flexlin.periodic.precision import CUBE
+from flexlin.resources import Stopwatch
+
+SCAN = 0.6
+"""Share of the time that the scan may take: the rest is for the places that it finds."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,8 @@ class Spectra:
 
 
 SpectraFunction = Callable[[Array], Spectra]
+
+
 """Points (V, P) of the parameters -> spectra."""
 
 
@@ -121,3 +127,29 @@ def measure_margins(spectra: Spectra, undamped: Array, angles: Array) -> tuple[A
     )
     neutral_error = error**2 + 2 * error * np.sqrt(np.abs(neutral))
     return np.where(undamped, neutral, damped), np.where(undamped, neutral_error, damped_error)
+
+
+class Effort:
+    """Seconds of work for a search, by default without end; `gap`: the widest part of the range in which a change may hide, 0 where none
+    can but in what the search cannot see; `unfinished`: whether a place was not narrowed as far as was asked."""
+
+    def __init__(self, seconds: float = float("inf")):
+        self.seconds, self.watch, self.gap, self.unfinished, self.values = seconds, Stopwatch(), 0.0, False, 0
+        self._each = 0.0
+
+    def counted(self, function: SpectraFunction) -> SpectraFunction:
+        """The function, whose cost for each value is known from its latest call, but for the first one, which may prepare something."""
+
+        def compute(values: Array) -> Spectra:
+            before = self.watch.seconds
+            found = function(values)
+            if self.values:
+                self._each = (self.watch.seconds - before) / max(len(values), 1)
+            self.values += len(values)
+            return found
+
+        return compute
+
+    def affords(self, values: int, share: float = 1.0) -> bool:
+        """Whether so many values more are done within a share of the time."""
+        return self.watch.seconds + values * self._each <= share * self.seconds

@@ -8,8 +8,7 @@ from flexlin.checks import Array
 from flexlin.lazy import lazy
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.decoupling.grouping import Group, block_mask
-from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, sylvester
-from flexlin.periodic.decoupling.waves import circle_derivative, harmonics
+from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, circle_derivative, harmonics, sylvester
 from flexlin.periodic.precision import FARTHEST, SLIGHT, TINY
 
 STILL = 8.0

@@ -10,9 +10,16 @@ from flexlin.periodic.decoupling.coupling import Coupled, hidden_effect, residua
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.grouping import find_eigenvectors
 from flexlin.periodic.decoupling.parting import MAX_MERGES, SPARSE, Parted, built_on, part_frame
-from flexlin.periodic.decoupling.waves import aliasing, circle_derivative, interleaved, interpolated, shifted, tail
+from flexlin.periodic.decoupling.superadiabatic import (
+    aliasing,
+    circle_derivative,
+    interleaved,
+    interpolated,
+    shifted,
+    tail,
+)
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SLIGHT
-from flexlin.periodic.product.perturbation import COHERENT
+from flexlin.periodic.product.spectrum import COHERENT
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.resolved.sampling import POINTS, RESOLVED, stratified
 from flexlin.periodic.system import MatrixFunction

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.assignment import assign
+from flexlin.periodic.circle import assign
 from flexlin.periodic.precision import PARTIAL
 
 Eigenvectors = tuple[Array, ...]

@@ -8,10 +8,19 @@ from flexlin.checks import Array
 from flexlin.periodic.decoupling.coupling import block_values, group_separation, high_harmonics, pair_effects
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.grouping import Eigenvectors, Group, find_frame, follow_modes, grouped_modes
-from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
-from flexlin.periodic.decoupling.waves import circle_derivative, interleaved, shifted, smooth
+from flexlin.periodic.decoupling.superadiabatic import (
+    SLOW_PART,
+    circle_derivative,
+    interleaved,
+    low_harmonics,
+    mixing,
+    rounds,
+    shifted,
+    smooth,
+    sylvester,
+)
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, SLIGHT
-from flexlin.periodic.product.balancing import GROUP_CONDITION
+from flexlin.periodic.product.spectrum import GROUP_CONDITION
 
 ADIABATIC = 0.05
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""

@@ -7,18 +7,17 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
-from flexlin.periodic.assignment import assign
-from flexlin.periodic.circle import pair_conjugates, wrap_angle, wrap_log
+from flexlin.periodic.circle import assign, pair_conjugates, wrap_angle, wrap_log
 from flexlin.periodic.decoupling.coupling import Coupled, link_modes
 from flexlin.periodic.decoupling.decouple import FIRST_NODES, decouple
 from flexlin.periodic.decoupling.decoupled import UNRESOLVED, Decoupled, DecoupledExponents, Refusal, as_real
 from flexlin.periodic.decoupling.grouping import block_mask, connected
 from flexlin.periodic.decoupling.parting import MAX_MERGES
-from flexlin.periodic.decoupling.waves import aliasing, shifted
+from flexlin.periodic.decoupling.superadiabatic import aliasing, shifted
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.precision import MINOR, SAFETY
-from flexlin.periodic.product.balancing import balance_factors
+from flexlin.periodic.product.spectrum import balance_factors
 from flexlin.periodic.resolved.companion import couple_uncertainty
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.system import PeriodicSystem

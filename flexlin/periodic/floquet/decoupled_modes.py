@@ -3,14 +3,13 @@
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.assignment import assign
-from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.circle import assign, measure_distances
 from flexlin.periodic.decoupling.decoupled import Decoupled
 from flexlin.periodic.decoupling.grouping import Group, block_mask
-from flexlin.periodic.decoupling.waves import harmonics, interpolated
+from flexlin.periodic.decoupling.superadiabatic import harmonics, interpolated
 from flexlin.periodic.floquet.decoupled import follow_group
-from flexlin.periodic.floquet.periodic_vectors import periodic_vectors
 from flexlin.periodic.precision import CUBE, FAINT, FARTHEST, FOURTH, ROOT
+from flexlin.periodic.product.cyclic import periodic_vectors
 from flexlin.periodic.transition.gauss import gauss_transitions
 
 TURNS = 40

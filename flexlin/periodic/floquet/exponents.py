@@ -1,4 +1,4 @@
-"""Floquet exponents of a periodic system, with their own error and a verdict that admits doubt."""
+"""Floquet exponents of a periodic system, with their own error and a verdict that admits doubt; those of undamped systems in pairs."""
 
 from dataclasses import replace
 
@@ -8,18 +8,16 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import TooManySegments
 from flexlin.lapack import complex_schur
-from flexlin.periodic.assignment import assign
-from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
+from flexlin.periodic.circle import assign, match_logs, measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.parting import MAX_MERGES
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
-from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.result import FloquetResult, find_reached, judge
 from flexlin.periodic.floquet.segmented import Factoring, solve_by_segments
-from flexlin.periodic.precision import CUBE, EPS, SAFETY
-from flexlin.periodic.product.balancing import balance_factors
-from flexlin.periodic.product.perturbation import bound_pairs, separate_triangular
-from flexlin.periodic.resolved.companion import couple_uncertainty
+from flexlin.periodic.precision import CUBE, EPS, FAINT, SAFETY
+from flexlin.periodic.product.spectrum import balance_factors, bound_pairs, separate_triangular
+from flexlin.periodic.resolved.companion import ResolvedCompanion, couple_uncertainty
+from flexlin.periodic.resolved.sampling import BLOCKS, stratified
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, factor_twice
@@ -273,3 +271,46 @@ def solve_constant(system: PeriodicSystem) -> tuple[Array, Array]:
     errors = own + bound_pairs(coupling, own, np.abs(values[:, None] - values), shared)
     order = np.argsort(-values.real, kind="stable")
     return unit * values[order], unit * errors[order]
+
+
+def is_hamiltonian(system: PeriodicSystem) -> bool:
+    """Whether the flow keeps a symplectic form.
+
+        first order:   J A(t) symmetric, J = [[0, I], [-I, 0]]
+        second order:  M and K - G'/2 symmetric, G = D - M' skew   (then p = M y' + G y / 2 is the momentum)
+
+    M', G' are those of the series.
+    Source: Yakubovich, Starzhinskii, Linear Differential Equations with Periodic Coefficients (1975), ch. III.
+    """
+    resolved, t = system.resolved, system.period * stratified(BLOCKS)
+    if isinstance(resolved, ResolvedCompanion):
+        return is_symmetric_motion(resolved, t)
+    n, odd = divmod(system.n, 2)
+    A = resolved(t)
+    return not odd and is_symmetric(np.concatenate([A[:, n:], -A[:, :n]], axis=1))
+
+
+def is_symmetric_motion(resolved: ResolvedCompanion, t: Array) -> bool:
+    """The conditions of second order on samples of the series and their derivatives at times t (N,)."""
+    slope = resolved.series.derivative()
+    M, D, K = resolved.sample(t)
+    (dM, dD, _), (ddM, _, _) = (resolved.split(one(t)) for one in (slope, slope.derivative()))
+    G = D - dM
+    scale = np.abs(D).max() + np.sqrt(np.abs(M).max() * np.abs(K).max())
+    skew = np.abs(G + np.swapaxes(G, 1, 2)).max() <= 10 * FAINT * scale
+    return bool(skew and is_symmetric(M) and is_symmetric(K - (dD - ddM) / 2))
+
+
+def is_symmetric(values: Array) -> bool:
+    """Whether matrices (N, n, n) are symmetric to within rounding of their largest entry."""
+    return bool(np.abs(values - np.swapaxes(values, 1, 2)).max() <= FAINT * np.abs(values).max())
+
+
+def pair_hamiltonian(logs: Array) -> tuple[Array, Array]:
+    """Make logs of multipliers exactly paired, log mu -> -log mu, and return by how much each missed its pair.
+
+    (l_i - l_j) / 2 for each i and the partner j nearest to -l_i, imaginary parts modulo 2 pi
+    """
+    partner, violation = match_logs(-logs, logs)
+    mutual = partner[partner] == np.arange(len(logs))
+    return wrap_log(logs + np.where(mutual, wrap_log(-logs[partner] - logs) / 2, 0)), violation

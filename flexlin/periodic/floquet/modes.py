@@ -12,10 +12,10 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.decoupled_modes import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.periodic_vectors import periodic_vectors
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.precision import ROOT
-from flexlin.periodic.product.balancing import balance_factors
+from flexlin.periodic.product.cyclic import periodic_vectors
+from flexlin.periodic.product.spectrum import balance_factors
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss

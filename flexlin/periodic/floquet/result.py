@@ -121,7 +121,7 @@ class FloquetResult(Shown):
         >>> print(f"{fl.floquet(fl.PeriodicSystem([[-0.3]], 1.0)).certificate().margin:.4f}")
         0.6000
         """
-        certify = import_module("flexlin.periodic.certificate.lyapunov").certify  # it stands above this room
+        certify = import_module("flexlin.periodic.certificate").certify  # it stands above this room
         return certify(self)
 
     def to_xarray(self) -> "xarray.Dataset":

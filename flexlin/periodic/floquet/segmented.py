@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.assignment import assign
-from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.circle import assign, measure_distances
 from flexlin.periodic.grid import FINER
 from flexlin.periodic.precision import CUBE, FAINT, ROOT, SLIGHT
 from flexlin.periodic.product.spectrum import ProductSpectrum, Unknown, find_spectrum

@@ -7,8 +7,73 @@ import numpy as np
 from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
-from flexlin.lapack import find_routines
-from flexlin.periodic.product.balancing import GROUP_CONDITION
+from flexlin.lapack import LAPACK, find_routines
+from flexlin.periodic.precision import CUBE, MINOR, TINY
+
+GROUP_CONDITION = 1000.0
+"""Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""
+COHERENT = 0.25
+"""The part of the rounding errors that may add up with one sign."""
+ROUTINES = ("dgebal", "zgees", "zgeqrf", "zungqr", "dgesv")
+"""Of LAPACK, as the compiled code takes them."""
+
+
+def balance_factors(factors: Array) -> tuple[Array, Array]:
+    """Return S^-1 F_k S and the diagonal of S, one scaling by powers of two that evens rows and columns of sum |F_k|."""
+    n = factors.shape[-1]
+    scale = LAPACK.dgebal(np.abs(factors).sum(axis=0), scale=1, permute=0)[3]
+    if n == 1 or np.all(scale == 1):
+        return factors, np.ones(n)
+    return factors * (scale / scale[:, None]), scale
+
+
+def separate_triangular(T: Array) -> tuple[Array, Array]:
+    """X unit upper triangular with T X = X diag(t) + N: eigenvectors of an upper triangular matrix, N left between equal eigenvalues.
+
+    (t_j - t_i) X_ji + sum_(j < l < i) T_jl X_li = -T_ji      for j < i
+    """
+    n, t = len(T), np.diagonal(T)
+    upper = np.triu(np.ones((n, n), bool), 1)
+    same = upper & (np.abs(t[:, None] - t) <= CUBE * np.maximum(np.abs(t[:, None]), np.abs(t)))
+    free = (upper & ~same).T
+    rows, columns = free[:, :, None], free[:, None, :]
+    system = np.where(rows, np.where(columns, T - t[:, None, None] * np.eye(n), 0), np.eye(n))
+    X = np.linalg.solve(system, np.where(free, -T.T, 0)[:, :, None])[:, :, 0].T + np.eye(n)
+    return X, np.where(same, T @ X - X * t, 0)
+
+
+def bound_pairs(coupling: Array, own: Array, gap: Array, shared: Array) -> Array:
+    """What pairs of eigenvalues do to each other beyond first order, (n,).
+
+    Parameters: coupling (n, n): of the perturbation in the eigenvectors' coordinates; own (n,): first-order motions, which may
+    close gaps; gap (n, n): distances of the eigenvalues; shared (n, n): couplings left between equal ones.
+    """
+    gap = np.maximum(gap - own[:, None] - own, 0.0)
+    size = pair_size(coupling)
+    pairs = np.where(size > MINOR * gap, 2 * size, size**2 / np.maximum(gap, size + TINY))  # as in motion.c
+    return pairs.sum(axis=1) + bound_shared(coupling, np.abs(shared))
+
+
+def pair_size(coupling: Array) -> Array:
+    """sqrt(A_ij A_ji) of each pair (n, n), zero on the diagonal."""
+    product = coupling * coupling.T
+    np.fill_diagonal(product, 0.0)
+    return np.asarray(np.sqrt(product))
+
+
+def bound_shared(coupling: Array, shared: Array) -> Array:
+    """Elsner's bound (|N| + |E|)^(1 - 1/m) |E|^(1/m) for each block of m multipliers that N couples; zero elsewhere."""
+    bound = np.zeros(len(shared))
+    linked = shared + shared.T > 0
+    for members in {
+        tuple(np.flatnonzero(row | own).tolist())
+        for row, own in zip(linked, np.eye(len(shared), dtype=bool), strict=True)
+    }:
+        if len(members) > 1:
+            block, m = np.ix_(members, members), len(members)
+            E, N = np.linalg.norm(coupling[block]), np.linalg.norm(shared[block])
+            bound[list(members)] = np.maximum(bound[list(members)], (N + E) ** (1 - 1 / m) * E ** (1 / m))
+    return bound
 
 
 def spectrum_shapes(n: int, K: int, *given: object) -> tuple[object, ...]:
@@ -17,8 +82,6 @@ def spectrum_shapes(n: int, K: int, *given: object) -> tuple[object, ...]:
     return (K, n, n), (K, n, n), (n, n), (K, n, n), (K, n, p), (K, p, q), (K, q, n), n, n, n, n, (n, n), 1
 
 
-ROUTINES = ("dgebal", "zgees", "zgeqrf", "zungqr", "dgesv")
-"""Of LAPACK, as the compiled code takes them."""
 FIND_SPECTRUM = declare(
     "int find_spectrum(int n, int count, const double *plain, const double *better, const double *start, double limit, "
     "const double *steps, double each, int p, int q, const double *left, const double *size, const double *right, "

@@ -1,4 +1,4 @@
-"""The Riccati equation by Newton's method on the series of X, as many times as X has waves, and a bound on the error from its residual."""
+"""The Riccati equation by Newton's method on the series of X, begun from products doubled until their cost rests; error by residual."""
 
 from dataclasses import dataclass, replace
 from math import sqrt
@@ -6,14 +6,23 @@ from math import sqrt
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import NotStable, NumericalError, ToleranceNotReached
+from flexlin.errors import IllPosedSegment, NotStable, NumericalError, ToleranceNotReached
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SAFETY, SLIGHT
-from flexlin.periodic.quadratic.doubling import carry_costs
+from flexlin.periodic.quadratic.blocked import bound_sizes, name_blocked_mode
 from flexlin.periodic.quadratic.linear_quadratic import SAMPLES, LinearQuadratic, assemble_hamiltonian
 from flexlin.periodic.quadratic.lyapunov import LoopLyapunov, step_exactly, twice
 from flexlin.periodic.quadratic.nodes import Nodes
 from flexlin.periodic.quadratic.samples import Samples, measure_states
-from flexlin.periodic.quadratic.scattering import Segment, scatter_exponentials, star_product, symmetrize, transpose
+from flexlin.periodic.quadratic.scattering import (
+    MAX_DOUBLINGS,
+    Segment,
+    carry_costs_down,
+    combine_in_tree,
+    scatter_exponentials,
+    star_product,
+    symmetrize,
+    transpose,
+)
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.transition.gauss import CHUNK_BYTES
 
@@ -285,3 +294,43 @@ def add_up(parts: list[Array]) -> float:
     """The largest entry of the first part, plus the largest of all others."""
     first, *others = (float(np.abs(part).max()) for part in parts)
     return first + max(others)
+
+
+def carry_costs(
+    segments: Segment, end: Array | None, problem: LinearQuadratic, marks: Array, held: float = 1.0
+) -> tuple[Array, int]:
+    """Carry the cost at the end, or the periodic one when end is None, to all marks (K + 1, n, n); the doublings it took."""
+    levels = combine_in_tree(segments)
+    doublings = 0
+    if end is None:
+        end, doublings = double_period(segments, levels[-1][0], problem, marks, held)
+    return carry_costs_down(levels, end), doublings
+
+
+def double_period(
+    segments: Segment, period: Segment, problem: LinearQuadratic, marks: Array, held: float = 1.0
+) -> tuple[Array, int]:
+    """Double one period until the cost H of 2^k periods stops changing and the loop's memory F is gone.
+
+    held: part of the size that rounding might make of H or G from which on that is held to grow.
+    Returns: H, the number of doublings.
+    Raises: NotStabilizable when H grows for ever; NotDetectable when G does, or F does not decay; with the mode's name.
+    """
+    limits = [held * limit for limit in bound_sizes(problem, float(marks[-1]))]
+    whole, scale = period, max(float(np.abs(period.F).max()), 1.0)
+    for k in range(MAX_DOUBLINGS):
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                twice = star_product(whole, whole)
+        except IllPosedSegment:
+            grows = bool(np.abs(whole.H).max() * limits[1] >= np.abs(whole.G).max() * limits[0])
+            raise name_blocked_mode(grows, segments, whole, 1e-6 / held * limits[not grows], problem, marks) from None
+        if not np.abs(twice.H).max() < limits[0]:
+            raise name_blocked_mode(True, segments, whole, 1e-6 / held * limits[0], problem, marks)
+        if not np.abs(twice.G).max() < limits[1]:
+            break
+        before, whole = whole, twice
+        rests = np.abs(whole.H - before.H).max() <= 1e-16 * np.abs(whole.H).max()
+        if rests and np.abs(whole.F).max() <= 1e-8 * scale:
+            return whole.H, k + 1
+    raise name_blocked_mode(False, segments, whole, 1e-6 / held * limits[1], problem, marks)

@@ -9,7 +9,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.product.balancing import GROUP_CONDITION
+from flexlin.periodic.product.spectrum import GROUP_CONDITION
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import MOST_UNKNOWNS
 from flexlin.periodic.transition.setting import METHODS, ORDERS, Setting

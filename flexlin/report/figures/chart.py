@@ -8,7 +8,7 @@ import xarray
 from flexlin.answers.critical_values import CriticalValue
 from flexlin.answers.stability_boundary import BoundaryCurve
 from flexlin.checks import Array
-from flexlin.periodic.assignment import assign
+from flexlin.periodic.circle import assign
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Symlog
 from flexlin.plots.svg import Row

@@ -15,8 +15,7 @@ from flexlin.periodic.decoupling.coupling import Coupled, residual_effect
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.grouping import Group, block_mask
-from flexlin.periodic.decoupling.superadiabatic import sylvester
-from flexlin.periodic.decoupling.waves import circle_derivative, interpolated, shifted
+from flexlin.periodic.decoupling.superadiabatic import circle_derivative, interpolated, shifted, sylvester
 from flexlin.periodic.floquet import exponents as routes
 from flexlin.periodic.floquet.decoupled import bound_growth, decoupled_exponents, hide_enclosed
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum

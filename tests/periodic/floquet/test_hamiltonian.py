@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
+from flexlin.periodic.floquet.exponents import is_hamiltonian, pair_hamiltonian
 from tests.periodic.systems import colaneri, mathieu, mathieu_second_order
 
 

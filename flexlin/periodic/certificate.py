@@ -1,7 +1,4 @@
-"""Lyapunov certificates: X(t) > 0 on panels common with A(t), the proof of the inequality over a period, and how one is issued.
-
-The proof takes values at samples, and between them a bound from the coefficients.
-"""
+"""Lyapunov certificates of stability: a periodic X(t) > 0 whose inequality is proved over the whole period."""
 
 import hashlib
 from collections.abc import Callable

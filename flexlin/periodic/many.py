@@ -1,4 +1,4 @@
-"""The kernel for many values: from a model to exponents with their errors, a vector of values at a time."""
+"""All Floquet exponents of x' = A(t, p) x at many values of p, several at a time: the kernel of sweeps and scans."""
 
 import ctypes
 from collections.abc import Callable
