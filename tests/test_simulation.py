@@ -55,6 +55,7 @@ def test_free_vibration_keeps_its_energy():
         values, values[0], rtol=0, atol=1e-7 * np.ptp(values - values[0] + np.abs(values[0])) + 1e-7
     )
     np.testing.assert_allclose(run.torque, 0.0)
+    assert run.energy_error < 1e-6
 
 
 def test_a_given_feedback_equals_the_same_gains_in_the_scene():

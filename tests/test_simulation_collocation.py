@@ -14,7 +14,7 @@ from flexlin.errors import NumericalError
 from flexlin.simulation import NonlinearLoop, predict, simulate
 from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.drive import Drive
-from flexlin.simulation.equations import LinearEquations, NonlinearEquations
+from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.marks import with_breaks
 from flexlin.simulation.sweeps import Rigid, Start, solve_window
 from flexlin.simulation.window import Grid, Window, between
@@ -89,17 +89,6 @@ def test_fixed_steps_converge_with_the_order_of_the_method(stages):
     counts = (32, 64) if stages == 5 else (64, 128)
     rough, fine = (np.abs(last(count) - exact).max() for count in counts)
     assert np.log2(rough / fine) == pytest.approx(2 * stages - 1, abs=0.6)
-
-
-def test_windows_of_many_steps_equal_one_step_after_another():
-    lin = closed()
-    equations, grid = NonlinearEquations(lin, lin.law), Grid(0.3 + 0.06 * np.linspace(0, 1, 17) ** 1.3, 4)
-    x, before = 0.01 * np.random.default_rng(3).standard_normal(6), np.zeros(3)
-    whole = solve_window(equations, Rigid.of(equations, grid, 0.0), x, before, np.ones(6), 1e-12, Start.RIGID)
-    for k in range(grid.count):
-        one = Rigid.of(equations, Grid(grid.edges[k : k + 2], 4), 0.0)
-        x = solve_window(equations, one, x, before, np.ones(6), 1e-12, Start.NEWTON).path.x[-1]
-        np.testing.assert_allclose(whole.path.x[k + 1], x, atol=1e-10)
 
 
 def test_a_constant_linear_system_follows_its_matrix_exponential_however_non_normal():
@@ -200,18 +189,6 @@ def test_motion_in_which_the_mass_vanishes_is_named():
     motion = fl.load_scene("single-link", {"motion.joints": [{"amplitude": 0.0, "mean": 0.0}]}).motion
     with pytest.raises(NumericalError, match="stopped at t = "):
         simulate(fl.linearize(arm, motion, fl.scene.control.Control(feedforward="none")), 3, tol=1e-6)
-
-
-def test_linear_equations_need_one_sweep():
-    lin = closed()
-    start = np.random.default_rng(5).standard_normal(6)
-    grid = Grid(np.linspace(0.1, 0.14, 5), 4)
-    equations = LinearEquations(lin, lin.law)
-    one = solve_window(equations, Rigid.of(equations, grid, 0.0), start, np.zeros(3), np.ones(6), 1e-9, Start.RIGID)
-    at = equations.places(grid.times.ravel())
-    F, _ = equations.residual(at, *one.path.stages)
-    assert one.sweeps == 2
-    assert np.abs(F).max() < 1e-9 * np.abs(at.linear[2]).max()
 
 
 @pytest.mark.slow

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicSpline
 
 import flexlin as fl
 from flexlin.control import (
@@ -20,7 +19,6 @@ from flexlin.control import (
     periodic_lqr,
     with_integral_action,
 )
-from flexlin.control.frozen import PeriodicSpline
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 
 KINDS = ("periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr")
@@ -246,7 +244,6 @@ def test_bad_tables_are_refused(changes, message):
 
 def test_a_stiff_loop_agrees_with_integration():
     """Cheap control of a light inertia: a loop at -3e3/s beside slow modes."""
-    from scipy.integrate import solve_ivp
 
     def stiffness(t):
         return np.array([[3.0, -1.0], [-1.0, 2.0]]) * (1 + 0.3 * np.cos(2 * np.pi * t))[:, None, None]
@@ -282,12 +279,3 @@ def test_integral_action_removes_the_mean_joint_error():
     assert fl.floquet(integral.closed_loop).verdict == "stable"
     assert means[0] > 1e-3
     assert means[1] < 1e-9
-
-
-@pytest.mark.parametrize("count", [2, 3, 16])
-def test_the_schedule_of_frozen_gains_is_scipy_s_periodic_spline(count):
-    values, period = np.random.default_rng(count).standard_normal((count, 2, 3)), 1.7
-    knots = period * np.arange(count + 1) / count
-    expected = CubicSpline(knots, np.concatenate([values, values[:1]]), bc_type="periodic")
-    t = np.append(knots, np.random.default_rng(7).uniform(0.0, period, 40))
-    np.testing.assert_allclose(PeriodicSpline.through(values, period)(t), expected(t), atol=1e-13)

@@ -73,13 +73,6 @@ def test_acceleration_equals_that_with_multipliers(arm, joined):
     assert_allclose(np.linalg.solve(M, B @ TAU - rest), joined.acceleration(U, U_DOT, TAU), rtol=1e-9)
 
 
-def test_residual_is_its_matrices(arm):
-    f = arm.functions
-    acceleration = np.array([3.0, -5.0, 0.4, 0.2])
-    parts = f["M"](U, []) @ acceleration + f["C"](U, U_DOT, []) @ U_DOT + f["g"](U, []) + f["damping"](U, U_DOT, [])
-    assert_allclose(np.array(f["residual"](U, U_DOT, acceleration, [])), np.array(parts), rtol=1e-10)
-
-
 def test_rate_of_M_minus_twice_C_is_skew(arm):
     rate = ca.reshape(ca.jtimes(ca.vec(arm.M), arm.s, arm.s_dot), 4, 4)
     S = np.array(ca.Function("S", [arm.s, arm.s_dot], [rate - 2 * arm.C])(U, U_DOT))
@@ -111,13 +104,6 @@ def test_linearization_equals_differences_of_the_joined_arms(arm, joined, scene)
     by_rate = -c.M[0] @ slope(lambda e: joined.acceleration(q, q1 + e, c.tau[0]))
     assert_allclose(c.K[0], by_position, atol=1e-7 * np.abs(c.K[0]).max())
     assert_allclose(c.D[0], by_rate, atol=1e-7 * np.abs(c.D[0]).max())
-
-
-def test_both_routes_agree(arm, scene):
-    t = np.linspace(0, 0.5, 5)
-    one, two = (fl.linearize(arm, scene.motion, route=route).sample(t) for route in ("jacobian", "kronecker"))
-    assert_allclose(one.K, two.K, rtol=1e-9, atol=1e-9 * np.abs(one.K).max())
-    assert_allclose(one.D, two.D, rtol=1e-9, atol=1e-9 * np.abs(one.D).max())
 
 
 @pytest.mark.slow

@@ -99,14 +99,6 @@ def test_expression_equals_the_equations_by_hand(loop):
     assert_allclose(ours.full(), judge.full(), atol=1e-14)
 
 
-@pytest.mark.parametrize("k", [1, 2, 3])
-def test_derivatives_of_the_closure(loop, k):
-    closure, equations, s0, _ = loop
-    s = ca.SX.sym("s", len(s0))
-    judge = ca.Function("D", [s], [derivative(equations(s), s, k)])(s0).full()
-    assert_allclose(closure.derivative(s0, k), judge, atol=1e-13)
-
-
 @pytest.mark.slow
 def test_recursion_against_implicit_differentiation(loop):
     closure, equations, s0, u = loop
@@ -123,13 +115,6 @@ def test_partitions_exercise_the_second_term(name):
     m, n = closure.linear.shape
     second = closure.derivative(closure.close(guess, u), 2).reshape(m, n, n)
     assert np.abs(second[:, list(u)]).max() > 0.05
-
-
-def test_higher_closure_jacobians_are_symmetric():
-    closure, _, guess, u = LOOPS["5-bar forward"]
-    C4 = closure.jacobians(closure.close(guess, u), u, 4)[3].reshape(4, 2, 2, 2, 2)
-    for axes in ((0, 2, 1, 3, 4), (0, 1, 2, 4, 3), (0, 4, 2, 3, 1)):
-        assert_allclose(C4, C4.transpose(axes), atol=1e-10 * np.abs(C4).max())
 
 
 def test_singular_and_open_loops_are_named():

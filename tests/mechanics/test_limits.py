@@ -1,8 +1,6 @@
 """Limits with their observed order: stiff shear, thin sections, stiff joints, stiff links; Timoshenko's beam solved by other means."""
 
-import casadi as ca
 import numpy as np
-import pytest
 from scipy.linalg import eigh, expm
 from scipy.optimize import brentq
 
@@ -89,14 +87,3 @@ def test_stiff_links_tend_to_the_rigid_arm():
 
     differences = [bending(200.0 * 2.0**k) / rigid - 1 for k in range(3)]
     np.testing.assert_allclose(observed_order(differences), -1, atol=0.02)
-
-
-@pytest.mark.parametrize("effect", ["viscous_friction", "coulomb_friction"])
-def test_friction_slope_in_the_linearization(effect):
-    """D_L on the joint's diagonal: c for viscous friction; c / eps (1 - tanh^2(q'/eps)) for Coulomb's."""
-    tables = {"viscous_friction": {"coefficient": 0.3}, "coulomb_friction": {"torque": 0.3, "rate": 0.5}}
-    arm = arm_of({}, effects={effect: tables[effect]})
-    slope = ca.Function("D", [arm.s, arm.s_dot], [ca.jacobian(arm.damping, arm.s_dot)[0, 0]])
-    for rate in (0.0, 0.2, 3.0):
-        expected = 0.3 if effect == "viscous_friction" else 0.3 / 0.5 * (1 - np.tanh(rate / 0.5) ** 2)
-        assert float(slope(np.zeros(3), [rate, 0, 0])) == pytest.approx(expected, rel=1e-12)

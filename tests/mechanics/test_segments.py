@@ -7,7 +7,7 @@ from scipy.linalg import eigh
 
 from tests.thinned import thin
 
-from .scenes import arm_of, matrices_at_rest
+from .scenes import arm_of
 from .segments import Segments
 
 ONE = {"length": 0.8, "mass_per_length": 0.4, "bending_stiffness": 2.0}
@@ -63,10 +63,3 @@ def test_stiffening_through_the_chain(rate):
         K_n, M_n = (locked.T @ X @ locked for X in (model.spinning(rate), model.mass(np.zeros(len(model.a)))))
         approximations.append(lowest(K_n, M_n, 3))
     check(chain, approximations, 2)
-
-
-def test_one_link_at_rest_is_the_cantilever():
-    M, K = matrices_at_rest(arm_of({**ONE, "modes": 3}))
-    omega = lowest(K[1:, 1:], M[1:, 1:], 3)
-    expected = np.array([1.87510407, 4.69409113, 7.85475744]) ** 2 * np.sqrt(2.0 / (0.4 * 0.8**4))
-    np.testing.assert_allclose(omega, expected, rtol=1e-8)

@@ -155,33 +155,6 @@ def test_table_may_turn_around(tmp_path):
     np.testing.assert_allclose(q1[0], np.pi + 0.1 * np.pi * np.cos(0.3 * np.pi), rtol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (lambda t, q: (t, q + 0.1 * t), "not periodic"),
-        (lambda t, q: (t[::-1], q), "do not increase"),
-        (lambda t, q: (t[:4], q[:4]), "wrong shape"),
-        (
-            lambda t, q: (t, np.where(t > 0.5, np.nan, q)),
-            "is not numeric; got a cell that is none",
-        ),
-    ],
-)
-def test_tables_that_cannot_be_used(tmp_path, change, says):
-    t = np.linspace(0, 1.0, 21)
-    with pytest.raises(MotionError, match=says):
-        motion(write(tmp_path / "bad.csv", *change(t, np.sin(2 * np.pi * t))))
-
-
-def test_table_with_text_or_without_file(tmp_path):
-    path = tmp_path / "text.csv"
-    path.write_text("t,q1\n0,0\n0.1,zero\n")
-    with pytest.raises(MotionError, match="row 3"):
-        motion({"kind": "table", "file": str(path)})
-    with pytest.raises(MotionError, match="cannot be read"):
-        motion({"kind": "table", "file": str(tmp_path / "none.csv")})
-
-
 @settings(max_examples=25, deadline=None)
 @given(st.floats(0.1, 10), st.floats(-2, 2), st.floats(0, 1))
 def test_free_parameters_take_the_place_of_numbers(frequency, amplitude, phase):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexlin.periodic import FourierSeries, fourier_differentiation
+from flexlin.periodic import FourierSeries
 
 T = 1.7
 
@@ -34,11 +34,3 @@ def test_a_trigonometric_polynomial_is_reproduced(shape, derivative):
     np.testing.assert_allclose(series(t, derivative), function(t, derivative), atol=1e-9, rtol=1e-9)
     assert series(0.3).shape == shape
     np.testing.assert_allclose(series(0.3, derivative), series(np.array([0.3]), derivative)[0])
-
-
-def test_differentiation_is_that_of_the_interpolant():
-    values = np.random.default_rng(2).standard_normal((15, 3))
-    at = T * np.arange(15) / 15
-    np.testing.assert_allclose(
-        fourier_differentiation(15, T) @ values, FourierSeries.through(values, T)(at, 1), atol=1e-11
-    )

@@ -12,7 +12,6 @@ from flexlin.periodic import (
     chebyshev_basis,
     chebyshev_coefficients,
     chebyshev_nodes,
-    fourier_basis,
     fourier_differentiation,
     fourier_nodes,
     panel_times,
@@ -38,27 +37,6 @@ def test_fourier_matrix_and_series_give_the_same_derivative_as_calculus(count):
     assert series(other)[:, 0, 0] == pytest.approx(waves(other), abs=1e-13)
     assert series.derivative()(other)[:, 0, 0] == pytest.approx(rate(other), abs=1e-11)
     assert series.mean()[0, 0] == pytest.approx(quad(waves, 0, T, epsabs=1e-14)[0] / T, abs=1e-13)
-
-
-def test_fourier_error_falls_faster_than_any_power():
-    t = np.random.default_rng(1).uniform(0, T, 300)
-    counts = (9, 13, 17, 21)
-    errors = [
-        np.abs(FourierSeries.through(waves(fourier_nodes(n, T))[:, None, None], T)(t)[:, 0, 0] - waves(t)).max()
-        for n in counts
-    ]
-    slopes = -np.diff(np.log(errors)) / np.diff(np.log(counts))
-    assert np.all(np.diff(slopes) > 0)
-    assert slopes[-1] > 10
-
-
-def test_doubled_waves_are_cosines_and_sines():
-    phase, k = np.random.default_rng(2).uniform(-2, 2, 50), np.arange(1, 38)
-    basis = fourier_basis(phase, 37)
-    expected = np.hstack(
-        [np.ones((50, 1)), np.cos(2 * np.pi * phase[:, None] * k), np.sin(2 * np.pi * phase[:, None] * k)]
-    )
-    assert basis == pytest.approx(expected, abs=1e-13)
 
 
 @pytest.mark.parametrize("value", [0.1, 1 / 3, 1e300, 1e-300])

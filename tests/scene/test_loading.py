@@ -50,24 +50,10 @@ def test_shipped_scenes_load(name):
 @pytest.mark.parametrize(
     ("path", "value", "key", "says"),
     [
-        (["links", 0, "length"], -1.0, "links.0.length", "greater than"),
-        (["links", 0, "length"], "long", "links.0.length", "a number"),
-        (["links", 0, "length"], True, "links.0.length", "a number"),
-        (["links", 0, "length"], float("nan"), "links.0.length", "finite"),
-        (["links", 0, "modes"], 61, "links.0.modes", "60"),
-        (["links", 0, "modes"], 1.5, "links.0.modes", "whole number"),
         (["links", 0, "bending_stiffness"], None, "links.0.bending_stiffness", "positive"),
         (["links", 0, "colour"], "red", "links.0.colour", "one of axis"),
-        (["links", 0, "mass_per_length"], 0.0, "links.0.mass_per_length", "mass"),
-        (["effects", "wind"], {}, "effects.wind", "gravity"),
-        (["effects", "payload"], {"mass": -0.1}, "effects.payload.mass", "greater than or equal to 0"),
-        (["motion", "kind"], "circus", "motion", "harmonic"),
-        (["motion", "joints"], [], "motion.joints", "1"),
-        (["motion", "joints"], [{"amplitude": 0.5}] * 2, "motion.joints", "1, one for each"),
-        (["control", "feedback", "kp"], [1.0, 2.0], "control.feedback.kp", "1, one for each"),
         (["links"], [], "links", "at least one"),
         (["model"], "khang-2019", "links", "either"),
-        (["schema"], 2, "schema", "1"),
     ],
 )
 def test_each_problem_names_its_key(path, value, key, says):
@@ -78,43 +64,10 @@ def test_each_problem_names_its_key(path, value, key, says):
     assert any(says in problem.expected for problem in found), found
 
 
-def test_all_problems_come_at_once():
-    raw = with_change(["links", 0, "length"], -1.0)
-    raw["effects"]["payload"]["mass"] = "heavy"
-    raw["motion"]["joints"] = [{"amplitude": 0.1}] * 3
-    raw["control"]["gain"] = 1.0
-    raw["colour"] = "red"
-    with pytest.raises(SceneError) as caught:
-        parse_scene(raw)
-    keys = {problem.key for problem in caught.value.problems}
-    assert {"links.0.length", "motion.joints", "control.gain", "colour"} <= keys
-    assert any(key.startswith("effects.payload.mass") for key in keys)
-    assert "heavy" in str(caught.value)
-
-
-def test_missing_file_suggests_a_name():
-    with pytest.raises(SceneError, match="did you mean 'single-link'"):
-        fl.load_scene("single-lnk")
-
-
-def test_broken_toml(tmp_path):
-    path = tmp_path / "broken.toml"
-    path.write_text("schema = 1\n[[links]\n")
-    with pytest.raises(SceneError, match=r"broken\.toml"):
-        fl.load_scene(path)
-
-
 def test_scenes_are_frozen():
     scene = parse_scene(GOOD)
     with pytest.raises(ValidationError):
         scene.title = "other"
-
-
-def test_overrides():
-    scene = fl.load_scene("single-link", {"effects.payload.mass": 0.3, "links.0.modes": 1, "designs": []})
-    assert scene.effects.payload.mass == 0.3
-    assert scene.links[0].modes == 1
-    assert fl.load_scene("single-link").effects.payload.mass == 0.03
 
 
 def test_an_effect_is_switched_by_its_whole_table():
@@ -123,12 +76,6 @@ def test_an_effect_is_switched_by_its_whole_table():
     assert parse_scene(GOOD, overrides={"effects.payload": "off"}).effects.payload is None
     with pytest.raises(SceneError, match="effect that is off"):
         parse_scene(GOOD, overrides={"effects.hub.inertia": 0.1})
-
-
-@pytest.mark.parametrize("key", ["links.7.length", "links.one.length", "title.x"])
-def test_overrides_that_lead_nowhere(key):
-    with pytest.raises(SceneError):
-        parse_scene(GOOD, overrides={key: 1.0})
 
 
 def test_an_override_into_a_list_that_is_not_there_is_answered_by_the_keys_that_are():
@@ -171,12 +118,6 @@ def test_a_key_that_the_scene_has_is_never_one_of_its_model_s_table():
 )
 def test_assignments(text, key, value):
     assert parse_assignment(text) == (key, value)
-
-
-@pytest.mark.parametrize("text", ["mass", "=3", ""])
-def test_assignments_that_cannot_be_read(text):
-    with pytest.raises(ArgumentError, match="key=value"):
-        parse_assignment(text)
 
 
 @given(st.floats(min_value=1e-6, max_value=1e6))

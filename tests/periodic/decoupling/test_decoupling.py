@@ -14,8 +14,7 @@ from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.decoupling.coupling import Coupled, residual_effect
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
-from flexlin.periodic.decoupling.grouping import Group, block_mask
-from flexlin.periodic.decoupling.superadiabatic import circle_derivative, interpolated, shifted, sylvester
+from flexlin.periodic.decoupling.grouping import Group
 from flexlin.periodic.floquet import exponents as routes
 from flexlin.periodic.floquet.decoupled import bound_growth, decoupled_exponents, hide_enclosed
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum
@@ -128,18 +127,6 @@ def test_a_constant_system_keeps_its_eigenvalues():
     assert (answer.exponents.imag == 0).all()
 
 
-def test_the_generator_is_that_of_the_transformed_system():
-    system = fast_and_slow(1e4)
-    decoupled = decouple(system, system.period)
-    t = system.period * np.random.default_rng(1).random(9)
-    h, blocks = 1e-6, interpolated(decoupled.generator, system.period, t)
-    T, later, before = (interpolated(decoupled.frame, system.period, t + off) for off in (0.0, h, -h))
-    B = np.linalg.solve(T, system(t) @ T - (later - before) / (2 * h))
-    for group in decoupled.groups:
-        assert np.abs((B - blocks)[:, group.part, group.part]).max() < 1e-5
-    assert np.abs(B[:, ~block_mask(decoupled.groups)]).max() < 1e-5
-
-
 @pytest.mark.slow
 def test_conjugates_are_paired_exactly():
     system = random_system(3, "plain")
@@ -176,11 +163,6 @@ def test_a_group_that_turns_over_claims_what_it_is_known_by():
     decoupled = decouple(case.A, case.period)
     answer = decoupled_exponents(decoupled)
     assert (misses(answer, case.exponents, case.period) <= answer.errors).all()
-
-
-def test_the_coupling_shrinks_with_the_rounds():
-    sizes = [decouple(fast_and_slow(fast), 2.0, tol=1e-10).residual.max() for fast in (1e3, 1e4)]
-    assert max(sizes) < 1e-11
 
 
 def turning(turns):
@@ -232,29 +214,6 @@ def test_a_corner_that_is_not_named_shows_in_the_error(corner):
     answer = decoupled_exponents(decouple(lambda t: np.diag([-1.0, -500]) * (1 + distance(t))[:, None, None], 2.0))
     assert (np.abs(answer.exponents - np.array([-1.5, -750])) <= answer.errors).all()
     assert answer.errors[1] > 1e-3
-
-
-def test_the_sylvester_equations_hold_block_by_block():
-    rng = np.random.default_rng(0)
-    groups = (Group(0, 2, 0), Group(2, 3, 1), Group(3, 7, 2), Group(7, 8, 3), Group(8, 11, 4))
-    B = rng.standard_normal((5, 11, 11)) + 1j * rng.standard_normal((5, 11, 11))
-    B += 10 * np.diag(np.repeat(np.arange(5), [2, 1, 4, 1, 3]))
-    S, inside = sylvester(B, groups), block_mask(groups)
-    D = B * inside
-    assert np.abs(D @ S - S @ D + B * ~inside).max() < 1e-13
-    assert not S[:, inside].any()
-
-
-@pytest.mark.parametrize("count", [16, 17])
-def test_functions_on_the_circle(count):
-    t = 3.0 * np.arange(count) / count
-    f, slope = (lambda t: np.exp(np.sin(2 * np.pi / 3 * t))), (lambda t: 2 * np.pi / 3 * np.cos(2 * np.pi / 3 * t))
-    later = t + 3.0 / count / 2
-    between = np.random.default_rng(2).random(20) * 9 - 3
-    assert np.allclose(circle_derivative(f(t), 3.0), slope(t) * f(t), atol=1e-5)
-    assert np.allclose(circle_derivative(f(t), 3.0, 0.5), slope(later) * f(later), atol=1e-5)
-    assert np.allclose(shifted(f(t), 0.5), f(later), atol=1e-6)
-    assert np.allclose(interpolated(f(t), 3.0, between), f(between), atol=1e-6)
 
 
 def test_a_decoupled_system_pickles_and_is_short_in_print():

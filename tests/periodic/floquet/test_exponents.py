@@ -122,15 +122,6 @@ def test_multipliers_beyond_the_range_of_floats():
     assert result.multipliers[-1] == 0
 
 
-def test_liouville_identity():
-    A = lyapunov_transformed(np.array([[0.3, 2.0, 0], [-2.0, 0.1, 1], [0, 0, -1.5]]), 3.0, 2, np.random.default_rng(4))
-    period = 2 * np.pi / 3
-    result = fl.floquet(fl.PeriodicSystem(A, period), tol=1e-12)
-    t = np.arange(64) * period / 64
-    trace = np.trace(A(t), axis1=1, axis2=2).mean()
-    assert abs(result.exponents.sum() - trace) < 1e-12
-
-
 def test_defective_double_exponent_is_undecided():
     result = fl.floquet(fl.PeriodicSystem(np.array([[0, 1.0], [0, 0]]), 3.0))
     assert result.verdict == "undecided"

@@ -106,17 +106,6 @@ def test_design_knows_the_error_of_its_gain(effort):
     assert made.error < 1e-6
 
 
-def test_jump_of_the_input_that_was_not_named_is_found():
-    def B(t):
-        return np.where(np.mod(t, 2.0) < 0.7, 1.0, 3.0)[:, None, None] * np.array([[0.0], [1.0]])
-
-    A = np.array([[0.0, 1.0], [2.0, 0.0]])
-    named = periodic_riccati(PeriodicSystem(A, 2.0, B, breaks=(0.0, 0.7)), np.eye(2), np.eye(1))
-    found = periodic_riccati(PeriodicSystem(A, 2.0, B), np.eye(2), np.eye(1))
-    t = np.linspace(0, 2, 101)[1:-1]
-    assert np.abs(found.X(t) - named.X(t)).max() <= (found.error + named.error) * np.abs(named.X(t)).max()
-
-
 def test_nothing_to_weigh_gives_zero():
     system = PeriodicSystem(lambda t: -(2 + np.sin(t))[:, None, None] * np.eye(2), 2 * np.pi)
     assert not periodic_lyapunov(system, np.zeros((2, 2))).X(np.array([0.3, 1.0])).any()

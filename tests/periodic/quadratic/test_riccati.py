@@ -6,20 +6,12 @@ from functools import partial
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from flexlin.errors import ArgumentError, IllPosedSegment, NotDetectable, NotStabilizable
-from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_riccati
 from flexlin.periodic.quadratic.scattering import (
-    Segment,
-    carry_cost_back,
-    carry_costs_down,
-    combine_in_tree,
     scatter_hamiltonian,
-    star_product,
 )
 from flexlin.periodic.system import PeriodicSystem
 
@@ -69,14 +61,6 @@ def backward(problem, end, begin_time, end_time, at):
     return stops, run.y.T.reshape(-1, *end.shape)
 
 
-def random_segments(seed, count, n=3):
-    rng = np.random.default_rng(seed)
-    root_G, root_H = rng.normal(size=(2, count, n, n))
-    return Segment(
-        rng.normal(size=(count, n, n)), root_G @ np.swapaxes(root_G, 1, 2), root_H @ np.swapaxes(root_H, 1, 2)
-    )
-
-
 def test_rotated_example_at_random_times():
     Z, _, gain = control.care(A0, B0, np.eye(2), np.eye(1))
     t = np.random.default_rng(7).uniform(-10, 10, 500)
@@ -86,16 +70,6 @@ def test_rotated_example_at_random_times():
     assert np.abs(found.K(t) - gain @ np.swapaxes(P, 1, 2)).max() < 1e-10
     assert found.status == "converged"
     assert max(found.error, found.residual) < 1e-10
-
-
-@pytest.mark.parametrize("tol", [1e-6, 1e-9, 1e-12])
-def test_error_figure_covers_the_error(tol):
-    Z, *_ = control.care(A0, B0, np.eye(2), np.eye(1))
-    t = np.linspace(0, np.pi, 301)
-    P = rotation(t)
-    found = periodic_riccati(rotated(), np.eye(2), np.eye(1), tol=tol)
-    exact = P @ Z @ np.swapaxes(P, 1, 2)
-    assert np.abs(found.X(t) - exact).max() / np.abs(exact).max() <= found.error <= tol
 
 
 def test_constant_system_is_lqr_with_cross_term():
@@ -234,38 +208,9 @@ def test_bad_weights_are_refused(Q, R, N, message):
         periodic_riccati(rotated(), Q, R, N)
 
 
-@given(st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
-def test_star_product_is_associative(seed):
-    a, b, c = (random_segments(seed, 3)[i] for i in range(3))
-    left, right = star_product(star_product(a, b), c), star_product(a, star_product(b, c))
-    for x, y in ((left.F, right.F), (left.G, right.G), (left.H, right.H)):
-        assert np.abs(x - y).max() < 1e-8 * max(1.0, np.abs(y).max())
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(1, 13))
-@settings(max_examples=25, deadline=None)
-def test_tree_carries_costs_like_a_walk(seed, count):
-    segments = random_segments(seed, count)
-    end = 2.0 * np.eye(3)
-    found = carry_costs_down(combine_in_tree(segments), end)
-    X = end
-    for k in reversed(range(count)):
-        X = carry_cost_back(segments[k], X)
-        assert np.abs(found[k] - X).max() < 1e-8 * np.abs(X).max()
-
-
 def test_singular_segment_is_named():
     with pytest.raises(IllPosedSegment, match="P22 of segment 1 of 2"):
         scatter_hamiltonian(np.stack([np.eye(2), np.zeros((2, 2))]))
-
-
-def test_closed_loop_of_the_rotated_example_has_the_exponents_of_the_constant_one():
-    """P(pi) = I, so the multipliers of A - B K are exp(pi (A0 - B0 K0))."""
-    _, poles, _ = control.care(A0, B0, np.eye(2), np.eye(1))
-    found = periodic_riccati(rotated(), np.eye(2), np.eye(1), tol=1e-11)
-    exponents = floquet(rotated().feedback(found.K), tol=1e-11).exponents
-    assert np.abs(np.sort(exponents.real) - np.sort(poles.real)).max() < 1e-10 * np.abs(poles).max()
 
 
 def test_fast_damped_turning_mode_falls_back_on_collocation():

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from flexlin.errors import SingularMassMatrix
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition import gauss as collocation
@@ -55,31 +54,9 @@ def test_second_order_path_agrees_with_first_order_path():
     )
 
 
-def test_gauss_transitions_are_symplectic():
-    J = np.array([[0, 1.0], [-1, 0]])
-    Phi = gauss_transitions(mathieu(3.0, 2.0), np.linspace(0, np.pi, 5), 3)
-    np.testing.assert_allclose(np.swapaxes(Phi, 1, 2) @ J @ Phi, np.broadcast_to(J, Phi.shape), atol=1e-14)
-
-
 def test_chunks_do_not_change_the_result(monkeypatch):
     grid = np.linspace(0, np.pi, 12)
     whole = gauss_transitions(mathieu(3.0, 2.0), grid, 3)
     monkeypatch.setattr(collocation, "CHUNK_BYTES", 2 * 6 * 6 * 8)
     monkeypatch.setattr(collocation, "FIRST_NODES", 4)
     np.testing.assert_array_equal(gauss_transitions(mathieu(3.0, 2.0), grid, 3), whole)
-
-
-def test_feedback_keeps_the_second_order():
-    system = PeriodicSystem.from_second_order(2 * np.eye(2), np.eye(2), 3 * np.eye(2), 1.0, B=[[1.0], [0.5]])
-    loop = system.feedback(np.array([[4.0, 0.0, 0.5, 1.0]]))
-    grid = place_edges(1.0, (), 4)
-    np.testing.assert_allclose(
-        second_order_transitions(loop.second_order.sample, grid, 6), gauss_transitions(loop.A, grid, 6), atol=1e-13
-    )
-
-
-def test_singular_mass_is_named():
-    system = PeriodicSystem.from_second_order(np.eye(2), np.zeros((2, 2)), np.eye(2), 1.0)
-    second = type(system.second_order)(lambda t: np.zeros((len(t), 2, 2)), *2 * [lambda t: np.zeros((len(t), 2, 2))])
-    with pytest.raises(SingularMassMatrix, match="inertia"):
-        second_order_transitions(second.sample, np.array([0, 1.0]), 2)
