@@ -93,7 +93,7 @@ def settles(scan: Spectra) -> Array:
     Where neither has an answer there is nothing to find.
     """
     verdicts, known = scan.verdicts, scan.known
-    logs = np.where(known[:, None], scan.logs, 0.0)
+    logs = np.where(known[:, None], scan.felt, 0.0)
     apart = measure_distances(logs[:-1].T, logs[1:].T)  # (n, n, V - 1)
     there, back = REACH * apart.min(axis=1).T, REACH * apart.min(axis=0).T
     a, b = logs[:-1].real, logs[1:].real

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import wrap_angle
-from flexlin.periodic.precision import CUBE
+from flexlin.periodic.precision import CUBE, EPS
 from flexlin.resources import Stopwatch
 
 SCAN = 0.6
@@ -27,6 +27,11 @@ class Spectra:
         growth = self.logs.real
         decays = (growth < -self.errors) | (np.isinf(self.errors) & (growth < 0))
         return np.where((growth > self.errors).any(axis=1), 1, np.where(decays.all(axis=1), -1, 0))
+
+    @property
+    def felt(self) -> Array:
+        """The logs, where what is lost within a period to rounding is lost at the same rate, however fast it decays, (V, n)."""
+        return np.maximum(self.logs.real, np.log(EPS)) + 1j * self.logs.imag
 
     @property
     def known(self) -> Array:
@@ -77,7 +82,7 @@ def measure_meetings(spectra: Spectra) -> tuple[Array, Array]:
     in a resonance. Column 0: a pair and its conjugate at angle 0; the last: at angle pi; between them: neighbours in angle.
     Source: Seyranian, Mailybaev, Multiparameter Stability Theory (2003), section 1.4 (strong interaction of eigenvalues).
     """
-    logs = drop_odd(spectra.logs)
+    logs = drop_odd(spectra.felt)
     angle = np.abs(wrap_angle(logs.imag))
     order = np.lexsort((-logs.real, np.round(angle, 9)), axis=1)
     angle, growth = np.take_along_axis(angle, order, axis=1), np.take_along_axis(logs.real, order, axis=1)
