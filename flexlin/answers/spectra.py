@@ -65,8 +65,15 @@ class Family:
         return self.make(point)
 
     def rough(self, points: Array) -> Spectra:
-        """Spectra at points (V, P), to ROUGH."""
-        return self.one_by_one(points, ROUGH)
+        """Spectra at points (V, P): each to LOOSE where it then decays for certain, by far more than is not known of it; else to ROUGH."""
+        found = self.one_by_one(points, LOOSE)
+        rough = found.errors > MINOR * np.abs(found.logs.real)
+        doubtful = (rough & np.isfinite(found.errors)).any(axis=1) | (found.verdicts >= 0)
+        doubtful &= (found.errors > ROUGH * np.abs(found.logs)).any(axis=1)
+        if doubtful.any():
+            again = self.one_by_one(points[doubtful], ROUGH)
+            found.logs[doubtful], found.errors[doubtful] = again.logs, again.errors
+        return found
 
     def fine(self, points: Array) -> Spectra:
         """Spectra at points (V, P), to `finest` or as rounding allows."""
@@ -83,16 +90,6 @@ class Family:
         none = np.full(states, np.nan + 0j), np.full(states, np.inf)
         pairs = [none if one is None else (one.log_multipliers, one.errors * one.period) for one in found]
         return Spectra(np.array([logs for logs, _ in pairs]), np.array([errors for _, errors in pairs]))
-
-    def one_by_one_loosely(self, points: Array) -> Spectra:
-        """Each to LOOSE where it then decays for certain, by far more than is not known of it; else to ROUGH."""
-        found = self.one_by_one(points, LOOSE)
-        rough = found.errors > MINOR * np.abs(found.logs.real)
-        doubtful = (rough & np.isfinite(found.errors)).any(axis=1) | (found.verdicts >= 0)
-        if doubtful.any():
-            again = self.one_by_one(points[doubtful], ROUGH)
-            found.logs[doubtful], found.errors[doubtful] = again.logs, again.errors
-        return found
 
     def try_at(self, point: Array, tol: float) -> FloquetResult | None:
         """The exponents at one point, none where the equations break."""
@@ -164,7 +161,7 @@ class SymbolicFamily(Family):
         if not len(points):
             return self.unknown(points, ROUGH)
         if self.together is None:
-            return self.one_by_one_loosely(points)
+            return super().rough(points)
         placed, states = self.place(points), self.together.kernel.model.states
         logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)
 
@@ -178,7 +175,7 @@ class SymbolicFamily(Family):
         )
         self.evaluations += len(points) - len(left)
         if len(left):
-            alone = self.one_by_one_loosely(points[left])
+            alone = super().rough(points[left])
             logs[left], errors[left] = alone.logs, alone.errors
         return Spectra(logs, errors)
 
