@@ -164,7 +164,6 @@ def join_through(trace: Trace, pairs: Array, tip: Tip) -> Trace:
         points=np.tile(tip.point, (2 * size, 1)),
         directions=2 * unit - ends.directions,
         errors=np.full(2 * size, tip.error),
-        inside=np.full((2 * size, 2), np.nan),
     )
     arrive, leave = count + np.arange(size), count + size + np.arange(size)
     follower, off = np.concatenate([trace.follower, leave, pairs[:, 1]]), np.append(trace.off, 0.0 * bends)
@@ -217,9 +216,8 @@ def draw_curve(chain: Array, trace: Trace, tol: float) -> Curve:
         between = np.where(np.arange(count) > 0, 2 * trace.off[chain[k]] + tol / 4, 0.0)
         errors.append(np.maximum(first.errors[k], second.errors[k]) + between)
     corners = np.concatenate([*points, second.points[-1:]]), np.concatenate([*errors, second.errors[-1:]])
-    inside = trace.vertices.inside[chain]
-    inside = inside[np.isfinite(inside[:, 0])]
-    return Curve(np.clip(corners[0], 0.0, 1.0), corners[1], bool(chain[0] == chain[-1]), inside[len(inside) // 2])
+    inside = trace.vertices.inside[chain[len(chain) // 2]]
+    return Curve(np.clip(corners[0], 0.0, 1.0), corners[1], bool(chain[0] == chain[-1]), inside)
 
 
 def count_points(first: Vertices, second: Vertices, tol: float) -> Array:

@@ -23,8 +23,7 @@ for the boundary goes."""
 @dataclass(frozen=True)
 class Vertices:
     """Points (V, 2) of the boundary in the unit square: direction (V, 2) with the unstable side on the left, error (V,), and the margin
-    by which they were found: angle of the growing multiplier and whether it is undamped; an unstable point nearby (V, 2), not a
-    number where none is known."""
+    by which they were found: angle of the growing multiplier and whether it is undamped; an unstable point nearby (V, 2)."""
 
     points: Array
     directions: Array
@@ -101,8 +100,8 @@ def find_middles(
     slope[met] = np.maximum(np.abs(there - here)[met] / reach, TINY)
     error[met] = np.minimum(left / slope[met], reach) + ends.width / 2
     off[met], middle[met] = np.abs(ends.best), middle[met] + ends.best[:, None] * normal[met]
-    points, unknown = np.clip(middle, 0.0, 1.0), np.full(middle.shape, np.nan)
-    return Vertices(points, np.zeros(points.shape), error, angles, undamped, unknown), off, slope
+    points = np.clip(middle, 0.0, 1.0)
+    return Vertices(points, np.zeros(points.shape), error, angles, undamped, first.inside), off, slope
 
 
 def measure_quarters(
