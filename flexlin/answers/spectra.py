@@ -20,7 +20,7 @@ from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.precision import EPS, MINOR
+from flexlin.periodic.precision import EPS, MINOR, PARTIAL
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.parameters import get_value
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 ROUGH, FINE = 1e-8, 1e-12
 """Wanted errors of the exponents, in 1/s: of the scan, and of the values that are reported."""
-LOOSE, SQUARED = 3e-5, 3e-9
-"""A log of a multiplier this uncertain still serves where two meet, as their squared distance is known that well."""
+LOOSE = 3e-5
+"""A log of a multiplier this uncertain still serves where two meet, as their squared distance is known well."""
 
 WIDE = 8
 """A scan one by one of systems with so many states or more leaves out what it can."""
@@ -48,12 +48,13 @@ Source = Scene | PeriodicFamily | Callable[..., PeriodicSystem]
 @dataclass
 class Family:
     """Systems that depend on parameters (P,); `own`: their values in the scene, `evaluations`: how many spectra were computed,
-    `finest`: the wanted error of those that are reported, in 1/s."""
+    `finest` and `coarsest`: the wanted errors of those that are reported and of those of a scan, in 1/s."""
 
     make: Callable[[Array], PeriodicSystem]
     own: Array
     evaluations: int = 0
     finest: float = FINE
+    coarsest: float = ROUGH
 
     @property
     def slow(self) -> bool:
@@ -65,13 +66,13 @@ class Family:
         return self.make(point)
 
     def rough(self, points: Array) -> Spectra:
-        """Spectra at points (V, P): each to LOOSE where it then decays for certain, by far more than is not known of it; else to ROUGH."""
+        """Spectra at points (V, P): to LOOSE where all then decays for certain, by far more than is not known; else to `coarsest`."""
         found = self.one_by_one(points, LOOSE)
         rough = found.errors > MINOR * np.abs(found.logs.real)
         doubtful = (rough & np.isfinite(found.errors)).any(axis=1) | (found.verdicts >= 0)
-        doubtful &= (found.errors > ROUGH * np.abs(found.logs)).any(axis=1)
+        doubtful &= (found.errors > self.coarsest * np.abs(found.logs)).any(axis=1)
         if doubtful.any():
-            again = self.one_by_one(points[doubtful], ROUGH)
+            again = self.one_by_one(points[doubtful], self.coarsest)
             found.logs[doubtful], found.errors[doubtful] = again.logs, again.errors
         return found
 
@@ -120,7 +121,7 @@ class Family:
         from flexlin.periodic.floquet.resonance import find_resonances
 
         system = self.system_at(point)
-        found = find_resonances(system, solve_floquet_modes(system, floquet(system, ROUGH), quick=True))
+        found = find_resonances(system, solve_floquet_modes(system, floquet(system, self.coarsest), quick=True))
         return sorted(found, key=lambda one: -one.exponent.real)
 
 
@@ -146,7 +147,7 @@ class SymbolicFamily(Family):
         shares = np.arange(1, PILOTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
         if len(low) > shares.shape[1]:
             shares = np.random.default_rng(0).random((PILOTS, len(low)))
-        return Together.prepare(self.source, self.place(low + (high - low) * shares), ROUGH)
+        return Together.prepare(self.source, self.place(low + (high - low) * shares), self.coarsest)
 
     def place(self, points: Array) -> Array:
         """Points as the source takes them."""
@@ -159,7 +160,7 @@ class SymbolicFamily(Family):
     def rough(self, points: Array) -> Spectra:
         """Together, as a sweep computes them, where that is accurate enough; else one by one."""
         if not len(points):
-            return self.unknown(points, ROUGH)
+            return self.unknown(points, self.coarsest)
         if self.together is None:
             return super().rough(points)
         placed, states = self.place(points), self.together.kernel.model.states
@@ -167,7 +168,7 @@ class SymbolicFamily(Family):
 
         def enter(which: Array, found: "Logs") -> Array:
             logs[which], errors[which] = found.logs, found.errors
-            return np.where(serves(found), 0.0, found.misses(ROUGH))
+            return np.where(serves(found, self.coarsest), 0.0, found.misses(self.coarsest))
 
         narrow = self.together.find_narrow(placed)
         left = np.sort(
@@ -180,11 +181,11 @@ class SymbolicFamily(Family):
         return Spectra(logs, errors)
 
 
-def serves(found: "Logs") -> Array:
+def serves(found: "Logs", tol: float) -> Array:
     """Which spectra are accurate enough for a scan, (V,): where multipliers lie close together, their squared distance counts."""
     apart = measure_distances(found.logs.T, found.logs.T) + np.diag(np.ones(found.logs.shape[1]))[..., None]
     gap, errors = np.minimum(apart.min(axis=1).T, 1.0), found.errors
-    met = ((errors <= LOOSE) & (errors * (gap + errors) <= SQUARED)) | (errors <= ROUGH * np.abs(found.logs))
+    met = ((errors <= LOOSE) & (errors * (gap + errors) <= PARTIAL * tol)) | (errors <= tol * np.abs(found.logs))
     return found.sound & np.asarray(met.all(axis=1))
 
 
@@ -262,7 +263,7 @@ class FunctionFamily(Family):
         if self.box is None or self.box.shape[1] > 1:
             return None
         try:
-            return Interpolant.fit(self.products, float(self.box[0, 0]), float(self.box[1, 0]), ROUGH)
+            return Interpolant.fit(self.products, float(self.box[0, 0]), float(self.box[1, 0]), self.coarsest)
         except TimeLimit:
             raise
         except (FlexlinError, np.linalg.LinAlgError):
@@ -272,7 +273,7 @@ class FunctionFamily(Family):
         """Together, at values (V,) of the one number, to a part of what is wanted between them."""
         systems = [self.system_at(np.array([value])) for value in values.tolist()]
         self.evaluations += len(systems)
-        return find_together(systems, MINOR * ROUGH, start, self.phases)
+        return find_together(systems, MINOR * self.coarsest, start, self.phases)
 
     def look(self, systems: list[PeriodicSystem]) -> None:
         """See whether a few systems are smooth between the same phases."""
@@ -285,31 +286,35 @@ class FunctionFamily(Family):
     def rough(self, points: Array) -> Spectra:
         """Together, where A is smooth and that is accurate enough; else one by one."""
         if not len(points):
-            return self.unknown(points, ROUGH)
+            return self.unknown(points, self.coarsest)
         try:
             if self.smooth is None:
                 self.look([self.system_at(point) for point in points[[0, len(points) // 2, -1]]])
             if not self.smooth:
-                return self.one_by_one(points, ROUGH)
+                return self.one_by_one(points, self.coarsest)
             products = None if self.interpolant is None else self.interpolant.at(points[:, 0])
             if products is None:
                 systems = [self.system_at(point) for point in points]
-                products = find_together(systems, ROUGH, self.start, self.phases)
+                products = find_together(systems, self.coarsest, self.start, self.phases)
                 self.start = products.enough
         except TimeLimit:
             raise
         except (FlexlinError, np.linalg.LinAlgError):
-            return self.one_by_one(points, ROUGH)
-        found, reached = products.spectra, products.meets(ROUGH)
+            return self.one_by_one(points, self.coarsest)
+        found, reached = products.spectra, products.meets(self.coarsest)
         self.evaluations += int(reached.sum())
         if not reached.all():
-            alone = self.one_by_one(points[~reached], ROUGH)
+            alone = self.one_by_one(points[~reached], self.coarsest)
             found.logs[~reached], found.errors[~reached] = alone.logs, alone.errors
         return found
 
 
 def make_family(
-    source: Source, ranges: dict[str, tuple[float, float]], loop: str, known: Linearization | None = None
+    source: Source,
+    ranges: dict[str, tuple[float, float]],
+    loop: str,
+    known: Linearization | None = None,
+    coarsest: float = ROUGH,
 ) -> Family:
     """The systems that a scene's loop, or a function, makes of numbers in ranges; `known`: the loop whose equations keep these free.
 
@@ -322,20 +327,19 @@ def make_family(
         own = np.array([get_value(source, path) for path in ranges], dtype=float)
         chosen = choose_loop(source, tuple(ranges), loop) if known is None else loop_of(known)
         if isinstance(chosen, ParametricLoop):
-            places = tuple(range(len(own)))
-            return SceneFamily(chosen.system_at, own, source=chosen, box=box, places=places, loop=chosen)
-        return Family(chosen.system_at, own)
+            return SceneFamily(chosen.system_at, own, 0, FINE, coarsest, chosen, box, tuple(range(len(own))), chosen)
+        return Family(chosen.system_at, own, coarsest=coarsest)
     if isinstance(source, PeriodicFamily):
         order = source.find_places(ranges, loop)
         own = np.full(len(order), np.nan)
-        kept = SymbolicFamily(Placed(source, order), own, source=source, box=box, places=tuple(order))
-        return kept if kept.together is not None else FunctionFamily(kept.make, own, box=box)
+        kept = SymbolicFamily(Placed(source, order), own, 0, FINE, coarsest, source, box, tuple(order))
+        return kept if kept.together is not None else FunctionFamily(kept.make, own, coarsest=coarsest, box=box)
     if not callable(source):
         expected = "a scene, a PeriodicFamily, or a function of numbers that returns a PeriodicSystem"
         raise ArgumentError("the source is of another kind", got=repr(source)[:80], expected=expected)
     if loop != "own":
         raise ArgumentError("a function has one loop", got=repr(loop), expected="own")
-    return FunctionFamily(Positional(source), np.full(len(ranges), np.nan), box=box)
+    return FunctionFamily(Positional(source), np.full(len(ranges), np.nan), coarsest=coarsest, box=box)
 
 
 @dataclass(frozen=True)

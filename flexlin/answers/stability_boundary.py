@@ -6,13 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.answers.critical_values import check_limits, describe_causes
-from flexlin.answers.spectra import Family, Source, make_family
+from flexlin.answers.spectra import LOOSE, ROUGH, Family, Source, make_family
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.curves import Curve, find_curves
 from flexlin.periodic.boundary.lattice import CELLS
 from flexlin.periodic.boundary.spectra import Effort, Spectra
+from flexlin.periodic.precision import MINOR
 from flexlin.summary import represent
 
 
@@ -132,12 +133,14 @@ def search_boundary(
     """The curves of `stability_boundary`; effort: ends the search for tongues' tips, and knows whether it did."""
     limits = np.array([check_limits(path, limits) for path, limits in ranges.items()])
     low, span = limits[:, 0], limits[:, 1] - limits[:, 0]
-    family = make_family(source, {path: (float(a), float(b)) for path, (a, b) in ranges.items()}, loop)
+    share = tol / max(1.0, float(span.max()))
+    coarsest = float(np.clip(MINOR * share, ROUGH, LOOSE))  # it moves a place by a small part of the wanted distance
+    ends = {path: (float(a), float(b)) for path, (a, b) in ranges.items()}
+    family = make_family(source, ends, loop, coarsest=coarsest)
 
     def rough(points: Array) -> Spectra:
         return family.rough(low + span * points)
 
-    share = tol / max(1.0, float(span.max()))
     found = find_curves(rough, share, cells, family.is_constant(low + span / 2), effort)
     first, second = ranges
     curves = [describe_curve((first, second), curve, family, low, span) for curve in found]

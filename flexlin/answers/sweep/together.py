@@ -247,9 +247,10 @@ class Together:
                 misses[which] = enter(rest[which], self.kernel.find_logs(points[rest[which]], *given))
                 used[which] = segments
             missed = misses > 1
-            rest, wanted = rest[missed], used[missed] * np.clip(misses[missed] ** (1 / ORDER), least, STEPS[1])
-            alone.append(rest[wanted > MOST])
-            rest, rungs = rest[wanted <= MOST], find_rungs(wanted[wanted <= MOST])
+            wanted = used * np.clip(misses ** (1 / ORDER), least, STEPS[1])
+            alone.append(rest[missed & (used >= MOST)])
+            again = missed & (used < MOST)
+            rest, rungs = rest[again], find_rungs(np.minimum(wanted[again], MOST))
             if least == STEPS[1]:
                 levels = len(MULTIPLES)
             spread, least = np.inf, STEPS[1]  # moduli may lie further apart than the pilots'

@@ -66,7 +66,7 @@ class Peaks:
 @dataclass(frozen=True)
 class Changes:
     """Values on a line (V,) with unlike verdicts: the quiet and the unstable end, a place between the two neighbours among whose cells
-    the verdict changes, angle of the growing multiplier, kind of margin."""
+    the verdict changes, angle of the growing multiplier, kind of margin; the spectra at both ends."""
 
     line: Array
     quiet: Array
@@ -74,6 +74,7 @@ class Changes:
     between: Array
     angles: Array
     undamped: Array
+    known: tuple[Spectra, Spectra]
 
 
 @dataclass(frozen=True)
@@ -253,7 +254,8 @@ def list_changes(scan: Scan) -> Changes:
     move = (verdicts[quiet] == 0) & (verdicts[beyond] < 0) & (scan.line[beyond] == scan.line[quiet])
     quiet, stable = np.where(move, beyond, quiet), stable | move
     angles = scan.spectra.logs.imag[np.arange(len(verdicts)), scan.spectra.leading][unstable]
-    return Changes(scan.line[unstable], scan.values[quiet], scan.values[unstable], between, angles, ~stable)
+    ends = scan.spectra.at(quiet), scan.spectra.at(unstable)
+    return Changes(scan.line[unstable], scan.values[quiet], scan.values[unstable], between, angles, ~stable, ends)
 
 
 def solve_changes(
@@ -274,15 +276,14 @@ def solve_changes(
         return measure_margins(at(found.line[which], values), found.undamped[which], found.angles[which])
 
     every = np.arange(len(found.line))
-    a, b = found.quiet.copy(), found.unstable.copy()
+    a, b = found.quiet, found.unstable
+    at_a, at_b = (measure_margins(known, found.undamped, found.angles)[0] for known in found.known)
     if guess is not None:
         step = np.sign(b - a) * np.minimum(reach, np.minimum(np.abs(guess - a), np.abs(guess - b)))
-        a, b = guess - step, guess + step
-    at_a, at_b = margin(every, a)[0], margin(every, b)[0]
-    wrong = np.flatnonzero((at_a >= 0) | (at_b <= 0))
-    if guess is not None and len(wrong):
-        a[wrong], b[wrong] = found.quiet[wrong], found.unstable[wrong]
-        at_a[wrong], at_b[wrong] = margin(wrong, a[wrong])[0], margin(wrong, b[wrong])[0]
+        near = margin(every, guess - step)[0], margin(every, guess + step)[0]
+        met = (near[0] < 0) & (near[1] > 0)
+        a, b = np.where(met, guess - step, a), np.where(met, guess + step, b)
+        at_a, at_b = np.where(met, near[0], at_a), np.where(met, near[1], at_b)
     start = SignedEnds(a, b, np.minimum(at_a, -TINY), np.maximum(at_b, TINY))
     effort = effort or Effort()
     ends, left = solve_uncertain(margin, start, accuracy, effort.affords)
