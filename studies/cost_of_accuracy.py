@@ -24,8 +24,8 @@ from outside.heyoka_taylor import HeyokaTransitions, import_heyoka
 
 import flexlin as fl
 from flexlin.about.free import ParametricLoop, parametric_loop
+from flexlin.answers.accuracy.result import compare_exponents
 from flexlin.answers.accuracy.scipy_methods import prepare_rate, prepare_scipy
-from flexlin.answers.accuracy.trial import compare_exponents
 from flexlin.answers.sweep import sweep
 from flexlin.checks import Array
 from flexlin.periodic.transition.setting import Setting, factor_period

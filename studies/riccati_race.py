@@ -28,8 +28,7 @@ import flexlin as fl
 from flexlin.answers.accuracy.scipy_methods import FastRate
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.newton import solve_by_newton
-from flexlin.periodic.quadratic.resolution import resolve_problem
-from flexlin.periodic.quadratic.riccati import choose_nodes, periodic_riccati
+from flexlin.periodic.quadratic.riccati import choose_nodes, periodic_riccati, resolve_problem
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.symbolic import selected
 

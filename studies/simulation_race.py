@@ -22,8 +22,8 @@ import numpy as np
 from outside.compiled import compile_function
 
 import flexlin as fl
+from flexlin.answers.accuracy.result import compare_arrays
 from flexlin.answers.accuracy.scipy_methods import derive_loop_rate, integrate_loop, prepare_rate
-from flexlin.answers.accuracy.trial import compare_arrays
 from flexlin.checks import SAMPLES, Array
 
 ARMS = ("single-link", "three-link")

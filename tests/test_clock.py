@@ -10,7 +10,7 @@ import pytest
 from flexlin.answers import time_limit
 from flexlin.cli import main
 from flexlin.errors import TimeLimit
-from flexlin.files import staging
+from flexlin.files import switch
 
 SMALL = ["--points", "8", "--set", "links.0.modes=0", "designs=[]"]
 
@@ -45,8 +45,8 @@ def test_results_are_replaced_whole_and_leftovers_of_tomorrow_go(tmp_path: Path)
     """What a killed run has left bears a later time than what comes after it."""
     out = tmp_path / "out"
     assert main(["linearize", "single-link", *SMALL, "--out", str(out)]) == 0
-    left = tmp_path / f"{staging.prefix_for('out')}1-left{staging.PART}"
-    (left / staging.INNER).mkdir(parents=True)
+    left = tmp_path / f"{switch.prefix_for('out')}1-left{switch.PART}"
+    (left / switch.INNER).mkdir(parents=True)
     tomorrow = os.stat(out).st_mtime + 1e5
     for path in (left, out, *out.iterdir()):
         os.utime(path, (tomorrow, tomorrow))

@@ -13,9 +13,8 @@ from flexlin.control.weights import constant_lqr
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
-from flexlin.periodic.quadratic.resolution import resolve_problem
-from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.quadratic.riccati import resolve_problem
+from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
 

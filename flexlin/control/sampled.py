@@ -17,9 +17,8 @@ from flexlin.periodic.precision import SAFETY
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve_port
-from flexlin.periodic.sampled.cost import weigh_samples
+from flexlin.periodic.sampled.cost import bound_rounding, solve_samples, weigh_samples
 from flexlin.periodic.sampled.hold import STAGES
-from flexlin.periodic.sampled.riccati import bound_rounding, solve_samples
 from flexlin.periodic.sampled.stability import Round, find_rounds, sampled_floquet
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.summary import represent

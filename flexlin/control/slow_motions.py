@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.checks import SAMPLES, Array, check_size
 from flexlin.errors import NumericalError
-from flexlin.periodic.floquet.decoupled_modes import solve_decoupled_modes
+from flexlin.periodic.floquet.decoupled import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import find_coinciding
 from flexlin.periodic.floquet.result import FloquetResult

@@ -12,7 +12,7 @@ from flexlin.checks import SAMPLES, Array, positive
 from flexlin.control.slow_motions import SLOW_TOL, LinearMotion, slow_motions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.matrix import ResolvedCompanion
 from flexlin.periodic.roots import SignedEnds, solve_brackets
 from flexlin.summary import represent
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from flexlin.bounds import printable
 from flexlin.errors import OutputError
 from flexlin.files.disk import alone, sync
-from flexlin.files.staging import staging, take_away_left
-from flexlin.files.switch import may_be_missed, switch
+from flexlin.files.switch import may_be_missed, staging, switch, take_away_left
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.identification.equations import Logged
-from flexlin.identification.evidence import Evidence, leave_unknown, weigh_evidence
-from flexlin.identification.least_squares import Point, Problem, solve
+from flexlin.identification.least_squares import Evidence, Point, Problem, leave_unknown, solve, weigh_evidence
 from flexlin.identification.log import Log
 from flexlin.identification.prediction import Prediction, deviations, find_starts, predict, prepare
 from flexlin.identification.windows import Windows

@@ -27,7 +27,7 @@ __getattr__ = load_lazily(
         "mechanics.coordinates": "Coordinate Parameters",
         "mechanics.effects": "Chain Scale",
         "mechanics.effects.coulomb_friction": "CoulombFriction",
-        "mechanics.body": "column directions_across rotation_about unit",
+        "mechanics.body": "directions_across unit",
         "mechanics.closure": "five_bar four_bar rssr",
     },
 )[0]

@@ -21,8 +21,7 @@ from flexlin.periodic.coefficients import (
     has_nothing_narrow,
 )
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.resolved.companion import ResolvedCompanion, weigh_entries
-from flexlin.periodic.resolved.matrix import ResolvedMatrix, close_loop
+from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, close_loop, weigh_entries
 from flexlin.periodic.resolved.resolve import check_places, resolve, resolve_constant, resolve_port
 from flexlin.periodic.second_order import InputMatrix, SecondOrder, SecondOrderFunction, StateMatrix
 from flexlin.plots.view import Series, Shown, View

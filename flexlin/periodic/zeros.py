@@ -12,8 +12,7 @@ from flexlin.periodic.circle import assign
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.precision import FAINT, SAFETY, SLIGHT, TINY
-from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve, resolve_port
 from flexlin.periodic.resolved.sampling import stratified
 from flexlin.periodic.system import PeriodicSystem, as_system

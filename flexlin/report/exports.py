@@ -18,14 +18,13 @@ from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_estimator import write_estimator
 from flexlin.control.export.c_gain import write_gain
 from flexlin.control.export.c_linearization import write_linearization
-from flexlin.control.export.files import matlab_script, write_system
+from flexlin.control.export.files import matlab_script, write_npz, write_system
 from flexlin.control.finite_horizon import horizon_system
 from flexlin.control.pd import scene_feedback
 from flexlin.control.sensors import scene_sensors
 from flexlin.control.tracking import scene_feedforward
 from flexlin.errors import InputError
 from flexlin.files import Results, results
-from flexlin.files.arrays import write_npz
 from flexlin.motion import SymbolicMotion
 from flexlin.scene.scene import Scene
 

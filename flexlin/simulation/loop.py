@@ -9,10 +9,15 @@ from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
 from flexlin.lazy import lazy
 from flexlin.simulation.collocation import Collocation
-from flexlin.simulation.controlled import from_coordinates, to_coordinates, with_controller
 from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.ending import explain_end, find_indefinite
-from flexlin.simulation.equations import Equations, NonlinearEquations
+from flexlin.simulation.equations import (
+    Equations,
+    NonlinearEquations,
+    from_coordinates,
+    to_coordinates,
+    with_controller,
+)
 from flexlin.simulation.events import hurries
 from flexlin.simulation.marks import with_breaks
 from flexlin.simulation.mesh import Trail

@@ -7,8 +7,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.simulation.collocation import Collocation
-from flexlin.simulation.controlled import from_coordinates, to_coordinates, with_controller
-from flexlin.simulation.equations import LinearEquations
+from flexlin.simulation.equations import LinearEquations, from_coordinates, to_coordinates, with_controller
 from flexlin.simulation.marks import find_rough_times, with_breaks
 from flexlin.simulation.mesh import Trail
 

@@ -14,6 +14,7 @@ from flexlin.about.free import parametric_loop
 from flexlin.answers.accuracy import CostResult, Row, cost
 from flexlin.answers.accuracy import own_stages as own
 from flexlin.answers.accuracy.own_stages import name_setting
+from flexlin.answers.accuracy.result import Trial, compare_exponents, measure_trials
 from flexlin.answers.accuracy.scipy_methods import (
     derive_loop_rate,
     derive_product,
@@ -25,7 +26,6 @@ from flexlin.answers.accuracy.scipy_methods import (
     prepare_scipy,
     respond_periodically,
 )
-from flexlin.answers.accuracy.trial import Trial, compare_exponents, measure_trials
 from flexlin.checks import SAMPLES
 from flexlin.cli.program import main
 from flexlin.errors import InputError

@@ -11,7 +11,7 @@ import numpy as np
 from flexlin import symbolic
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
-from flexlin.answers.accuracy.result import Row
+from flexlin.answers.accuracy.result import Row, Trial, compare_arrays, compare_exponents, measure_trials
 from flexlin.answers.accuracy.scipy_methods import (
     PLACES,
     derive_loop_rate,
@@ -22,7 +22,6 @@ from flexlin.answers.accuracy.scipy_methods import (
     respond_periodically,
     try_scipy,
 )
-from flexlin.answers.accuracy.trial import Trial, compare_arrays, compare_exponents, measure_trials
 from flexlin.checks import SAMPLES, Array
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.manipulator import Manipulator

@@ -1,9 +1,17 @@
-"""The table of accuracy against time."""
+"""The table of accuracy against time, and the trials of settings that fill it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
+from time import perf_counter, process_time
 from typing import Any
 
+import numpy as np
+
+from flexlin.answers.limits import time_limit
+from flexlin.checks import Array
+from flexlin.errors import FlexlinError
+from flexlin.periodic.circle import measure_distances
+from flexlin.progress import advance
 from flexlin.summary import represent
 
 STAGES = (
@@ -11,6 +19,14 @@ STAGES = (
     "number of modes", "Taylor order",
 )  # fmt: skip
 DECADES = tuple(10.0**-k for k in range(2, 13))
+SHORT, REPETITIONS = 0.05, 5
+"""Runs shorter than this, in s, are repeated so often and their least time is kept."""
+TURNS, CHOICES = 4, 0.6
+"""How often the engine's own choices are run again, and the share of a stage's time that they may take."""
+GROWTH = 4.0
+"""From one tolerance to the next another program may take so many times as long."""
+STAGE_SECONDS = 5.0
+"""Wall time of the trials of a stage, where the whole has enough."""
 
 
 @dataclass(frozen=True)
@@ -160,3 +176,98 @@ class CostResult:
         """
         rows = [asdict(row) for row in self.rows]
         return {"schema": 1, "title": self.title, "floor": self.floor, "notes": list(self.notes), "rows": rows}
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A method at one setting, ready to run; `detail` says of what came out what belongs to the setting."""
+
+    method: str
+    setting: str
+    run: Callable[[], Any]
+    chosen: str = ""
+    outside: bool = False
+    detail: Callable[[Any], str] | None = None
+
+
+def measure_trials(
+    stage: str, trials: Iterable[Trial], error: Callable[[Any], float], seconds: float = STAGE_SECONDS
+) -> list[Row]:
+    """Run the trials one after another for some seconds, the engine's own choices, which come first, several times in turns.
+
+    One that gives up (too many segments, no time left, an outside integrator's failure) or overflows has no row. Of another program
+    no trial is begun that, by its last one, would not end in time.
+    """
+    rows, begin, lasted, repeated = dict[Trial, Row](), perf_counter(), dict[str, float](), False
+    for trial in trials:
+        if not (trial.chosen or repeated):
+            rows, repeated = repeat_choices(stage, rows, begin + CHOICES * seconds), True
+        left = begin + seconds - perf_counter()
+        advance(1 - left / seconds)
+        if left <= 0:
+            break
+        if trial.outside and GROWTH * lasted.get(trial.method, 0.0) > left:
+            continue
+        started = perf_counter()
+        row = try_once(stage, trial, error, left)
+        lasted[trial.method] = perf_counter() - started
+        if row is not None:
+            rows[trial] = row
+    return list((rows if repeated else repeat_choices(stage, rows, begin + seconds)).values())
+
+
+def try_once(stage: str, trial: Trial, error: Callable[[Any], float], left: float) -> Row | None:
+    """The row of a trial; None where it has no answer."""
+    try:
+        with time_limit(stage, left):
+            value, seconds = time_run(trial.run)
+    except (FlexlinError, RuntimeError):
+        return None
+    missed = error(value)
+    if not np.isfinite(missed):
+        return None
+    setting = ", ".join([trial.setting, *([trial.detail(value)] if trial.detail else [])])
+    return Row(stage, trial.method, setting, missed, seconds, trial.chosen, trial.outside)
+
+
+def repeat_choices(stage: str, rows: dict[Trial, Row], end: float) -> dict[Trial, Row]:
+    """The rows with the engine's own choices run again in turns, as time allows: the least time counts, so that they can be compared."""
+    chosen, rows = [trial for trial in rows if trial.chosen], dict(rows)
+    for _ in range(TURNS):
+        for trial in chosen:
+            if perf_counter() + GROWTH * rows[trial].seconds > end:
+                return rows
+            try:
+                with time_limit(stage, max(end - perf_counter(), 1e-3)):
+                    seconds = time_run(trial.run)[1]
+            except (FlexlinError, RuntimeError):
+                continue
+            rows[trial] = replace(rows[trial], seconds=min(seconds, rows[trial].seconds))
+    return rows
+
+
+def time_run(run: Callable[[], Any]) -> tuple[Any, float]:
+    """The result and the CPU time: the first run warms up, the least of the next counts; of long runs the first."""
+    start = process_time()
+    value = run()
+    first = process_time() - start
+    if first > SHORT:
+        return value, first
+    times = []
+    for _ in range(REPETITIONS):
+        start = process_time()
+        run()
+        times.append(process_time() - start)
+    return value, max(min(times), 1e-9)
+
+
+def compare_arrays(value: Array, exact: Array) -> float:
+    """Largest difference relative to the largest entry; inf or not a number where the value is no number."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return float(np.abs(value - exact).max() / max(float(np.abs(exact).max()), float(np.finfo(float).tiny)))
+
+
+def compare_exponents(value: Array, exact: Array, period: float) -> float:
+    """Largest distance of an exact exponent to the nearest one, modulo 2 pi i / T, relative to max(1, |exponent|)."""
+    apart = measure_distances(value * period, exact * period).min(axis=0) / period
+    return float((apart / np.maximum(1.0, np.abs(exact))).max())

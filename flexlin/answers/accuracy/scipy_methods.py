@@ -12,8 +12,7 @@ from scipy.sparse import csc_array
 from flexlin import symbolic
 from flexlin.about.free import ParametricLoop, parametric_loop
 from flexlin.about.linearization import Linearization
-from flexlin.answers.accuracy.result import Row
-from flexlin.answers.accuracy.trial import Trial, compare_arrays, measure_trials
+from flexlin.answers.accuracy.result import Row, Trial, compare_arrays, measure_trials
 from flexlin.checks import SAMPLES, Array
 from flexlin.motion import SymbolicMotion
 from flexlin.scene.scene import Scene

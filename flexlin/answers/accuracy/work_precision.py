@@ -7,9 +7,8 @@ from time import perf_counter
 
 from flexlin.about.linear import linearize
 from flexlin.answers.accuracy import own_stages as own
-from flexlin.answers.accuracy.result import CostResult, Row
+from flexlin.answers.accuracy.result import STAGE_SECONDS, CostResult, Row, compare_arrays
 from flexlin.answers.accuracy.scipy_methods import measure_scipy_methods
-from flexlin.answers.accuracy.trial import STAGE_SECONDS, compare_arrays
 from flexlin.answers.limits import time_limit
 from flexlin.arguments import checked, instance
 from flexlin.checks import positive

@@ -9,7 +9,7 @@ from flexlin.cli.options import LIMITS, SCENE
 from flexlin.cli.shared import DONE, Work, command, refuse_existing
 
 if TYPE_CHECKING:
-    from flexlin.answers.at_rest import AtRest
+    from flexlin.answers.steady import AtRest
     from flexlin.scene.links import Link
 
 SHOWN = 5
@@ -97,7 +97,7 @@ def check(options: argparse.Namespace) -> int:
         import numpy as np
 
         from flexlin.about.linear import linearize
-        from flexlin.answers.at_rest import examine
+        from flexlin.answers.steady import examine
         from flexlin.mechanics import build_manipulator
         from flexlin.report.numbers import effects
         from flexlin.report.wording import units_of_scene

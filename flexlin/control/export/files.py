@@ -1,5 +1,7 @@
-"""A system and its designs over a period as one file: NumPy, MATLAB, netCDF."""
+"""A system and its designs over a period as one file: NumPy's npz, the same bytes for the same numbers, MATLAB, netCDF."""
 
+import zipfile
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +17,82 @@ from flexlin.control.designed_loop import Design
 from flexlin.control.sampled import SampledGain
 from flexlin.errors import ArgumentError
 from flexlin.files import replacing
-from flexlin.files.arrays import write_npz
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import RATE
+
+Texts = dict[str, list[str]]
+MATLAB_DESIGN = ("name", "samples", "K", "X", "rates", "states")
+"""Fields of a design in MATLAB's file."""
+SCRIPT = """\
+function arm = {function}(phase)
+%{FUNCTION}  The arm of {data} as MATLAB objects; written by flexlin {version}, needs no toolbox unless stated.
+%
+%   arm = {function}()        arm.A(t), arm.B(t), arm.gain{{i}}(t): matrices at a time t in s, splines through the samples
+%   arm = {function}(phase)   also arm.frozen and arm.loop{{i}} at phase = t / T in [0, 1): ss objects (Control System Toolbox)
+%
+%   x' = A(t) x + B(t) u,  u = -K(t) x,  x = [y; y'] the deviation from the rigid motion, u beside the feedforward torque.
+%   States and inputs bear their names and units. A design with integrals has states z behind x: u = -K(t) [x; z], z' = rates [x; z].
+
+data = load(fullfile(fileparts(mfilename('fullpath')), '{data}'));
+arm.period = data.period;
+arm.states = strtrim(cellstr(char(data.states)));
+arm.state_units = strtrim(cellstr(char(data.state_units)));
+arm.inputs = strtrim(cellstr(char(data.inputs)));
+arm.input_units = strtrim(cellstr(char(data.input_units)));
+n = numel(arm.states);
+m = numel(arm.inputs);
+arm.A = periodic(data.t, data.A, data.period, n, n);
+arm.B = periodic(data.t, data.B, data.period, n, m);
+arm.names = cell(1, {designs});
+for i = 1:{designs}
+    arm.names{{i}} = data.designs(i).name;
+    k = size(data.designs(i).K, 2) - n;
+    arm.rates{{i}} = data.designs(i).rates;
+    arm.memory{{i}} = strtrim(cellstr(char(data.designs(i).states)));
+    arm.memory{{i}} = arm.memory{{i}}(1:k);
+    arm.gain{{i}} = periodic(data.t, data.designs(i).K, data.period, m, n + k);
+    if ~isempty(data.designs(i).samples)  % that of the nearest sample
+        N = size(data.designs(i).samples, 3);
+        arm.gain{{i}} = @(time) data.designs(i).samples(:, :, 1 + mod(round(time / data.period * N), N));
+    end
+end
+check = max(max(abs(arm.A(data.t(2)) - data.A(:, :, 2))));
+assert(check <= 1e-9 * max(abs(data.A(:))), 'the splines do not pass through the samples');
+if nargin < 1
+    return
+end
+t = phase * arm.period;
+arm.frozen = ss(arm.A(t), arm.B(t), eye(n), zeros(n, m), 'StateName', arm.states, ...
+    'InputName', arm.inputs, 'OutputName', arm.states);
+if ~exist('OCTAVE_VERSION', 'builtin')  % Octave's control package knows no units
+    arm.frozen.StateUnit = arm.state_units;
+    arm.frozen.InputUnit = arm.input_units;
+    arm.frozen.OutputUnit = arm.state_units;
+end
+for i = 1:{designs}
+    k = size(data.designs(i).K, 2) - n;
+    input = [arm.B(t); zeros(k, m)];
+    loop = [arm.A(t), zeros(n, k); reshape(arm.rates{{i}}, k, n + k)] - input * arm.gain{{i}}(t);
+    names = [arm.states(:); arm.memory{{i}}(:)];
+    arm.loop{{i}} = ss(loop, input, eye(n + k), zeros(n + k, m), 'StateName', names, ...
+        'InputName', arm.inputs, 'OutputName', names, 'Name', arm.names{{i}});
+end
+end
+
+function f = periodic(t, samples, period, rows, columns)
+% A spline through samples (row, column, time){ends}.
+t = t(:).';
+last = numel(t);
+values = reshape(samples, rows * columns, last);
+keep = {keep};
+times = [t(last - keep + 1:last) - period, t, t(1:keep) + period];
+values = [values(:, last - keep + 1:last), values, values(:, 1:keep)];
+piecewise = spline(times, values);
+f = @(time) reshape(ppval(piecewise, {within}), rows, columns);
+end
+"""
+NO_DATE = (1980, 1, 1, 0, 0, 0)
+"""The first date that a zip file knows; np.savez writes the time of day."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +138,6 @@ class Labels:
             got = f"{len(labels.states)} states and {len(labels.inputs)} inputs"
             raise ArgumentError("the arm does not fit what is exported", got=got, expected=f"{states} and {inputs}")
         return labels
-
-
-Texts = dict[str, list[str]]
 
 
 @checked
@@ -161,10 +233,6 @@ def _save_npz(path: Path, arrays: dict[str, Array], texts: Texts, period: float)
     write_npz(path, {**arrays, **words, "period": np.array(period)}, compressed=True)
 
 
-MATLAB_DESIGN = ("name", "samples", "K", "X", "rates", "states")
-"""Fields of a design in MATLAB's file."""
-
-
 def _save_mat(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
     from scipy.io import savemat
 
@@ -227,76 +295,6 @@ def describe_arrays(names: list[str]) -> dict[str, dict[str, str]]:
     return found
 
 
-SCRIPT = """\
-function arm = {function}(phase)
-%{FUNCTION}  The arm of {data} as MATLAB objects; written by flexlin {version}, needs no toolbox unless stated.
-%
-%   arm = {function}()        arm.A(t), arm.B(t), arm.gain{{i}}(t): matrices at a time t in s, splines through the samples
-%   arm = {function}(phase)   also arm.frozen and arm.loop{{i}} at phase = t / T in [0, 1): ss objects (Control System Toolbox)
-%
-%   x' = A(t) x + B(t) u,  u = -K(t) x,  x = [y; y'] the deviation from the rigid motion, u beside the feedforward torque.
-%   States and inputs bear their names and units. A design with integrals has states z behind x: u = -K(t) [x; z], z' = rates [x; z].
-
-data = load(fullfile(fileparts(mfilename('fullpath')), '{data}'));
-arm.period = data.period;
-arm.states = strtrim(cellstr(char(data.states)));
-arm.state_units = strtrim(cellstr(char(data.state_units)));
-arm.inputs = strtrim(cellstr(char(data.inputs)));
-arm.input_units = strtrim(cellstr(char(data.input_units)));
-n = numel(arm.states);
-m = numel(arm.inputs);
-arm.A = periodic(data.t, data.A, data.period, n, n);
-arm.B = periodic(data.t, data.B, data.period, n, m);
-arm.names = cell(1, {designs});
-for i = 1:{designs}
-    arm.names{{i}} = data.designs(i).name;
-    k = size(data.designs(i).K, 2) - n;
-    arm.rates{{i}} = data.designs(i).rates;
-    arm.memory{{i}} = strtrim(cellstr(char(data.designs(i).states)));
-    arm.memory{{i}} = arm.memory{{i}}(1:k);
-    arm.gain{{i}} = periodic(data.t, data.designs(i).K, data.period, m, n + k);
-    if ~isempty(data.designs(i).samples)  % that of the nearest sample
-        N = size(data.designs(i).samples, 3);
-        arm.gain{{i}} = @(time) data.designs(i).samples(:, :, 1 + mod(round(time / data.period * N), N));
-    end
-end
-check = max(max(abs(arm.A(data.t(2)) - data.A(:, :, 2))));
-assert(check <= 1e-9 * max(abs(data.A(:))), 'the splines do not pass through the samples');
-if nargin < 1
-    return
-end
-t = phase * arm.period;
-arm.frozen = ss(arm.A(t), arm.B(t), eye(n), zeros(n, m), 'StateName', arm.states, ...
-    'InputName', arm.inputs, 'OutputName', arm.states);
-if ~exist('OCTAVE_VERSION', 'builtin')  % Octave's control package knows no units
-    arm.frozen.StateUnit = arm.state_units;
-    arm.frozen.InputUnit = arm.input_units;
-    arm.frozen.OutputUnit = arm.state_units;
-end
-for i = 1:{designs}
-    k = size(data.designs(i).K, 2) - n;
-    input = [arm.B(t); zeros(k, m)];
-    loop = [arm.A(t), zeros(n, k); reshape(arm.rates{{i}}, k, n + k)] - input * arm.gain{{i}}(t);
-    names = [arm.states(:); arm.memory{{i}}(:)];
-    arm.loop{{i}} = ss(loop, input, eye(n + k), zeros(n + k, m), 'StateName', names, ...
-        'InputName', arm.inputs, 'OutputName', names, 'Name', arm.names{{i}});
-end
-end
-
-function f = periodic(t, samples, period, rows, columns)
-% A spline through samples (row, column, time){ends}.
-t = t(:).';
-last = numel(t);
-values = reshape(samples, rows * columns, last);
-keep = {keep};
-times = [t(last - keep + 1:last) - period, t, t(1:keep) + period];
-values = [values(:, last - keep + 1:last), values, values(:, 1:keep)];
-piecewise = spline(times, values);
-f = @(time) reshape(ppval(piecewise, {within}), rows, columns);
-end
-"""
-
-
 def matlab_script(data: Path, designs: int, periodic: bool = True, function: str = "load_arm") -> Path:
     """Write the script beside a .mat file that `save` wrote with a number of designs; returns its path."""
     target = data.with_name(f"{function}.m")
@@ -311,3 +309,14 @@ def matlab_script(data: Path, designs: int, periodic: bool = True, function: str
     )
     target.write_text(SCRIPT.format(version=flexlin.__version__, **words), encoding="utf-8")
     return target
+
+
+def write_npz(path: Path, arrays: Mapping[str, Any], compressed: bool = False) -> None:
+    """Write arrays as np.savez does, without date and without pickles."""
+    kind = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    with path.open("wb") as file, zipfile.ZipFile(file, "w", kind) as archive:
+        for name, array in arrays.items():
+            about = zipfile.ZipInfo(f"{name}.npy", NO_DATE)
+            about.compress_type = kind
+            with archive.open(about, "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, np.asarray(array), allow_pickle=False)

@@ -9,14 +9,14 @@ from flexlin.checks import Array, positive, whole
 from flexlin.errors import TooManySegments
 from flexlin.lapack import complex_schur
 from flexlin.periodic.circle import assign, match_logs, measure_distances, pair_conjugates, wrap_log
-from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
-from flexlin.periodic.decoupling.parting import MAX_MERGES
+from flexlin.periodic.decoupling.coupling import Decoupled, Refusal
+from flexlin.periodic.decoupling.decouple import MAX_MERGES
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
 from flexlin.periodic.floquet.result import FloquetResult, find_reached, judge
 from flexlin.periodic.floquet.segmented import Factoring, solve_by_segments
 from flexlin.periodic.precision import CUBE, EPS, FAINT, SAFETY
 from flexlin.periodic.product.spectrum import balance_factors, bound_pairs, separate_triangular
-from flexlin.periodic.resolved.companion import ResolvedCompanion, couple_uncertainty
+from flexlin.periodic.resolved.matrix import ResolvedCompanion, couple_uncertainty
 from flexlin.periodic.resolved.sampling import BLOCKS, stratified
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back

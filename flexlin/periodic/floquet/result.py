@@ -9,9 +9,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.decoupling.decoupled import Decoupled
-from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.decoupling.coupling import Decoupled
+from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.resolved.sampling import RESOLVED
 from flexlin.periodic.transition.setting import Setting
 from flexlin.plots.view import Series, Shown, View

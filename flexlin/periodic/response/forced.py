@@ -13,7 +13,7 @@ from flexlin.periodic.grid import FINER, edges_of_short, place_edges
 from flexlin.periodic.precision import EPS, MINOR, ROOT, SAFETY, TINY
 from flexlin.periodic.product.cyclic import cyclic_system
 from flexlin.periodic.product.spectrum import COHERENT, product_logs
-from flexlin.periodic.resolved.companion import couple_uncertainty
+from flexlin.periodic.resolved.matrix import couple_uncertainty
 from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.response.result import ForcedResponse, PiecewiseSolution

@@ -10,8 +10,7 @@ from flexlin.checks import Array
 from flexlin.lapack import LAPACK
 from flexlin.periodic.precision import EPS
 from flexlin.periodic.product.spectrum import Unknown
-from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.second_order import solve_mass, stack_companion
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, Tableau, collocate, collocate_accelerations, fold_samples
 

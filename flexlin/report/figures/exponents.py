@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.checks import Array
-from flexlin.periodic.floquet.frozen import follow_frozen_modes
+from flexlin.periodic.floquet.modes import follow_frozen_modes
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic, Symlog
 from flexlin.plots.svg import Row

@@ -11,9 +11,8 @@ from scipy.optimize import linear_sum_assignment
 import flexlin as fl
 from flexlin.errors import TooManySegments
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.decoupling.coupling import Coupled, residual_effect
+from flexlin.periodic.decoupling.coupling import Coupled, Decoupled, Refusal, residual_effect
 from flexlin.periodic.decoupling.decouple import decouple
-from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.grouping import Group
 from flexlin.periodic.floquet import exponents as routes
 from flexlin.periodic.floquet.decoupled import bound_growth, decoupled_exponents, hide_enclosed
