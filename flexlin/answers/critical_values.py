@@ -79,7 +79,6 @@ def critical_values(
     *,
     loop: str = "own",
     samples: int = SAMPLES,
-    narrow: bool = True,
 ) -> list[CriticalValue]:
     """Find every value of a number, within limits, at which a loop becomes unstable or stable again.
 
@@ -105,8 +104,6 @@ def critical_values(
         Which loop of the scene, as in `sweep`: own, open, a design's name, or that name followed by ", redone".
     samples : int
         Values of the scan: one more than the steps of the range.
-    narrow : bool
-        Whether to look for intervals of instability narrower than a step.
 
     Returns
     -------
@@ -138,7 +135,7 @@ def critical_values(
     """
     low, high = check_limits(path, limits)
     family = make_family(source, {path: (low, high)}, loop)
-    return search_family(family, path, low, high, positive("tol", tol), whole("samples", samples, 3), narrow)
+    return search_family(family, path, low, high, positive("tol", tol), whole("samples", samples, 3))
 
 
 def search_family(
@@ -148,7 +145,6 @@ def search_family(
     high: float,
     tol: float,
     samples: int = SAMPLES,
-    narrow: bool = True,
     effort: Effort | None = None,
 ) -> list[CriticalValue]:
     """The critical values of the one number of a family; effort: ends the search, with what is known by then."""
@@ -160,7 +156,7 @@ def search_family(
     def fine(values: Array) -> Spectra:
         return family.fine(values[:, None])
 
-    tongues = narrow and not family.is_constant(np.array([(low + high) / 2]))
+    tongues = not family.is_constant(np.array([(low + high) / 2]))
     found = find_crossings(rough, fine, low, high, tol, samples, tongues, effort)
     nearest_first = sorted(found, key=lambda one: abs(one.value - float(np.nan_to_num(family.own[0]))))
     described = [describe_crossing(path, crossing, family, effort) for crossing in nearest_first]

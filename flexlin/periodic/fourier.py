@@ -53,9 +53,9 @@ def fourier_basis(phase: Array, harmonics: int) -> Array:
 
 
 @lru_cache(maxsize=16)
-def waves_at_nodes(count: int, harmonics: int, half: bool = False) -> Array:
-    """Return the basis at N equally spaced times, or half a step behind them: (N, 2 H + 1), each to rounding, kept for the next call."""
-    turns = np.outer(2 * np.arange(count) + half, np.arange(harmonics + 1)) % (2 * count)
+def waves_at_nodes(count: int, harmonics: int) -> Array:
+    """Return the basis at N equally spaced times, (N, 2 H + 1), each to rounding, kept for the next call."""
+    turns = np.outer(2 * np.arange(count), np.arange(harmonics + 1)) % (2 * count)
     angle = np.pi / count * turns
     return np.concatenate([np.cos(angle), np.sin(angle[:, 1:])], axis=1)
 

@@ -60,7 +60,7 @@ class Fold:
 
 
 @np.errstate(all="ignore")
-def find_fold(tape: Tape, u0: Array, S: Array, start: tuple[Array, Array], steps: int = 30) -> Fold:
+def find_fold(tape: Tape, u0: Array, S: Array, start: tuple[Array, Array]) -> Fold:
     """Solve for the fold that Newton's method reaches from a start.
 
         f(u0 + S t, v) = 0,   V phi = 0,   c phi = 1     with c = conj(phi) of the start
@@ -77,7 +77,7 @@ def find_fold(tape: Tape, u0: Array, S: Array, start: tuple[Array, Array], steps
         return Fold(t, v, np.full(nv, np.nan), np.inf)
     phi = np.linalg.svd(V[:, :nv])[2][-1].conj()
     c, defect = phi.conj(), np.inf
-    for _ in range(steps):
+    for _ in range(30):
         f, J, H = second_order(tape, u0, S, t, v)
         V, turned = J[:, :nv], np.einsum("ijl,l->ij", H[:, :, :nv], phi)
         matrix = np.zeros((2 * nv + 1, 2 * nv + p), dtype=J.dtype)

@@ -187,11 +187,11 @@ def measure_simulation(closed: Linearization, peers: bool, seconds: float) -> li
     return measure_trials("simulation", chain(trials, outside), lambda x: compare_arrays(x, exact), seconds)
 
 
-def measure_modes(scene: Scene, seconds: float, more: int = 2) -> list[Row]:
+def measure_modes(scene: Scene, seconds: float) -> list[Row]:
     """The leading exponent with 0, 1, 2 ... modes in each link that bends, against two modes more than the scene has."""
     if not scene.links or all(not any(counts_of(link)) for link in scene.links):
         return []
-    most = max(count for link in scene.links for count in counts_of(link)) + more
+    most = max(count for link in scene.links for count in counts_of(link)) + 2
 
     def leading(count: int) -> complex:
         changed = scene
@@ -214,9 +214,7 @@ def counts_of(link: Link) -> tuple[int, ...]:
     return tuple(link.counts.by_direction().values())
 
 
-def measure_taylor_order(
-    arm: Manipulator, motion: Motion, seconds: float, orders: tuple[int, ...] = (1, 2, 3, 4)
-) -> list[Row]:
+def measure_taylor_order(arm: Manipulator, motion: Motion, seconds: float) -> list[Row]:
     """Forces of the nonlinear equations at a displaced state by Taylor's polynomial in s, by its order."""
     q, q1, q2 = (arm.reference @ ca.DM(part[0]) for part in motion.sample(np.array([0.3 * motion.period])))
     known = ca.vertcat(arm.s_dot, arm.s_ddot, arm.parameters.symbols)
@@ -226,8 +224,8 @@ def measure_taylor_order(
     step = 0.05 * np.ones(arm.n)
     function = ca.Function("force", [arm.s], [ca.densify(force)])
     exact = symbolic.evaluate(function, (start + step)[None])[0][0]
-    maps = {order: taylor(force, arm.s, start, order) for order in orders}
-    trials = [Trial("Taylor polynomial", f"order {k}", partial(maps[k], step)) for k in orders]
+    maps = {order: taylor(force, arm.s, start, order) for order in range(1, 5)}
+    trials = [Trial("Taylor polynomial", f"order {k}", partial(polynomial, step)) for k, polynomial in maps.items()]
     return measure_trials(
         "Taylor order", trials, lambda value: compare_arrays(np.asarray(value).reshape(exact.shape), exact), seconds
     )

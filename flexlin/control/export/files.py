@@ -24,11 +24,11 @@ Texts = dict[str, list[str]]
 MATLAB_DESIGN = ("name", "samples", "K", "X", "rates", "states")
 """Fields of a design in MATLAB's file."""
 SCRIPT = """\
-function arm = {function}(phase)
-%{FUNCTION}  The arm of {data} as MATLAB objects; written by flexlin {version}, needs no toolbox unless stated.
+function arm = load_arm(phase)
+%LOAD_ARM  The arm of {data} as MATLAB objects; written by flexlin {version}, needs no toolbox unless stated.
 %
-%   arm = {function}()        arm.A(t), arm.B(t), arm.gain{{i}}(t): matrices at a time t in s, splines through the samples
-%   arm = {function}(phase)   also arm.frozen and arm.loop{{i}} at phase = t / T in [0, 1): ss objects (Control System Toolbox)
+%   arm = load_arm()        arm.A(t), arm.B(t), arm.gain{{i}}(t): matrices at a time t in s, splines through the samples
+%   arm = load_arm(phase)   also arm.frozen and arm.loop{{i}} at phase = t / T in [0, 1): ss objects (Control System Toolbox)
 %
 %   x' = A(t) x + B(t) u,  u = -K(t) x,  x = [y; y'] the deviation from the rigid motion, u beside the feedforward torque.
 %   States and inputs bear their names and units. A design with integrals has states z behind x: u = -K(t) [x; z], z' = rates [x; z].
@@ -295,18 +295,16 @@ def describe_arrays(names: list[str]) -> dict[str, dict[str, str]]:
     return found
 
 
-def matlab_script(data: Path, designs: int, periodic: bool = True, function: str = "load_arm") -> Path:
+def matlab_script(data: Path, designs: int, periodic: bool = True) -> Path:
     """Write the script beside a .mat file that `save` wrote with a number of designs; returns its path."""
-    target = data.with_name(f"{function}.m")
+    target = data.with_name("load_arm.m")
     ends = {"keep": 3, "within": "mod(time, period)", "ends": ": a period, so three samples are repeated at either end"}
     once = {
         "keep": 0,
         "within": "min(max(time, 0), t(end))",
         "ends": " of a motion that ends, held before and after it",
     }
-    words = {"function": function, "FUNCTION": function.upper(), "data": data.name, "designs": designs} | (
-        ends if periodic else once
-    )
+    words = {"data": data.name, "designs": designs} | (ends if periodic else once)
     target.write_text(SCRIPT.format(version=flexlin.__version__, **words), encoding="utf-8")
     return target
 

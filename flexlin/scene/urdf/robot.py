@@ -43,9 +43,9 @@ class Element:
             raise found[1].refuse(f"a second <{tag}>", "one at most")
         return found[0] if found else None
 
-    def text(self, name: str, default: str | None = None) -> str:
+    def text(self, name: str) -> str:
         """An attribute that is a name."""
-        value = self.attributes.get(name, default)
+        value = self.attributes.get(name)
         if value is None or not value.strip():
             raise self.refuse(f"no {name}", f'{name}="..."')
         if "${" in value or "$(" in value:
