@@ -24,7 +24,8 @@ from flexlin.periodic.grid import divided
 from flexlin.periodic.precision import EPS, ROOT, TINY
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.scattering import symmetrize
-from flexlin.periodic.resolved.matrix import WAVES, ResolvedCompanion, ResolvedMatrix
+from flexlin.periodic.quadratic.solution import WAVES
+from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.resolved.panels import MOST_PANELS, NODES, TAIL
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent

@@ -121,11 +121,6 @@ def name_coordinate_unit(analysis: Analysis, index: int) -> str:
     return analysis.plant.coordinates[index].unit
 
 
-def name_input_units(analysis: Analysis) -> str:
-    """The units of all inputs."""
-    return " and ".join(sorted(set(analysis.plant.input_units)))
-
-
 def format_rate(value: float, error: float) -> str:
     """A growth rate with its error: −2.5207 ± 8×10⁻¹⁴ 1/s."""
     return f"{format_decimal(value, 5)} ± {format_power(error)}" + ("" if is_dimensionless() else " 1/s")

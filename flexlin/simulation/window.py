@@ -127,11 +127,6 @@ class Path:
     w: Array
 
     @property
-    def finite(self) -> bool:
-        """Whether every number is one."""
-        return bool(np.isfinite(self.x).all() and np.isfinite(self.w).all())
-
-    @property
     def stages(self) -> tuple[Array, Array, Array]:
         """y, y', y'' (K s, n) of all stages."""
         n = self.w.shape[-1]

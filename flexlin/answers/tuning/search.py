@@ -17,13 +17,11 @@ PATIENCE = 5
 
 @dataclass(frozen=True)
 class Minimum:
-    """The best point, its value, a factor S of the inverse Hessian H = S S', and how many values and gradients were taken."""
+    """The best point, its value, and a factor S of the inverse Hessian H = S S'."""
 
     x: Array
     value: float
     factor: Array
-    values: int
-    gradients: int
 
 
 def descend(
@@ -44,15 +42,14 @@ def descend(
     Source: Lewis, Overton, Nonsmooth optimization via quasi-Newton methods, Math. Program. 141 (2013) 135.
     """
     value, g, S = f(x), gradient(x), np.eye(len(x)) if factor is None else factor
-    values, gradients, past = 1, 1, [value]
+    past = [value]
     for step in range(steps):
         p = -S @ (S.T @ g)
         slope = float(g @ p)
         if not np.isfinite(slope) or slope >= 0:
             break
         first = 1.0 if step or factor is not None else min(1.0, 0.5 / float(np.linalg.norm(g)))
-        t, found, new_g, tried, taken = search_line(f, gradient, x, p, value, g, first)
-        values, gradients = values + tried, gradients + taken
+        t, found, new_g = search_line(f, gradient, x, p, value, g, first)
         if not found < value:
             break
         s, y = t * p, new_g - g
@@ -61,7 +58,7 @@ def descend(
         past.append(value)
         if len(past) > PATIENCE and past[-1 - PATIENCE] - value <= settled * (1 + abs(value)):
             break
-    return Minimum(x, value, S, values, gradients)
+    return Minimum(x, value, S)
 
 
 def search_line(
@@ -72,23 +69,22 @@ def search_line(
     value: float,
     g: Array,
     t: float,
-) -> tuple[float, float, Array, int, int]:
+) -> tuple[float, float, Array]:
     """A step that meets the weak Wolfe conditions, by doubling and halving alone; no derivative is trusted to be continuous.
 
-    Returns: the step, the value and the gradient there, and how many values and gradients it took; infinity where none descends.
+    Returns: the step, the value and the gradient there; infinity where none descends.
     """
     slope, low, high, best = float(g @ p), 0.0, np.inf, np.inf
-    tried = taken = 0
-    while tried < BISECTIONS:
-        now, tried = f(x + t * p), tried + 1
+    for _ in range(BISECTIONS):
+        now = f(x + t * p)
         if not now <= value + ARMIJO * t * slope:
             high = t
         else:
-            low, best, g, taken = t, now, gradient(x + t * p), taken + 1
+            low, best, g = t, now, gradient(x + t * p)
             if float(g @ p) >= WOLFE * slope:
                 break
         t = (low + high) / 2 if np.isfinite(high) else 2 * low
-    return low, best, g, tried, taken
+    return low, best, g
 
 
 def update_factor(S: Array, s: Array, y: Array, scaled: bool) -> Array:

@@ -24,9 +24,9 @@ from flexlin.periodic.quadratic.linear_quadratic import (
 )
 from flexlin.periodic.quadratic.newton import MOST, solve_by_newton
 from flexlin.periodic.quadratic.nodes import FourierNodes, Nodes, PanelNodes
-from flexlin.periodic.quadratic.solution import RiccatiSolution
+from flexlin.periodic.quadratic.solution import WAVES, RiccatiSolution
 from flexlin.periodic.related import with_matrices
-from flexlin.periodic.resolved.matrix import WAVES, ResolvedCompanion, ResolvedMatrix
+from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve, resolve_port
 from flexlin.periodic.resolved.sampling import BLOCKS
 from flexlin.periodic.system import PeriodicSystem, as_system

@@ -10,8 +10,10 @@ from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.grid import divided
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
-from flexlin.periodic.resolved.matrix import WAVES
 from flexlin.summary import represent
+
+WAVES = 3.0
+"""Harmonics of a Fourier series for each panel of degree NODES - 1 that replaces it."""
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, real_array
-from flexlin.errors import ArgumentError
-from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
+from flexlin.checks import Array
+from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes
-from flexlin.periodic.grid import divided
 from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.resolved.sampling import ROUNDINGS
@@ -18,8 +16,6 @@ from flexlin.summary import represent
 
 Series = FourierSeries | ChebyshevPanels
 """The one function of time: called with times, it has a period, edges, a degree, a mean and a derivative."""
-WAVES = 3.0
-"""Harmonics of a Fourier series for each panel of degree NODES - 1 that replaces it."""
 
 
 @dataclass(frozen=True)
@@ -121,27 +117,6 @@ class ResolvedMatrix(Resolved):
         return ResolvedMatrix(
             self.series.derivative(), self.breaks, self.found, self.error * self.series.rate, self.samples
         )
-
-    def pieces(self, edges: Array | None = None) -> ChebyshevPanels:
-        """Give A as polynomials on panels, which contain the edges given and none of A's edges inside.
-
-        Parameters: edges: increasing times from 0 to T that must be edges of panels.
-        Returns: panels whose coefficients (P, K, rows, columns) are padded with zeros to a common K.
-        """
-        wanted = self.edges if edges is None else np.union1d(self.edges, real_array("edges", edges, (None,)))
-        if wanted[0] != 0 or wanted[-1] != self.period:
-            raise ArgumentError(
-                "edges leave the period", got=f"{wanted[0]} to {wanted[-1]}", expected=f"0 to {self.period}"
-            )
-        if isinstance(self.series, ChebyshevPanels):
-            if len(wanted) == len(self.edges):
-                return self.series
-            count = self.degree + 1
-        else:
-            wanted, count = divided(wanted, self.period * WAVES / max(self.degree, 1)), NODES
-        values = self.series(panel_times(wanted[:-1], wanted[1:], count).ravel())
-        flat = chebyshev_coefficients(values.reshape(len(wanted) - 1, count, -1))
-        return ChebyshevPanels(wanted, flat.reshape(*flat.shape[:2], *self.shape))
 
 
 def close_loop(A: ResolvedMatrix, B: ResolvedMatrix, K: FourierSeries) -> ResolvedMatrix | None:

@@ -9,7 +9,6 @@ import pytest
 from scipy.integrate import quad
 
 import flexlin as fl
-from flexlin.errors import ArgumentError
 from flexlin.periodic import FourierSeries, resolve
 from tests.periodic.resolved.functions import SMOOTH, background, covered, scalar
 from tests.thinned import thin
@@ -237,7 +236,7 @@ def test_a_right_continuous_jump_has_both_limits():
 
 
 @pytest.mark.parametrize("breaks", [(), (0.4,)])
-def test_derivative_mean_and_pieces(breaks):
+def test_derivative_and_mean(breaks):
     f, slope = lambda t: np.exp(np.sin(t)), lambda t: np.cos(t) * np.exp(np.sin(t))
     series, rng = resolve(scalar(f), SMOOTH, breaks=breaks), np.random.default_rng(7)
     t = rng.uniform(0, SMOOTH, 200)
@@ -245,14 +244,9 @@ def test_derivative_mean_and_pieces(breaks):
     assert off <= series.derivative().error[0, 0]
     assert off < 1e-10
     assert series.mean()[0, 0] == pytest.approx(quad(f, 0, SMOOTH, epsabs=1e-13)[0] / SMOOTH, abs=1e-13)
-    pieces = series.pieces(np.array([0.0, 1.0, 4.5, SMOOTH]))
-    assert set(breaks) | {1.0, 4.5} <= set(pieces.edges.tolist())
-    assert pieces(t)[:, 0, 0] == pytest.approx(f(t), abs=1e-12)
     assert f"samples={series.samples}" in repr(series)
     again = pickle.loads(pickle.dumps(series))
     assert np.all(again(t) == series(t))
-    with pytest.raises(ArgumentError, match="leave the period"):
-        series.pieces(np.array([0.0, 7.0]))
 
 
 def test_examples():
