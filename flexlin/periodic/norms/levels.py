@@ -213,13 +213,17 @@ class PeakSearch:
 
     def climb(self, omega: float) -> None:
         """Go to the largest gain near a frequency: about a resonance 1 / gain^2 is a parabola, as wide as the mode is damped."""
-        step = PARTIAL * abs(float(self.exponents[np.abs(np.abs(self.exponents.imag) - omega).argmin()].real))
+        step, top = PARTIAL * abs(float(self.exponents[np.abs(np.abs(self.exponents.imag) - omega).argmin()].real)), 0.0
         for _ in range(CLIMBS):
-            before, middle, behind = (self.gain(omega + k * step) ** -2.0 for k in (-1, 0, 1))
+            middle = self.gain(omega) ** -2.0
+            if abs(middle - top) <= LEVEL_TOL * middle:
+                return
+            before, behind = (self.gain(omega + k * step) ** -2.0 for k in (-1, 1))
             bend = before - 2 * middle + behind
             turn = STARTS * float(np.sign(before - behind))
             if bend > 0:
                 self.width, turn = step * float(np.sqrt(2 * middle / bend)), (before - behind) / (2 * bend)
+            top = middle - bend * turn**2 / 2
             omega += step * float(np.clip(turn, -STARTS, STARTS))
             step *= MINOR if abs(turn) < 1 else 1.0
         self.gain(omega)
@@ -244,7 +248,7 @@ class PeakSearch:
         """
         apart = self.width * np.sqrt(2 * aside)
         wanted = (SAFETY * hidden * max(hidden, apart) / (2 * self.width**2)) if self.width else 0.0
-        return float(np.clip(wanted, WIDER * aside, WIDER**STARTS * aside))
+        return WIDER * max(aside, min(wanted, MINOR / WIDER))
 
     def least(self) -> float:
         """A little more than the least gain that was found, by a second resolution: half as fine, or twice where that says too little."""
