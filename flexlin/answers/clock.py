@@ -15,7 +15,7 @@ from flexlin.bounds import printable
 from flexlin.errors import FlexlinError, NumericalError, TimeLimit, TooLarge
 from flexlin.progress import part
 from flexlin.resources import SECONDS, Stopwatch, read_resident
-from flexlin.scene.accuracy import Accuracy
+from flexlin.scene.scene import Accuracy
 
 SHARE = 2 / 3
 """A stage that others follow gets so much of what is left: one that never ends leaves them something."""

@@ -17,9 +17,8 @@ from flexlin.periodic.certificate import Certificate
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.scene.accuracy import Accuracy
 from flexlin.scene.control import DesignTable
-from flexlin.scene.scene import Scene
+from flexlin.scene.scene import Accuracy, Scene
 
 if TYPE_CHECKING:
     from flexlin.control.designed_loop import Design
@@ -135,7 +134,7 @@ def describe_end(plant: Linearization) -> str:
 
 def judge_elastic_loop(a: Stages) -> Loop:
     """The scene's own loop, linearized about the periodic motion of the elastic arm in the place of the rigid one."""
-    from flexlin.about.elastic import linearize_about
+    from flexlin.about.free import linearize_about
     from flexlin.about.periodic_motion import periodic_motion
 
     name, work = "about elastic motion", partial(periodic_motion, a.closed, tol=a.asked.tol)

@@ -10,8 +10,8 @@ from flexlin.answers.spectra import LOOSE, ROUGH, Family, Source, make_family
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError
+from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.curves import Curve, find_curves
-from flexlin.periodic.boundary.lattice import CELLS
 from flexlin.periodic.boundary.spectra import Effort, Spectra
 from flexlin.periodic.precision import MINOR
 from flexlin.summary import represent

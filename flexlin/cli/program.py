@@ -21,8 +21,7 @@ from typing import Any, NoReturn
 from flexlin import __version__
 from flexlin.bounds import printable
 from flexlin.cli.commands import COMMANDS
-from flexlin.cli.options import OPTIONS, parse_place
-from flexlin.cli.shared import BAD_INPUT, FAILED, NO_ANSWER
+from flexlin.cli.shared import BAD_INPUT, FAILED, NO_ANSWER, OPTIONS, parse_place
 from flexlin.cli.supervised import INTERRUPTED, NO_MEMORY, PASSED_ON, Channel, is_supervised, supervise, take_signals
 from flexlin.errors import FlexlinError, InputError, NumericalError, OutputError, SceneError, TooLarge
 from flexlin.errors.root import lacks_memory

@@ -22,7 +22,7 @@ from flexlin.resources import BYTES, PATIENCE, SECONDS, read_resident
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flexlin.scene.accuracy import Accuracy
+    from flexlin.scene.scene import Accuracy
 
 FAILED, BAD_INPUT, NO_ANSWER = 1, 2, 4
 """Exit codes where the work has none of its own."""

@@ -8,7 +8,7 @@ from flexlin.lazy import load_lazily
 __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {
-        "about.elastic": "linearize_about",
+        "about.free": "linearize_about",
         "about.periodic_motion": "periodic_motion PeriodicMotion",
         "control.weights": "physical_weights",
         "control.catalogue": "design",

@@ -14,9 +14,8 @@ from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import Constant, has_nothing_narrow
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
-from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.response.result import label_states
 from flexlin.periodic.sampled.stability import sampled_floquet
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem

@@ -10,8 +10,8 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, at_times
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
+from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_riccati
-from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.related import Backward, dual_system, with_matrices
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, as_system, check_samples
 from flexlin.summary import represent

@@ -12,8 +12,8 @@ from flexlin.errors import ArgumentError, NumericalError
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
 from flexlin.periodic.coefficients import Constant, MatrixFunction
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes, waves_at_nodes
+from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_riccati, rough_places
-from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.related import extend_system
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve

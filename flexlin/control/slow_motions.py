@@ -13,8 +13,7 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.product.cyclic import periodic_vectors
 from flexlin.periodic.product.spectrum import balance_factors
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choice import choose_setting
-from flexlin.periodic.transition.setting import METHODS, factor_by, place_segments
+from flexlin.periodic.transition.setting import METHODS, choose_setting, factor_by, place_segments
 
 TOLERANCE = 1e-6
 """Error of the exponents, in 1/s, that is enough for a direction."""

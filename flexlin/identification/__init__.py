@@ -13,6 +13,6 @@ __getattr__, __dir__, __all__ = load_lazily(
     within={
         "identification.equations": "Logged",
         "identification.prediction": "prepare",
-        "identification.windows": "Windows",
+        "identification.shooting": "Windows",
     },
 )

@@ -13,7 +13,7 @@ from flexlin.identification.equations import Logged
 from flexlin.identification.least_squares import Evidence, Point, Problem, leave_unknown, solve, weigh_evidence
 from flexlin.identification.log import Log
 from flexlin.identification.prediction import Prediction, deviations, find_starts, predict, prepare
-from flexlin.identification.windows import Windows
+from flexlin.identification.shooting import Windows
 from flexlin.plots.view import Series, Shown, View
 from flexlin.progress import part
 from flexlin.resources import Stopwatch

@@ -11,8 +11,7 @@ from flexlin.errors import NumericalError
 from flexlin.identification.equations import Logged
 from flexlin.identification.least_squares import Point, Problem, solve
 from flexlin.identification.log import Log
-from flexlin.identification.shooting import Shooting, count_substeps
-from flexlin.identification.windows import Windows
+from flexlin.identification.shooting import Shooting, Windows, count_substeps
 from flexlin.plots.view import Series, Shown, View
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent

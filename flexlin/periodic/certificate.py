@@ -22,9 +22,9 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.grid import divided
 from flexlin.periodic.precision import EPS, ROOT, TINY
+from flexlin.periodic.quadratic.linear_quadratic import WAVES
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.scattering import symmetrize
-from flexlin.periodic.quadratic.solution import WAVES
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.resolved.panels import MOST_PANELS, NODES, TAIL
 from flexlin.periodic.system import PeriodicSystem

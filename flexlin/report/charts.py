@@ -19,7 +19,7 @@ from flexlin.answers.sweep.job import Job, prepare_job
 from flexlin.answers.sweep.run import choose_crew, keep_in
 from flexlin.checks import Array
 from flexlin.errors import TimeLimit
-from flexlin.periodic.boundary.lattice import CELLS
+from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.spectra import Effort
 from flexlin.report.figures.chart import draw_campbell, draw_chart, list_paths, thin
 from flexlin.report.figures.style import Picture

@@ -33,7 +33,7 @@ from flexlin.report.wording import (
     units_of,
     without_units,
 )
-from flexlin.scene.accuracy import Accuracy
+from flexlin.scene.scene import Accuracy
 
 
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:

@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "scene.scene": "Scene",
     },
     within={
-        "scene.accuracy": "Accuracy",
+        "scene.scene": "Accuracy",
         "scene.base": "NonNegative Positive Table Unit",
         "scene.control": "EstimatorTable Pd Weights",
         "scene.links": "CrossSection MATERIALS strip tube",

@@ -1,4 +1,4 @@
-"""The whole scene, with its robot file, its log, and what is known of its numbers only between limits."""
+"""The whole scene, with its robot file, its log, uncertain numbers, and how accurate the answers should be at what cost."""
 
 from importlib import import_module
 from typing import Annotated, Any, Literal
@@ -8,13 +8,59 @@ from pydantic import Field, model_validator
 from flexlin.bounds import MOST_ITEMS, printable
 from flexlin.errors import ArgumentError, Problem
 from flexlin.plots.view import Shown, View
-from flexlin.scene.accuracy import Accuracy
+from flexlin.resources import BYTES, PATIENCE, SECONDS
 from flexlin.scene.base import NonNegative, NotEndless, Number, Positive, Table, Text, Unit
 from flexlin.scene.control import Control, DesignTable, Drives
 from flexlin.scene.effects import AnyEffects
 from flexlin.scene.links import FOLLOW, AnyModes, CrossSection, Link, Loop
 from flexlin.scene.motion import AnyMotion
 from flexlin.scene.parameters import get_value
+
+FINEST, COARSEST = 1e-15, 0.1
+"""Rounding allows no smaller error; a larger one is no answer."""
+COMPARED = 1e-6
+"""The error of a report's nonlinear check where no tol is given: a thousandth of the smallest difference that such a check speaks of."""
+CLOSING, MOST_CLOSING, LEAST = 0.2, 30.0, 1.5
+"""Share of the time that is kept for drawing and writing what was found, and its limits in s."""
+Sensor = Literal["coordinate", "rate", "encoder", "strain", "tip", "tip-acceleration"]
+MOST = 12
+"""Uncertain numbers of one scene: the search tries combinations of them."""
+
+
+class Accuracy(Table):
+    """What is asked of every stage of the work, an error, and what all of them together may take.
+
+    tol: wanted error of each stage's answer, as the stage measures it (exponents in 1/s, relative beyond 1/s; gains, responses and
+    simulations relative); seconds: time of the processor that a run may take, and so each of its stages, and by the clock as much where
+    it is given; memory: bytes that a run may hold beside its libraries, which take some 200 MB, and so what a stage may ask for at once.
+    """
+
+    tol: Annotated[float, Field(strict=True, ge=FINEST, le=COARSEST)] = 1e-9
+    """Wanted error of each stage's answer; left out, the nonlinear check of a report is asked for 1e-6."""
+    seconds: Annotated[float, Field(strict=True, gt=0, le=1e7), Unit("s")] = SECONDS
+    """Time of the processor that a run may take; given, it limits the clock too, else other programs may make it wait."""
+    memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50), Unit("B")] = BYTES
+    """Memory that a run may hold beside its libraries: with these less than 1 GB."""
+
+    @property
+    def stages_end(self) -> float:
+        """When all stages but the last are over, in s after the begin."""
+        return self.seconds - min(CLOSING * self.seconds, MOST_CLOSING)
+
+    @property
+    def last_end(self) -> float:
+        """When everything is: after its time; where that is short, after what drawing and writing needs."""
+        return max(self.seconds, self.stages_end + LEAST)
+
+    @property
+    def patience(self) -> float:
+        """Seconds of the clock for each of the processor."""
+        return 1.0 if "seconds" in self.model_fields_set else PATIENCE
+
+    @property
+    def of_comparison(self) -> "Accuracy":
+        """What a comparison of linear and nonlinear motion is asked for: tol if the user gave one, else COMPARED."""
+        return self if "tol" in self.model_fields_set else self.model_copy(update={"tol": COMPARED})
 
 
 class RobotTable(Table):
@@ -75,9 +121,6 @@ class FlexibleTable(Table):
         return self
 
 
-Sensor = Literal["coordinate", "rate", "encoder", "strain", "tip", "tip-acceleration"]
-
-
 class LogColumn(Table):
     """A column: the value of the scene is gain times what stands there, plus offset, and was so `delay` before the row's time."""
 
@@ -126,10 +169,6 @@ class LogTable(Table):
     """By the name of a joint, such as q1, or as the scene names it."""
     outputs: dict[str, LogOutput] = Field(default_factory=dict)
     """By name: a coordinate, tip.x, a joint, or any name beside `sensor`."""
-
-
-MOST = 12
-"""Uncertain numbers of one scene: the search tries combinations of them."""
 
 
 class Uncertain(Table):

@@ -9,13 +9,13 @@ __getattr__, __dir__, __all__ = load_lazily(
         "simulation.attraction": "Attraction region_of_attraction",
         "simulation.drive": "Drive",
         "simulation.loop": "NonlinearLoop",
-        "simulation.prediction": "predict",
+        "simulation.collocation": "predict",
         "simulation.result": "Simulation",
         "simulation.run": "check_duration simulate",
     },
     within={
+        "simulation.loop": "follow_cut",
         "simulation.events": "Switching",
-        "simulation.step_by_step": "follow_cut",
         "simulation.controlled_arm": "LawTable",
     },
 )

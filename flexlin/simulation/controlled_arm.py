@@ -1,4 +1,4 @@
-"""The nonlinear arm under a control law and its drive: torques and rates at one time after another, the law tabulated in time."""
+"""The nonlinear arm under a control law and its drive: torques and rates at one time after another, and why a run ended early."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -14,7 +14,6 @@ from flexlin.control.measurement import encoder_rows
 from flexlin.errors import ArgumentError, SimulationStopped
 from flexlin.lazy import lazy
 from flexlin.simulation.drive import Drive
-from flexlin.simulation.ending import name_largest
 from flexlin.simulation.friction import Friction, refuse
 from flexlin.simulation.marks import INSIDE, find_rough_times
 from flexlin.simulation.mesh import Trail
@@ -32,6 +31,8 @@ FARTHEST = 100.0
 """A deviation from the rigid motion, in rad or m, at which a simulation is given up as diverging."""
 MOST_CALLS = 1_000_000
 """Evaluations of the equations after which a simulation is given up."""
+SINGULAR = 1e-3
+"""The mass matrix of a state is called singular where its smallest eigenvalue has fallen to this share of that on the rigid motion."""
 
 
 class LawTable:
@@ -295,3 +296,50 @@ class ControlledArm:
             t=t,
             left_range=far,
         )
+
+
+def explain_end(lin: Linearization, end: SimulationStopped) -> SimulationStopped:
+    """The error with what is found at the state that was reached: how far it is, and whether its mass matrix has become singular.
+
+    The beams' equations hold for small bending. Far out the shortening of a bent link can take more kinetic energy from a body
+    behind it than its motion gives, and M(s) loses its definiteness: there the equations end, not the arm.
+    """
+    t, x = np.array([end.t]), np.asarray(end.reached)[None]
+    here, rigid = (float(smallest_masses(lin, t, state)[0]) for state in (x, np.zeros_like(x)))
+    where = f"{name_largest(lin, np.abs(x[0, : lin.n]))} off the rigid motion"
+    if here <= SINGULAR * rigid:
+        got = f"a mass matrix that becomes singular, {where}: the equations, which are those of small bending, have no meaning beyond it"
+    else:
+        got = f"{end.got}; the state that was reached is {where}, and its mass matrix is sound"
+    return SimulationStopped(
+        end.what, got=got, todo=end.todo, t=end.t, reached=end.reached, left_range=here <= SINGULAR * rigid
+    )
+
+
+def smallest_masses(lin: Linearization, t: Array, x: Array) -> Array:
+    """The smallest eigenvalue of M, scaled to a diagonal of the rigid motion's, at states x (N, 2n) and times t (N,)."""
+    kept, both = list(lin.kept), np.concatenate([x[:, : lin.n], np.zeros((len(t), lin.n))])
+    M, rigid = np.split(lin.about.of_arm("M", np.concatenate([t, t]), both)[:, kept][:, :, kept], 2)
+    scale = 1 / np.sqrt(np.einsum("tii->ti", rigid))
+    return np.linalg.eigvalsh(M * scale[:, :, None] * scale[:, None, :])[:, 0]
+
+
+def find_indefinite(lin: Linearization, t: Array, x: Array) -> int | None:
+    """The first of states x (N, 2n) at times t (N,) whose mass matrix is not positive definite."""
+    kept = list(lin.kept)
+    try:
+        np.linalg.cholesky(lin.about.of_arm("M", t, x[:, : lin.n])[:, kept][:, :, kept])
+    except np.linalg.LinAlgError:
+        positive = smallest_masses(lin, t, x) > 0
+        return None if positive.all() else int(np.argmin(positive))
+    return None
+
+
+def name_largest(lin: Linearization, deviation: Array) -> str:
+    """The largest of the deviations (n,) in each unit, with its coordinate: 0.41 rad in q1 and 0.22 m in w11."""
+    size, units = np.where(np.isnan(deviation), np.inf, deviation), [c.unit for c in lin.coordinates]
+    found = []
+    for unit in dict.fromkeys(units):
+        worst = max((i for i in range(lin.n) if units[i] == unit), key=lambda i: size[i])
+        found.append(f"{deviation[worst]:.3g} {unit} in {lin.coordinates[worst].title}")
+    return " and ".join(found)

@@ -1,6 +1,8 @@
-"""The nonlinear equations of motion under a control law, integrated."""
+"""The nonlinear equations of motion under a control law, integrated: by collocation, or step by step where the drive cuts the torque."""
 
 from functools import partial
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,9 +10,9 @@ from flexlin.about.law import Law
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
 from flexlin.lazy import lazy
-from flexlin.simulation.collocation import Collocation
-from flexlin.simulation.controlled_arm import ControlledArm
-from flexlin.simulation.ending import explain_end, find_indefinite
+from flexlin.periodic.sampled.hold import hold_controller
+from flexlin.simulation.collocation import ROUNDING, Collocation
+from flexlin.simulation.controlled_arm import ControlledArm, explain_end, find_indefinite
 from flexlin.simulation.equations import (
     Equations,
     NonlinearEquations,
@@ -18,16 +20,16 @@ from flexlin.simulation.equations import (
     to_coordinates,
     with_controller,
 )
-from flexlin.simulation.events import hurries
-from flexlin.simulation.marks import with_breaks
+from flexlin.simulation.events import Slewing, Sticking, hurries, skips_layer
+from flexlin.simulation.marks import INSIDE, with_breaks
 from flexlin.simulation.mesh import Trail
-from flexlin.simulation.prediction import ROUNDING
-from flexlin.simulation.step_by_step import follow_cut, follow_held, follow_slewing, follow_sticking
-from flexlin.simulation.stepping import stopped
+from flexlin.simulation.stepping import march, stopped
+
+if TYPE_CHECKING:
+    from scipy.integrate import DOP853, LSODA
 
 CLOSE = 0.999
 """A torque nearer to its limit than this, at any stage of the collocation, is integrated as one that is cut."""
-
 CHECKED = 64
 """Windows after which the mass matrices of the states that they reached are looked at, all in one call."""
 
@@ -163,3 +165,88 @@ class NonlinearLoop(ControlledArm):
         first = find_indefinite(self.lin, t, x)
         if first is not None:
             raise stopped(float(t[first]), "the mass matrix is not positive definite there", x[first])
+
+
+def follow_cut(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
+    """States (N, 2n + k + 1) of a loop whose torque is cut, by a multistep method, which bears corners."""
+    from scipy.integrate import LSODA
+
+    def follow(now: float, z: Array) -> Array:
+        asked = loop.law(now, z[:-1])
+        given = loop.drive.saturated(asked)
+        return loop.rate(now, z, given, loop.law.rate(now, z[:-1], asked - given))
+
+    def make(now: float, z: Array, first: float | None, end: float) -> "LSODA":
+        return LSODA(follow, now, z, end, first_step=first, rtol=rtol, atol=rtol * 1e-2)
+
+    out, marks, aside = [z[None]], with_breaks(t[[0, -1]], loop.lin, loop.rough), INSIDE * loop.lin.period
+    for begin, end in pairwise(marks):
+        first, last, stops = begin + aside, end - aside, t[(t > begin) & (t <= end)]
+        stops = np.clip(stops, first, last)
+        z, values = march(
+            partial(make, end=last), z, first, last, stops, loop.accept, partial(skips_layer, loop.layers)
+        )
+        out.append(values)
+    return np.concatenate(out)
+
+
+def follow_sticking(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
+    """States (N, 2n + k + 1) of a loop whose joints stick and slide, from event to event; the loop's `events` are set."""
+
+    def torque(now: float, z: Array) -> tuple[Array, Array]:
+        asked = loop.law(now, z[:-1])
+        given = loop.drive.saturated(asked)
+        return given, loop.law.rate(now, z[:-1], asked - given)
+
+    joints = Sticking(loop, torque)
+    out = joints.follow(t, joints.begin(float(t[0]), z), rtol)
+    loop.events = tuple(joints.events)
+    return out
+
+
+def follow_slewing(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
+    """States (N, 2n + k + 1) of a loop whose drive changes its torque at a limited rate; the loop's `given` torques are set."""
+    out, loop.given = Slewing(loop, np.array(loop.drive.rate)).run(t, z, rtol)
+    return out
+
+
+def follow_held(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
+    """States (N, 2n + k + 1) from instant to instant at which the torque changes, sampling measured `delay` before.
+
+    The controller's own states move from sample to sample, as what was measured and asked at the first of them has it. The loop's `given`
+    torques are set.
+    """
+    step, delay = loop.drive.sample_time or 1.0, loop.drive.delay
+    law, plant = loop.law, 2 * loop.n
+    held = None if law.controller is None else hold_controller(law.controller.rates, step)
+    out, torque = np.empty((len(t), len(z))), loop.command(t[0], loop.measure(t[0], z[:-1]))
+    out[0], now, done, sample = z, float(t[0]), 1, 0
+    loop.given = np.tile(torque, (len(t), 1))
+    while done < len(t):
+        measured = t[0] + sample * step
+        seen = loop.measure(measured, z[:-1])
+        asked = law(measured, seen)
+        given, after = loop.drive.saturated(asked), z[plant:-1]
+        if held is not None:
+            after = after + held @ law.rate(measured, seen, asked - given)
+        for until, later in ((measured + delay, given), (measured + step, given)):
+            if until > now:
+                stops = t[done : int(np.searchsorted(t, until + 1e-12 * step, side="right"))]
+                make = partial(explicit, loop, torque=torque, end=until, rtol=rtol)
+                z, values = march(
+                    make, z, now, until, stops, loop.accept, partial(skips_layer, loop.layers), first=until - now
+                )
+                out[done : done + len(stops)], loop.given[done : done + len(stops)] = values, torque
+                done, now = done + len(stops), until
+            torque = later
+        z = np.concatenate([z[:plant], after, z[-1:]])
+        sample += 1
+    return out
+
+
+def explicit(loop: ControlledArm, t: float, z: Array, first: float, torque: Array, end: float, rtol: float) -> "DOP853":
+    """An integrator under a constant torque."""
+    from scipy.integrate import DOP853
+
+    rate = partial(loop.rate, torque=torque)
+    return DOP853(rate, t, z, end, rtol=max(rtol, 1e-13), atol=rtol * 1e-2, first_step=first)

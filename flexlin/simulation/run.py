@@ -12,9 +12,9 @@ from flexlin.checks import Array, check_size, positive, real_array, whole
 from flexlin.control.tracking import Feedforward, scene_feedforward, tip_positions
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.simulation.collocation import RUNS, distance, predict
 from flexlin.simulation.drive import Drive, scene_drive
 from flexlin.simulation.loop import NonlinearLoop
-from flexlin.simulation.prediction import RUNS, distance, predict
 from flexlin.simulation.result import Peaks, Simulation, subdivide
 
 

@@ -55,7 +55,7 @@ def scene():
 @pytest.fixture(scope="module")
 def result(scene):
     with pytest.MonkeyPatch.context() as patch:  # all trials, however slow the machine
-        patch.setattr("flexlin.answers.accuracy.work_precision.STAGE_SECONDS", 600.0)
+        patch.setattr("flexlin.answers.accuracy.own_stages.STAGE_SECONDS", 600.0)
         return cost(scene, peers=False, seconds=1e4)
 
 

@@ -31,7 +31,7 @@ NOT_LISTED = (
     "flexlin.periodic.quadratic.riccati.periodic_riccati",
     "flexlin.periodic.quadratic.riccati.finite_horizon_riccati",
     "flexlin.periodic.quadratic.riccati.periodic_lyapunov",
-    "flexlin.periodic.quadratic.solution.RiccatiSolution",
+    "flexlin.periodic.quadratic.linear_quadratic.RiccatiSolution",
     "flexlin.periodic.response.result.ForcedResponse",
 )
 """Public by their docstrings, in modules that list no public names."""

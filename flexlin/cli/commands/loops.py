@@ -3,8 +3,19 @@
 import argparse
 from functools import partial
 
-from flexlin.cli.options import COMPUTED, LIMITS, SCENE
-from flexlin.cli.shared import DONE, LONG, NO_ANSWER, OTHER_VERDICT, Work, command, meets, print_paths
+from flexlin.cli.shared import (
+    COMPUTED,
+    DONE,
+    LIMITS,
+    LONG,
+    NO_ANSWER,
+    OTHER_VERDICT,
+    SCENE,
+    Work,
+    command,
+    meets,
+    print_paths,
+)
 from flexlin.cli.supervised import send_written
 from flexlin.errors import ArgumentError
 

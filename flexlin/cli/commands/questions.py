@@ -7,8 +7,18 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from flexlin.cli.options import COMPUTED, LIMITS, SCENE
-from flexlin.cli.shared import DONE, NO_ANSWER, OTHER_VERDICT, Work, command, meets, print_paths
+from flexlin.cli.shared import (
+    COMPUTED,
+    DONE,
+    LIMITS,
+    NO_ANSWER,
+    OTHER_VERDICT,
+    SCENE,
+    Work,
+    command,
+    meets,
+    print_paths,
+)
 from flexlin.cli.supervised import send_written
 from flexlin.errors import ArgumentError, FlexlinError, NumericalError, TooLarge
 

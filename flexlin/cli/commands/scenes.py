@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexlin.cli.options import LIMITS, SCENE
-from flexlin.cli.shared import DONE, Work, command, refuse_existing
+from flexlin.cli.shared import DONE, LIMITS, SCENE, Work, command, refuse_existing
 
 if TYPE_CHECKING:
     from flexlin.answers.steady import AtRest

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from flexlin.checks import Array
+from flexlin.periodic.boundary.crossings import CELLS, find_islands, find_nodes, link_nodes, spread
 from flexlin.periodic.boundary.follow import EXACT, STEP, Vertices, find_directions, place_cubic, refine_pieces
-from flexlin.periodic.boundary.lattice import CELLS, find_islands, find_nodes, link_nodes, spread
 from flexlin.periodic.boundary.spectra import (
     Effort,
     Spectra,

@@ -27,9 +27,8 @@ from flexlin.periodic.product.cyclic import periodic_vectors
 from flexlin.periodic.product.spectrum import balance_factors
 from flexlin.periodic.resolved.matrix import ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choice import BESIDE, VECTORS, choose_setting
 from flexlin.periodic.transition.gauss import gauss_transitions
-from flexlin.periodic.transition.setting import FEWER_SEGMENTS
+from flexlin.periodic.transition.setting import BESIDE, FEWER_SEGMENTS, VECTORS, choose_setting
 
 MARK = 0.7
 """The angle by which the members of a complex group are turned, to separate them from their conjugates."""

@@ -19,8 +19,14 @@ from flexlin.periodic.product.spectrum import balance_factors, bound_pairs, sepa
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, couple_uncertainty
 from flexlin.periodic.resolved.sampling import BLOCKS, stratified
 from flexlin.periodic.system import PeriodicSystem, as_system
-from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
-from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, factor_twice
+from flexlin.periodic.transition.setting import (
+    MAX_SEGMENTS,
+    Setting,
+    choose_setting,
+    estimate_segment_work,
+    factor_twice,
+    fall_back,
+)
 
 PATIENCE = 4e9
 """Multiplications of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""

@@ -14,7 +14,7 @@ from flexlin.periodic.product.spectrum import balance_factors
 from flexlin.periodic.resolved.matrix import couple_uncertainty
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choice import count_waves
+from flexlin.periodic.transition.setting import count_waves
 
 FIRST = 8
 """Harmonics of the first matrix at the least."""

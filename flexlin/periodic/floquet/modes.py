@@ -17,9 +17,8 @@ from flexlin.periodic.precision import ROOT
 from flexlin.periodic.product.cyclic import periodic_vectors
 from flexlin.periodic.product.spectrum import balance_factors
 from flexlin.periodic.system import PeriodicSystem, as_system
-from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss
-from flexlin.periodic.transition.setting import FEWER_SEGMENTS, METHODS, factor_by, place_segments
+from flexlin.periodic.transition.setting import FEWER_SEGMENTS, METHODS, choose_setting, factor_by, place_segments
 from flexlin.plots.view import Series, Shown, View
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, ch
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes
 from flexlin.periodic.grid import divide_segments
 from flexlin.periodic.precision import EPS, MINOR
+from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
-from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.panels import MOST_PANELS, NODES
 from flexlin.periodic.system import PeriodicSystem

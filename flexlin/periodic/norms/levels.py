@@ -18,9 +18,8 @@ from flexlin.periodic.product.spectrum import Unknown
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.response.frequency import STAGES, Collocated, Segments, condense
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
-from flexlin.periodic.transition.setting import FEWER_SEGMENTS, METHODS, Setting, factor_twice
+from flexlin.periodic.transition.setting import FEWER_SEGMENTS, METHODS, Setting, choose_setting, factor_twice
 
 LEVEL_TOL = 1e-9
 """Wanted accuracy of the exponents that judge a level."""

@@ -9,7 +9,7 @@ from flexlin.checks import Array
 from flexlin.errors import IllPosedSegment, NotStable, NumericalError, ToleranceNotReached
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SAFETY, SLIGHT
 from flexlin.periodic.quadratic.blocked import bound_sizes, name_blocked_mode
-from flexlin.periodic.quadratic.linear_quadratic import SAMPLES, LinearQuadratic, assemble_hamiltonian
+from flexlin.periodic.quadratic.linear_quadratic import SAMPLES, LinearQuadratic, RiccatiSolution, assemble_hamiltonian
 from flexlin.periodic.quadratic.lyapunov import LoopLyapunov, step_exactly, twice
 from flexlin.periodic.quadratic.nodes import Nodes
 from flexlin.periodic.quadratic.scattering import (
@@ -22,7 +22,6 @@ from flexlin.periodic.quadratic.scattering import (
     symmetrize,
     transpose,
 )
-from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.transition.gauss import CHUNK_BYTES
 

@@ -17,14 +17,15 @@ from flexlin.periodic.grid import divided, edges_of_short
 from flexlin.periodic.precision import MINOR
 from flexlin.periodic.quadratic.linear_quadratic import (
     SAMPLES,
+    WAVES,
     LinearQuadratic,
+    RiccatiSolution,
     assemble_hamiltonian,
     check_between,
     linear_quadratic,
 )
 from flexlin.periodic.quadratic.newton import MOST, solve_by_newton
 from flexlin.periodic.quadratic.nodes import FourierNodes, Nodes, PanelNodes
-from flexlin.periodic.quadratic.solution import WAVES, RiccatiSolution
 from flexlin.periodic.related import with_matrices
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve, resolve_port

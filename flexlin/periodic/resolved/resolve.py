@@ -1,6 +1,7 @@
-"""The coefficients of a periodic system over one period, resolved before anything is integrated."""
+"""The coefficients of a periodic system over one period, resolved before anything is integrated: smooth ones by a Fourier series."""
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,14 +9,38 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction, varies
-from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.precision import EPS
-from flexlin.periodic.resolved.fourier_fit import FourierFit
+from flexlin.periodic.fourier import (
+    FourierSeries,
+    fourier_basis,
+    fourier_nodes,
+    fourier_waves,
+    real_fourier_coefficients,
+)
+from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix
-from flexlin.periodic.resolved.sampling import RESOLVED, ROUNDINGS, Least, Sampler
+from flexlin.periodic.resolved.panels import NODES
+from flexlin.periodic.resolved.sampling import (
+    BLOCKS,
+    LEAST,
+    POINTS,
+    RESOLVED,
+    ROUNDINGS,
+    SIGMAS,
+    WITHIN,
+    Least,
+    Sampler,
+    end_phases,
+    look_beyond,
+    need_repetition,
+    noise_level,
+    search_phases,
+    stratified,
+)
 from flexlin.periodic.resolved.search import resolve_on_panels
 
 __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
+MOST = NODES * NODES
+"""Nodes at most, where a matrix of waves costs as much as those of as many panels; the first ones, BLOCKS, lie closer than T / 100."""
 
 
 def resolve(
@@ -120,3 +145,150 @@ def check_places(period: float, breaks: ArrayLike, features: ArrayLike) -> tuple
     if np.any(pairs[:, 1] <= 0):
         raise ArgumentError("a feature has no width", got=pairs[:, 1].tolist(), expected="widths greater than 0")
     return named, pairs
+
+
+class FourierFit:
+    """A by its Fourier series: coefficients (2 H + 1, E), what may be left over and the bound on the error of each entry (E,).
+
+    Parameters: wary: whether A may hold pulses that nobody named.
+    """
+
+    coefficients: Array
+    error: Array
+
+    def __init__(self, sample: Sampler, wary: bool):
+        self.sample, self.wary = sample, wary
+        self.noise: Array | None = None
+
+    def run(self) -> bool:
+        """Double the nodes until the series agrees; False where panels serve better. Raises: NotPeriodic."""
+        sample, T, worst = self.sample, self.sample.period, np.inf
+        self.phases = stratified(POINTS)
+        values, self.there = np.split(sample(T * np.append(np.arange(BLOCKS) / BLOCKS, self.phases)), [BLOCKS])
+        first = self.there
+        while True:
+            size = self.transform(values)
+            excess = _last(size).max(axis=0) / (self.allowed / 4)
+            if excess.max() > 1 and self.noise is None and _flat(size[:, excess > 1]):
+                self.measure_noise()
+                continue
+            if excess.max() <= 1 and self.agrees():
+                rounding = self.rounding + ROUNDINGS * EPS * sample.scale
+                self.error = SAFETY * self.deviation + 2 * _last(size).sum(axis=0) + rounding
+                t = T * stratified(POINTS)
+                need_repetition(sample, first, look_beyond(sample, T + t), t, self.allowed)
+                return True
+            last, worst, count = worst, float(excess.max()), len(values)
+            ahead = worst * min(worst / max(last, LEAST), 1.0) ** (
+                2 * (MOST / count - 1)
+            )  # if the harmonics fall on as they did
+            if count >= MOST or (count > BLOCKS and not ahead <= 1 < worst):
+                return False
+            between = sample(fourier_nodes(count, T) + T / (2 * count))
+            values = np.stack([values, between], axis=1).reshape(2 * count, -1)
+
+    def transform(self, values: Array) -> Array:
+        """Take the coefficients from values at nodes; the size of each harmonic (H, E)."""
+        self.full = real_fourier_coefficients(values)
+        H = len(self.full) // 2
+        squares = self.full[1:] ** 2
+        self.size = np.sqrt(squares[:H] + squares[H:])
+        self.rounding = (
+            2 * np.pi * EPS * np.arange(1, H + 1)
+        ) @ self.size  # the largest rate of A times the rounding of t = T
+        return self.size
+
+    @property
+    def allowed(self) -> Array:
+        """What may be left over (E,): tol of each entry's size, noise, and A' times the rounding of t."""
+        scale = self.sample.scale
+        allowed = np.maximum(self.sample.tol * scale + LEAST, np.minimum(self.rounding, 1e-6 * scale))
+        return allowed if self.noise is None else np.maximum(allowed, SIGMAS * self.noise)
+
+    def measure_noise(self) -> None:
+        """Estimate the noise of each entry, from both halves of the period."""
+        half = self.sample.period * np.array([0.0, 0.5, 1.0])
+        self.noise = noise_level(self.sample, half[:-1], half[1:]).max(axis=0)
+
+    def agrees(self) -> bool:
+        """Whether the series is as near to A as it may be where it was looked at, and wherever A is loudest beside it."""
+        self.trim()
+        self.deviation = self.apart(self.phases, self.there)
+        searched = not self.wary
+        while True:
+            good = bool((self.deviation <= 2 * self.allowed).all())
+            if good and searched:
+                return True
+            if good:
+                self.search()
+                searched = True
+            elif self.noise is None:
+                self.measure_noise()
+            else:
+                return False
+
+    def trim(self) -> None:
+        """Drop the last harmonics that are rounding or noise in every entry."""
+        floor = np.maximum(2 * EPS * self.sample.scale, self.rounding / 8) + LEAST
+        floor = floor if self.noise is None else np.maximum(floor, 1.5 * self.noise)
+        H, heard = len(self.size), (self.size > floor).any(axis=1)
+        kept = H - int(heard[::-1].argmax()) if heard.any() else 0
+        self.coefficients = np.concatenate([self.full[: kept + 1], self.full[H + 1 : H + 1 + kept]])
+
+    def apart(self, phases: Array, there: Array) -> Array:
+        """The largest deviation of each entry from A at some phases, (E,)."""
+        H = len(self.coefficients) // 2
+        return np.abs(there - self.coefficients[0] - fourier_basis(phases, H)[:, 1:] @ self.coefficients[1:]).max(
+            axis=0
+        )
+
+    def search(self) -> None:
+        """Find the times at which A is furthest from the series, and hold it against these there.
+
+        At each of many times one sum of all entries is compared, sum_e w_e A_e(t), with weights that make the deviations seen so far,
+        which are mostly rounding, of the same size: no entry hides below another. They are drawn at random, so no pattern of
+        entries cancels in the sum but with probability zero.
+        """
+        sample, T, c = self.sample, self.sample.period, self.coefficients
+        weights = _draw(c.shape[1]) / (np.maximum(self.deviation, EPS * sample.scale) + LEAST)
+        heard = sample.contract(T * search_phases(), weights)
+        with np.errstate(over="ignore", invalid="ignore"):
+            apart = np.abs(heard - _evaluate_search(c @ weights))
+        loudest = np.argpartition(apart, -POINTS)[-POINTS:]  # what is no number comes last too
+        phases = np.concatenate([search_phases()[loudest], end_phases()])
+        there = sample(T * phases)
+        self.deviation = np.maximum(self.deviation, self.apart(phases, there))
+        self.phases, self.there = np.append(self.phases, phases), np.concatenate([self.there, there])
+
+
+def _last(size: Array) -> Array:
+    """The last quarter of the harmonics."""
+    return size[-(len(size) // 4) :]
+
+
+def _flat(size: Array) -> bool:
+    """Whether some entry's last harmonics have stopped falling: noise, a narrow feature, or a place that is not smooth."""
+    quarter = len(size) // 4
+    return bool(np.any(np.median(size[-quarter:], axis=0) >= 0.1 * np.median(size[-2 * quarter : -quarter], axis=0)))
+
+
+@lru_cache(maxsize=16)
+def _draw(entries: int) -> Array:
+    """A weight of each entry, of size 1 to 2 and either sign; always the same ones, so that answers repeat."""
+    rng = np.random.default_rng(entries)
+    return rng.uniform(1, 2, entries) * rng.choice([-1.0, 1.0], entries)
+
+
+@lru_cache(maxsize=16)
+def _search_waves(harmonics: int) -> tuple[Array, Array]:
+    """Waves at the beginnings of the blocks, (BLOCKS, 2 H): cosines and sines, and complex ones within a block, (H, WITHIN)."""
+    outer = fourier_waves(np.arange(BLOCKS) / BLOCKS, harmonics)
+    return np.concatenate([outer.real, -outer.imag], axis=1), fourier_waves(search_phases()[:WITHIN], harmonics).T
+
+
+def _evaluate_search(series: Array) -> Array:
+    """A scalar series (2 H + 1,) at `search_phases`: the waves of a block turn those within it, so it takes one product of matrices."""
+    H = len(series) // 2
+    outer, inner = _search_waves(H)
+    turned = (series[1 : H + 1] - 1j * series[H + 1 :])[:, None] * inner
+    return (outer @ np.concatenate([turned.real, turned.imag])).ravel() + series[0]

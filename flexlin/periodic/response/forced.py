@@ -18,7 +18,6 @@ from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.response.result import ForcedResponse, PiecewiseSolution
 from flexlin.periodic.system import PeriodicSystem, as_system
-from flexlin.periodic.transition.choice import MARGIN, choose_setting
 from flexlin.periodic.transition.gauss import (
     Tableau,
     collect_chunks,
@@ -29,7 +28,7 @@ from flexlin.periodic.transition.gauss import (
     solve_stages,
     weigh_stages,
 )
-from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
+from flexlin.periodic.transition.setting import MARGIN, MAX_SEGMENTS, choose_setting, report_too_many
 
 VectorFunction = Callable[[Array], Array]
 RESONANT = 100.0

@@ -11,9 +11,8 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.precision import SAFETY
 from flexlin.periodic.system import PeriodicSystem, as_system
-from flexlin.periodic.transition.choice import choose_gauss_step, measure_pace
 from flexlin.periodic.transition.gauss import gauss_transitions
-from flexlin.periodic.transition.setting import MAX_SEGMENTS
+from flexlin.periodic.transition.setting import MAX_SEGMENTS, choose_gauss_step, measure_pace
 from flexlin.summary import represent
 
 STAGES = 6

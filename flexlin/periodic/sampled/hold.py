@@ -13,9 +13,8 @@ from flexlin.periodic.grid import divide_segments, edges_of_short
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choice import choose_gauss_step, measure_pace
 from flexlin.periodic.transition.gauss import gauss_transitions
-from flexlin.periodic.transition.setting import MAX_SEGMENTS
+from flexlin.periodic.transition.setting import MAX_SEGMENTS, choose_gauss_step, measure_pace
 
 STAGES = 6
 """Gauss stages between samples; two more show the error."""

@@ -1,20 +1,41 @@
-"""How a period is integrated: method, order and number of segments, and the reason for the choice."""
+"""How a period is integrated: method, order and number of segments, and which of them reach a tolerance at the least work."""
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import NumericalError, TooManySegments
-from flexlin.periodic.product.spectrum import Unknown
+from flexlin.errors import ArgumentError, NumericalError, TooManySegments
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.product.spectrum import GROUP_CONDITION, Unknown
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.factors import factor_segments, measure_segments
+from flexlin.periodic.transition.factors import MOST_UNKNOWNS, factor_segments, measure_segments
 from flexlin.periodic.transition.gauss import Tableau, gauss, radau
 
 MAX_SEGMENTS, FEWER_SEGMENTS = 20_000, 4000
 """Of a period at the most, and where another way is open beyond."""
+METHODS: dict[str, Callable[[int], Tableau]] = {
+    "gauss": lambda order: gauss(order // 2),
+    "radau": lambda order: radau((order + 1) // 2),
+}
+"""Each: order -> stages."""
+ORDERS = {"gauss": range(2, 65, 2), "radau": range(1, 32, 2)}
+MARGIN = 400.0
+"""The first guess aims at this part of tol: a third more segments cost less than a second try."""
+STAGES = np.arange(4, 11)
+"""Gauss stages among which the engine chooses."""
+LEAST, LANES = 4, 8
+"""Segments of a period at the least: on fewer, a method and a better one err alike; and how many are made at once."""
+WAVES = 3.0
+"""Gauss nodes for each harmonic of the coefficients, so that none hides between them."""
+VECTORS, BESIDE = 40, 10_000
+"""Multiplications, times n^3, that carrying left and right vectors through a segment takes, and those that all else counts as."""
+PLACES = 6
+"""Times of a panel at which the eigenvalues of A(t) are looked at, at the most; of all panels sixteen times as many."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +67,6 @@ class Setting:
 def count_words(count: int, thing: str) -> str:
     """A count with its noun: 1 segment, 2 segments."""
     return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
-
-
-METHODS: dict[str, Callable[[int], Tableau]] = {
-    "gauss": lambda order: gauss(order // 2),
-    "radau": lambda order: radau((order + 1) // 2),
-}
-"""Each: order -> stages."""
-ORDERS = {"gauss": range(2, 65, 2), "radau": range(1, 32, 2)}
 
 
 def place_segments(system: PeriodicSystem, setting: Setting) -> Array:
@@ -106,3 +119,136 @@ def report_too_many(wanted: float, limit: int, tol: float) -> TooManySegments:
         expected=f"at most {limit}",
         todo="ask for a larger tol, leave out the fastest modes, or take coordinates in which A is closer to normal",
     )
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How fast a system moves on each panel of its resolved coefficients, (P,).
+
+    length in s; rate: largest |eigenvalue| of A(t), at least the basic frequency (1/s); spread: of the real parts (1/s);
+    waves: polynomial degree or harmonics of the coefficients that matter at the wanted accuracy; top: the largest real part;
+    unknowns of each stage: the states, or the accelerations alone where the equations are, or look like, those of y'' = X y + Y y'.
+    """
+
+    length: Array
+    rate: Array
+    spread: Array
+    waves: Array
+    top: float
+    unknowns: int
+
+
+def measure_pace(system: PeriodicSystem, accuracy: float = 1e-9) -> Pace:
+    """Look at the eigenvalues of A(t) on every panel, and at the coefficients' series."""
+    resolved = system.resolved
+    length = np.diff(resolved.edges)
+    each = max(1, min(PLACES, 16 * PLACES // len(length)))
+    t = (resolved.edges[:-1, None] + length[:, None] * (np.arange(each) + 0.37) / each).ravel()
+    A, (m, odd) = resolved(t), divmod(system.n, 2)
+    plain = odd or (system.second_order is None and np.any(A[:, :m] != np.eye(m, 2 * m, m)))
+    values = np.linalg.eigvals(A).reshape(len(length), -1)
+    rate = np.maximum(np.abs(values).max(axis=1), 2 * np.pi / system.period)
+    waves = count_waves(system, accuracy)
+    unknowns = system.n if plain else m
+    return Pace(length, rate, np.ptp(values.real, axis=1), waves, float(values.real.max()), unknowns)
+
+
+def count_waves(system: PeriodicSystem, accuracy: float) -> Array:
+    """The highest harmonic, or for each panel the degree, whose coefficient exceeds the accuracy relative to the entry, (P,)."""
+    series = system.resolved.series
+    size = np.abs(series.coefficients)
+    if isinstance(series, FourierSeries):
+        H = series.degree
+        waves = np.hypot(size[1 : H + 1], size[H + 1 :]) > accuracy * size.max(axis=0)
+        return np.array([1 + np.flatnonzero(waves.any(axis=(1, 2))).max(initial=0)])
+    seen = (size > accuracy * size.max(axis=(0, 1))).any(axis=(2, 3))
+    return seen.shape[1] - np.argmax(seen[:, ::-1], axis=1)
+
+
+def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int | None, segments: int | None) -> Setting:
+    """Fill in what the user left open; the refinement that follows corrects the guess.
+
+    A Gauss step of s stages has the error of the diagonal Pade approximation on the fastest eigenvalue `rate` of A(t),
+
+        error of the exponents ~ rate c (h rate)^(2 s),   c = (s!)^2 / ((2 s)! (2 s + 1)!)
+
+    so h follows from tol and s, and the s of least work is taken. No segment may separate two modes by more than
+    GROUP_CONDITION: beyond that its transition matrix cannot hold the weaker one.
+    """
+    if method not in ("auto", *METHODS):
+        raise ArgumentError("unknown method", got=repr(method), expected=", ".join(["auto", "hill", *METHODS]))
+    name = "gauss" if method == "auto" else method
+    if order is not None and order not in ORDERS[name]:
+        raise ArgumentError(f"{name} has no such order", got=order, expected=", ".join(map(str, ORDERS[name])))
+    pace = measure_pace(system, 0.01 * tol)
+    rate = float(pace.rate.max())
+    if method == "radau":
+        return spread_out("radau", order or 9, radau_demand(pace), "as asked", rate, segments)
+    stages = STAGES if order is None else np.array([order // 2])
+    demand = gauss_demand(pace, tol, stages[:, None])
+    counts = np.ceil(demand).sum(axis=1)
+    unknowns = pace.unknowns
+    if len(pace.rate) == 1:  # a whole number of lanes costs no more
+        counts = np.where(stages * unknowns <= MOST_UNKNOWNS, LANES * np.ceil(counts / LANES), counts)
+    best = int(np.argmin(estimate_work(system.n, unknowns, stages, counts)))
+    eigenvalues = f"eigenvalues of A(t) up to {rate:.3g} 1/s"
+    reason = f"least work for tol {tol:.0e} with {eigenvalues}" if segments is None else f"as asked, with {eigenvalues}"
+    return spread_out("gauss", 2 * int(stages[best]), demand[best], reason, rate, segments or int(counts[best]))
+
+
+def spread_out(method: str, order: int, demand: Array, reason: str, rate: float, segments: int | None) -> Setting:
+    """A setting whose segments are shared among the panels by their demand (P,)."""
+    shares = tuple((demand / demand.sum()).tolist()) if len(demand) > 1 else ()
+    return Setting(method, order, segments or int(np.ceil(demand).sum()), reason, rate, shares)
+
+
+def gauss_demand(pace: Pace, tol: float, stages: Array) -> Array:
+    """Segments that each panel needs with s Gauss stages, (S, P) for stages (S, 1)."""
+    least = np.maximum(separate_modes(pace), max(1.0, LEAST / len(pace.rate)))
+    steps = pace.length / choose_gauss_step(pace.rate, tol, stages)
+    return np.maximum(np.maximum(steps, WAVES * pace.waves / stages), least)
+
+
+def radau_demand(pace: Pace) -> Array:
+    """Segments short enough that an L-stable method does not damp what grows: h times the fastest growth stays below 1/2, (P,)."""
+    return np.maximum.reduce(
+        [2 * pace.length * pace.top, WAVES * pace.waves / 5, np.full(len(pace.rate), 32.0 / len(pace.rate))]
+    )
+
+
+def separate_modes(pace: Pace) -> Array:
+    """Segments in none of which two modes part by more than GROUP_CONDITION, (P,)."""
+    return pace.length * pace.spread / math.log(GROUP_CONDITION)
+
+
+def choose_gauss_step(rate: Array, tol: float, stages: Array | int) -> Array:
+    """The step at which s Gauss stages reach tol / MARGIN on the eigenvalue `rate`."""
+    s = np.asarray(stages)
+    return np.asarray((tol / MARGIN * np.maximum(1.0, rate) / (rate * gauss_constants()[s])) ** (0.5 / s) / rate)
+
+
+@cache
+def gauss_constants() -> Array:
+    """The constants c in the error of s Gauss stages, s = 0 ... 32."""
+    f = math.factorial
+    return np.array([f(s) ** 2 / (f(2 * s) * f(2 * s + 1)) for s in range(33)])
+
+
+def estimate_work(n: int, unknowns: int, stages: Array, segments: Array) -> Array:
+    """The work for n states, in multiplications: elimination for s stages and for two more, and vectors along the product."""
+    sizes = [np.asarray(unknowns * (stages + extra), dtype=float) for extra in (0, 2)]
+    solved = sum(size**2 * (size / 3 + n) for size in sizes)
+    return np.asarray(segments * (solved + VECTORS * n**3 + BESIDE))
+
+
+def estimate_segment_work(n: int, second_order: bool, setting: Setting) -> float:
+    """The work of a setting for n states, in multiplications."""
+    work = estimate_work(n, n // 2 if second_order else n, np.array(setting.order // 2), np.array(setting.segments))
+    return float(work)
+
+
+def fall_back(system: PeriodicSystem, tol: float) -> Setting:
+    """A setting for modes that are too fast for Gauss collocation: Radau, which only bounds those that decay too fast."""
+    pace = measure_pace(system, 0.01 * tol)
+    reason = "other methods would take too many segments; modes that decay too fast for these are only bounded"
+    return spread_out("radau", 9, 4 * radau_demand(pace), reason, float(pace.rate.max()), None)

@@ -10,7 +10,7 @@ from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Logarithmic, format_power_of_ten
 from flexlin.plots.svg import Row as Panels
 from flexlin.report.figures.style import DASHES, PARTS, SERIES, SHAPES, Picture, make_picture
-from flexlin.scene.accuracy import Accuracy
+from flexlin.scene.scene import Accuracy
 
 UNSEEN = 1e-17
 """An error of exactly zero is drawn here."""
