@@ -154,9 +154,14 @@ def test_a_killed_parent_takes_the_work_with_it() -> None:
 
 
 def test_an_error_in_a_destructor_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """Python can raise nothing there; the default is to print a traceback and go on."""
-    pass_over(SimpleNamespace(exc_type=ValueError, exc_value=ValueError("odd")))
-    assert capsys.readouterr().err == "flexlin: note: ValueError where nothing can be raised: odd\n"
+    """Python can raise nothing there; the default is to print a traceback and go on. After an interruption it is no news."""
+    odd = SimpleNamespace(exc_type=ValueError, exc_value=ValueError("odd"))
+    with contextlib.suppress(KeyboardInterrupt), ended_by_signal():
+        pass_over(odd)
+        assert capsys.readouterr().err == "flexlin: note: ValueError where nothing can be raised: odd\n"
+        Struck().shape  # noqa: B018
+    pass_over(odd)
+    assert capsys.readouterr().err == ""
 
 
 class Struck:
@@ -279,8 +284,8 @@ def test_an_interrupt_while_the_program_is_loaded_leaves_no_trace(wait: float) -
         (os.killpg if whole else os.kill)(run.pid, signal.SIGINT)
         out, said = run.communicate(timeout=300)
         assert run.returncode in (0, 1), out
-        left = said.replace("flexlin: interrupted; no file was left half-written", "").strip()
-        assert (left, bool(said)) == ("", run.returncode == 1)
+        left = [line for line in said.splitlines() if not line.endswith(" so far)")]  # on a busy machine
+        assert left == ["flexlin: interrupted; no file was left half-written"] * run.returncode
 
 
 def test_the_parent_of_the_work_loads_no_library() -> None:

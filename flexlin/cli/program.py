@@ -6,6 +6,7 @@ without a trustworthy answer, or without all of it in its time, 1 anything else.
 
 import argparse
 import io
+import logging
 import os
 import signal
 import sys
@@ -58,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 class Interruption(KeyboardInterrupt):
     """A request to end the work; one that a library drops, in whose midst it strikes, comes again."""
 
-    works = False
+    works = came = False
 
     def __del__(self) -> None:
         reached = self.__traceback__  # the outermost call that it came to
@@ -87,10 +88,11 @@ def ended_by_signal() -> Iterator[None]:
         if is_loading(frame):  # a library whose loading breaks off may say so in words of its own
             ring_later(number, 0.1)
         elif now - last >= AGAIN:
-            last = now
+            last, Interruption.came = now, True
             raise Interruption
 
-    handlers, Interruption.works = {number: signal.signal(number, end) for number in PASSED_ON}, True
+    handlers = {number: signal.signal(number, end) for number in PASSED_ON}
+    Interruption.works, Interruption.came = True, False
     try:
         yield
     except Exception as error:
@@ -167,6 +169,7 @@ def open_closed_streams() -> None:
 def run_program() -> int:
     """Run the command that the program was called with: a fault of flexlin itself is one line too, with exit code 1."""
     sys.unraisablehook, warnings.showwarning = pass_over, report_warning
+    logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # tasks of Zarr that an interruption left behind complain
     need_one_thread()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -213,10 +216,13 @@ def report_fault(kind: type[BaseException], fault: BaseException, trace: Any) ->
 
 
 def pass_over(lost: Any) -> None:
-    """Take what was raised where Python can raise nothing, as in a destructor: a request to end rings again."""
+    """Take what was raised where Python can raise nothing, as in a destructor: a request to end rings again.
+
+    What an interruption left behind, such as a loop of asyncio, may complain when it is destroyed: that is no news.
+    """
     if isinstance(lost.exc_value, KeyboardInterrupt):
         ring_later(signal.SIGINT, 1.1 * AGAIN)
-    else:
+    elif not Interruption.came:
         kind = "" if lost.exc_type is None else lost.exc_type.__name__
         print(f"flexlin: note: {kind} where nothing can be raised: {lost.exc_value}", file=sys.stderr)
 
