@@ -5,8 +5,6 @@ from concurrent.futures import ThreadPoolExecutor
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from flexlin import symbolic
 from flexlin._core import addresses
@@ -127,18 +125,6 @@ def test_random_functions_give_the_same_bits(seed: int) -> None:
     made = Program.read(function).lay_out()
     for points in (1, 31, 32, 33, 100):
         agree(function, [rng.normal(size=(points, 3)), rng.normal(size=(points, 2)), np.zeros((points, 0))], made)
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    st.lists(st.tuples(st.integers(0, 999), st.integers(0, 9), st.integers(0, 9)), min_size=1, max_size=60),
-    st.lists(st.sampled_from(HARD) | st.floats(-3, 3), min_size=3, max_size=3),
-    st.floats(allow_nan=True),
-)
-def test_any_graph_gives_the_same_bits(choices, point, constant) -> None:
-    x = ca.SX.sym("x", 3)
-    known = grow([*ca.vertsplit(x), ca.SX(constant)], choices)
-    agree(ca.Function("any", [x], [ca.densify(ca.vertcat(*known))]), [np.array([point])])
 
 
 @pytest.mark.parametrize("seed", range(6))

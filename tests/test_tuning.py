@@ -102,7 +102,6 @@ def oscillator(gain, stiffness):
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_worst_stiffness_decides():
     """s^2 + g s + k, 1 <= k <= 4: the decay is greatest where the softest one is critically damped, g = 2."""
     found = fl.tune(oscillator, {"gain": 0.5}, {"stiffness": (1.0, 4.0)}, {"gain": (0.1, 10.0)}, starts=1, steps=40)

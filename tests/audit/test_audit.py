@@ -100,16 +100,6 @@ def test_figures_are_those_of_the_two_scenes(result):
 
 
 @pytest.mark.slow
-def test_tip_error_is_that_of_the_forced_response(scene, result):
-    """Fourier collocation against the Gauss collocation of flexlin.periodic."""
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    t = np.linspace(0, lin.period, 256, endpoint=False)
-    states = fl.forced_response(lin.periodic_system(), lin.forcing)(t)
-    away = tip_positions(lin, t, states) - tip_positions(lin, t, 0 * states)
-    assert result.base.tip_error == pytest.approx(np.linalg.norm(away, axis=1).max(), rel=1e-6)
-
-
-@pytest.mark.slow
 def test_joint_flexibility_adds_a_coordinate(result):
     row = next(row for row in result.effects if row.subject == "joint_flexibility")
     assert row.coordinates == 1

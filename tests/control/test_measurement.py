@@ -8,9 +8,6 @@ from flexlin.control import (
     bending,
     joint_angles,
     joint_rates,
-    kalman_filter,
-    output_feedback,
-    periodic_lqr,
     tip_acceleration,
     tip_position,
 )
@@ -73,17 +70,3 @@ def test_accelerometer_is_the_second_derivative_of_the_camera(lin):
     C, D = tip_acceleration(lin)
     felt = (C(t) @ np.array(x)[:, :6, None])[1, :, 0] + D(t)[1, :, 0] * torque
     np.testing.assert_allclose((seen[0] - 2 * seen[1] + seen[2]) / h**2, felt, rtol=0, atol=1e-4 * np.abs(felt).max())
-
-
-def test_lqg_on_the_shipped_arm_with_encoder_and_strain_gauge(scene, lin):
-    system = lin.periodic_system()
-    sensors = [joint_angles(lin), bending(scene, lin, 0, 0.0)]
-    made = periodic_lqr(system, np.diag([1.0, 1.0, 1.0, 0.01, 0.01, 0.01]), 100 * np.eye(1), tol=1e-8)
-    found = kalman_filter(
-        system,
-        lambda t: np.concatenate([sensor(t) for sensor in sensors], axis=1),
-        np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]),
-        np.diag([1e-4, 1e-4]),
-        tol=1e-8,
-    )
-    assert fl.floquet(output_feedback(made, found), tol=1e-6).verdict == "stable"

@@ -32,16 +32,6 @@ def test_the_record_holds_what_the_library_computes(single_link: Analysis) -> No
     )  # an analysis takes time: the clock ran, and in seconds
 
 
-def test_the_periodic_response_repeats_and_solves_its_equation(single_link: Analysis) -> None:
-    states, t = single_link.response.states, single_link.t
-    assert np.allclose(states[0], states[-1], atol=1e-8)
-    system = single_link.closed.periodic_system()
-    rate = np.einsum("kij,kj->ki", system.A(t), states) + single_link.closed.forcing(t)
-    step = t[1] - t[0]
-    central = (states[2:] - states[:-2]) / (2 * step)
-    assert np.abs(central - rate[1:-1]).max() < 2e-3 * np.abs(rate).max()
-
-
 def test_numbers_beyond_floating_point_become_null_and_keep_their_logs(single_link: Analysis) -> None:
     found = single_link.own.floquet
     far = replace(found, exponents=np.array([1e4 + 1j, -1e4 + 0j, -1.0 + 0j]), errors=np.full(3, 1e-9))

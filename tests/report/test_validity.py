@@ -5,13 +5,13 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from flexlin.answers import Analysis, Loop, judge_model
 from flexlin.cli import main, meets
 from flexlin.errors import SimulationStopped
 from flexlin.report import advise, record, render_page
+from tests.report.test_advice import with_tip
 
 BROKEN = [
     "motion.frequency=0.9",
@@ -20,12 +20,6 @@ BROKEN = [
     "control.feedback.kd=[0.01]",
     "designs=[]",
 ]
-
-
-def steady_tip(a: Analysis, metres: float, by_bending: float = 1.0) -> Analysis:
-    """The steady motion's tip stays so far from its path, so much of it by bending."""
-    tip = np.full_like(a.response.tip, metres / np.sqrt(2))
-    return replace(a, response=replace(a.response, tip=tip, tip_by_bending=by_bending * tip))
 
 
 @pytest.mark.slow
@@ -113,7 +107,7 @@ def test_an_end_of_the_simulation_counts_where_the_arm_left_the_equations(
 def test_a_design_is_judged_by_its_own_steady_motion(single_link: Analysis) -> None:
     own = single_link.own
     loops = [
-        Loop(name, "periodic-lqr", own.floquet, response=steady_tip(single_link, metres).response)
+        Loop(name, "periodic-lqr", own.floquet, response=with_tip(single_link, metres).response)
         for name, metres in (("far", 0.5), ("near", 0.01))
     ]
     a = replace(single_link, designs=tuple(loops))
@@ -132,7 +126,7 @@ def test_a_design_is_judged_by_its_own_steady_motion(single_link: Analysis) -> N
 def test_an_unstable_loop_is_recommended_no_design_that_the_model_does_not_hold_for(single_link: Analysis) -> None:
     own = single_link.own.floquet
     unstable = Loop("scene's PD", "pd", replace(own, exponents=own.exponents + 10.0, verdict="unstable"))
-    far = Loop("far", "periodic-lqr", own, response=steady_tip(single_link, 0.5).response)
+    far = Loop("far", "periodic-lqr", own, response=with_tip(single_link, 0.5).response)
     said = "\n".join(advise(replace(single_link, own=unstable, designs=(far,))))
     assert "use the design" not in said
     assert "use the design “far”" in "\n".join(
@@ -141,7 +135,7 @@ def test_an_unstable_loop_is_recommended_no_design_that_the_model_does_not_hold_
 
 
 def test_answers_that_agree_on_a_large_bending_are_not_praised(single_link: Analysis) -> None:
-    said = "\n".join(advise(steady_tip(single_link, 0.5)))
+    said = "\n".join(advise(with_tip(single_link, 0.5)))
     assert "the linear model holds" not in said
     assert "both rest on equations of small deflections, which this motion is not" in said
     assert "both rest on equations" not in "\n".join(advise(single_link))

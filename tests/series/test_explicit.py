@@ -89,22 +89,6 @@ def test_polynomials_are_reproduced_everywhere(weights, x, y):
     assert_allclose(P(away), exact(away + np.array([x, y])).full(), atol=1e-10)
 
 
-@settings(deadline=None, max_examples=20)
-@given(st.floats(-1, 1), st.floats(-1, 1), st.integers(0, 7))
-def test_identities_hold_in_every_coefficient(x, y, order):
-    pairs = [
-        (ca.sin(A) ** 2 + ca.cos(A) ** 2, ca.SX(1)),
-        (ca.exp(ca.log(2 + A)), 2 + A),
-        (ca.tan(A) * ca.cos(A), ca.sin(A)),
-        (ca.sqrt(2 + A) ** 2, 2 + A),
-        (ca.cosh(B) ** 2 - ca.sinh(B) ** 2, ca.SX(1)),
-        (ca.atan2(ca.sin(A), ca.cos(A)), A),
-    ]
-    for left, right in pairs:
-        one, other = (fl.taylor(side, X, [x, y], order).polynomial.coefficients for side in (left, right))
-        assert_allclose(one, other, atol=1e-11)
-
-
 def test_geometric_series():
     x = ca.SX.sym("x")
     P = fl.taylor(1 / (1 - x), x, [0.0], 30)

@@ -53,43 +53,38 @@ def damage(path, kind, rng):
 KINDS = ["missing", "exchanged", "truncated", "random", "one bit"]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 40))])
-def test_damage_is_computed_again_or_refused(kept, kind, seed, tmp_path):
+def sweep_over(store, kept):
+    """What a sweep over a damaged store gives: what the whole one held, to the last bit, or a refusal that names the store."""
     path, whole = kept
-    shutil.copytree(path, tmp_path / "c.zarr")
-    damage(tmp_path / "c.zarr", kind, np.random.default_rng(1000 * seed + len(kind)))
     try:
-        found = fl.sweep(SCENE, VALUES, store=tmp_path / "c.zarr", workers=1)
+        found = fl.sweep(SCENE, VALUES, store=store, workers=1)
     except (OutputError, ArgumentError) as error:
         found, message = whole, str(error)
     else:
-        message = str(tmp_path / "c.zarr")
-        hold_against(tmp_path / "c.zarr", path)
-    assert str(tmp_path / "c.zarr") in message
+        message = str(store)
+        hold_against(store, path)
+    assert str(store) in message
     for name in ("exponents", "error", "period", "verdict", "reason", "one_by_one"):
         np.testing.assert_array_equal(found[name].values, whole[name].values)
-        assert np.array_equal(np.signbit(found["exponents"].values.imag), np.signbit(whole["exponents"].values.imag))
+    assert np.array_equal(np.signbit(found["exponents"].values.imag), np.signbit(whole["exponents"].values.imag))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 40))])
+def test_damage_is_computed_again_or_refused(kept, kind, seed, tmp_path):
+    shutil.copytree(kept[0], tmp_path / "c.zarr")
+    damage(tmp_path / "c.zarr", kind, np.random.default_rng(1000 * seed + len(kind)))
+    sweep_over(tmp_path / "c.zarr", kept)
 
 
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 40))])
 def test_several_damages_at_once_too(kept, seed, tmp_path, capfd):
     """And nothing is printed by the libraries that meet them."""
-    path, whole = kept
-    shutil.copytree(path, tmp_path / "c.zarr")
+    shutil.copytree(kept[0], tmp_path / "c.zarr")
     rng = np.random.default_rng(seed)
     for kind in rng.choice(KINDS, int(rng.integers(2, 7))):
         damage(tmp_path / "c.zarr", kind, rng)
-    try:
-        found = fl.sweep(SCENE, VALUES, store=tmp_path / "c.zarr", workers=1)
-    except (OutputError, ArgumentError) as error:
-        found, message = whole, str(error)
-    else:
-        message = str(tmp_path / "c.zarr")
-        hold_against(tmp_path / "c.zarr", path)
-    assert str(tmp_path / "c.zarr") in message
-    for name in ("exponents", "error", "period", "verdict", "reason", "one_by_one"):
-        np.testing.assert_array_equal(found[name].values, whole[name].values)
+    sweep_over(tmp_path / "c.zarr", kept)
     gc.collect()
     assert capfd.readouterr() == ("", "")
 

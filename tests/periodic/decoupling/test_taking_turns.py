@@ -7,9 +7,9 @@ Where roots of q lie inside the unit circle, their means are others.
 
 import numpy as np
 import pytest
-from scipy.optimize import linear_sum_assignment
 
 from flexlin.periodic import Coupled, Group, Refusal, as_real, decouple, decoupled_exponents
+from tests.periodic.decoupling.test_decoupling import misses
 
 PERIOD = 2 * np.pi
 
@@ -29,14 +29,6 @@ def cycling(rate, roots):
     return A, np.concatenate([own, own.conj()])
 
 
-def misses(found, exponents, errors):
-    """How far each exponent lies off against its error, by the best matching, modulo i."""
-    apart = found[:, None] - exponents
-    off = np.hypot(apart.real, np.remainder(apart.imag + 0.5, 1) - 0.5)
-    row, column = linear_sum_assignment(np.minimum(off / errors[:, None], 1e9))
-    return (off / errors[:, None])[row, column]
-
-
 @pytest.mark.parametrize(
     "roots", [(0.2, 0.5j), (0.3, -0.3), (0.1, 0.15), (-0.5, 0.2j, 1.6), (3.0, -3.0), (2.0,), (0.3,)]
 )
@@ -47,7 +39,7 @@ def test_means_of_followed_modes_are_not_claimed_where_others_may_be_followed(ro
     if isinstance(decoupled, Refusal):
         return
     answer = decoupled_exponents(decoupled)
-    assert (misses(answer.exponents, exponents, answer.errors) <= 1).all()
+    assert (misses(answer, exponents, PERIOD) <= answer.errors).all()
     assert (answer.exponents.real + answer.errors < 0).all()  # enclosed well enough for a verdict
 
 
