@@ -1,6 +1,7 @@
 """Scales of axes: from values to the unit interval, with ticks at round numbers."""
 
 import math
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,9 +9,22 @@ import numpy as np
 from flexlin.checks import Array
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+PLAIN = 5
+"""Powers of ten below this are written out."""
 ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
 LEAST_TICKS = 2
 """Numbers on an axis from which its magnitude can be read."""
+
+
+def write_powers(text: str) -> str:
+    """The numbers of a text as they stand on paper: 1e-05 becomes 1×10⁻⁵, 3.22e+03 becomes 3220."""
+    return re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d+)\b", lambda found: _write_power(found[1], int(found[2])), text)
+
+
+def _write_power(mantissa: str, exponent: int) -> str:
+    if 0 < exponent < PLAIN:
+        return f"{float(mantissa) * 10**exponent:.0f}"
+    return f"{mantissa}×10{str(exponent).translate(SUPERSCRIPTS)}"
 
 
 @dataclass(frozen=True)

@@ -87,12 +87,13 @@ def stack(rows: Sequence[Row]) -> list[Row]:
         for row in alike:
             groups = list[list[int]]()
             for k, width in enumerate(widths[: len(row.panels)]):
-                slight = 4 * width < max(widths)  # the bar of colours beside a map
+                slight = 4 * width < max(widths)  # the bar of colours beside a map, which gets a quarter of its width
                 if groups and (slight or sum(widths[i] for i in groups[-1]) + width <= ABREAST):
                     groups[-1].append(k)
                 else:
                     groups.append([k])
-            stacked += [Row([row.panels[k] for k in group], height, [widths[k] for k in group]) for group in groups]
+            shares = [max(width, max(widths) / 4) for width in widths]
+            stacked += [Row([row.panels[k] for k in group], height, [shares[k] for k in group]) for group in groups]
     return stacked
 
 
@@ -159,7 +160,7 @@ def draw_panel(fitted: Fitted, box: Box, top: float) -> list[str]:
     parts += draw_legend(panel.legend, box.left, first, room)
     if not panel.bare:
         parts += draw_axes(panel, box, x, fitted.y_ticks, y)
-    parts += [draw_mark(mark, box, x, y) for mark in panel.marks]
+    parts += [draw_mark(mark, box, x, y) for mark in leave_apart(panel.marks, box, x, y)]
     below = box.top + box.height + LINE * (panel.ticked[0] and not panel.bare) + 12
     style = f"fill:var(--{'faint' if panel.x_label else panel.footer_colour});text-anchor:middle"
     return [*parts, write_text(middle, below, panel.x_label or panel.footer, style)]
@@ -223,9 +224,29 @@ def draw_mark(mark: Mark, box: Box, x: Scale, y: Scale) -> str:
     return f'<path d="{draw_trace(across, up)}{"z" if mark.kind == "area" else ""}" style="{mark.style}"/>'
 
 
+def leave_apart(marks: Sequence[Mark], box: Box, x: Scale, y: Scale) -> list[Mark]:
+    """The marks without words that would be written over others: those that come later stay."""
+    kept, taken = list[Mark](), list[tuple[float, float, float]]()
+    for mark in reversed(marks):
+        if mark.kind == "words":
+            place = place_words(mark, box, float(box.x(x, mark.x)[0]), float(box.y(y, mark.y)[0]))
+            left = place[0] - share_before(mark) * measure_text(mark.texts[0], SMALL)
+            right = left + measure_text(mark.texts[0], SMALL)
+            if any(left < end and start < right and abs(place[1] - up) < SMALL for start, end, up in taken):
+                continue
+            taken.append((left, right, place[1]))
+        kept.append(mark)
+    return kept[::-1]
+
+
+def share_before(mark: Mark) -> float:
+    """The share of words that stands left of their point."""
+    return {"start": 0.0, "middle": 0.5, "end": 1.0}[mark.style.partition("text-anchor:")[2].partition(";")[0]]
+
+
 def place_words(mark: Mark, box: Box, x: float, y: float) -> tuple[float, float]:
     """Where a few words stand: as near to their point as leaves them inside the axes."""
-    before = {"start": 0.0, "middle": 0.5, "end": 1.0}[mark.style.partition("text-anchor:")[2].partition(";")[0]]
+    before = share_before(mark)
     width = measure_text(mark.texts[0], SMALL)
     low, high = box.left + before * width + 2, box.left + box.width - (1 - before) * width - 2
     return (min(max(x, low), high) if low <= high else x), min(max(y, box.top + SMALL), box.top + box.height - 3)

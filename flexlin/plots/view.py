@@ -12,6 +12,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.plots.panel import Panel
+from flexlin.plots.scales import write_powers
 from flexlin.plots.svg import NARROW, Row, draw
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ class Shown:
         """
         view = self._view()
         head = f"{view.title}: {view.verdict}" if view.verdict else view.title
-        return "\n".join([head, *(f"  {fact}" for fact in view.facts)])
+        return write_powers("\n".join([head, *(f"  {fact}" for fact in view.facts)]))
 
     def __str__(self) -> str:
         return self.summary()
@@ -119,7 +120,7 @@ def make_card(view: View) -> str:
     """The view as HTML that needs nothing else."""
     shade = SHADES.get(view.verdict.partition(",")[0], "inherit")
     verdict = f' <b style="color:{shade}">{escape(view.verdict)}</b>' if view.verdict else ""
-    facts = "".join(f"<div>{escape(fact)}</div>" for fact in view.facts[:MOST_FACTS])
+    facts = "".join(f"<div>{escape(write_powers(fact))}</div>" for fact in view.facts[:MOST_FACTS])
     words = f'<div style="flex:1 1 16em;max-width:42em"><b>{escape(view.title)}</b>{verdict}<div style="opacity:.8">{facts}</div></div>'
     return f'<div style="display:flex;flex-wrap:wrap;gap:1.2em;align-items:flex-start">{words}{draw_small(view)}</div>'
 

@@ -21,7 +21,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "report.page": "render_page",
         "report.progress": "Progress",
         "report.terminal": "accuracy_lines audit_lines loop_line",
-        "report.wording": "caution format_quantity scale_values units_of",
+        "report.wording": "caution format_quantity scale_values typeset units_of",
         "report.writing": "write_report",
     },
 )

@@ -7,6 +7,7 @@ import numpy as np
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.answers.validity import REPEATABLE
+from flexlin.plots.scales import write_powers
 from flexlin.report.drive_words import comment_on_drives, comment_on_gains, name_loop
 from flexlin.report.wording import caution, format_quantity, is_dimensionless, reason
 from flexlin.simulation.result import Simulation
@@ -344,4 +345,4 @@ def without_metres(status: str) -> str:
 
 def sentence(text: str) -> str:
     """A status as a sentence."""
-    return text[0].upper() + text[1:] + "."
+    return write_powers(text[0].upper() + text[1:]) + "."

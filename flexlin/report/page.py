@@ -30,10 +30,13 @@ from flexlin.report.wording import (
     format_with_prefix,
     is_dimensionless,
     reason,
+    typeset,
     units_of,
     without_units,
 )
-from flexlin.scene.scene import Accuracy
+from flexlin.scene.base import Table
+from flexlin.scene.names import choose_unit
+from flexlin.scene.scene import Accuracy, Scene
 
 
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
@@ -62,7 +65,7 @@ def fill_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture],
         pictures=pictures,
         dimensionless=is_dimensionless(),
         constants=list_constants(analysis),
-        inputs=list_inputs(data["scene"], data["effects"]["units"]),
+        inputs=list_inputs(analysis.scene, data["scene"]),
         effects=data["effects"],
         versions=data["versions"],
         command=command,
@@ -88,6 +91,7 @@ def make_environment() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=typeset,
     )
 
 
@@ -209,19 +213,37 @@ def list_constants(a: Analysis) -> list[tuple[str, str, str]]:
     return found
 
 
-def list_inputs(scene: dict[str, Any], units: dict[str, dict[str, str]]) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Each table of the scene by its dotted path, with its keys and values, and the unit where an effect states one."""
-    stated = {f"effects.{name}.{key}": unit for name, keys in units.items() for key, unit in keys.items()}
-    tables: dict[str, list[tuple[str, str]]] = {}
-    for path, value in flatten_table({key: value for key, value in scene.items() if key not in ("title", "source")}):
+def list_units(part: Any, path: str = "") -> dict[str, str]:
+    """The unit of each number below a part of the scene, by its dotted path, where its table states one."""
+    if isinstance(part, Table):
+        below = [(name, getattr(part, name)) for name in type(part).model_fields]
+        stated = {f"{path}{key}": unit for key, unit in part.units().items() if not isinstance(getattr(part, key), str)}
+    else:
+        below = (
+            [*part.items()]
+            if isinstance(part, dict)
+            else [(str(k), one) for k, one in enumerate(part)]
+            if isinstance(part, tuple)
+            else []
+        )
+        stated = {}
+    return stated | {name: unit for key, value in below for name, unit in list_units(value, f"{path}{key}.").items()}
+
+
+def list_inputs(scene: Scene, data: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Each table of the scene by its dotted path, with its keys and values, and the unit where the table states one."""
+    tables, units = dict[str, list[tuple[str, str]]](), list_units(scene)
+    for path, value in flatten_table({key: value for key, value in data.items() if key not in ("title", "source")}):
         table, _, key = path.rpartition(".")
-        tables.setdefault(table or "scene", []).append((key, f"{value} {stated.get(path, '')}".strip()))
+        tables.setdefault(table or "scene", []).append(
+            (key, f"{value} {choose_unit(scene, units.get(path, ''))}".strip())
+        )
     return list(tables.items())
 
 
 def flatten_table(node: Any, path: str = "") -> list[tuple[str, str]]:
     """Every value below a table by its dotted path; a list of numbers is one value, and rounding does not show."""
-    if node in ([], {}):
+    if node in ([], {}, ""):
         return []
     if isinstance(node, dict):
         children = list(node.items())
@@ -229,5 +251,13 @@ def flatten_table(node: Any, path: str = "") -> list[tuple[str, str]]:
         children = list(enumerate(node))
     else:
         values = node if isinstance(node, list) else [node]
-        return [(path, ", ".join(f"{one:.12g}" if isinstance(one, float) else str(one) for one in values))]
+        return [
+            (
+                path,
+                ", ".join(
+                    f"{one:.12g}" if isinstance(one, float) else str(one).lower() if isinstance(one, bool) else str(one)
+                    for one in values
+                ),
+            )
+        ]
     return [leaf for name, child in children for leaf in flatten_table(child, f"{path}.{name}" if path else str(name))]

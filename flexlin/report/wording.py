@@ -14,13 +14,11 @@ from flexlin.answers.judging import Loop
 from flexlin.answers.validity import ModelEvidence, ModelValidity
 from flexlin.checks import Array
 from flexlin.periodic.floquet.result import MARGINAL
-from flexlin.plots.scales import SUPERSCRIPTS
+from flexlin.plots.scales import SUPERSCRIPTS, write_powers
 from flexlin.scene.scene import Scene
 
 SLOW = 1e5
 """Periods to settle beyond which a decay is not felt."""
-PLAIN = 5
-"""Powers of ten below this are written out."""
 PREFIXES = dict(zip(range(-9, 9, 3), ("n", "µ", "m", "", "k", "M"), strict=True))
 
 
@@ -128,10 +126,7 @@ def format_rate(value: float, error: float) -> str:
 
 def format_decimal(value: float, digits: int) -> str:
     """A number to some digits, with a proper minus sign, beyond 99,999 with powers of ten: −3.4474×10⁻⁸, 250."""
-    mantissa, e, exponent = f"{value:.{digits}g}".partition("e")
-    if e and 0 < int(exponent) < PLAIN:
-        return replace_minus(f"{float(mantissa + e + exponent):.0f}")
-    return replace_minus(mantissa) + (f"×10{str(int(exponent)).translate(SUPERSCRIPTS)}" if e else "")
+    return replace_minus(write_powers(f"{value:.{digits}g}"))
 
 
 def format_power(value: float) -> str:
@@ -155,6 +150,17 @@ def format_list(value: Any) -> str:
         return ", ".join(f"{key} {format_list(part)}" for key, part in value.items() if part) or "0"
     values = value if isinstance(value, (list, tuple)) else (value,)
     return ", ".join(f"{v:.4g}" if isinstance(v, float) else str(v) for v in values)
+
+
+UNITS = r"(?:1/s|%|°|kg|[nµmkM]?(?:m|s|N|W|V|A|B|Hz|rad)(?:/\w+)?)(?!\w)"
+
+
+def typeset(value: Any) -> Any:
+    """A text of a page with powers of ten as on paper, and no number parted from its error or unit by the end of a line."""
+    if not isinstance(value, str) or hasattr(value, "__html__"):
+        return value
+    value = re.sub(r"\^(\d)", lambda found: found[1].translate(SUPERSCRIPTS), write_powers(value))
+    return re.sub(rf"(?<=[\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?={UNITS})|(?<=N) (?=[ms](?!\w))|(?<=±) ", "\u00a0", value)
 
 
 def replace_minus(text: str) -> str:

@@ -47,6 +47,11 @@ def name_unit(scene: Scene, path: str) -> str:
         if isinstance(node, Table):
             unit = type(node).units().get(step, "")
         node = get_value(checked, ".".join(steps[: k + 1]))
+    return choose_unit(scene, unit)
+
+
+def choose_unit(scene: Scene, unit: str) -> str:
+    """What a stated unit is in a scene."""
     slides = any(link.joint == "prismatic" for link in scene.links)
     unit = unit if slides else unit.split(" or ")[0]
     return unit if scene.unit_system != "dimensionless" or unit == "rad" else ""

@@ -147,7 +147,7 @@ def _expected(kind: str, context: Any, message: str) -> str:
         return f"a length of {context['max_length']} at most"
     message = message.removeprefix("Input should be ").removeprefix("Value error, ")
     if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
-        return f"a number {message}"
+        return f"a number {message.rpartition(' ')[0]} {next(iter(context.values())):.12g}"
     return WORDS.get(kind, message)
 
 

@@ -101,7 +101,7 @@ def test_a_difference_of_no_account_is_not_beyond_the_model(single_link: Analysi
 
 def test_answers_that_agree_are_said_to(single_link: Analysis) -> None:
     text = told(with_difference(single_link, 1e-7, 0.05, error=1e-6))
-    assert "agree to the error of the integration, 1e-06 m: the linear model holds for this motion" in text
+    assert "agree to the error of the integration, 1×10⁻⁶ m: the linear model holds for this motion" in text
     assert "are the same: the linear" in told(with_difference(single_link, 0.0, 0.05, error=0.0))
     assert "agree to the error" not in told(with_difference(single_link, 1e-3, 0.05))
     assert "2 % of the largest deviation: the linear model holds for this motion" in told(
@@ -140,7 +140,7 @@ def test_a_decay_that_nobody_feels_is_called_so(single_link: Analysis, rate: flo
     assert caution(a.own, PERIOD) == words
     assert words in loop_line(a.own, PERIOD)
     assert ("; a disturbance" in loop_line(a.own, PERIOD)) is bool(words)
-    html = render_page(a, record(a), [], "")
+    html = render_page(a, record(a), [], "").replace("\u00a0", " ")
     headline = html[html.index('<section class="verdict') :].split("</p>")[0]
     assert words in headline
     assert ('class="verdict undecided"' in headline) is bool(words or rate == 0.0)

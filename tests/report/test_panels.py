@@ -207,21 +207,36 @@ def test_legends_wrap() -> None:
 
 def test_words_stay_inside_their_axes() -> None:
     """Labels at corners, where tongues and critical values often lie."""
-    panel = Panel(x=Linear(0.0, 1.0), y=Linear(0.0, 1.0))
-    corners = list(itertools.product((0.0, 1.0), (0.0, 1.0), ("start", "middle", "end")))
-    for x, y, anchor in corners:
-        panel.words(x, y, "principal, order 2", anchor=anchor)
-    svg = draw([Row([panel], 200.0)], "words")
-    frame = re.search(r'd="M([\d.]+),([\d.]+)V([\d.]+)H([\d.]+)"', svg)
-    left, top, bottom, right = (float(number) for number in frame.groups())
-    found = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" style="[^"]*text-anchor:(\w+)[^"]*">principal', svg)
-    assert len(found) == len(corners)
-    for (x, y, anchor), (_, _, asked) in zip(found, corners, strict=True):
+    for x, y, asked in itertools.product((0.0, 1.0), (0.0, 1.0), ("start", "middle", "end")):
+        panel = Panel(x=Linear(0.0, 1.0), y=Linear(0.0, 1.0)).words(x, y, "principal, order 2", anchor=asked)
+        svg = draw([Row([panel], 200.0)], "words")
+        frame = re.search(r'd="M([\d.]+),([\d.]+)V([\d.]+)H([\d.]+)"', svg)
+        left, top, bottom, right = (float(number) for number in frame.groups())
+        ((x, y, anchor),) = re.findall(
+            r'<text x="([\d.]+)" y="([\d.]+)" style="[^"]*text-anchor:(\w+)[^"]*">principal', svg
+        )
         assert anchor == asked
         width = measure_text("principal, order 2", SMALL)
         start = float(x) - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * width
         assert left <= start <= start + width <= right
         assert top <= float(y) <= bottom
+
+
+def test_words_are_not_written_over_each_other() -> None:
+    """The later ones stay: labels of resonances before those of contours."""
+    panel = Panel(x=Linear(0.0, 1.0), y=Linear(0.0, 1.0))
+    for at, text in ((0.5, "0.2"), (0.9, "0.4"), (0.51, "principal, order 2")):
+        panel.words(0.5, at, text)
+    for narrow in (False, True):
+        svg = draw([Row([panel], 200.0)], "words", narrow=narrow)
+        assert [
+            text
+            for text in ("0.2", "0.4", "principal, order 2")
+            if f'font-size:{SMALL}px;text-anchor:middle">{text}<' in svg
+        ] == [
+            "0.4",
+            "principal, order 2",
+        ]
 
 
 def test_lines_of_the_campbell_diagram_cross_without_a_kink() -> None:

@@ -118,9 +118,9 @@ def test_a_design_is_judged_by_its_own_steady_motion(single_link: Analysis) -> N
     page = render_page(a, data, [], "")
     rows = {name: page[page.index(f"<td>{name}</td>") :].split("</tr>")[0] for name in ("far", "near")}
     assert 'class="undecided">stable<br>but the linear model does not hold here' in rows["far"]
-    assert "500 mm" in rows["far"]
+    assert "500\u00a0mm" in rows["far"]
     assert 'class="stable">stable</td>' in rows["near"]
-    assert "10 mm" in rows["near"]
+    assert "10\u00a0mm" in rows["near"]
 
 
 def test_an_unstable_loop_is_recommended_no_design_that_the_model_does_not_hold_for(single_link: Analysis) -> None:

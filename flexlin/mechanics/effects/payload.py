@@ -15,7 +15,7 @@ from flexlin.scene.links import Inertia, Vector
 
 
 class Payload(Effect):
-    """A rigid body on the tip of the last link, or one a link, that turns with the tip; its centre lies `offset` beyond the tip.
+    """A rigid body on the tip of the last link, or one a link, that turns with the tip; its centre may lie beyond the tip.
 
     `inertia` is about z; `centre` and `tensor` say in space what the body on the last tip has beside `offset` and `inertia`.
     """

@@ -251,8 +251,6 @@ def thin_axis(values: Array, step: int) -> Array:
 
 MULTIPLES = 12
 """Multiples of the motion's frequency that are drawn."""
-CLOSE = 0.03
-"""Of the sides: labels of multiples closer than this are left out."""
 CAMPBELL = (
     "Frequencies of the Floquet modes, each taken near the mode of the averaged equations that it comes from. Thin lines: multiples of "
     "the motion's frequency, halves dashed; a mode that meets k/2 of it may resonate (order k), two modes where their sum or "
@@ -269,16 +267,13 @@ def draw_campbell(label: str, data: xarray.Dataset, error: float) -> Picture:
     panel = Panel(
         in_unit("frequencies", "Hz"), x=Linear(float(x.min()), float(x.max())), y=Linear(0.0, top), x_label=label
     )
-    labelled = np.inf
     for k in range(1, 2 * MULTIPLES + 1):
         multiple = np.where(k * motion / 2 <= top, k * motion / 2, np.nan)
         if np.isfinite(multiple).any():
             panel.line(x, multiple, "faint", width=0.7 if k % 2 == 0 else 0.5, dash="" if k % 2 == 0 else "2 3")
             last = int(np.flatnonzero(np.isfinite(multiple))[-1])
-            at = float(x[last] / np.ptp(x) + multiple[last] / top)
-            if abs(at - labelled) > CLOSE:
-                text, labelled = f"{k // 2}" if k % 2 == 0 else f"{k}/2", at
-                panel.words(float(x[last]), float(multiple[last]), text, anchor="end", halo=True)
+            text = f"{k // 2}" if k % 2 == 0 else f"{k}/2"
+            panel.words(float(x[last]), float(multiple[last]), text, anchor="end", halo=True)
     ordered = follow_lines(np.sort(frequency, axis=1)[:, ::2])
     for i in range(ordered.shape[1]):
         panel.line(x, ordered[:, i], SERIES[i % len(SERIES)], width=1.6)

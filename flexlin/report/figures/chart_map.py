@@ -20,7 +20,7 @@ FAINTEST = 0.18
 LEVELS = 6
 """Contours of the growth rate, about."""
 FEWEST = 0.04
-"""Labels of resonances closer than this, as a share of both ranges, are left out."""
+"""Labels of contours keep this share of both ranges from the frame, those of resonances half of it from their point."""
 
 
 def draw_map(
@@ -101,15 +101,8 @@ def choose_place(points: Array, low: Array, span: Array, placed: list[Array]) ->
 
 def label_resonances(panel: Panel, curves: Sequence[BoundaryCurve], x: Array, y: Array) -> None:
     """The resonance of each tongue, once, from a point inside it on to the right."""
-    span, placed, named = np.array([np.ptp(x), np.ptp(y)]), list[Array](), set[str]()
-    for curve in curves:
-        text = shorten(curve.resonance)
-        at = np.array(curve.inside)
-        crowded = any(np.linalg.norm((at - other) / span) < FEWEST for other in placed)
-        if text not in named and not crowded:
-            panel.words(float(at[0] + FEWEST / 2 * span[0]), float(at[1]), text, "ink", anchor="start", halo=True)
-            named.add(text)
-            placed.append(at)
+    for text, (across, up) in {shorten(curve.resonance): curve.inside for curve in reversed(curves)}.items():
+        panel.words(float(across + FEWEST / 2 * np.ptp(x)), float(up), text, "ink", anchor="start", halo=True)
 
 
 def shorten(resonance: str) -> str:

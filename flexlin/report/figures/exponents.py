@@ -6,6 +6,7 @@ from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.checks import Array
 from flexlin.periodic.floquet.modes import follow_frozen_modes
+from flexlin.periodic.precision import SLIGHT
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic, Symlog
 from flexlin.plots.svg import Row
@@ -74,6 +75,7 @@ def draw_frozen(a: Analysis) -> Panel:
     for linearization, loop in curves:
         known = None if loop.floquet is None else loop.floquet.resolved
         frequencies = follow_frozen_modes((known or linearization.A)(t)).frequencies
+        frequencies[frequencies * a.plant.period < SLIGHT] = np.nan  # where a mode begins to oscillate it falls to zero
         for k, frequency in enumerate(frequencies[:, np.isfinite(frequencies).any(axis=0)].T):
             panel.line(t, frequency, choose_colour(a, loop), label=loop.name if k == 0 else "")
     return panel
