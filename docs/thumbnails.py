@@ -9,8 +9,8 @@ from typing import Any
 from records import DOCS, measured, not_measured
 
 PICTURES = DOCS / "pictures"
-WIDTH = 540
-"""Of a picture, in pixels."""
+WIDTH, COLOURS = 1080, 256
+"""Of a picture: pixels across, and shades that it is reduced to."""
 LONG = ("own_error", "tuning_grid")
 """Studies whose full run takes more than some minutes."""
 
@@ -39,18 +39,15 @@ RECORDED: dict[str, Callable[[Any, dict[str, Any], Path], None]] = {
 def draw_pictures(names: list[str]) -> None:
     """Draw each study as a PNG."""
     from matplotlib.figure import Figure
+    from PIL import Image
 
     save = Figure.savefig
     for name in names:
 
         def keep(figure: Any, path: Path, name: str = name, **_: Any) -> None:
-            save(
-                figure,
-                PICTURES / f"{name}.png",
-                dpi=WIDTH / figure.get_figwidth(),
-                pil_kwargs={"optimize": True},
-                metadata={},
-            )
+            place = PICTURES / f"{name}.png"
+            save(figure, place, dpi=WIDTH / figure.get_figwidth(), metadata={})
+            Image.open(place).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(place, optimize=True)
 
         Figure.savefig = keep
         try:

@@ -97,12 +97,12 @@ def draw(rows: list[Row], path: Path) -> None:
     from matplotlib.figure import Figure
 
     arms = list(dict.fromkeys(row.arm for row in rows))
-    figure = Figure(figsize=(6 * len(arms), 5), layout="constrained")
-    for axes, arm in zip(np.atleast_1d(figure.subplots(1, len(arms))), arms, strict=True):
+    figure = Figure(figsize=(7.2, 3.6 * len(arms)), layout="constrained")
+    for axes, arm in zip(np.atleast_1d(figure.subplots(len(arms))), arms, strict=True):
         for quantity, colour in (("frequency", "#0072B2"), ("tip", "#D55E00")):
             versions = [row for row in rows if row.arm == arm]
             modes = [row for row in versions if row.version.endswith("modes")]
-            axes.loglog(
+            axes.semilogy(
                 [r.instructions for r in modes],
                 [getattr(r, quantity) for r in modes],
                 "o-",
@@ -111,18 +111,20 @@ def draw(rows: list[Row], path: Path) -> None:
             )
         effects = [row for row in versions if row.version.startswith("without")]
         worst = [max(r.frequency, r.tip) for r in effects]
-        axes.loglog([r.instructions for r in effects], worst, "kx", label="without one effect (the larger error)")
-        for row, height in zip(effects, worst, strict=True):
+        axes.semilogy([r.instructions for r in effects], worst, "kx", label="without one effect (the larger error)")
+        for place, (height, row) in enumerate(sorted(zip(worst, effects, strict=True), key=lambda pair: -pair[0])):
             axes.annotate(
                 row.version.removeprefix("without "),
                 (row.instructions, height),
-                fontsize=7,
-                xytext=(4, 2),
-                textcoords="offset points",
+                fontsize="small",
+                xytext=(1.03, 0.95 - 0.09 * place),
+                textcoords="axes fraction",
+                verticalalignment="center",
+                arrowprops={"arrowstyle": "-", "color": "0.7", "linewidth": 0.6},
             )
         axes.set(xlabel="instructions of M, D, K, h (times in the table)", ylabel="relative error", title=arm)
         axes.spines[["top", "right"]].set_visible(False)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=8)
+        axes.legend(loc="lower left", frameon=False, fontsize="small")
     figure.savefig(path)
 
 

@@ -83,7 +83,7 @@ def test_the_report_tells_of_it(tmp_path: Path) -> None:
     assert data["scene"]["effects"]["bearing_springs"] == {"stiffness": [2.5]}
     assert "bearing_springs" in data["effects"]["on"]
     assert data["effects"]["units"]["bearing_springs"] == {"stiffness": "N m/rad"}
-    assert "Torsion springs in the bearings, V = 1/2 sum k q^2" in text
+    assert "Torsion springs in the bearings, V = 1/2 sum k q²" in text
     assert "second paragraph" not in text
     assert "2.5 N m/rad" in text
     assert "input q1 in bar" in text

@@ -115,7 +115,7 @@ def test_an_own_loop_without_verdict_leaves_the_rest(
     assert data["floquet"] == {**data["floquet"], "verdict": "failed", "status": "this needs 10^9 segments"}
     assert data["simulation"]["error"] < 1e-6
     assert data["designs"]["lqr"]["design_error"] < 1e-9
-    assert "this needs 10^9 segments" in page
+    assert "this needs 10⁹ segments" in page
     assert "scene's PD           failed" in capsys.readouterr().out
 
 

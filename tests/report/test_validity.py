@@ -38,7 +38,7 @@ def test_a_meaningless_result_is_not_green(tmp_path: Path, capsys: pytest.Captur
     headline = page[page.index('<section class="verdict') :].split("</p>")[0]
     assert headline.startswith('<section class="verdict undecided">')
     assert "Stable, but the linear model does not hold here" in headline
-    assert re.search(r"0\.968 m, 101 % of the arm(?:'|&#39;)s length", headline)
+    assert re.search(r"0\.968\sm, 101\s% of the arm(?:'|&#39;)s length", headline)
     assert "look at its Floquet verdict" not in said + page
     assert "0.968 m" in said
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle
 
 import numpy as np
 
@@ -10,10 +11,10 @@ from flexlin.checks import Array
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import SUPERSCRIPTS
 from flexlin.report.figures.style import (
+    DASHES,
     Picture,
     arrange_in_columns,
     choose_colour,
-    choose_dash,
     fold,
     make_period_panel,
     make_picture,
@@ -187,25 +188,24 @@ def weigh_entries(a: Analysis) -> dict[str, Array]:
     return {"M": 1 / both, "D": 1 / (both * geometric), "K": 1 / (both * geometric**2), "h": force[:, None] / largest}
 
 
-OWN_DASH = "2 3"
-
-
 def draw_gains(a: Analysis) -> Picture | None:
     """A panel for each entry of the gain; each input has one at the least."""
     if not any(loop.design is not None for loop in a.loops):
         return None
     states = 2 * a.plant.n
-    gains = [(loop, loop.design.K(a.t), choose_dash(a, loop)) for loop in a.loops if loop.design is not None]
+    gains = [(loop, loop.design.K(a.t)) for loop in a.loops if loop.design is not None]
     own = a.closed.law.gain(a.t)
-    gains += [(a.own, own, OWN_DASH)] if np.any(own) else []
-    remembers = any(gain.shape[2] > states for _, gain, _ in gains)
-    gains = [(loop, gain[:, :, :states], dash) for loop, gain, dash in gains]
-    weights = weigh_gains(a, np.max([np.abs(gain).max(axis=0) for _, gain, _ in gains], axis=0))
+    gains += [(a.own, own)] if np.any(own) else []
+    remembers = any(gain.shape[2] > states for _, gain in gains)
+    gains = [(loop, gain[:, :, :states]) for loop, gain in gains]
+    weights = weigh_gains(a, np.max([np.abs(gain).max(axis=0) for _, gain in gains], axis=0))
     groups = [range(i * states, (i + 1) * states) for i in range(len(a.plant.inputs))]
     shown = choose_shown(weights.ravel(), groups, MOST)
     rest = sorted((k for k in range(weights.size) if k not in shown), key=lambda k: -weights.flat[k])
     panels = {k: make_period_panel(a.plant.period, name_gain(a, *divmod(k, states))) for k in (*shown, *rest[:FOLDED])}
-    for loop, gain, dash in gains:
+    for (loop, gain), dash in zip(
+        gains, cycle(DASHES), strict=False
+    ):  # gains that coincide are seen, each through the next
         for k, panel in panels.items():
             (i, j), every = divmod(k, states), 1 if k in shown else THIN
             panel.line(a.t[::every], gain[::every, i, j], choose_colour(a, loop), dash=dash, label=loop.name)

@@ -96,12 +96,6 @@ def choose_colour(a: Analysis, loop: Loop) -> str:
     return OPEN if place is None else SERIES[1 + place % (len(SERIES) - 1)]
 
 
-def choose_dash(a: Analysis, loop: Loop) -> str:
-    """The dash of a loop's lines: loops beyond the colours begin anew with another."""
-    place = next((i for i, other in enumerate(a.loops) if other is loop), 0)
-    return DASHES[place // (len(SERIES) + 1) % len(DASHES)]
-
-
 def style_part(i: int) -> tuple[str, str]:
     """Colour and dash of the i-th joint, input or component."""
-    return PARTS[i % len(PARTS)], DASHES[i // len(PARTS) % len(DASHES)]
+    return PARTS[i % len(PARTS)], DASHES[i % len(DASHES)]
