@@ -112,7 +112,7 @@ def _need_independence(arm: Equations) -> None:
             raise ModelError(
                 f"{name}[{place[0]}, {place[1]}] depends on the rates",
                 expected=f"{name}(s)",
-                todo="put forces that depend on rates into damping; kinetic energy must be quadratic in the rates",
+                todo="put forces that depend on rates into damping; the kinetic energy T must be quadratic in the rates",
             )
 
 
