@@ -246,7 +246,8 @@ class PeakSearch:
         Multipliers part by width sqrt(2 aside), and their errors are as large as those of a nearly double root.
         """
         apart = self.width * np.sqrt(2 * aside)
-        wanted = (SAFETY * hidden * max(hidden, apart) / (2 * self.width**2)) if self.width else 0.0
+        known = hidden < self.width  # else the errors at this level say nothing of the next
+        wanted = SAFETY * hidden * max(hidden, apart) / (2 * self.width**2) if known else WIDER**2 * aside
         return WIDER * max(aside, min(wanted, MINOR / WIDER))
 
     def least(self) -> float:

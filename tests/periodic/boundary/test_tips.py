@@ -115,6 +115,7 @@ def test_an_effort_that_ends_leaves_tips_open_and_knows_it(monkeypatch):
     effort, family = Effort(0.0), meissner.Meissner(0.0)
     curves = find_curves(family, 1e-5, cells=16, effort=effort)
     assert effort.unfinished
+    assert (family(np.array([one.inside for one in curves])).verdicts > 0).all()
     a, q = (meissner.LOW + meissner.SPAN * np.concatenate([one.points for one in curves])).T
     h = 1e-6
     slopes = np.hypot(sides(a + h, q) - sides(a - h, q), sides(a, q + h) - sides(a, q - h)) / (2 * h)

@@ -164,6 +164,13 @@ def test_a_norm_that_a_narrow_feedthrough_makes(tol):
     assert abs(found.value - 6.0) <= found.error <= max(tol, 2e-9) * found.value
 
 
+@pytest.mark.parametrize("period", [0.3, 1.0])
+def test_a_gain_that_is_alike_at_all_frequencies(period):
+    """(s - 1) / (s + 1): errors that say nothing at the first level led to one 10 % above."""
+    found = fl.hinf_norm(fl.PeriodicSystem([[-1.0]], period, B=[[1.0]]), [[-2.0]], [[1.0]])
+    assert abs(found.value - 1.0) <= found.error <= 1e-5
+
+
 def test_a_level_just_above_the_norm_is_found_there():
     """Modes 1e-4 apart were taken for each other where they were known to 1e-3: the norm was missed by 2,500 times its error."""
     rng = np.random.default_rng(3)
