@@ -161,7 +161,8 @@ def draw_view(view: View, ax: "Axes | None", style: dict[str, Any]) -> "Axes":
     axes, shades = open_axes(ax), tuple(COLOURS.values())
     kinds = {"line": {}, "dashed": {"linestyle": "--"}, "dots": {"linestyle": "none", "marker": "o"}}
     for i, series in enumerate(view.series):
-        how: dict[str, Any] = {"color": shades[i % len(shades)], **kinds[series.style], **style}
+        kind = "dashed" if series.style == "line" and i >= len(shades) else series.style  # colours begin anew
+        how: dict[str, Any] = {"color": shades[i % len(shades)], **kinds[kind], **style}
         axes.plot(series.x, series.y, label=series.name, **how)
     if view.zero:
         axes.axvline(0.0, color="0.5", linestyle=":", linewidth=1.0)

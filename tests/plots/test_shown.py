@@ -228,3 +228,12 @@ def test_no_public_function_meets_a_stranger_with_an_attribute_error(value):
     for call in calls:
         with pytest.raises(fl.errors.FlexlinError):
             call(value)
+
+
+def test_curves_beyond_the_colours_are_dashed():
+    from matplotlib import pyplot
+
+    lin = fl.linearize(fl.build_manipulator(fl.load_scene("manutec-r3")), fl.load_scene("manutec-r3").motion)
+    looks = {(line.get_color(), line.get_linestyle()) for line in lin.plot().lines}
+    assert len(looks) == lin.n == 9
+    pyplot.close("all")
