@@ -14,6 +14,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import FloquetModes, differentiate_exponents, floquet_modes
+from flexlin.periodic.transition.gauss import CHUNK_BYTES
 from flexlin.scene.parameters import get_value, numeric_paths
 from flexlin.scene.scene import Scene
 
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-CHUNK_BYTES = 2**25
-"""Derivatives of A and what they are made of at one chunk of nodes take at most about this many bytes."""
 FREE_TABLES = ("links.", "effects.", "motion.", "control.")
 BOUND = ("motion.move_time", "motion.dwell_time", "rate")
 """Ends of paths whose numbers fix the grid of the period and are not varied unless they are asked for."""

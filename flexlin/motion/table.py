@@ -10,7 +10,7 @@ from flexlin.bounds import IN_RANGE, LARGEST_TABLE, MOST_ROWS, printable, read_n
 from flexlin.checks import Array
 from flexlin.errors import MotionError
 from flexlin.files import read_text
-from flexlin.motion.base import Angles, SampledMotion
+from flexlin.motion.base import MOST_HARMONICS, Angles, SampledMotion
 from flexlin.periodic.circle import count_turns
 from flexlin.scene.motion import LogMotion, TableMotion
 
@@ -153,10 +153,6 @@ REPEATS = 0.5
 """Share of the log's power that the series of a period leaves over, from which on the log does not repeat with it."""
 KNOWN = 0.9
 """Share of the rows that must be numbers: a gap is left out, a log that is mostly gaps is none."""
-LARGEST_FILE = 2**26
-"""Bytes of a log."""
-MOST = 60
-"""Harmonics that are looked at."""
 
 
 def read_log_motion(table: LogMotion, joints: int, prescribed: tuple[bool, ...]) -> SampledMotion:
@@ -172,7 +168,7 @@ def read_log_motion(table: LogMotion, joints: int, prescribed: tuple[bool, ...])
         todo = "record a whole cycle, or correct motion.period"
         raise MotionError("motion: the log is shorter than its period", got=f"{t[-1] - t[0]:.4g} s", todo=todo)
     kept = t < t[0] + cycles * period
-    highest = min(MOST, max(1, int(kept.sum() / cycles / 3)))
+    highest = min(MOST_HARMONICS, max(1, int(kept.sum() / cycles / 3)))
     phase = 2 * np.pi * np.outer((t[kept] - t[0]) / period, np.arange(1, highest + 1))
     rows = np.hstack([np.ones((len(phase), 1)), np.cos(phase), np.sin(phase)])
     found, *_ = np.linalg.lstsq(rows, q[kept], rcond=None)
@@ -225,7 +221,7 @@ def read_columns(path: Path, table: LogMotion, joints: int) -> tuple[Array, Arra
     if len(table.columns) != joints:
         raise MotionError("motion.columns: one name a joint", got=len(table.columns), expected=str(joints))
     try:
-        text = read_text(path, LARGEST_FILE)
+        text = read_text(path, LARGEST_TABLE)
         need_commas(text, name)
         data = np.genfromtxt(io.StringIO(text), delimiter=",", names=True, deletechars="")
     except MotionError:

@@ -19,7 +19,7 @@ from flexlin.simulation.equations import (
 )
 from flexlin.simulation.marks import find_rough_times, with_breaks
 from flexlin.simulation.mesh import Mesh, Trail
-from flexlin.simulation.stepping import GENTLER, SHORTER, stopped
+from flexlin.simulation.stepping import GENTLER, SHORTER, SHORTEST, stopped
 from flexlin.simulation.sweeps import Rigid, Solved, Start, solve_window
 from flexlin.simulation.window import Grid, Path, between
 
@@ -37,8 +37,6 @@ MOST_STEPS = 200_000
 """Steps, refused ones counted, after which a simulation is given up."""
 EVEN, EXCESS = 10.0, 4.0
 """Periods after which the steps that are needed are foreseen, and how many times too many end the simulation."""
-SHORTEST = 1e-13
-"""A step this short against the whole time is no step any more."""
 FURTHER = 1.3
 """How much further windows reach, one after another, behind one whose sweeps did not settle."""
 INSIDE = 1e-13
