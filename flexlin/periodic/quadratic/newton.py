@@ -155,6 +155,7 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
         -D' = Ac' D + D Ac + F,   X <- X + D,   F the residual of X, Ac = A - B R^-1 B' X
 
     The steps are those of Newton's method (Kleinman) where the loop is new; then it is kept, and each corrects what the last one missed.
+    Without an input it is the same from the beginning.
     Source: Kleinman, IEEE Trans. Automat. Control 13 (1968) 114; Dutt, Greengard, Rokhlin, BIT 40 (2000) 241 (deferred correction).
     """
     units = measure_states(X)
@@ -163,7 +164,7 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
     for k in range(ROUNDS):
         F, M = samples.compare(X, nodes.slopes(X))
         with np.errstate(over="ignore", invalid="ignore"):  # of loops that are not stable
-            if last > SLIGHT:
+            if not k or (last > SLIGHT and samples.G.any()):
                 lyapunov = LoopLyapunov(M, nodes, samples.step(problem, nodes))
             D = lyapunov.solve(F)
         if D is None:
