@@ -34,10 +34,10 @@ LAY_OUT = declare(
     "Step *placed, int *slots)",
     lambda steps, *_: ((steps, 4), None, steps, steps, steps, steps, (steps, 4), 1),
 )
-RUN_PROGRAM = declare(
-    "long run_program(long steps, const Step *code, long points, const double *const *in, const long *rows, double *const *out, "
-    "const long *sizes, double *work)",
-    lambda steps, *_: ((steps, 4), None, None, None),
+MARCH_PROGRAM = declare(
+    "long march_program(long steps, const Step *code, long points, long times, long inputs, const double **in, const long *rows, "
+    "const long *ahead, long outputs, double **out, const long *sizes, const long *beyond, double *work)",
+    lambda steps, *given: ((steps, 4), given[3], given[3], given[7], given[7], None),
 )
 
 
@@ -182,14 +182,19 @@ class Layout:
     sizes: Array
 
     def __call__(self, arrays: list[Array], outputs: list[Array]) -> None:
-        """Fill the outputs, each (N, size), from the inputs, each (N, rows).
+        """Fill the outputs, each (N, size), from the inputs, each (N, rows). Raises: as `march`."""
+        self.march(1, arrays, np.zeros_like(self.rows), outputs, np.zeros_like(self.sizes))
+
+    def march(self, times: int, arrays: list[Array], ahead: Array, outputs: list[Array], beyond: Array) -> None:
+        """Do so several times, with inputs and outputs so many numbers further on each time.
 
         Raises: ArgumentError for an operation that the core does not know.
         """
         read, written = addresses(arrays), addresses(outputs, written=True)
         work = np.empty(max(1, self.slots) * TOGETHER)
         points = len(arrays[0]) if arrays else len(outputs[0])
-        unknown = RUN_PROGRAM(len(self.steps), self.steps, points, read, self.rows, written, self.sizes, work)
+        given = len(arrays), read, self.rows, ahead, len(outputs), written, self.sizes, beyond
+        unknown = MARCH_PROGRAM(len(self.steps), self.steps, points, times, *given, work)
         if unknown:
             raise ArgumentError(
                 "an operation of the expressions is not known here", got=name_of(int(self.steps[unknown - 1, 0]))

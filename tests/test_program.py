@@ -9,7 +9,7 @@ import pytest
 from flexlin import symbolic
 from flexlin._core import addresses
 from flexlin.errors import ArgumentError
-from flexlin.program import CONST, INPUT, OUTPUT, RUN_PROGRAM, TOGETHER, Layout, Program, name_of
+from flexlin.program import CONST, INPUT, MARCH_PROGRAM, OUTPUT, TOGETHER, Layout, Program, name_of
 
 UNARY = [
     *(ca.exp, ca.log, ca.sqrt, ca.tan, ca.asin, ca.acos, ca.atan, ca.floor, ca.ceil, ca.fabs, ca.sign),
@@ -123,8 +123,22 @@ def is_scalar(code: int) -> bool:
 def test_random_functions_give_the_same_bits(seed: int) -> None:
     function, rng = random_function(seed), np.random.default_rng(seed)
     made = Program.read(function).lay_out()
-    for points in (1, 31, 32, 33, 100):
+    for points in (1, 8, 9, 32, 33, 40, 41, 100):
         agree(function, [rng.normal(size=(points, 3)), rng.normal(size=(points, 2)), np.zeros((points, 0))], made)
+
+
+@pytest.mark.parametrize("points", [1, 9, 40])
+def test_a_march_takes_each_output_as_the_next_input(points: int) -> None:
+    x, u, p = (ca.SX.sym(name, size) for name, size in (("x", 3), ("u", 2), ("p", 1)))
+    function = ca.Function("step", [x, u, p], [ca.vertcat(ca.sin(x[1]) + u[0], x[2] * p, x[0] - u[1])])
+    rng, made = np.random.default_rng(3), Program.read(function).lay_out()
+    states, driven, held = np.empty((8, points, 3)), rng.normal(size=(7, points, 2)), rng.normal(size=(points, 1))
+    states[0] = rng.normal(size=(points, 3))
+    made.march(
+        7, [states[0], driven[0], held], np.array([3 * points, 2 * points, 0]), [states[1]], np.array([3 * points])
+    )
+    for k in range(7):
+        np.testing.assert_array_equal(states[k + 1], run(made, function, [states[k], driven[k], held])[0][:, :, 0])
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -184,7 +198,8 @@ def test_a_program_in_parts_gives_the_same_numbers(seed: int) -> None:
 def carry_out(part: Layout, arrays: list[np.ndarray], outputs: list[np.ndarray], memory: np.ndarray) -> None:
     """A part of a program on memory whose slots may hold numbers already."""
     read, written = addresses(arrays), addresses(outputs, written=True)
-    assert not RUN_PROGRAM(len(part.steps), part.steps, TOGETHER, read, part.rows, written, part.sizes, memory)
+    places = len(read), read, part.rows, 0 * part.rows, len(written), written, part.sizes, 0 * part.sizes
+    assert not MARCH_PROGRAM(len(part.steps), part.steps, TOGETHER, 1, *places, memory)
 
 
 @pytest.mark.parametrize("seed", range(6))

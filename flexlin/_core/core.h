@@ -7,5 +7,6 @@
 #include <string.h>
 
 #define CALLED __attribute__((visibility("default")))
+#define FORCED static inline __attribute__((always_inline))
 
 #endif

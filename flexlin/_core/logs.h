@@ -88,7 +88,7 @@ static void multiply_block(const vec *W, const vec *R, int G, int start, int sto
 
 /* Logs of the eigenvalues of P 2^exponent in lane l. */
 static int solve_block(vec P[S][S], mask exponent, int start, int stop, int l, double *re, double *im) {
-  double a[EDGE][EDGE];
+  double a[EDGE][EDGE] = {{0.0}};
   int n = stop - start;
   for (int i = 0; i < n; i++)
     for (int j = 0; j < n; j++) a[i][j] = P[i][j][l];
@@ -108,7 +108,7 @@ static mask find_logs(const vec *F, vec *R, int G, vec log_det, double accuracy,
   cut[0] = cut[S] = every_lane();
   for (int sweep = 0;; sweep++) {
     Log logs[S];
-    Reflections last;
+    Reflections last = {0};
     for (int i = 0; i < S; i++) { logs[i].mantissa = splat(1.0); logs[i].exponent = no_lanes(); sign[i] = no_lanes(); }
     for (int g = 0; g < G; g++) {
       vec *T = R + (long)g * S * S;

@@ -4,20 +4,20 @@
 #include <stdint.h>
 
 #define EACH(expression)             \
-  for (int j = 0; j < WIDE; j++) {   \
+  for (int j = 0; j < wide; j++) {   \
     const double x = p[j], y = q[j]; \
     (void)y;                         \
     r[j] = (expression);             \
   }                                  \
   break
 
-/* The sine of WIDE numbers (quarter 0) or their cosine (1): less n pi/2 in three parts, then polynomials on [-pi/4, pi/4]; within an ulp.
+/* The sine of `wide` numbers (quarter 0) or their cosine (1): less n pi/2 in three parts, then polynomials on [-pi/4, pi/4]; within an ulp.
  * Large ones are the library's. Source: fdlibm 5.3, e_rem_pio2.c, k_sin.c, k_cos.c. */
-static void turn(const double *angles, double *to, int quarter) {
+FORCED void turn(const int wide, const double *angles, double *to, int quarter) {
   double own[WIDE];
   int small = 1;
-  memcpy(own, angles, sizeof own);
-  for (int j = 0; j < WIDE; j++) {
+  memcpy(own, angles, wide * sizeof *own);
+  for (int j = 0; j < wide; j++) {
     double shifted = own[j] * 6.36619772367581382433e-01 + 0x1.8p52, n = shifted - 0x1.8p52; /* the nearest whole number, in the last bits too */
     uint64_t which;
     memcpy(&which, &shifted, sizeof which);
@@ -34,21 +34,21 @@ static void turn(const double *angles, double *to, int quarter) {
     to[j] = which & 2 ? -value : value;
     small &= fabs(own[j]) <= 1e5;
   }
-  for (int j = 0; j < WIDE && !small; j++)
+  for (int j = 0; j < wide && !small; j++)
     if (!(fabs(own[j]) <= 1e5)) to[j] = quarter ? cos(own[j]) : sin(own[j]);
 }
 
-long run_steps(long steps, const Step *code, double *memory) {
+FORCED long run_lanes(const int wide, long steps, const Step *code, double *memory) {
   for (long k = 0; k < steps; k++) {
     const Step s = code[k];
-    double *r = memory + (long)s.to * WIDE;
+    double *r = memory + (long)s.to * wide;
     if (s.op == 44) {
       double value;
       memcpy(&value, &code[k].a, sizeof value);
-      for (int j = 0; j < WIDE; j++) r[j] = value;
+      for (int j = 0; j < wide; j++) r[j] = value;
       continue;
     }
-    const double *p = memory + (long)s.a * WIDE, *q = memory + (long)s.b * WIDE;
+    const double *p = memory + (long)s.a * wide, *q = memory + (long)s.b * wide;
     switch (s.op) {
     case 0: EACH(x);
     case 1: EACH(x + y);
@@ -64,7 +64,7 @@ long run_steps(long steps, const Step *code, double *memory) {
     case 11: EACH(x * x);
     case 12: EACH(2.0 * x);
     case 13:
-    case 14: turn(p, r, s.op - 13); break;
+    case 14: turn(wide, p, r, s.op - 13); break;
     case 15: EACH(tan(x));
     case 16: EACH(asin(x));
     case 17: EACH(acos(x));
@@ -103,3 +103,7 @@ long run_steps(long steps, const Step *code, double *memory) {
   }
   return 0;
 }
+
+long run_steps(long steps, const Step *code, double *memory) { return run_lanes(WIDE, steps, code, memory); }
+
+long run_few(long steps, const Step *code, double *memory) { return run_lanes(FEW, steps, code, memory); }

@@ -96,22 +96,23 @@ CALLED long lay_out(long steps, const Step *code, const int *wanted, char *live,
 
 /* Carry out a program for many points. in[k]: points x rows[k]; out[k]: points x sizes[k]; work: slots x WIDE numbers. Returns 0, or the
    number of a step whose operation is not known. */
-CALLED long run_program(long steps, const Step *code, long points, const double *const *in, const long *rows, double *const *out,
-                        const long *sizes, double *work)
+long run_program(long steps, const Step *code, long points, const double *const *in, const long *rows, double *const *out,
+                 const long *sizes, double *work)
 {
-    for (long first = 0; first < points; first += WIDE) {
-        const int many = points - first < WIDE ? (int)(points - first) : WIDE;
+    for (long first = 0, wide; first < points; first += wide) {
+        wide = points - first > FEW ? WIDE : FEW;
+        const long many = points - first < wide ? points - first : wide;
         for (long k = 0; k < steps;) {
             const Step s = code[k];
             if (s.op == INPUT) {
                 const double *from = in[s.a] + first * rows[s.a] + s.b;
-                double *to = work + (size_t)s.to * WIDE;
-                for (int j = 0; j < WIDE; j++)
+                double *to = work + s.to * wide;
+                for (int j = 0; j < wide; j++)
                     to[j] = from[(j < many ? j : 0) * rows[s.a]];
                 k++;
             } else if (s.op == OUTPUT) {
                 double *to = out[s.to] + first * sizes[s.to] + s.b;
-                const double *from = work + (size_t)s.a * WIDE;
+                const double *from = work + s.a * wide;
                 for (int j = 0; j < many; j++)
                     to[j * sizes[s.to]] = from[j];
                 k++;
@@ -119,12 +120,29 @@ CALLED long run_program(long steps, const Step *code, long points, const double 
                 long end = k + 1;
                 while (end < steps && code[end].op != INPUT && code[end].op != OUTPUT)
                     end++;
-                const long unknown = run_steps(end - k, code + k, work);
+                const long unknown = (wide == WIDE ? run_steps : run_few)(end - k, code + k, work);
                 if (unknown)
                     return k + unknown;
                 k = end;
             }
         }
+    }
+    return 0;
+}
+
+/* The same `times` times: input and output k stand ahead[k] and beyond[k] numbers further on each time, so that an output may be the next
+   time's input. Both tables are changed. */
+CALLED long march_program(long steps, const Step *code, long points, long times, long inputs, const double **in, const long *rows,
+                          const long *ahead, long outputs, double **out, const long *sizes, const long *beyond, double *work)
+{
+    for (long t = 0; t < times; t++) {
+        const long unknown = run_program(steps, code, points, in, rows, out, sizes, work);
+        if (unknown)
+            return unknown;
+        for (long k = 0; k < inputs; k++)
+            in[k] += ahead[k];
+        for (long k = 0; k < outputs; k++)
+            out[k] += beyond[k];
     }
     return 0;
 }

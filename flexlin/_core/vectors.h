@@ -16,7 +16,6 @@ typedef long long mask __attribute__((vector_size(sizeof(vec))));
 #define REGISTERS 16
 #endif
 #define UNROLL _Pragma("GCC unroll 36")
-#define FORCED static inline __attribute__((always_inline))
 
 static inline vec v_choose(mask where, vec a, vec b) { return (vec)((where & (mask)a) | (~where & (mask)b)); }
 static inline vec v_abs(vec a) { return (vec)((mask)a & 0x7fffffffffffffffLL); }

@@ -147,6 +147,12 @@ class Compiled:
         self.layout([np.ascontiguousarray(one) for one in inputs], outputs)
         return [one.transpose(0, 2, 1) for one in outputs]
 
+    def march(self, states: Array, driven: Sequence[Array], held: Sequence[Array]) -> None:
+        """Fill states[k + 1] (K + 1, N, rows) from states[k], driven[k] (K, N, rows) and what is held (N, rows)."""
+        moving = [states, *driven]
+        ahead = np.array([one[0].size for one in moving] + [0] * len(held))
+        self.layout.march(len(states) - 1, [*(one[0] for one in moving), *held], ahead, [states[1]], ahead[:1])
+
 
 @dataclass(frozen=True, eq=False)
 class Logged:

@@ -18,7 +18,7 @@ DECAYING = 2.0
 FINEST = 64
 """Steps for one of the log's, at the most."""
 BLOCK = 2**14
-"""Nodes whose slopes are held at once."""
+"""Nodes that are computed at once, and whose slopes are held."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,8 +190,9 @@ class Shooting:
         same = [np.tile(value, (count, 1)) for value in (known, p, np.array([w.h]))]
         states = np.empty((w.steps + 1, count, 2 * self.model.n))
         states[0] = start
-        for k in range(w.steps):
-            states[k + 1] = self.step(states[k], phases[0][k], phases[1][k], *same)[0][:, :, 0]
+        block = max(1, BLOCK // count)
+        for first in range(0, w.steps, block):
+            self.step.march(states[first : first + block + 1], [one[first : first + block] for one in phases], same)
         return states
 
     def around(self, p: Array, count: int) -> list[Array]:
