@@ -103,12 +103,14 @@ SHORT void complete(vec *P, const vec *W) {
 #endif
 }
 
-typedef struct { vec W[H * S], square[H * S], cube[S * S]; } Powers; /* V of B, B^2, B^3; that of [0 I; W] is [0 I], its square's W */
+typedef struct { const vec *W, *square; vec squared[H * S], cube[S * S]; } Powers; /* V of B, B^2, B^3; that of [0 I; W] is [0 I], its square's W */
 
 static void find_powers(const vec *W, Powers *p) {
-  memcpy(p->W, W, sizeof p->W);
-  if (IS_FULL) raise(W, W, p->square);
-  else memcpy(p->square, W, sizeof p->W);
+  p->W = p->square = W;
+  if (IS_FULL) {
+    raise(W, W, p->squared);
+    p->square = p->squared;
+  }
   raise(p->square, W, p->cube);
 }
 

@@ -162,7 +162,7 @@ static void make_factor(const Segment *now, const Segment *next, const double *r
   divide(now->D, next->D, Z);
   for (int i = 0; i < H * S; i++) below[i] = E[OFF * S + i] + Z[i];
   add_product(Z, E, below);
-  memcpy(E + OFF * S, below, sizeof below);
+  UNROLL for (int i = 0; i < H * S; i++) E[OFF * S + i] = below[i];
   for (int i = 0; i < S; i++) E[i * S + i] += 1.0;
 }
 

@@ -60,7 +60,7 @@ FURTHER = STEPS[1] ** 2
 """Pilots that need so many times more than the others are given up."""
 MARGIN = 1.06
 """What values are given over what pilots needed: a second trial costs more."""
-PILOTS, EACH = (16, 64), 48
+PILOTS, EACH = (16, 256), 64
 """Values that are tried: one of so many, within limits. A trial of one costs as much as three of the values."""
 
 
