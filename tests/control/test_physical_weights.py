@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.control import design, physical_weights
@@ -92,3 +93,24 @@ def test_sizes_that_do_not_fit_the_arm_are_refused():
     assert weigh(two, joints=["1 deg", "2 deg", "3 deg"])[0](np.zeros(1)).shape[-1] == 2 * two.n
     with pytest.raises(ArgumentError, match="to know the coordinates"):
         design(lin.periodic_system(), fl.load_scene("single-link").designs[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("torque", "tol"), [("30 N m", 1e-6), ("3 N m", 1e-9)])
+def test_strict_weights_on_cheap_inputs_are_solved(torque, tol):
+    """Modes of the loop decay in microseconds and X changes in kinks: it keeps Riccati's equation, integrated by SciPy's Radau."""
+    scene = fl.load_scene("pick-and-place")
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    Q, R = weigh(lin, tip="5 mm", joints="0.5 deg", rates="10 deg/s", input=torque)
+    found, system = fl.periodic_lqr(lin, Q, R, tol=tol), lin.periodic_system()
+    assert found.status == "converged"
+    assert found.error <= tol
+    n = system.A(0.0).shape[0]
+
+    def fall(back, x, end=1.0):
+        X, t = x.reshape(n, n), np.array([end - back])
+        A, pull = system.A(t)[0], system.B(t)[0].T @ X
+        return (X @ A + A.T @ X - pull.T @ np.linalg.solve(R, pull) + Q(t)[0]).ravel()
+
+    wanted = solve_ivp(fall, (0, 0.004), found.X(1.0).ravel(), "Radau", rtol=1e-8, atol=1e-12).y[:, -1].reshape(n, n)
+    assert np.abs(found.X(0.996) - wanted).max() <= max(1e-7, found.error) * np.abs(wanted).max()

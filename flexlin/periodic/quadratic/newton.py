@@ -185,8 +185,9 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
 
         -D' = Ac' D + D Ac + W + G,   -W <= F <= W,   -r W <= G <= r W,   D > 0 at one time
 
-    W is diagonal and constant on each panel, G what is left over of D's own equation. With D1 = D / (1 - r), by Lyapunov's theorem the
-    loop Ac is stable. An error E of X obeys Lyapunov's equation with the right side F - E S E; with q = max tr(S D1) tr(W^-1 D1) < 1/4 the
+    W is diagonal, and constant but on panels of a rounding's length, so that D is as smooth as the loop. G is what is left over of D's
+    own equation. With D1 = D / (1 - r), by Lyapunov's theorem the loop Ac is stable. An error E of X obeys Lyapunov's equation with the
+    right side F - E S E; with q = max tr(S D1) tr(W^-1 D1) < 1/4 the
     map from E to its solution keeps
 
         -k D1 <= E <= k D1,   |E_ij| <= k sqrt(D1_ii D1_jj),   k = 2 / (1 + sqrt(1 - 4 q))
@@ -203,6 +204,9 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     noise = ROUNDING * samples.sum_sizes(X_between, slopes)
     doubt = samples.doubt(problem, between, X_between)
     rows = [np.abs(part).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for part in (F, noise + doubt)]
+    short = np.diff(nodes.edges) <= ROOT * nodes.edges[-1]
+    for part in rows:
+        part[~short] = part[~short].max(axis=0)
     W = rows[0] + rows[1]
     W = np.maximum(W, SLIGHT * W.max(axis=1, keepdims=True) + 1e-100)
     W_between, W_nodes = (np.repeat(W, count // panels, axis=0) for count in (len(between), nodes.count))
