@@ -107,4 +107,4 @@ def check_size(what: str, size: int, todo: str) -> None:
     """Refuse a request of unreasonable size before anything is allocated."""
     limit = _limit.get()
     if size > limit:
-        raise TooLarge(f"{what} is too large", got=f"{size} bytes", expected=f"at most {limit} bytes", todo=todo)
+        raise TooLarge(f"{what} is too large", got=f"{size:,} bytes", expected=f"at most {limit:,} bytes", todo=todo)

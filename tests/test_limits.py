@@ -169,7 +169,7 @@ def test_a_block_that_takes_too_much_memory_is_ended() -> None:
 
     with (
         pytest.raises(
-            TooLarge, match=r"the table: stopped at the limit of memory; got \d+ bytes, expected at most 50000000 bytes"
+            TooLarge, match=r"the table: stopped at the limit of memory; got [\d,]+ bytes, expected at most 50,000,000 bytes"
         ),
         time_limit("the table", 60.0, 5e7),
     ):
@@ -253,7 +253,7 @@ def test_another_thread_is_let_run() -> None:
 def test_the_limit_of_memory_holds_within_its_block() -> None:
     with memory_limit(1000):
         check_size("a table", 1000, "less")
-        with pytest.raises(TooLarge, match="1001 bytes, expected at most 1000 bytes"):
+        with pytest.raises(TooLarge, match="1,001 bytes, expected at most 1,000 bytes"):
             check_size("a table", 1001, "less")
     check_size("a table", LIMIT, "less")
     for wrong in (0.0, -1.0, float("nan")):

@@ -90,7 +90,7 @@ ENDS = {
         "limit(60, 1e6); list(range(10**9))",
         2,
         "",
-        "stopped at the limit of memory of 1e+06 bytes, which it did not keep by itself; allow more (--limit-memory above",
+        "stopped at the limit of memory of 1,000,000 bytes, which it did not keep by itself; allow more (--limit-memory above",
     ),
 }
 

@@ -194,7 +194,7 @@ def out_of_memory(name: str, taken: int, allowed: Allowance) -> TooLarge:
     """The error of a stage that took too much memory."""
     return TooLarge(
         f"{name}: stopped at the limit of memory",
-        got=f"{taken} bytes",
-        expected=f"at most {allowed.memory:.0f} bytes",
+        got=f"{taken:,} bytes",
+        expected=f"at most {allowed.memory:,.0f} bytes",
         todo=allowed.more_memory,
     )

@@ -210,7 +210,7 @@ class Watch:
         if read_resident(work) > BEYOND * self.memory + LIBRARIES:
             self.code = BAD_INPUT
             return (
-                f"stopped at the limit of memory of {self.memory:g} bytes, which it did not keep by itself; "
+                f"stopped at the limit of memory of {self.memory:,.0f} bytes, which it did not keep by itself; "
                 f"allow more (--limit-memory above {self.memory:g}, or memory in the scene's [accuracy])"
             )
         return ""

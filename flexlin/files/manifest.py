@@ -29,7 +29,7 @@ def read_text(path: Path, most: int) -> str:
         refuse_odd(os.fstat(file.fileno()), most)  # another one may have come in its place
         content = file.read(most + 1)
     if len(content) > most:  # files of the system itself state no size
-        raise OSError(f"it has more than {most} bytes")
+        raise OSError(f"it has more than {most:,} bytes")
     return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -38,7 +38,7 @@ def refuse_odd(about: os.stat_result, most: int) -> None:
     if not stat.S_ISREG(about.st_mode):
         raise OSError("it is no regular file")
     if about.st_size > most:
-        raise OSError(f"it has {about.st_size} bytes, more than {most}")
+        raise OSError(f"it has {about.st_size:,} bytes, more than {most:,}")
 
 
 @dataclass(frozen=True)

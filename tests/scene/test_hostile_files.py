@@ -103,11 +103,11 @@ def test_files_of_absurd_size_are_not_read(tmp_path):
         file.truncate(2**26 + 1)
     (tmp_path / "scene.toml").write_text(with_table("'big.csv'"), encoding="utf-8")
     scene = fl.load_scene(tmp_path / "scene.toml")
-    with pytest.raises(MotionError, match="67108865 bytes"):
+    with pytest.raises(MotionError, match="67,108,865 bytes"):
         fl.linearize(fl.build_manipulator(scene), scene.motion)
     with (tmp_path / "big.toml").open("wb") as file:
         file.truncate(2**20 + 1)
-    with pytest.raises(SceneError, match="1048577 bytes"):
+    with pytest.raises(SceneError, match="1,048,577 bytes"):
         fl.load_scene(tmp_path / "big.toml")
 
 

@@ -105,10 +105,10 @@ def test_unreasonable_sizes_are_refused_before_anything_is_allocated():
     x = ca.SX.sym("x", 12)
     P = fl.taylor(ca.sin(ca.sum1(x)), x, np.zeros(12), 3)
     tracemalloc.start()
-    with pytest.raises(TooLarge, match=r"\d+ bytes"):
+    with pytest.raises(TooLarge, match=r"[\d,]+ bytes"):
         fl.taylor(ca.sin(ca.sum1(x)), x, np.zeros(12), 14)
     big = fl.taylor(ca.sin(X[0]), X, POINT, 28)
-    with pytest.raises(TooLarge, match=str(8 * 2**28 * 3)):
+    with pytest.raises(TooLarge, match=f"{8 * 2**28 * 3:,} bytes"):
         big.derivative(28)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
