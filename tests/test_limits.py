@@ -169,7 +169,8 @@ def test_a_block_that_takes_too_much_memory_is_ended() -> None:
 
     with (
         pytest.raises(
-            TooLarge, match=r"the table: stopped at the limit of memory; got [\d,]+ bytes, expected at most 50,000,000 bytes"
+            TooLarge,
+            match=r"the table: stopped at the limit of memory; got [\d,]+ bytes, expected at most 50,000,000 bytes",
         ),
         time_limit("the table", 60.0, 5e7),
     ):
