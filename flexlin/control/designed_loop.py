@@ -261,7 +261,7 @@ def describe_gain(solution: RiccatiSolution, error: float, tol: float) -> str:
             expected=f"at most {tol:.1g}",
             todo="bring states, inputs and weights to like sizes: R is small beside B' X B",
         )
-    if error <= tol or solution.error > tol:
+    if error <= max(tol, solution.error):
         return solution.status
     return (
         f"X has converged to {solution.error:.1g}, which K = R^-1 (B' X + N') amplifies: error {error:.1g} of the gain "
