@@ -93,15 +93,16 @@ class ChebyshevPanels:
         if left:
             t = np.where(t == 0, period, t)
         panel = np.clip(np.searchsorted(self.edges, t, side="left" if left else "right") - 1, 0, shape[0] - 1)
+        order = np.argsort(panel, kind="stable")
+        t, panel = t[order], panel[order]
         begin, end = self.edges[panel], self.edges[panel + 1]
         basis = chebyshev_basis(((t - begin) - (end - t)) / (end - begin), shape[1])
         flat = self.coefficients.reshape(*shape[:2], -1)
         values = np.empty((len(t), flat.shape[2]))
-        order = np.argsort(panel, kind="stable")
-        bounds = np.searchsorted(panel[order], np.arange(shape[0] + 1))
+        bounds = np.searchsorted(panel, np.arange(shape[0] + 1))
         for p in np.flatnonzero(np.diff(bounds)):
-            rows = order[bounds[p] : bounds[p + 1]]
-            values[rows] = basis[rows] @ flat[p]
+            rows = slice(bounds[p], bounds[p + 1])
+            values[order[rows]] = basis[rows] @ flat[p]
         return values.reshape(len(t), *shape[2:])
 
     def derivative(self) -> "ChebyshevPanels":

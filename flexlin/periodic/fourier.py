@@ -8,6 +8,9 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, at_times
 
+CACHED = 2**18
+"""Bytes of waves that are made at a time, to stay in the processor's cache."""
+
 
 def fourier_nodes(count: int, period: float) -> Array:
     """Return the times j T / N, j = 0 ... N - 1."""
@@ -129,7 +132,9 @@ class FourierSeries:
 
     def _evaluate(self, t: Array) -> Array:
         flat = self.coefficients.reshape(len(self.coefficients), -1)
-        values = fourier_basis(t / self.period, self.degree)[:, 1:] @ flat[1:]
+        values, some = np.empty((len(t), flat.shape[1])), max(1, CACHED // (8 * len(flat)))
+        for part in (slice(i, i + some) for i in range(0, len(t), some)):
+            np.matmul(fourier_basis(t[part] / self.period, self.degree)[:, 1:], flat[1:], out=values[part])
         values += flat[0]  # last: many small waves added to a large mean would round once each
         return values.reshape(len(values), *self.coefficients.shape[1:])
 

@@ -18,7 +18,7 @@ WIDE = 1 / 20
 """Of the period: what is wider is not narrow."""
 COVERED = 4.5
 """Where q' leaves zero as t^p, it passes the rate after p times the half-width there; p is at most 4 in the shipped motions."""
-PARTS, ROUNDS = 32, 8
+PARTS, ROUNDS = 256, 5
 """Into how many parts an interval is divided at a time, and how often: to rounding."""
 
 
