@@ -182,6 +182,8 @@ class Together:
             return None
         if kernel.model.size not in SIZES:
             return None
+        if source.may_be_narrow and all(map(source.is_narrow, points[spread_over(len(points), WIDTH)])):
+            return None
         scale = kernel.balance(points[spread_over(len(points), 3 * WIDTH)])
         needs = learn_needs(kernel, points, scale, tol)
         made = cls(Later(source), source.may_be_narrow, tol, kernel, scale, needs, len(points))
