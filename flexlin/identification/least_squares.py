@@ -95,7 +95,8 @@ def solve(
         gained = np.zeros(len(start))
         for _ in range(8):
             trial = problem.at(*take_step(problem, point, slopes, damping))
-            gain = together(problem, point.costs - trial.costs)
+            with np.errstate(invalid="ignore"):
+                gain = together(problem, point.costs - trial.costs)
             better = gain > 0
             point, gained = choose(point, trial, better), np.where(better, gain, gained)
             damping = np.where(better, damping / 5, damping * 5)

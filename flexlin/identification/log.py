@@ -212,9 +212,11 @@ def check_times(given: Array) -> Array:
 def check_readings(name: str, given: Array, count: int) -> Array:
     """Readings, some of which may be missing."""
     try:
+        if np.iscomplexobj(given):
+            raise TypeError
         values = np.asarray(given, dtype=float)
     except (TypeError, ValueError):
-        raise ArgumentError(f"{name} is not numeric", got=repr(given)[:80], expected="numbers") from None
+        raise ArgumentError(f"{name} is not numeric", got=repr(given)[:80], expected="real numbers") from None
     if values.shape != (count,):
         raise ArgumentError(f"{name} has the wrong shape", got=values.shape, expected=f"({count},), a reading a time")
     if np.isinf(values).any():

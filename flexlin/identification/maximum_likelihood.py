@@ -12,7 +12,7 @@ from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.identification.equations import Logged
 from flexlin.identification.least_squares import Evidence, Point, Problem, leave_unknown, solve, weigh_evidence
 from flexlin.identification.log import Log
-from flexlin.identification.prediction import Prediction, deviations, find_starts, predict, prepare
+from flexlin.identification.prediction import Prediction, deviations, find_starts, name_missed, predict, prepare
 from flexlin.identification.shooting import Windows
 from flexlin.plots.view import Series, Shown, View
 from flexlin.progress import part
@@ -29,6 +29,8 @@ ROUNDS = 6
 """Times that noise, and shapes of links that carry fitted masses, are found anew."""
 UNEXPLAINED = 0.2
 """Share of the readings' deviations below which a start is good, and no other is tried."""
+FAR = 10.0
+"""A number that changes by more, where residuals are coloured, may make up for a column's wrong sign or unit."""
 SETTLED = 0.02
 """Relative change of the noise below which it is known."""
 SCREENED = 4
@@ -203,7 +205,7 @@ def identify(
         made, known, evidence.errors, evidence.unknown, evidence.covariance, evidence.correlations, prediction.fit,
         dict(zip(prediction.fit, problem.sigma.tolist(), strict=True)),
         dict(zip(prediction.fit, evidence.colour.tolist(), strict=True)),
-        prediction, settled, describe(evidence, prediction, hold_back, settled),
+        prediction, settled, describe(evidence, prediction, hold_back, settled, find_far(scene, known), log.notes),
     )  # fmt: skip
 
 
@@ -316,7 +318,16 @@ def place_uncertainty(scene: Scene, evidence: Evidence, limits: tuple[Array, Arr
     return parse_scene(raw_tables(scene), scene.title, {"uncertainty": table}) if table else scene
 
 
-def describe(evidence: Evidence, prediction: Prediction, hold_back: float, settled: bool) -> str:
+def find_far(scene: Scene, known: dict[str, float]) -> list[str]:
+    """The numbers that are more than ten times what the scene had, or less than a tenth."""
+    before = {path: float(get_value(scene, path)) for path in known if not path.startswith("log.")}
+    sizes = {path: sorted((abs(value), abs(known[path]))) for path, value in before.items()}
+    return [path for path, (small, large) in sizes.items() if large > FAR * small > 0]
+
+
+def describe(
+    evidence: Evidence, prediction: Prediction, hold_back: float, settled: bool, far: list[str], notes: Iterable[str]
+) -> str:
     """What was found, and what to do."""
     said = [] if settled else ["the time ended before the search had settled, so errors are not known: allow more"]
     for group in evidence.unknown:
@@ -331,8 +342,12 @@ def describe(evidence: Evidence, prediction: Prediction, hold_back: float, settl
         said.append(
             "residuals are coloured, so something is missing in the equations or the noise; the errors allow for it"
         )
-    low = [f"{name} ({value:.0f} %)" for name, value in prediction.fit.items() if value < 50]
-    if low:
-        said.append(f"less than half is predicted of {', '.join(low)}: try other effects, delays or filters")
+    if evidence.coloured and far:
+        said.append(f"{', '.join(far)} went far from the scene's: check signs, units and gains of the log's columns")
+    missed = name_missed(prediction.fit, prediction.measured, prediction.outputs)
+    if missed:
+        said.append(
+            f"less than half is predicted of {', '.join(missed)}: check sign and unit, or try other effects, delays or filters"
+        )
     kept = "the last part of the log, which was not fitted" if hold_back else "what was fitted"
-    return "; ".join([*(said or ["all numbers are known"]), f"the fit is over {kept}"])
+    return "; ".join([*(said or ["all numbers are known"]), f"the fit is over {kept}", *notes])

@@ -19,6 +19,8 @@ from flexlin.summary import represent
 if TYPE_CHECKING:
     import xarray
 
+HALF = 50.0
+"""Fit in percent below which a column is said to be missed."""
 SETTLE = 0.2
 """Seconds of a window from which its starting state is found."""
 
@@ -148,7 +150,7 @@ def predict(scene: Scene, log: Log, window: float = 2.0, settle: float = SETTLE)
     measured = {name: readings[at][:, j] for j, name in enumerate(names)}
     outputs = {name: made[at][:, j] for j, name in enumerate(names)}
     fit = {name: percent(measured[name], outputs[name]) for name in names}
-    status = describe(windows, kept, settle, log, fit)
+    status = describe(windows, kept, settle, log, name_missed(fit, measured, outputs))
     return Prediction(fit, log.time[windows.rows[at]], outputs, measured, windows.starts, found.start, status)
 
 
@@ -198,21 +200,34 @@ def spread_over_motors(reference: Array, n: int) -> Array:
 
 
 def percent(measured: Array, predicted: Array) -> float:
-    """100 (1 - |error| / |deviation from the mean|) where both are known."""
+    """100 (1 - |error| / |deviation from the mean|) where both are known; not a number where nothing varies."""
     known = np.isfinite(measured) & np.isfinite(predicted)
-    around = np.linalg.norm(measured[known] - measured[known].mean()) if known.any() else 0.0
-    return float(100 * (1 - np.linalg.norm((measured - predicted)[known]) / around)) if around > 0 else float("nan")
+    if not known.any() or np.ptp(measured[known]) == 0:
+        return float("nan")
+    around = np.linalg.norm(measured[known] - measured[known].mean())
+    return float(100 * (1 - np.linalg.norm((measured - predicted)[known]) / around))
 
 
-def describe(windows: Windows, kept: Array, settle: float, log: Log, fit: dict[str, float]) -> str:
+def name_missed(fit: dict[str, float], measured: dict[str, Array], predicted: dict[str, Array]) -> list[str]:
+    """The columns of which less than half is predicted, each with the factor that would make it more than half, where one does."""
+    said = []
+    for name in [name for name, value in fit.items() if value < HALF]:
+        known = np.isfinite(measured[name]) & np.isfinite(predicted[name])
+        m, p = (group[name][known] - group[name][known].mean() for group in (measured, predicted))
+        factor = float(m @ p / max(p @ p, 1e-300))
+        also = f", reads {factor:.2g} times what is predicted" if percent(m, factor * p) >= HALF else ""
+        said.append(f"{name} ({fit[name]:.0f} %{also})")
+    return said
+
+
+def describe(windows: Windows, kept: Array, settle: float, log: Log, missed: list[str]) -> str:
     """What the figures rest on, in words."""
     length = float((windows.ends - windows.starts).max())
     said = [f"{windows.count} windows of {length:.3g} s, their starting states from their first {settle:.3g} s"]
     if not kept.all():
         said.append(f"{int((~kept).sum())} diverge and are left out")
-    low = [name for name, value in fit.items() if value < 50]
-    if low:
+    if missed:
         said.append(
-            f"less than half of {', '.join(low)} is predicted: check sign, unit and gain, or identify the scene"
+            f"less than half is predicted of {', '.join(missed)}: check sign, unit and gain, or identify the scene"
         )
     return "; ".join([*said, *log.notes])

@@ -98,6 +98,17 @@ def test_what_no_reading_sees_is_unknown():
 
 
 @pytest.mark.slow
+def test_numbers_that_make_up_for_a_wrong_sign_are_named():
+    scene, time, readings = clean()
+    torque = 0.3 * swing(time)[0]
+    wrong = fl.identify(scene, noisy(time, readings, [-torque], 3), FREE, window=1.0, starts=1)
+    assert "effects.viscous_friction.coefficient went far from the scene's" in wrong.status.replace(
+        "effects.payload.mass, ", ""
+    )
+    assert "check signs" in wrong.status
+
+
+@pytest.mark.slow
 def test_coloured_residuals_widen_the_errors():
     scene, time, readings = clean()
     rng = np.random.default_rng(5)

@@ -1,5 +1,6 @@
 """Predictions of logs, against SciPy's integrator and by known shifts."""
 
+import re
 from functools import lru_cache
 
 import numpy as np
@@ -37,6 +38,20 @@ def test_another_payload_is_seen():
     log, _ = usual_log()
     other = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "effects.payload.mass": 0.5})
     assert fl.predict(other, log).fit["q1"] < 90
+
+
+def test_a_column_in_another_unit_is_named_with_its_factor():
+    log, _ = usual_log()
+    column = log.outputs["q1"]
+    for factor, said in ((1e3, "reads 1e.03 times"), (-1e3, "reads -1e.03 times")):
+        wrong = fl.Log(
+            log.time, log.inputs, {**log.outputs, "q1": column, "q1_rate": factor * np.gradient(column, log.time)}
+        )
+        assert re.search(f"q1_rate .*{said} what is predicted", fl.predict(SCENE, wrong).status)
+    still = fl.Log(log.time, log.inputs, {**log.outputs, "q1_rate": 0.3 + 0 * column})
+    found = fl.predict(SCENE, still)
+    assert np.isnan(found.fit["q1_rate"])
+    assert "q1_rate is constant" in found.status
 
 
 @pytest.mark.slow
