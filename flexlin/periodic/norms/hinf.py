@@ -19,7 +19,7 @@ from flexlin.periodic.norms.h2 import check_ports
 from flexlin.periodic.norms.levels import BoundedReal, PeakSearch
 from flexlin.periodic.precision import TINY
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.resolve import resolve, resolve_constant
+from flexlin.periodic.resolved.resolve import resolve_constant, resolve_port
 from flexlin.periodic.roots import MOST
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
@@ -115,9 +115,7 @@ def hinf_norm(
     if verdict.verdict != "stable":
         raise NotStable("the norm is infinite or unknown", got=verdict.status, expected="a stable system")
     known = (
-        resolve(
-            one, system.period, system.breaks, system.features, complete=system.complete and has_nothing_narrow(one)
-        )
+        resolve_port(one, system.period, system.breaks, system.features, system.complete and has_nothing_narrow(one))
         for one in (output, through)
     )
     problem = BoundedReal(system, verdict, system.resolved_input, *known)
