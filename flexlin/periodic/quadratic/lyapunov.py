@@ -7,7 +7,8 @@ from flexlin.periodic.coefficients import Constant, MatrixFunction
 from flexlin.periodic.precision import EPS
 from flexlin.periodic.quadratic.nodes import Nodes
 from flexlin.periodic.quadratic.scattering import MAX_DOUBLINGS, symmetrize, transpose
-from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.periodic.transition.factors import factor_states
+from flexlin.periodic.transition.gauss import collect_chunks, gauss, sample_at
 
 REACH = 0.25
 """Size of a step times the loop from which on a few powers give its exponential."""
@@ -129,7 +130,9 @@ def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
     edges = np.concatenate([[-halves[0, 0]], np.cumsum(halves.T) - halves[0, 0]])
     if not np.abs(A(nodes.t)).sum(axis=2).max() * halves.max() < SHORT:
         return None
-    steps = gauss_transitions(lambda t: A(np.mod(t, nodes.period)), edges, STAGES) * (units[:, None] / units)
+    rule, h = gauss(STAGES), np.diff(edges)
+    steps = collect_chunks(lambda t, k: factor_states(sample_at(A, np.mod(t, nodes.period)), h[k], rule), edges, rule)
+    steps *= units[:, None] / units
     return np.concatenate([steps[0::2], steps[1::2]])
 
 
