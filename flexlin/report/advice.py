@@ -250,7 +250,7 @@ def warn_of_design(a: Analysis, loop: Loop) -> str:
 def comment_on_tip(a: Analysis) -> list[str]:
     """Where the steady tip error comes from, and what lowers it, if it is worth lowering."""
     if a.response is None:
-        return [f"There is no periodic response: {a.problems['response']}."]
+        return [f"No periodic response was found: {a.problems['response']}."]
     if a.own.verdict == "unstable":
         return ["The periodic response shown here exists but is unstable: the arm leaves it."]
     largest = float(a.response.tip_error.max())

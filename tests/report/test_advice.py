@@ -215,7 +215,7 @@ def test_the_elastic_motion_is_believed_where_it_changes_the_verdict(single_link
 def test_what_is_missing_is_said(single_link: Analysis) -> None:
     problems = {"response": "resonant", "simulation": "it diverges"}
     gone = told(replace(single_link, response=None, simulation=None, problems=problems))
-    assert "There is no periodic response: resonant." in gone
+    assert "No periodic response was found: resonant." in gone
     assert "The nonlinear simulation has no answer: it diverges." in gone
     assert "no answer" not in told(single_link)
     assert "disturbances of up to" in gone

@@ -30,4 +30,4 @@ def test_a_motion_without_a_periodic_response_says_so(tmp_path: Path, capsys: py
     data = json.loads((tmp_path / "report.json").read_text())
     assert data["floquet"]["verdict"] == "undecided"
     assert "multiplier" in data["forced_response"]["problem"]
-    assert "no periodic response" in capsys.readouterr().out
+    assert "No periodic response was found" in capsys.readouterr().out
