@@ -171,7 +171,7 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
                 peak, aside = search.best[0], tol / 2
                 continue
         elif one.side > 0 and level > least:
-            high = level + lost
+            high = min(high, level + lost)
             if unbounded:
                 continue
         else:
