@@ -147,7 +147,8 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
     """The middle of a level below and a level above the norm, as near to the largest gain that was found as the exponents' errors allow.
 
     A level that no gain equals is above all of them where it is above one: that at the frequency where the least was found.
-    The feedthrough's own gain is the least level. Raises: ToleranceNotReached when no level exceeds the norm.
+    The feedthrough's own gain is the least level; one that is said to lie below, where no larger gain is found, says nothing.
+    Raises: ToleranceNotReached when no level exceeds the norm.
     """
     direct = find_largest_gain(problem.D)  # no level below it has a Hamiltonian system
     largest = find_largest_gain(problem.B), find_largest_gain(problem.C)
@@ -165,9 +166,9 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
         else:
             level = (low + high) / 2
         one, lost = search.judge(level, aside * peak)
-        if one.side < 0:
+        if one.side < 0 and (not unbounded or search.look_between(one.frequencies)):
             low = max(low, level - lost)
-            if unbounded and search.look_between(one.frequencies):
+            if unbounded:
                 peak, aside = search.best[0], tol / 2
                 continue
         elif one.side > 0 and level > least:
