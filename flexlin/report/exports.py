@@ -138,16 +138,25 @@ def storable(data: xarray.Dataset) -> xarray.Dataset:
         named = {key: part.assign_attrs(data[name].attrs) for key, part in parts.items()}
         data = data.drop_vars(name).assign(named)
     for name in [str(name) for name in data.data_vars if data[name].dtype == object]:
-        texts, codes = np.unique(data[name].values.astype(str), return_inverse=True)
-        flags = {"flag_values": np.arange(len(texts)), "flag_meanings": " | ".join(texts.tolist())}
-        data = data.assign({name: (data[name].dims, codes.reshape(data[name].shape).astype(np.int32), flags)})
+        given = data[name].values
+        texts = sorted(set(given.flat))
+        codes = np.fromiter(
+            map({text: k for k, text in enumerate(texts)}.__getitem__, given.flat), np.int32, given.size
+        )
+        flags = {"flag_values": np.arange(len(texts)), "flag_meanings": " | ".join(texts)}
+        data = data.assign({name: (data[name].dims, codes.reshape(given.shape), flags)})
     return data
 
 
 def write_dataset(data: xarray.Dataset, made: Results, stem: str) -> list[Path]:
     """Write `stem`.nc and `stem`.npz into a set of results; returns where they will stand."""
     names = f"{stem}.nc", f"{stem}.npz"
-    (made / names[0]).write_bytes(data.to_netcdf(engine="scipy"))
+    texts = {
+        name: (part.dims, np.char.encode(part.values, "utf-8"), part.attrs | {"_Encoding": "utf-8"})
+        for name, part in data.data_vars.items()
+        if part.dtype.kind == "U"
+    }  # all at once: xarray would do it one by one
+    (made / names[0]).write_bytes(data.assign(texts).to_netcdf(engine="scipy"))
     arrays = {str(name): np.asarray(data[name].values) for name in data.variables}
     write_npz(made / names[1], arrays)
     return made.placed(*names)
