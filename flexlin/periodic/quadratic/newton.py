@@ -187,8 +187,7 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
 
     W is diagonal, and constant but on panels of a rounding's length, so that D is as smooth as the loop. G is what is left over of D's
     own equation. With D1 = D / (1 - r), by Lyapunov's theorem the loop Ac is stable. An error E of X obeys Lyapunov's equation with the
-    right side F - E S E; with q = max tr(S D1) tr(W^-1 D1) < 1/4 the
-    map from E to its solution keeps
+    right side F - E S E, S = G G'; with q = max tr(S D1) tr(W^-1 D1) < 1/4 the map from E to its solution keeps
 
         -k D1 <= E <= k D1,   |E_ij| <= k sqrt(D1_ii D1_jj),   k = 2 / (1 + sqrt(1 - 4 q))
 
@@ -226,28 +225,36 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
         left = nodes.slopes(D) + twice(D @ lyapunov.M) + weight
     if not share <= PARTIAL or not np.linalg.eigvalsh(D[0])[0] > 0:
         return None
-    pulled = D_between @ samples.G / scale[:, :, None]
-    q = float(np.square(pulled).sum(axis=(1, 2)).max()) / (1 - share) ** 2
-    if not q < 0.25:
-        return None
-    both = np.outer(units, units)
-    D = D * (2 / (1 + sqrt(1 - 4 * q)) / (1 - share) * both)
+    pulled = (samples.G * (D_between @ samples.G)).sum(axis=(1, 2))
+    q = float((pulled * (np.diagonal(D_between, axis1=1, axis2=2) / W_between).sum(axis=1)).max()) / (1 - share) ** 2
+    k, both = 2 / (1 + sqrt(1 - 4 * min(q, 0.25))), np.outer(units, units)
+    D = D * (k / (1 - share) * both)
     t, height = nodes.t, float(np.abs(X * both).max()) or 1.0
     to_gain = np.linalg.solve(problem.R(t), transpose(problem.B(t)))
     gain = float(np.abs(problem.gain(t, X * both)).max()) or 1.0
     heights = np.diagonal(D, axis1=1, axis2=2).max(axis=1)
     reached = ((to_gain @ D) * to_gain).sum(axis=2).max(axis=1)
     error, gain_error = float(heights.max()) / height, sqrt(float((reached * heights).max())) / gain
-    method_error = error * float((rows[0] / W).max())
-    if max(error, gain_error) > tol:
+    errors = [error, gain_error, error * float((rows[0] / W).max())]
+    if q >= 0.25 or max(errors) > tol:
         finer = nodes.resize(2 * nodes.count)
-        carried = carry_residual(problem, finer, nodes.series(X)(finer.places), units)
+        W = W[np.searchsorted(nodes.edges[1:-1], finer.t)]
+        carried = carry_residual(problem, finer, nodes.series(X)(finer.places), units, W)
+        if carried is None and q >= 0.25:
+            return None
         if carried is not None:
             parts = [part * both for part in carried]
             pulls = np.linalg.solve(problem.R(finer.t), transpose(problem.B(finer.t)))
-            error = min(error, SAFETY * add_up(parts) / height)
-            gain_error = min(gain_error, SAFETY * add_up([pulls @ part for part in parts]) / gain)
-            method_error = min(method_error, SAFETY * float(np.abs(parts[0]).max()) / height)
+            sizes = (
+                add_up(parts) / height,
+                add_up([pulls @ part for part in parts]) / gain,
+                float(np.abs(parts[0]).max()) / height,
+            )
+            errors = [
+                SAFETY * size if q >= 0.25 else min(error, SAFETY * size)
+                for error, size in zip(errors, sizes, strict=True)
+            ]
+    error, gain_error, method_error = errors
     product = ROUNDING * float((np.abs(to_gain) @ np.abs(X * both)).max())
     return RiccatiSolution(
         problem=problem,
@@ -264,10 +271,11 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     )
 
 
-def carry_residual(problem: LinearQuadratic, nodes: Nodes, X: Array, units: Array) -> list[Array] | None:
+def carry_residual(problem: LinearQuadratic, nodes: Nodes, X: Array, units: Array, W: Array) -> list[Array] | None:
     """What the loop makes of X's residual at finer nodes, and of its rounding with signs that are the same at all times or change.
 
-    The first is corrected until it solves its equation to PARTIAL; None where that does not settle.
+    The first is corrected until it solves its equation to PARTIAL; None where that does not settle, or where what is of second order
+    in them is no less than that of the residual's size W (N, n).
     """
     samples = Samples.of(problem, nodes.t, units)
     slopes = nodes.slopes(X)
@@ -288,7 +296,8 @@ def carry_residual(problem: LinearQuadratic, nodes: Nodes, X: Array, units: Arra
             return None
         E, before, moved = E + nodes.sharpen(more[:, 0]), moved, float(np.abs(more).max())
         if moved <= PARTIAL * float(np.abs(E).max()):
-            return [E, *others]
+            pulled = [np.square(part @ samples.G / np.sqrt(W)[:, :, None]).sum(axis=(1, 2)) for part in (E, *others)]
+            return [E, *others] if SAFETY**2 * add_up(pulled) <= PARTIAL else None
         if moved > before:
             break
     return None
