@@ -184,7 +184,8 @@ def fixed_tuple(kinds: Sequence[Kind | None]) -> Kind:
         fitting = LIST.fits(value) and hasattr(value, "__len__") and len(value) == len(kinds)
         return fitting and all(kind is None or kind.fits(one) for kind, one in zip(kinds, value, strict=True))
 
-    return Kind(f"{len(kinds)} entries", fits)
+    words = {kind.words for kind in kinds if kind is not None}
+    return Kind(f"{len(kinds)} entries" + (f", each {words.pop()}" if len(words) == 1 else ""), fits)
 
 
 def is_number(value: Any) -> bool:

@@ -1,8 +1,10 @@
 """Bad input of every kind ends with exit code 2 and one clear message: no traceback, no half-written file."""
 
 import re
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flexlin.cli import BAD_INPUT, main
@@ -184,7 +186,7 @@ def test_a_motion_without_a_period(tmp_path: Path, capsys: pytest.CaptureFixture
         ["report", "single-link", "--set"],
         ["chart", "single-link"],
         ["chart", "single-link", "--over", "motion.frequency"],
-        ["chart", "single-link", "--over", "motion.frequency=3:1"],
+        ["chart", "single-link", "--over", "motion.frequency=3"],
         ["chart", "single-link", "--over", "motion.frequency=1:3:few"],
         ["report", "single-link", "--colour"],
     ],
@@ -194,6 +196,28 @@ def test_a_command_that_does_not_exist(arguments: list[str], capsys: pytest.Capt
         main(arguments)
     assert stop.value.code == BAD_INPUT
     assert "error:" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("limits", ["3:1", "2 Hz:1 Hz", "1 mm:2 mm", "1:", "one:two", "nan:1"])
+def test_a_range_that_is_none(limits: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["chart", "single-link", "--over", f"motion.frequency={limits}:3", "--out", str(tmp_path / "out")]
+    with pytest.raises(SystemExit) as stop:
+        sys.exit(main(words))
+    assert stop.value.code == BAD_INPUT
+    assert "LOW below HIGH" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_range_is_written_in_any_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Also where one limit is a bare number, in SI units."""
+    for words in ("100 g:0.3", "0.1:300 g"):
+        out = tmp_path / words[0]
+        over = ["--over", f"effects.payload.mass={words}:3", "motion.joints.0.amplitude=10 deg:0.5:2"]
+        assert main(["chart", "single-link", "--set", "links.0.modes=1", *over, "--out", str(out)]) == 0
+        with np.load(out / "chart.npz") as data:
+            np.testing.assert_allclose(data["payload_mass"], [0.1, 0.2, 0.3], rtol=1e-15)
+            np.testing.assert_allclose(data["amplitude_of_joint_1"], [np.pi / 18, 0.5], rtol=1e-15)
+    capsys.readouterr()
 
 
 @pytest.mark.parametrize("periods", ["0", "-1", "nan"])

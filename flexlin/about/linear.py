@@ -264,8 +264,6 @@ def linearize(
         raise ArgumentError("there is no such route", got=repr(route), expected=" or ".join(ROUTES))
     about = Deviation.of(arm, motion)
     if arm.near.loops is not None:
-        from flexlin.about.linear import refuse_open_loops  # takes long to load, and few arms need it
-
         refuse_open_loops(about.near)
     lin = Linearization(about, coefficients(about.near, ROUTES[route](arm.near)), route)
     need_finite(lin)

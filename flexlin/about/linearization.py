@@ -366,7 +366,10 @@ class Linearization(SecondOrderEquations, Shown):
             return ""
         worst = int(np.argmax(left))
         unit = {"rad": "N m", "m": "N"}.get(self.coordinates[worst].unit, "")
-        return f"up to {left[worst]:.3g} {unit} in {self.coordinates[worst].title} that no input balances: the arm leaves its rigid motion"
+        return (
+            f"up to {left[worst]:.3g} {unit} in {self.coordinates[worst].title} that no input balances: "
+            "the arm leaves its rigid motion for one that flexlin.control.periodic_motion finds"
+        )
 
     def _with_controller(self, columns: Array) -> Array:
         """Columns (N, 2n, p) of the arm's states, with zeros for those of the controller."""

@@ -37,7 +37,8 @@ class Trajectory:
     breaks : sequence of float
         Times in [0, period) at which a derivative of x* jumps.
     periodic : bool
-        False for a trajectory with an end: its system is for `fl.control.finite_horizon_lqr`.
+        False for a trajectory with an end: its system is for `fl.control.finite_horizon_lqr`. Otherwise A and B repeat; x* need not, as an
+        angle that turns on.
     tol : float
         The largest part of its rates by which the trajectory may miss x' = f(t, x, u), as a measured or tabulated one does.
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexlin.bounds import read_number
-from flexlin.errors import OutputError
+from flexlin.errors import ArgumentError, OutputError
 from flexlin.resources import BYTES, SECONDS
 
 if TYPE_CHECKING:
@@ -49,14 +49,41 @@ def parse_place(text: str) -> Path:
     return Path(text)
 
 
-def span(text: str) -> tuple[str, float, float, int | None]:
+Span = tuple[str, Any, Any, int | None]
+"""A key with its limits, numbers or quantities as written, and how many values."""
+
+
+def span(text: str) -> Span:
     """Read KEY=LOW:HIGH or KEY=LOW:HIGH:COUNT."""
     key, _, values = text.partition("=")
-    low, high, *rest = values.split(":")
-    found = (key.strip(), read_number(low), read_number(high), count(rest[0]) if rest else None)
-    if not key.strip() or not found[1] < found[2] or len(rest) > 1:
+    low, high, *rest = values.split(":") if values.count(":") in (1, 2) else ("", "")
+    if not (key.strip() and low.strip() and high.strip()):
         raise argparse.ArgumentTypeError(f"got {text!r}, expected KEY=LOW:HIGH:COUNT with LOW below HIGH")
-    return found
+    return key.strip(), low, high, count(rest[0]) if rest else None
+
+
+def read_span(scene: "Scene", asked: Span) -> Span:
+    """The limits in the key's unit. Raises: ArgumentError."""
+    from flexlin.scene.loading import all_slide
+    from flexlin.scene.names import name_unit
+    from flexlin.scene.problems import name_units
+    from flexlin.scene.units import in_unit
+
+    key, *limits, number = asked
+
+    def read(limit: str) -> Any:
+        try:
+            return read_number(limit)
+        except ValueError:
+            sliding = all_slide([{"joint": link.joint} for link in scene.links])
+            return in_unit(limit, name_unit(scene, key), sliding)
+
+    low, high = map(read, limits)
+    if isinstance(low, str) or isinstance(high, str) or not low < high:
+        unit = name_unit(scene, key)
+        expected = f"LOW:HIGH, LOW below HIGH{', numbers' + name_units(unit) if unit else ''}"
+        raise ArgumentError(f"{key} has no range", got=":".join(limits), expected=expected)
+    return key, low, high, number
 
 
 OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
@@ -97,7 +124,7 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "over": (
         ["--over"],
         {"type": span, "metavar": "KEY=LOW:HIGH[:COUNT]", "action": "extend", "nargs": "+", "required": True,
-         "help": "a parameter to vary, such as motion.frequency=0.2:3:200; give two for a map"},
+         "help": "a parameter to vary, such as motion.frequency=0.2:3:200 or effects.payload.mass='0:300 g'; give two for a map"},
     ),
     "vary": (
         ["--vary"],
@@ -264,6 +291,9 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     scene = load_scene(options.scene, overrides, options.data)
     if usual is not None and "seconds" not in scene.accuracy.model_fields_set:
         scene = scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"seconds": usual})})
+    for name in ("over", "vary", "gain", "margins"):
+        if getattr(options, name, None):
+            setattr(options, name, [read_span(scene, asked) for asked in getattr(options, name)])
     send_limits(options.watch.begun, scene.accuracy)
     if options.out is None:
         options.out = Path("out") / Path(options.scene).stem

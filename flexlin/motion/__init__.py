@@ -79,7 +79,8 @@ def build_motion(
     (2.0, [[0.0], [0.5]])
     """
     if isinstance(table, Mapping):
-        table = read_motion(table)
+        slides = {one.unit == "m" for one in arm.coordinates if one.kind == "joint"} if arm else {False}
+        table = read_motion(table, None if len(slides) > 1 else True in slides)
     instance("table", table, MotionTable, "give scene.motion")
     tables = table.joints or (None,) * joints
     if len(tables) != joints:

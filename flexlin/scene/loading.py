@@ -154,14 +154,14 @@ class OnlyMotion(Table):
     motion: AnyMotion
 
 
-def read_motion(raw: Mapping[str, Any]) -> AnyMotion:
-    """Check a motion that is given as plain data. Raises: SceneError with all problems at once."""
+def read_motion(raw: Mapping[str, Any], sliding: bool | None = False) -> AnyMotion:
+    """Check a motion that is given as plain data; `sliding` as in `all_slide`. Raises: SceneError with all problems at once."""
     data = {"motion": dict(raw)}
     problems = [Problem(printable(path), *said) for path, *said in list_excesses(data)]
     if not problems:
         problems = place_motion_file(data, [Path()])
     try:
-        checked = None if problems else OnlyMotion.model_validate(data)
+        checked = None if problems else OnlyMotion.model_validate(data, context={"sliding": sliding})
     except ValidationError as error:
         problems = schema_problems(OnlyMotion, error)
     if problems or checked is None:

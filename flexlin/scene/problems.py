@@ -58,7 +58,8 @@ def suggest_number(value: str, unit: str | None) -> str:
 def name_units(units: str) -> str:
     """In what a bare number is, and what may be written with a unit: in rad or m, or an angle such as 0.5 deg."""
     written = [NAMES[unit] for unit in re.split(r" or |, ", units) if unit in NAMES]
-    return ", or ".join([f" in {units}", *written])
+    where = (" where the joint turns", " where it slides") if len(written) == 2 else ("",) * len(written)
+    return ", or ".join([f" in {units}", *map("".join, zip(written, where, strict=True))])
 
 
 WORDS = {
@@ -199,6 +200,6 @@ def _is_tag(step: str, tables: Sequence[type[BaseModel]]) -> bool:
 
 def _is_branch(step: object) -> bool:
     """Whether a step of pydantic's location names a branch of a union, not a key of the file."""
-    motions = ("harmonic", "rotation", "fourier", "point-to-point", "table", "tip-path", "circle", "polyline")
+    motions = ("harmonic", "rotation", "fourier", "point-to-point", "table", "log", "tip-path", "circle", "polyline")
     others = ("pd", "pid", "low-pass", "notch", "float", "constrained-float")
     return isinstance(step, str) and (step in (*motions, *others) or "[" in step)

@@ -3,6 +3,7 @@
 import functools
 import math
 
+import numpy as np
 import pytest
 
 import flexlin as fl
@@ -86,3 +87,18 @@ def test_of_joints_that_slide_and_turn_a_unit_decides_nothing():
     for kinds, amplitude in ((["prismatic"], "20 deg"), (["revolute"], "20 mm"), (["prismatic", "revolute"], "20 deg")):
         with pytest.raises(fl.errors.SceneError, match=r"amplitude: got '20 .*expected a number in rad or m"):
             scene_of(*kinds, amplitude=amplitude)
+
+
+@pytest.mark.parametrize(
+    ("kind", "amplitude", "value"), [("prismatic", "20 mm", 0.02), ("revolute", "20 deg", math.pi / 9)]
+)
+def test_a_motion_as_a_dict_has_the_units_of_the_arms_joints(kind, amplitude, value):
+    link = {"length": 0.3, "mass_per_length": 1.0, "modes": 0, "joint": kind}
+    motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.0}]}
+    arm = fl.build_manipulator(fl.parse_scene({"schema": 1, "title": "joint", "links": [link], "motion": motion}))
+    lin = fl.linearize(arm, {**motion, "joints": [{"amplitude": amplitude}]})
+    q = lin.motion.sample(np.linspace(0.0, 1.0, 65))[0]
+    assert np.abs(q).max() == pytest.approx(value, rel=1e-12)
+    other = {"prismatic": "20 deg", "revolute": "20 mm"}[kind]
+    with pytest.raises(fl.errors.SceneError, match="expected a number"):
+        fl.linearize(arm, {**motion, "joints": [{"amplitude": other}]})

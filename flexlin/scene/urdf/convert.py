@@ -1,5 +1,6 @@
 """A chain of a robot as the tables of a scene: joints followed from base to tip, fixed ones merged, bodies added up, frames composed."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -56,8 +57,9 @@ def check_inertia(link: UrdfLink, own: Array) -> None:
 
 
 def tidy(value: float, size: float) -> float:
-    """A number, or zero where it is rounding of numbers of some size."""
-    return float(value) if abs(value) > 10 * ROUNDING * size else 0.0
+    """A number without the decimals that are rounding of numbers of some size."""
+    least = 10 * ROUNDING * size
+    return round(float(value), math.floor(-math.log10(least))) if abs(value) > least else 0.0
 
 
 def rotation_of(rpy: tuple[float, ...]) -> Array:
