@@ -123,7 +123,7 @@ def widths(of: Callable[[Array], tuple[Array, Array]], centres: Array, rate: flo
         def near(s: Array, side: float = side) -> Array:
             return np.abs(of(centres + side * s)[0] - start) < rate
 
-        _, high = pin_down(near, low, high, ROUNDS // 2)
+        _, high = pin_down(near, low, high, (ROUNDS + 1) // 2)
         best = np.minimum(best, high)
     return best
 
