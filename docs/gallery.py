@@ -8,7 +8,7 @@ STUDIES = DOCS.parent / "studies"
 HEAD = """# Gallery
 
 Each study answers one question with flexlin beside something else: a paper, a closed form, another program. A card leads to the study's
-source, which runs as it stands; {doc}`studies` lists all of them in a table.
+source, which runs as it stands; {doc}`studies` lists all of them in a table, those without a picture too.
 
 ::::{container} gallery
 """
@@ -46,8 +46,9 @@ def write_gallery(folder: Path = DOCS) -> list[Path]:
     for path in studies:
         name, (question, text) = path.stem, describe_study(path)
         exists = (DOCS / "pictures" / f"{name}.png").exists()
-        picture = f"pictures/{name}.png" if exists else "static/no-picture.svg"
-        cards.append(CARD.format(name=name, picture=picture, question=question))
+        picture = f"pictures/{name}.png"
+        if exists:
+            cards.append(CARD.format(name=name, picture=picture, question=question))
         shown = f"\n```{{figure}} ../{picture}\n:alt: {name}\n```\n" if exists else ""
         written[pages / f"{name}.md"] = PAGE.format(name=name, text=quote_commands(text), picture=shown)
     hidden = "\n".join(["```{toctree}", ":hidden:", "", *(f"gallery/{path.stem}" for path in studies), "```", ""])

@@ -64,8 +64,7 @@ def measure_charts_speed(out: str) -> dict[str, Any]:
 
 
 def measure_tuning_grid(out: str) -> dict[str, Any]:
-    found = import_module("tuning_grid").check_all("full")
-    return {"rows": [{"arm": ", ".join(case), **row} for case, row in found.items()]}
+    return {"rows": import_module("tuning_grid").main("full", Path(out))}
 
 
 def measure_compiled_peers(out: str) -> dict[str, Any]:

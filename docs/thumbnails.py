@@ -11,7 +11,7 @@ from records import DOCS, measured, not_measured
 PICTURES = DOCS / "pictures"
 WIDTH, COLOURS = 1080, 256
 """Of a picture: pixels across, and shades that it is reduced to."""
-LONG = ("own_error", "tuning_grid")
+LONG = ("own_error",)
 """Studies whose full run takes more than some minutes."""
 
 
@@ -24,6 +24,7 @@ RECORDED: dict[str, Callable[[Any, dict[str, Any], Path], None]] = {
     "simulation_race": lambda study, record, out: study.draw(
         [study.Row(**row) for row in record["rows"]], out / "x.svg"
     ),
+    "tuning_grid": lambda study, record, out: study.draw(record["rows"], out / "x.svg"),
     "torture": lambda study, record, out: study.draw([study.Row(**row) for row in record["rows"]], out / "x.svg"),
     "charts_speed": lambda study, record, out: study.draw(record, out),
     "taylor_cost": lambda study, record, out: study.draw([study.Cost(**row) for row in record["rows"]], out),

@@ -3,12 +3,13 @@
 The grid is laid over the same limits. Both are judged on a grid of scenarios and on random ones of the same box: the best of the grid is
 the one whose worst of all is best, as sought among the gains in the order of their worst on the grid of scenarios.
 
-    python studies/tuning_grid.py [--size small]
+    python studies/tuning_grid.py [--size small] [--out DIR]
 """
 
 import argparse
 import itertools
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -95,8 +96,41 @@ def check_all(size="full"):
     return results
 
 
+def draw(rows, path):
+    """The slowest growth rate of each arm over all scenarios: before, with the best gains of the grid, and with the tuned ones."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 0.34 * len(rows) + 1.4), layout="constrained")
+    axes, heights = figure.subplots(), np.arange(len(rows))
+    for k, row in enumerate(rows):
+        axes.plot([row["before"], row["tuned"]], [k, k], color="#c9d4dc", zorder=1)
+    for key, label, mark, colour in (
+        ("before", "scene's gains", "o", "#8a8f94"),
+        ("grid", "best of the grid", "s", "#a8522f"),
+        ("tuned", "tuned", "D", "#22628f"),
+    ):
+        axes.scatter([row[key] for row in rows], heights, marker=mark, color=colour, label=label, zorder=2)
+    axes.set_xscale("symlog", linthresh=0.1)
+    axes.axvline(0, color="#555555", linewidth=0.8)
+    axes.set_yticks(heights, [row["arm"] for row in rows])
+    axes.invert_yaxis()
+    axes.set(xlabel="largest growth rate over all scenarios, 1/s", title="Does tuning find what a grid finds?")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False)
+    figure.savefig(path)
+
+
+def main(size, out):
+    """Run the study and draw what it found; returns a row for each arm."""
+    rows = [{"arm": ", ".join(case), **found} for case, found in check_all(size).items()]
+    out.mkdir(parents=True, exist_ok=True)
+    draw(rows, out / "tuning_grid.svg")
+    return rows
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--size", choices=("full", "small"), default="full", help="small: one scene and few points")
+    parser.add_argument("--out", default="out/studies", help="folder of the picture")
     options = parser.parse_args()
-    check_all(options.size)
+    main(options.size, Path(options.out))
