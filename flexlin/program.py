@@ -98,8 +98,8 @@ class Program:
         Parameters: inputs: the numbers of each input; constant: makes one of a float; apply: carries out CasADi's operation of this number
         on two operands, twice the same where it has one.
         """
-        values, outputs = dict[int, T](), [dict[int, T]() for _ in self.sizes]
-        for (code, k, a, b), number in zip(self.steps.tolist(), self.numbers.tolist(), strict=True):
+        values, outputs, ends = dict[int, T](), [dict[int, T]() for _ in self.sizes], self.find_ends()
+        for i, ((code, k, a, b), number) in enumerate(zip(self.steps.tolist(), self.numbers.tolist(), strict=True)):
             if code == CONST:
                 values[k] = constant(number)
             elif code == INPUT:
@@ -108,7 +108,19 @@ class Program:
                 outputs[k][b] = values[a]
             else:
                 values[k] = apply(code, values[a], values[b])
+            for value in ends[i]:
+                del values[value]
         return [[made[place] for place in range(size)] for made, size in zip(outputs, self.sizes, strict=True)]
+
+    def find_ends(self) -> list[list[int]]:
+        """The values that each step is the last to read."""
+        last, ends = dict[int, int](), [list[int]() for _ in self.steps]
+        for i, (code, _, a, b) in enumerate(self.steps.tolist()):
+            if code not in (CONST, INPUT):
+                last |= {a: i} if code == OUTPUT else {a: i, b: i}
+        for value, i in last.items():
+            ends[i].append(value)
+        return ends
 
     def find_outputs(self) -> list[Array]:
         """The values of each output, by their places; -1 where an output has none."""

@@ -24,7 +24,7 @@ from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import Control
 from flexlin.scene.loading import checked_table
 from flexlin.scene.motion import AnyMotion, MotionTable
-from flexlin.series.implicit import CONTRACTION, SHORTEST, SUSPECT, find_lowest, find_turn, track, worth
+from flexlin.series.tracking import CONTRACTION, SHORTEST, SUSPECT, find_lowest, find_turn, track, worth
 
 SINGULAR = 1e-7
 """A closure whose V, with columns of length 1, has a reciprocal condition number below this is called singular."""

@@ -13,8 +13,7 @@ from flexlin.checks import ROUNDING, Array, real_array
 from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
 from flexlin.kronecker.closure import closure_jacobians, refuse_if_large
 from flexlin.mechanics.screws import OpenChain, revolute
-from flexlin.series.implicit import implicit_taylor
-from flexlin.series.implicit_map import ImplicitMap
+from flexlin.series.implicit import ImplicitMap, implicit_taylor
 
 
 @dataclass(frozen=True)

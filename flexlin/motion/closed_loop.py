@@ -8,7 +8,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import MotionError
 from flexlin.motion.base import Angles, Motion, SampledMotion
-from flexlin.series.implicit_map import ImplicitMap
+from flexlin.series.implicit import ImplicitMap
 
 
 @dataclass(frozen=True, eq=False)

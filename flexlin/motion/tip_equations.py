@@ -16,7 +16,7 @@ from flexlin.mechanics.body import rotation_about
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.smooth import make_step
 from flexlin.scene.motion import AnyPath, Circle, Polyline
-from flexlin.series.implicit import find_lowest
+from flexlin.series.tracking import find_lowest
 
 SAME = 1e-9
 """Breaks that are nearer, as phases, are one."""

@@ -13,7 +13,7 @@ from flexlin.motion.base import Angles, SampledMotion
 from flexlin.motion.tip_equations import TipEquations, make_pose_path, make_tip_equations, refuse_unreachable
 from flexlin.periodic.circle import count_turns
 from flexlin.scene.motion import TipJoint, TipPath
-from flexlin.series.implicit import SHORTEST, SUSPECT, find_lowest, find_turn, newton_from, track, worth
+from flexlin.series.tracking import SHORTEST, SUSPECT, find_lowest, find_turn, newton_from, track, worth
 
 NODES = 512
 """Phases of a period at which the solution is kept; between them it is found again from their cubic."""

@@ -6,8 +6,7 @@ __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {
         "series.explicit": "taylor TaylorMap",
-        "series.implicit": "implicit_taylor solve_implicit",
-        "series.implicit_map": "ImplicitMap c_code",
+        "series.implicit": "implicit_taylor solve_implicit ImplicitMap c_code",
         "series.folds": "Radius",
     },
 )

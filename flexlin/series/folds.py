@@ -6,24 +6,14 @@ from typing import Literal
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.series.engine import Tape, expand, expand_implicit, jacobian, seeded, start
+from flexlin.series.equations import Equations
 from flexlin.series.indices import shared_indices
-from flexlin.series.space import Numeric
+from flexlin.series.jets import Jet, Space, carry_out
 
 
-@np.errstate(all="ignore")
-def closure_and_jacobian(tape: Tape, u: Array, v: Array) -> tuple[Array, Array]:
-    """Return f (N, m) and V = D_v f (N, m, m) at u (N, nu), v (N, nv)."""
-    space = Numeric(shared_indices(1, 0), (len(u),), np.result_type(u, v).type)
-    inputs = [seeded(space, x.T, np.zeros_like(x.T)) for x in (u, v)]
-    c = start(tape, space, inputs)
-    f = np.array([c[node][0] for node in tape.outputs[0]]).T
-    return f, np.moveaxis(jacobian(tape, space, c, 1), 2, 0)
-
-
-def newton_step(tape: Tape, u: Array, v: Array) -> Array:
+def newton_step(equations: Equations, u: Array, v: Array) -> Array:
     """Return V^-1 f (N, nv); infinite where V is singular or not finite."""
-    f, V = closure_and_jacobian(tape, u, v)
+    f, V = equations.at(u, v)
     regular = np.all(np.isfinite(V), axis=(1, 2)) & np.all(np.isfinite(f), axis=1)
     regular[regular] = np.linalg.matrix_rank(V[regular]) == V.shape[1]
     step = np.full(f.shape, np.inf, dtype=f.dtype)
@@ -31,7 +21,7 @@ def newton_step(tape: Tape, u: Array, v: Array) -> Array:
     return step
 
 
-def newton(tape: Tape, u: Array, v: Array, steps: int = 25) -> tuple[Array, Array]:
+def newton(equations: Equations, u: Array, v: Array, steps: int = 25) -> tuple[Array, Array]:
     """Refine v until f(u, v) = 0 to rounding.
 
     Returns: v (N, nv) and the size of the last step of each point (N,): above 1e-12 or infinite where the iteration did not end.
@@ -39,7 +29,7 @@ def newton(tape: Tape, u: Array, v: Array, steps: int = 25) -> tuple[Array, Arra
     v, size = v.copy(), np.full(len(v), np.inf)
     active = np.arange(len(v))
     for _ in range(steps):
-        step = newton_step(tape, u[active], v[active])
+        step = newton_step(equations, u[active], v[active])
         size[active] = np.abs(step).max(axis=1)
         moving = np.isfinite(size[active])
         v[active[moving]] -= step[moving]
@@ -60,7 +50,7 @@ class Fold:
 
 
 @np.errstate(all="ignore")
-def find_fold(tape: Tape, u0: Array, S: Array, start: tuple[Array, Array]) -> Fold:
+def find_fold(equations: Equations, u0: Array, S: Array, start: tuple[Array, Array]) -> Fold:
     """Solve for the fold that Newton's method reaches from a start.
 
         f(u0 + S t, v) = 0,   V phi = 0,   c phi = 1     with c = conj(phi) of the start
@@ -72,13 +62,13 @@ def find_fold(tape: Tape, u0: Array, S: Array, start: tuple[Array, Array]) -> Fo
     """
     t, v = start
     nv, p = len(v), len(t)
-    _, V, _ = second_order(tape, u0, S, t, v)
+    _, V, _ = second_order(equations, u0, S, t, v)
     if not np.all(np.isfinite(V)):
         return Fold(t, v, np.full(nv, np.nan), np.inf)
     phi = np.linalg.svd(V[:, :nv])[2][-1].conj()
     c, defect = phi.conj(), np.inf
     for _ in range(30):
-        f, J, H = second_order(tape, u0, S, t, v)
+        f, J, H = second_order(equations, u0, S, t, v)
         V, turned = J[:, :nv], np.einsum("ijl,l->ij", H[:, :, :nv], phi)
         matrix = np.zeros((2 * nv + 1, 2 * nv + p), dtype=J.dtype)
         matrix[:nv, : nv + p], matrix[nv:-1, : nv + p], matrix[nv:-1, nv + p :], matrix[-1, nv + p :] = J, turned, V, c
@@ -93,14 +83,15 @@ def find_fold(tape: Tape, u0: Array, S: Array, start: tuple[Array, Array]) -> Fo
     return Fold(t, v, phi, defect)
 
 
-def second_order(tape: Tape, u0: Array, S: Array, t: Array, v: Array) -> tuple[Array, Array, Array]:
+def second_order(equations: Equations, u0: Array, S: Array, t: Array, v: Array) -> tuple[Array, Array, Array]:
     """Return f (m,), its Jacobian (m, n) and second derivatives (m, n, n) by [v; t], n = nv + p."""
     nv, p = len(v), len(t)
-    table = shared_indices(nv + p, 2)
-    space = Numeric(table, (), np.result_type(u0, t, v).type)
-    seeds = np.eye(nv + p)
-    inputs = [seeded(space, u0 + S @ t, S @ seeds[nv:]), seeded(space, v, seeds[:nv])]
-    coefficients = np.array(expand(tape, space, inputs)[0])
+    table, space = shared_indices(nv + p, 2), Space(nv + p, 2, (), np.result_type(u0, t, v))
+    moved = [
+        space.polynomial(space.all, [value, *np.zeros(nv), *row]) for value, row in zip(u0 + S @ t, S, strict=True)
+    ]
+    (jets,) = carry_out(equations.gap, moved, [space.variable(i, value) for i, value in enumerate(v)])
+    coefficients = np.array([jet.whole for jet in jets])
     places = table.dense(2)
     H = (coefficients[:, places] * table.factorials[places]).reshape(-1, nv + p, nv + p)
     return coefficients[:, 0], coefficients[:, table.degree(1)], H
@@ -168,14 +159,17 @@ class Radius(float):
         return f"no fold was confirmed; the series alone suggests {self.estimate:.4g}: check c.error(du) before use"
 
 
-def line_series(tape: Tape, u0: Array, v0: Array, direction: Array, order: int) -> Array:
+def line_series(equations: Equations, u0: Array, v0: Array, direction: Array, order: int) -> Array:
     """Return the coefficients of v(u0 + t d) by powers of t, (order + 1, nv)."""
-    space = Numeric(shared_indices(1, order))
-    return np.array(expand_implicit(tape, space, seeded(space, u0, direction[:, None]), v0)).T
+
+    def line(space: Space) -> list[Jet]:
+        return [space.polynomial((0,), pair) for pair in zip(u0, direction, strict=True)]
+
+    return equations.expand(Space(1, order), line, v0).T
 
 
 @np.errstate(all="ignore")
-def radius_along(tape: Tape, u0: Array, v0: Array, direction: Array) -> Radius:
+def radius_along(equations: Equations, u0: Array, v0: Array, direction: Array) -> Radius:
     """Return the distance to the nearest singularity of v(u0 + t d) in the complex plane of t.
 
     Padé approximants of w''/w' (w = entries of v) have a pole with residue -1/2 at each fold; such poles start Newton's method on
@@ -183,16 +177,16 @@ def radius_along(tape: Tape, u0: Array, v0: Array, direction: Array) -> Radius:
 
     Parameters: direction (nu,) of length 1.
     """
-    scale = growth(line_series(tape, u0, v0, direction, 8))
+    scale = growth(line_series(equations, u0, v0, direction, 8))
     if not np.isfinite(scale):
         return Radius("not found", complex(np.nan), np.full(len(v0), np.nan), float("inf"))
-    series = line_series(tape, u0, v0, scale * direction, ORDER)
+    series = line_series(equations, u0, v0, scale * direction, ORDER)
     estimate, S = growth(series), (scale * direction)[:, None]
-    folds = [fold for side in (estimate, -estimate) for fold in real_fold(tape, u0, S, series, side)]
+    folds = [fold for side in (estimate, -estimate) for fold in real_fold(equations, u0, S, series, side)]
     for pole in singularities(series):
         if abs(pole) > 1.25 * estimate or any(abs(fold.t[0] - pole) < 0.01 * abs(pole) for fold in folds):
             continue
-        fold = fold_from(tape, u0, S, series, complex(pole))
+        fold = fold_from(equations, u0, S, series, complex(pole))
         if fold.defect < 1e-9 and abs(fold.t[0] - pole) < NEAR_POLE * abs(pole):
             folds.append(fold)
     nearest = min(folds, key=lambda fold: abs(fold.t[0]), default=None)
@@ -204,14 +198,14 @@ def radius_along(tape: Tape, u0: Array, v0: Array, direction: Array) -> Radius:
     return Radius("complex pair", scale * t, nearest.v, scale * estimate)
 
 
-def real_fold(tape: Tape, u0: Array, S: Array, series: Array, estimate: float) -> list[Fold]:
+def real_fold(equations: Equations, u0: Array, S: Array, series: Array, estimate: float) -> list[Fold]:
     """Follow the real branch past an estimate: where it ends, bisection comes near enough for Newton's method to find the fold."""
     low, high = 0.9 * estimate, 1.05 * estimate
     v = (low ** np.arange(len(series)) @ series)[None, :]
 
     def follow(t: float) -> bool:
         nonlocal v
-        there, last = newton(tape, (u0 + S @ np.array([t]))[None, :], v, 8)
+        there, last = newton(equations, (u0 + S @ np.array([t]))[None, :], v, 8)
         reached = bool(last[0] < 1e-9 and np.abs(there - v).max() < 0.5 * (1 + np.abs(v).max()))
         v = there if reached else v
         return reached
@@ -221,16 +215,16 @@ def real_fold(tape: Tape, u0: Array, S: Array, series: Array, estimate: float) -
     for _ in range(10):
         middle = (low + high) / 2
         low, high = (middle, high) if follow(middle) else (low, middle)
-    fold = find_fold(tape, u0, S, (np.array([low]), v[0]))
+    fold = find_fold(equations, u0, S, (np.array([low]), v[0]))
     return [fold] if fold.defect < 1e-9 else []
 
 
-def fold_from(tape: Tape, u0: Array, S: Array, series: Array, pole: complex) -> Fold:
+def fold_from(equations: Equations, u0: Array, S: Array, series: Array, pole: complex) -> Fold:
     """Run Newton's method for a fold from just before a pole, on the branch that the series describes."""
     near = 0.98 * pole if abs(pole.imag) > 1e-3 * abs(pole) else 0.98 * pole.real
     t = np.array([near])
-    v, _ = newton(tape, (u0 + S @ t)[None, :], (near ** np.arange(len(series)) @ series)[None, :], 8)
-    return find_fold(tape, u0, S, (t, v[0]))
+    v, _ = newton(equations, (u0 + S @ t)[None, :], (near ** np.arange(len(series)) @ series)[None, :], 8)
+    return find_fold(equations, u0, S, (t, v[0]))
 
 
 def growth(series: Array) -> float:

@@ -1,6 +1,6 @@
-"""From equations f(u, v) = 0 to the Taylor map of v(u), and solutions of F(z, t) = 0 followed in time."""
+"""From equations f(u, v) = 0 to the Taylor map of v(u), which knows how far it may be trusted."""
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from math import comb
 from typing import Any
 
@@ -9,29 +9,327 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import ROUNDING, Array, real_array
+from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
-from flexlin.series.engine import Tape, expand_implicit, record_expressions, seeded
+from flexlin.lazy import lazy
+from flexlin.series.equations import Equations
 from flexlin.series.explicit import Expression, check_analytic, check_symbols
-from flexlin.series.folds import closure_and_jacobian, find_fold, newton
-from flexlin.series.implicit_map import ImplicitMap
-from flexlin.series.indices import Polynomial, indices
-from flexlin.series.space import Numeric
+from flexlin.series.folds import Radius, find_fold, line_series, newton, newton_step, radius_along
+from flexlin.series.indices import Indices, Polynomial, indices, symbolic_monomials, weighted_sums
+from flexlin.series.jets import Jet, Space, Symbolic
+from flexlin.summary import represent
 from flexlin.symbolic import as_expression
 
 SINGULAR = 1e-10
 """V with a reciprocal condition number below this is called singular."""
 CLOSED = 1e-3
 """Newton's first step, relative to |v0|, up to which a point counts as a solution given with few digits."""
-Step = Callable[[float, Array], Array]
-"""Time and place to Newton's step F_z^-1 F."""
-NEWTON, CONTRACTION = 8, 16
-"""Newton's steps at each time, and how much shorter each must be than the one before."""
-SHORTEST = 1e-10
-"""Of a period, the shortest step, and how exactly a time is found."""
-SUSPECT = 0.05
-"""A reciprocal condition number below which it is looked at closer where it is least."""
-GOLDEN, SECTIONS = (np.sqrt(5.0) - 1) / 2, 40
+BYTES_PER_INSTRUCTION = 300
+"""Memory that one scalar operation of an expression takes while it is built."""
+
+
+def unrolled(equations: Equations, table: Indices, V: Array) -> ca.Function:
+    """Return (u0, v0, du) -> v, the Taylor polynomial about any solution (u0, v0), without loops, branches or linear solvers.
+
+    Assumes that the pivots chosen for this V serve near by: elimination is not pivoted again.
+    Raises: TooLarge when the expression would take an unreasonable number of bytes.
+    """
+    from scipy.linalg import lu  # takes longer to load than most maps to compute
+
+    products = sum(len(table.pairs(k).left) for k in range(table.order + 1))
+    size = 2 * BYTES_PER_INSTRUCTION * products * len(equations.gap.steps)
+    check_size("the unrolled function", size, "lower the order, or use the map in numbers")
+    u0, v0, du = (
+        ca.SX.sym(name, size) for name, size in zip(("u0", "v0", "du"), (table.n, len(V), table.n), strict=True)
+    )
+    space = Symbolic(table.n, table.order, pivots=lu(V)[0].argmax(axis=0))
+    v = weighted_sums(expand_about(equations, space, ca.vertsplit(u0), ca.vertsplit(v0)), symbolic_monomials(table, du))
+    return ca.Function("taylor", [u0, v0, du], [ca.cse(v)], ["u0", "v0", "du"], ["v"])
+
+
+def expand_about(equations: Equations, space: Space, u0: Any, v0: Any) -> Array:
+    """The coefficients (nv, size) of v(u0 + du)."""
+
+    def independent(space: Space) -> list[Jet]:
+        return [space.variable(i, value) for i, value in enumerate(u0)]
+
+    return equations.expand(space, independent, v0)
+
+
+def c_code(function: ca.Function) -> str:
+    """Return self-contained C source of a CasADi function.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Such as `TaylorMap.function()` or `ImplicitMap.moving`.
+
+    Returns
+    -------
+    str
+        C99 source.
+
+    Raises
+    ------
+    ArgumentError
+        When a C compiler could not use it, because the function calls external code.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import flexlin as fl
+    >>> from flexlin.series import c_code
+    >>> x = ca.SX.sym("x")
+    >>> source = c_code(fl.taylor(ca.sin(x), x, [0.0], 3).function())
+    >>> "taylor" in source
+    True
+    """
+    try:
+        generator = ca.CodeGenerator(f"{function.name()}.c")
+        generator.add(function)
+        return generator.dump()
+    except RuntimeError as error:
+        raise ArgumentError("no C code for this function", got=str(error)[-200:]) from None
+
+
+@dataclass(frozen=True)
+class ImplicitMap:
+    """The Taylor polynomial of an implicit function v(u), f(u, v) = 0, about a point.
+
+    Call it with du (nu,) to get v (nv,) at u0 + du, or with du (N, nu) to get (N, nv).
+
+    Attributes
+    ----------
+    equations : Equations
+        f and D_v f.
+    polynomial : Polynomial
+        The coefficients, each monomial stored once.
+    u0 : array, shape (nu,)
+        Independent coordinates of the point.
+    v0 : array, shape (nv,)
+        Dependent coordinates of the point.
+
+    Examples
+    --------
+    The circle u^2 + v^2 = 1 from its top:
+
+    >>> import casadi as ca
+    >>> import flexlin as fl
+    >>> u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    >>> c = fl.implicit_taylor(u**2 + v**2 - 1, u, v, [0.0], [1.0], 6)
+    >>> print(f"{c([0.6]).item():.4f} {c.refined([0.6]).item():.4f} {c.error([0.6]):.1e}")
+    0.8009 0.8000 8.8e-04
+    >>> print(f"{c.radius([1.0]):.4f} {c.linear_range(1e-3, [1.0]):.4f}")
+    1.0000 0.0447
+    """
+
+    equations: Equations
+    polynomial: Polynomial
+    u0: Array
+    v0: Array
+
+    __repr__ = represent
+
+    @property
+    def order(self) -> int:
+        """The highest degree."""
+        return self.polynomial.indices.order
+
+    def __call__(self, du: ArrayLike) -> Array:
+        """Return v (nv,) at u0 + du, du (nu,); or (N, nv) for du (N, nu)."""
+        return self.polynomial(du)
+
+    def jacobian(self, k: int) -> Array:
+        """Return a derivative of v by u in Kronecker layout, i_k fastest.
+
+        Parameters
+        ----------
+        k : int
+            Its order, at most that of the map.
+
+        Returns
+        -------
+        array, shape (nv, nu^k)
+            C_k = D_u^k v.
+
+        Raises
+        ------
+        ArgumentError
+            For an order that is not known.
+        TooLarge
+            When the layout would not fit into memory.
+
+        References
+        ----------
+        de Jong, Müller, van Dijk, Herder (2018), Eqs (16)-(24).
+        """
+        return self.polynomial.kronecker(k)
+
+    def error(self, du: ArrayLike) -> Any:
+        """Return the estimated error of the polynomial, |V^-1 f(u, v)|: the length of one Newton step from its value.
+
+        Within a few percent of the true error while that is small; infinite where V is singular.
+
+        Parameters
+        ----------
+        du : array_like, shape (nu,) or (N, nu)
+            Steps from u0.
+
+        Returns
+        -------
+        float or array, shape (N,)
+            The error in the units of v.
+        """
+        values = np.atleast_2d(self(du))
+        sizes = np.linalg.norm(newton_step(self.equations, self.u0 + np.atleast_2d(du), values), axis=1)
+        return sizes if np.ndim(du) == 2 else float(sizes[0])
+
+    def refined(self, du: ArrayLike) -> Array:
+        """Return v with f(u, v) = 0 to rounding: Newton's method from the polynomial's value.
+
+        Parameters
+        ----------
+        du : array_like, shape (nu,) or (N, nu)
+            Steps from u0.
+
+        Returns
+        -------
+        array, shape (nv,) or (N, nv)
+            The dependent coordinates.
+
+        Raises
+        ------
+        ToleranceNotReached
+            When Newton's method does not end; the message names the first such point.
+        """
+        points = np.atleast_2d(np.asarray(du, dtype=float))
+        v, last = newton(self.equations, self.u0 + points, np.atleast_2d(self(du)))
+        bad = np.flatnonzero(~(last < 1e-9 * (1 + np.abs(v).max(axis=1))))
+        if bad.size:
+            raise ToleranceNotReached(
+                "Newton's method from the Taylor value does not end",
+                got=f"du = {points[bad[0]].tolist()}",
+                todo="stay inside c.radius(direction), or expand about a nearer point",
+            )
+        return v if np.ndim(du) == 2 else v[0]
+
+    def rates(self, u: ArrayLike, u1: ArrayLike, u2: ArrayLike) -> tuple[Array, Array, Array]:
+        """Return v, v', v'' where u moves.
+
+        The polynomial is refined by Newton's method, then a series of order 2 in time gives the rates.
+
+        Parameters
+        ----------
+        u : array_like, shape (N, nu)
+            The independent coordinates themselves, not du.
+        u1 : array_like, shape (N, nu)
+            Their rates, per s.
+        u2 : array_like, shape (N, nu)
+            Their accelerations, per s^2.
+
+        Returns
+        -------
+        tuple of array, each of shape (N, nv)
+            v, v', v''.
+
+        Raises
+        ------
+        ToleranceNotReached
+            When the loop does not close; the message names the first such point.
+        """
+        u, u1, u2 = (real_array(name, x, (None, len(self.u0))) for name, x in (("u", u), ("u1", u1), ("u2", u2)))
+        v = self.refined(u - self.u0)
+        parts = list(zip(u.T, u1.T, u2.T / 2, strict=True))
+        moving = self.equations.expand(
+            Space(1, 2, (len(u),)), lambda space: [space.polynomial((0,), one) for one in parts], v.T
+        )
+        value, first, second = np.moveaxis(moving, 0, 2)
+        return value, first, 2 * second
+
+    def radius(self, direction: ArrayLike) -> Radius:
+        """Return how far |du| the series of v converges along a direction, with what limits it.
+
+        The nearest point t in the complex plane where V(u0 + t d) is singular on this branch. A singularity behind counts as well:
+        a power series converges in a disk.
+
+        Parameters
+        ----------
+        direction : array_like, shape (nu,)
+            The direction d, of any length but zero.
+
+        Returns
+        -------
+        Radius
+            A float that also bears kind, location, v, estimate and status.
+        """
+        return radius_along(self.equations, self.u0, self.v0, self.unit(direction))
+
+    def linear_range(self, tol: float, direction: ArrayLike) -> float:
+        """Return how far the linear map v0 + C_1 du stays within a tolerance along a direction.
+
+            |du| = sqrt(2 tol / |C_2 d d|)
+
+        Where C_2 d d = 0 the next term that is not zero takes its place.
+
+        Parameters
+        ----------
+        tol : float
+            Tolerance in the units of v.
+        direction : array_like, shape (nu,)
+            The direction d, of any length but zero.
+
+        Returns
+        -------
+        float
+            The range; infinite where no term bends.
+        """
+        tol = positive("tol", tol)
+        series = line_series(self.equations, self.u0, self.v0, self.unit(direction), max(4, self.order))
+        sizes = np.linalg.norm(series, axis=1)
+        scale = max(sizes[1:].max(), np.finfo(float).tiny)
+        bent = [k for k in range(2, len(sizes)) if sizes[k] > 1e-13 * scale]
+        return float((tol / sizes[bent[0]]) ** (1 / bent[0])) if bent else float("inf")
+
+    def function(self) -> ca.Function:
+        """Return the polynomial as a CasADi function.
+
+        Returns
+        -------
+        casadi.Function
+            du (nu,) -> v (nv,).
+        """
+        du = ca.SX.sym("du", len(self.u0))
+        return ca.Function("taylor", [du], [self.polynomial.expression(du)], ["du"], ["v"])
+
+    @lazy
+    def moving(self) -> ca.Function:
+        """The whole computation unrolled: a casadi.Function (u0, v0, du) -> v for any point of evaluation near this one."""
+        _, V = self.equations.at(self.u0[None, :], self.v0[None, :])
+        return unrolled(self.equations, self.polynomial.indices, V[0])
+
+    def unit(self, direction: ArrayLike) -> Array:
+        """Return a checked direction of length 1.
+
+        Parameters
+        ----------
+        direction : array_like, shape (nu,)
+            A vector other than zero.
+
+        Returns
+        -------
+        array, shape (nu,)
+            The direction.
+
+        Raises
+        ------
+        ArgumentError
+            When the vector is zero or does not fit.
+        """
+        d = real_array("direction", direction, (len(self.u0),))
+        length = np.linalg.norm(d)
+        if length == 0:
+            raise ArgumentError("the direction is zero", got=d.tolist(), expected="a vector other than zero")
+        return d / length
 
 
 def solve_implicit(f: Any, u: Any, v: Any, u0: ArrayLike, guess: ArrayLike) -> Array:
@@ -69,7 +367,7 @@ def solve_implicit(f: Any, u: Any, v: Any, u0: ArrayLike, guess: ArrayLike) -> A
     [1.0]
     """
     point, start = real_array("u0", u0, (u.numel(),)), real_array("guess", guess, (v.numel(),))
-    solution, last = newton(record_expressions("f", [ca.vec(f)], [u, v]), point[None, :], start[None, :], 50)
+    solution, last = newton(Equations.read(f, u, v), point[None, :], start[None, :], 50)
     if not last[0] < 1e-9 * (1 + np.abs(solution[0]).max()):
         raise ToleranceNotReached(
             "f(u0, v) = 0 has no solution that Newton's method reaches",
@@ -79,14 +377,14 @@ def solve_implicit(f: Any, u: Any, v: Any, u0: ArrayLike, guess: ArrayLike) -> A
     return solution[0]
 
 
-def closed(tape: Tape, u0: Array, v0: Array) -> Array:
+def closed(equations: Equations, u0: Array, v0: Array) -> Array:
     """Return v0 refined to rounding, refusing a point that is no solution or singular."""
-    f, V = closure_and_jacobian(tape, u0[None, :], v0[None, :])
+    f, V = equations.at(u0[None, :], v0[None, :])
     if not (np.all(np.isfinite(f)) and np.all(np.isfinite(V))):
         check_analytic(np.array(np.nan), "(u0, v0)", np.concatenate([u0, v0]))
     if np.linalg.cond(V[0]) > 1 / SINGULAR:
-        raise singular_closure(tape, u0, v0)
-    v, last = newton(tape, u0[None, :], v0[None, :])
+        raise singular_closure(equations, u0, v0)
+    v, last = newton(equations, u0[None, :], v0[None, :])
     moved = np.abs(v[0] - v0).max()
     if not (last[0] < 1e-9 and moved < CLOSED * (1 + np.abs(v0).max())):
         raise ArgumentError(
@@ -97,9 +395,9 @@ def closed(tape: Tape, u0: Array, v0: Array) -> Array:
     return v[0]
 
 
-def singular_closure(tape: Tape, u0: Array, v0: Array) -> SingularClosure:
+def singular_closure(equations: Equations, u0: Array, v0: Array) -> SingularClosure:
     """Return the error that names the singular configuration nearest to a point."""
-    fold = find_fold(tape, u0, np.eye(len(u0)), (np.zeros(len(u0)), v0))
+    fold = find_fold(equations, u0, np.eye(len(u0)), (np.zeros(len(u0)), v0))
     where = (
         f"u = {(u0 + fold.t).tolist()}, v = {fold.v.tolist()}"
         if fold.defect < 1e-6
@@ -177,74 +475,9 @@ def implicit_taylor(
             "equations and dependent coordinates differ", got=(f.numel(), v.numel()), expected="as many"
         )
     point, guess = real_array("u0", u0, (u.numel(),)), real_array("v0", v0, (v.numel(),))
-    tape = record_expressions("f", [f], [u, v])
-    table = indices(len(point), order, 8 * tape.size * comb(len(point) + max(order, 0), len(point)))
-    solution = closed(tape, point, guess)
-    space = Numeric(table)
-    series = expand_implicit(tape, space, seeded(space, point, np.eye(len(point))), solution)
-    coefficients = np.array(series).T
+    equations, n = Equations.read(f, u, v), len(point)
+    table = indices(n, order, 8 * len(equations.gap.steps) * comb(n + max(order, 0), n))
+    solution = closed(equations, point, guess)
+    coefficients = expand_about(equations, Space(n, order), point, solution).T
     check_analytic(coefficients, "(u0, v0)", np.concatenate([point, solution]))
-    return ImplicitMap(tape, Polynomial(table, coefficients), point, solution)
-
-
-def newton_from(step: Step, t: float, z: Array) -> Array | None:
-    """z with F(z, t) = 0, by steps that shrink fast from the first one on; None where they do not."""
-    last = np.inf
-    for _ in range(NEWTON):
-        change = step(t, z)
-        size = float(np.abs(change).max(initial=0.0))
-        if not size < max(last / CONTRACTION, ROUNDING):
-            return None
-        z, last = z - change, size
-        if size < ROUNDING * (1 + float(np.abs(z).max(initial=0.0))):
-            return z
-    return None
-
-
-def track(step: Step, z: Array, a: float, b: float, shortest: float) -> tuple[Array | None, float]:
-    """The solution at time b from the one at a, over steps that are halved where Newton's method fails, and doubled where not.
-
-    Returns: the solution, or None where no step leads on, and the time that was reached.
-    """
-    width, at = b - a, a
-    while at < b:
-        there = min(at + width, b)
-        found = newton_from(step, there, z)
-        if found is not None:
-            z, at, width = found, there, 2 * width
-        elif width < shortest:
-            return None, at
-        else:
-            width /= 2
-    return z, at
-
-
-def worth(V: Array) -> float:
-    """The reciprocal condition number."""
-    values = np.linalg.svd(V, compute_uv=False)
-    return float(values[-1] / values[0]) if values.size and values[0] else 0.0
-
-
-def find_turn(side: Callable[[float], float], a: float, b: float, width: float) -> float:
-    """The time in (a, b], within `width`, from which on a sign is another one than at a."""
-    before, lower, upper = side(a), a, b
-    while upper - lower > width:
-        middle = (lower + upper) / 2
-        lower, upper = (lower, middle) if side(middle) != before else (middle, upper)
-    return upper
-
-
-def find_lowest(value: Callable[[float], float], a: float, b: float) -> tuple[float, float]:
-    """Where between a and b a function is least, and its value there, by golden sections."""
-    c, d = b - (b - a) * GOLDEN, a + (b - a) * GOLDEN
-    at_c, at_d = value(c), value(d)
-    for _ in range(SECTIONS):
-        if at_c < at_d:
-            b, d, at_d = d, c, at_c
-            c = b - (b - a) * GOLDEN
-            at_c = value(c)
-        else:
-            a, c, at_c = c, d, at_d
-            d = a + (b - a) * GOLDEN
-            at_d = value(d)
-    return (c, at_c) if at_c < at_d else (d, at_d)
+    return ImplicitMap(equations, Polynomial(table, coefficients), point, solution)

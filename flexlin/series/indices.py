@@ -123,6 +123,17 @@ class Indices:
                 places[where] = before[d] + rows * self.tail.width(k - d) + columns
         return places
 
+    def places_of(self, own: "Indices", among: tuple[int, ...]) -> Array:
+        """The places of the monomials of `own`, whose variables are those `among` these ones (size of own,)."""
+        if ("among", among) not in self.kept:
+            places = [np.zeros(1, dtype=np.intp)]
+            for k in range(1, self.order + 1 if own.n else 1):
+                powers = np.zeros((self.n, own.width(k)), dtype=np.int8 if self.order < 100 else np.int64)
+                powers[list(among)] = own.powers_of(k)
+                places.append(self.start[k] + self.rank(powers))
+            self.kept["among", among] = np.concatenate(places)
+        return self.kept["among", among]
+
     @lazy
     def degrees(self) -> Array:
         """|alpha| for each monomial (size,)."""
@@ -137,7 +148,7 @@ class Indices:
         """Return the place, within degree i + j, of each product of monomials of degree i and j (width_i, width_j)."""
         if (i, j) not in self.kept:
             a, b = self.powers_of(i), self.powers_of(j)
-            places = self.rank((a[:, :, None] + b[:, None, :]).reshape(self.n, -1))
+            places = self.rank((a[:, :, None] + b[:, None, :]).reshape(self.n, a.shape[1] * b.shape[1]))
             self.kept[i, j] = places.astype(np.int32).reshape(a.shape[1], -1)
         return self.kept[i, j]
 

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 
 import flexlin as fl
 from flexlin.series import c_code, solve_implicit
-from flexlin.series.engine import BINARY, UNARY
+from flexlin.series.jets import binary, unary
 from tests.thinned import thin
 
 ORDER = 6
@@ -122,7 +122,7 @@ def test_every_elementary_operation_is_among_them():
     used = set()
     for function in EVERY.values():
         used |= operations(ca.Function("f", [u, v], [equation(function, u, v)]))
-    assert (set(UNARY) | set(BINARY)) - used <= {ca.OP_ASSIGN}  # CasADi writes no plain copies into SX functions
+    assert (set(unary) | set(binary)) - used <= {ca.OP_ASSIGN}  # CasADi writes no plain copies into SX functions
 
 
 @pytest.mark.parametrize("name", EVERY)

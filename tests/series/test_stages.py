@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.series.engine import record_expressions
-from flexlin.series.explicit import bytes_of
 
 
 def chain(x, factors):
@@ -24,15 +22,13 @@ def chain(x, factors):
 def test_memory_does_not_grow_with_the_length():
     x, order = ca.SX.sym("x", 5), 8
     fl.taylor(chain(x, 32), x, np.zeros(5) + 0.1, order)  # tables are kept
-    peaks, bounds = [], []
+    peaks = []
     for factors in (8, 32):
         A = chain(x, factors)
-        bounds.append(bytes_of(record_expressions("A", [A], [x]), 5, order))
         tracemalloc.start()
         P = fl.taylor(A, x, np.zeros(5) + 0.1, order)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    assert bounds[1] <= bounds[0] + 1000
-    assert peaks[1] < 1.3 * peaks[0] + 2**17  # the longer tape itself
+    assert peaks[1] < 1.3 * peaks[0] + 2**17  # the longer program itself
     h = 0.003 * np.cos(np.arange(5))
     assert abs(P(h).item() / float(ca.Function("f", [x], [A])(0.1 + h)) - 1) < 1e-11

@@ -1,0 +1,80 @@
+"""Solutions z(t) of F(z, t) = 0 followed in time by Newton's method, and where they turn or come near a singular place."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexlin.checks import ROUNDING, Array
+
+Step = Callable[[float, Array], Array]
+"""Time and place to Newton's step F_z^-1 F."""
+NEWTON, CONTRACTION = 8, 16
+"""Newton's steps at each time, and how much shorter each must be than the one before."""
+SHORTEST = 1e-10
+"""Of a period, the shortest step, and how exactly a time is found."""
+SUSPECT = 0.05
+"""A reciprocal condition number below which it is looked at closer where it is least."""
+GOLDEN, SECTIONS = (np.sqrt(5.0) - 1) / 2, 40
+
+
+def newton_from(step: Step, t: float, z: Array) -> Array | None:
+    """z with F(z, t) = 0, by steps that shrink fast from the first one on; None where they do not."""
+    last = np.inf
+    for _ in range(NEWTON):
+        change = step(t, z)
+        size = float(np.abs(change).max(initial=0.0))
+        if not size < max(last / CONTRACTION, ROUNDING):
+            return None
+        z, last = z - change, size
+        if size < ROUNDING * (1 + float(np.abs(z).max(initial=0.0))):
+            return z
+    return None
+
+
+def track(step: Step, z: Array, a: float, b: float, shortest: float) -> tuple[Array | None, float]:
+    """The solution at time b from the one at a, over steps that are halved where Newton's method fails, and doubled where not.
+
+    Returns: the solution, or None where no step leads on, and the time that was reached.
+    """
+    width, at = b - a, a
+    while at < b:
+        there = min(at + width, b)
+        found = newton_from(step, there, z)
+        if found is not None:
+            z, at, width = found, there, 2 * width
+        elif width < shortest:
+            return None, at
+        else:
+            width /= 2
+    return z, at
+
+
+def worth(V: Array) -> float:
+    """The reciprocal condition number."""
+    values = np.linalg.svd(V, compute_uv=False)
+    return float(values[-1] / values[0]) if values.size and values[0] else 0.0
+
+
+def find_turn(side: Callable[[float], float], a: float, b: float, width: float) -> float:
+    """The time in (a, b], within `width`, from which on a sign is another one than at a."""
+    before, lower, upper = side(a), a, b
+    while upper - lower > width:
+        middle = (lower + upper) / 2
+        lower, upper = (lower, middle) if side(middle) != before else (middle, upper)
+    return upper
+
+
+def find_lowest(value: Callable[[float], float], a: float, b: float) -> tuple[float, float]:
+    """Where between a and b a function is least, and its value there, by golden sections."""
+    c, d = b - (b - a) * GOLDEN, a + (b - a) * GOLDEN
+    at_c, at_d = value(c), value(d)
+    for _ in range(SECTIONS):
+        if at_c < at_d:
+            b, d, at_d = d, c, at_c
+            c = b - (b - a) * GOLDEN
+            at_c = value(c)
+        else:
+            a, c, at_c = c, d, at_d
+            d = a + (b - a) * GOLDEN
+            at_d = value(d)
+    return (c, at_c) if at_c < at_d else (d, at_d)
