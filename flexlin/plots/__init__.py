@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = load_lazily(
     within={
         "plots.panel": "SMALL Panel measure_text",
         "plots.scales": "Linear Logarithmic Symlog",
-        "plots.svg": "Row count_lines draw",
+        "plots.svg": "draw",
         "plots.view": "MOST_POINTS Series Shown View make_card",
     },
 )

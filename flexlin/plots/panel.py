@@ -34,14 +34,15 @@ class Mark:
     label: str = ""
     shape: str = ""
     texts: tuple[str, ...] = ()
+    anchor: str = "middle"
 
 
 @dataclass
 class Panel:
     """One pair of axes: scales, labels, and marks in the order in which they are drawn.
 
-    `equal` keeps one unit the same length on both axes; `bare` leaves axes and grid out; `ticked` says which axes have labels.
-    Colours are names of the page's CSS variables.
+    `equal` keeps one unit the same length on both axes; `bare` leaves axes and grid out, `ticked` = False the numbers across. The width is
+    that of the whole, the height that of the axes, where a page is 760 wide. Colours are names of the page's CSS variables.
     """
 
     title: str = ""
@@ -51,7 +52,9 @@ class Panel:
     y_label: str = ""
     equal: bool = False
     bare: bool = False
-    ticked: tuple[bool, bool] = (True, True)
+    ticked: bool = True
+    width: float = 242.0
+    height: float = 80.0
     footer: str = ""
     footer_colour: str = "faint"
     marks: list[Mark] = field(default_factory=list)
@@ -102,13 +105,12 @@ class Panel:
         return self._add(Mark("probe", np.zeros(0), np.zeros(0), "fill:none;pointer-events:all", texts=(data,)))
 
     def words(
-        self, x: float, y: float, text: str, colour: str = "faint", size: float = SMALL, anchor: str = "middle",
-        halo: bool = False,
-    ) -> "Panel":  # fmt: skip
+        self, x: float, y: float, text: str, colour: str = "faint", anchor: str = "middle", halo: bool = False
+    ) -> "Panel":
         """Write a few words at a point; a halo in the paper's colour keeps them legible on marks."""
         around = ";paint-order:stroke;stroke:var(--paper);stroke-width:2.6px;stroke-linejoin:round" if halo else ""
-        style = f"fill:var(--{colour});font-size:{size}px;text-anchor:{anchor}{around}"
-        return self._add(Mark("words", *_points([x], [y]), style, texts=(text,)))
+        style = f"fill:var(--{colour});font-size:{SMALL}px;text-anchor:{anchor}{around}"
+        return self._add(Mark("words", *_points([x], [y]), style, texts=(text,), anchor=anchor))
 
     def zero(self) -> "Panel":
         """A thin line at y = 0, across; zero then lies inside the axis."""

@@ -13,13 +13,13 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import write_powers
-from flexlin.plots.svg import NARROW, Row, draw
+from flexlin.plots.svg import draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-HEIGHT = 120.0
-"""Of a card's picture."""
+SIZE = (380.0, 120.0)
+"""Width and height of a card's picture."""
 MOST_POINTS, MOST_FACTS = 120, 6
 COLOURS = {
     "blue": "#0072b2",
@@ -130,7 +130,8 @@ def draw_small(view: View) -> str:
     shown = [series for series in map(thin, view.series[: len(COLOURS)]) if len(series.x)]
     if not shown:
         return ""
-    panel = Panel(x_label=view.x_label, y_label=view.y_label, equal=view.equal)
+    width, height = SIZE
+    panel = Panel(x_label=view.x_label, y_label=view.y_label, equal=view.equal, width=width, height=height)
     for series, colour in zip(shown, COLOURS, strict=False):
         if series.style == "dots":
             panel.dots(series.x, series.y, colour, texts=[series.name] * len(series.x))
@@ -143,9 +144,8 @@ def draw_small(view: View) -> str:
             "faint",
             dash="3 3",
         )
-    drawn = draw([Row([panel], HEIGHT)], f"{view.y_label} over {view.x_label}", narrow=True)
     variables = ";".join(f"--{name}:{shade}" for name, shade in (COLOURS | PAPER).items())
-    return f'<div style="flex:0 1 {NARROW:g}px;max-width:100%;{variables}">{drawn}</div>'
+    return f'<div style="flex:0 1 {width:g}px;max-width:100%;font-size:11px;{variables}">{draw([panel])}</div>'
 
 
 def thin(series: Series) -> Series:

@@ -16,7 +16,7 @@ from flexlin.answers import Clock
 from flexlin.answers.analysis import Analysis, analyse
 from flexlin.answers.judging import Loop
 from flexlin.answers.steady import find_response
-from flexlin.plots import SMALL, Linear, Logarithmic, Panel, Row, Symlog, count_lines, draw, measure_text
+from flexlin.plots import SMALL, Linear, Logarithmic, Panel, Symlog, draw, measure_text
 from flexlin.report.figures.chart import follow_lines
 from flexlin.report.figures.coefficients import choose_shown, shift_and_scale
 from flexlin.report.figures.style import choose_colour
@@ -66,10 +66,9 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[Panel], list]]:
     """Panels and legend of every call of draw."""
     calls: list[tuple[list[Panel], list]] = []
 
-    def record(rows, description, legend=(), narrow=False):
-        if not narrow:
-            calls.append(([panel for row in rows for panel in row.panels], list(legend)))
-        return draw(rows, description, legend, narrow)
+    def record(panels, legend=()):
+        calls.append((list(panels), list(legend)))
+        return draw(panels, legend)
 
     for module in pkgutil.iter_modules(figures.__path__, figures.__name__ + "."):
         found = importlib.import_module(module.name)
@@ -132,7 +131,7 @@ def titles(panels: list[Panel]) -> Iterator[str]:
 def test_large_arms_show_all_joints_and_fold_the_rest(large: Analysis, drawn) -> None:
     pictures = {picture.name: picture for picture in figures.draw_pictures(large)}
     names = [f"q{k + 1}" for k in range(5)]
-    shown = re.findall(r">([^<>]*)</text>", pictures["response"].svg)
+    shown = re.findall(r"<b>([^<>]*)</b>", pictures["response"].svg)
     for name in names:
         assert any(text.startswith(f"{name} in") for text in shown)
         assert any(text.startswith(f"input {name} in") for text in shown)
@@ -140,20 +139,17 @@ def test_large_arms_show_all_joints_and_fold_the_rest(large: Analysis, drawn) ->
     for picture in ("response", "coefficients"):
         everything = [
             text
-            for svg in (pictures[picture].svg, *pictures[picture].folded)
-            for text in re.findall(r">([^<>]+) in [^<>]*</text>", svg.partition('class="narrow"')[0])
-            if text != "time"
+            for svg in (pictures[picture].svg, pictures[picture].folded)
+            for text in re.findall(r"<b>([^<>]+) in [^<>]*</b>", svg)
         ]
         assert len(everything) == len(set(everything))
         assert pictures[picture].folded
     assert {f"w{i + 1}{k + 1}" for i in range(5) for k in range(1)} <= {
         text
-        for svg in (pictures["response"].svg, *pictures["response"].folded)
+        for svg in (pictures["response"].svg, pictures["response"].folded)
         for text in re.findall(r">(w\d\d) in", svg)
     }
-    entries = re.findall(
-        r">([MDK])\((\w+), (\w+)\)", "".join((pictures["coefficients"].svg, *pictures["coefficients"].folded))
-    )
+    entries = re.findall(r">([MDK])\((\w+), (\w+)\)", pictures["coefficients"].svg + pictures["coefficients"].folded)
     assert len(entries) > 40
     assert {row for _, row, _ in entries} | {column for _, _, column in entries} == set(large.plant.names)
 
@@ -197,19 +193,11 @@ def test_every_scale_has_two_numbers_that_differ() -> None:
             assert 2 <= len({label for _, label in ticks}) == len(ticks) <= 2 * most, (positive, ticks)
 
 
-def test_legends_wrap() -> None:
-    panel = Panel()
-    for k in range(20):
-        panel.line([0, 1], [k, k], "blue", label=f"a loop with a name {k}")
-    assert count_lines(panel.legend, 300.0) == 20 > count_lines(panel.legend, 900.0) > 2
-    assert count_lines([], 10.0) == 0
-
-
 def test_words_stay_inside_their_axes() -> None:
     """Labels at corners, where tongues and critical values often lie."""
     for x, y, asked in itertools.product((0.0, 1.0), (0.0, 1.0), ("start", "middle", "end")):
         panel = Panel(x=Linear(0.0, 1.0), y=Linear(0.0, 1.0)).words(x, y, "principal, order 2", anchor=asked)
-        svg = draw([Row([panel], 200.0)], "words")
+        svg = draw([panel])
         frame = re.search(r'd="M([\d.]+),([\d.]+)V([\d.]+)H([\d.]+)"', svg)
         left, top, bottom, right = (float(number) for number in frame.groups())
         ((x, y, anchor),) = re.findall(
@@ -227,16 +215,8 @@ def test_words_are_not_written_over_each_other() -> None:
     panel = Panel(x=Linear(0.0, 1.0), y=Linear(0.0, 1.0))
     for at, text in ((0.5, "0.2"), (0.9, "0.4"), (0.51, "principal, order 2")):
         panel.words(0.5, at, text)
-    for narrow in (False, True):
-        svg = draw([Row([panel], 200.0)], "words", narrow=narrow)
-        assert [
-            text
-            for text in ("0.2", "0.4", "principal, order 2")
-            if f'font-size:{SMALL}px;text-anchor:middle">{text}<' in svg
-        ] == [
-            "0.4",
-            "principal, order 2",
-        ]
+    svg, said = draw([panel]), ("0.2", "0.4", "principal, order 2")
+    assert [text for text in said if f'font-size:{SMALL}px;text-anchor:middle">{text}<' in svg] == [*said[1:]]
 
 
 def test_lines_of_the_campbell_diagram_cross_without_a_kink() -> None:
@@ -248,12 +228,3 @@ def test_lines_of_the_campbell_diagram_cross_without_a_kink() -> None:
     gap = np.sort(lines, axis=1)
     gap[20:23] = np.nan
     assert np.isnan(follow_lines(gap)[21]).all()
-
-
-def test_a_narrow_picture_leaves_no_hole_and_bears_times_below_each_column():
-    panels = [
-        Panel(str(k), x_label="time" * (k > 2), ticked=(k > 2, True)).line([0, 1], [0, 1], "blue") for k in range(6)
-    ]
-    drawn = draw([Row(panels[k : k + 3], 80.0, (1.0,) * 3) for k in (0, 3)], "six", narrow=True)
-    assert drawn.count(">time<") == 2
-    assert len(set(re.findall(r'y="([\d.]+)" style="font-weight', drawn))) == 3

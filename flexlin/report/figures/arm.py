@@ -9,13 +9,16 @@ from flexlin.control.tracking import arm_positions
 from flexlin.mechanics.axes import COLUMNS
 from flexlin.periodic.precision import ROOT
 from flexlin.plots.panel import Panel
-from flexlin.plots.svg import Row
 from flexlin.report.figures.style import (
+    HALF,
+    QUARTER,
+    THIRD,
     Picture,
     choose_colour,
     choose_views,
     make_period_panel,
     make_picture,
+    resize,
     style_part,
 )
 from flexlin.report.wording import format_duration, in_unit, is_dimensionless, name_joint_unit
@@ -56,7 +59,7 @@ def draw_arm(a: Analysis) -> Picture:
     """The arm at equal steps of a period, and its joints' motion and feedforward torques beside it."""
     caption = "Joint motion and feedforward of the rigid motion over one period."
     if a.arm.near.points is None:
-        return make_picture("arm", "The arm along its motion", caption, [Row(draw_beside(a), 110)])
+        return make_picture("arm", "The arm along its motion", caption, resize(draw_beside(a), 110.0, (HALF,)))
     bent = (
         "bent by the steady response under the scene's loop"
         if a.response
@@ -66,15 +69,12 @@ def draw_arm(a: Analysis) -> Picture:
         f"The arm at {PHASES} equal steps of a period, {bent}, to scale; later pictures are stronger. Grey: the rigid motion. "
         f"Red: the path of the tip. Beside it: {caption[0].lower()}{caption[1:]}"
     )
-    rows = lay_out(draw_stroboscope(a), draw_beside(a))
-    return make_picture("arm", "The arm along its motion", caption, rows)
-
-
-def lay_out(views: list[Panel], beside: list[Panel]) -> list[Row]:
-    """One view beside the panels of the motion, or three views above them."""
+    views, beside = draw_stroboscope(a), draw_beside(a)
     if len(views) == 1:
-        return [Row([*views, *beside], 220, (1.7, *[1.0] * len(beside)))]
-    return [Row(views, 220), Row(beside, 110)]
+        panels = [*resize(views, 220.0, (HALF,)), *resize(beside, 220.0, (QUARTER,))]
+    else:
+        panels = [*resize(views, 220.0, (THIRD,)), *resize(beside, 110.0, (HALF,))]
+    return make_picture("arm", "The arm along its motion", caption, panels)
 
 
 def draw_beside(a: Analysis) -> list[Panel]:
@@ -171,20 +171,14 @@ def draw_modes(a: Analysis) -> Picture | None:
     panels = [
         draw_mode(a, complex(values[i]), k, rest, swing) for i, k, swing in zip(order, leading, swings, strict=True)
     ]
-    rows, others = arrange_modes(panels[:ABOVE]), panels[ABOVE:]
-    folded = [arrange_modes(others[i : i + ABOVE]) for i in range(0, len(others), ABOVE)]
+    resize(panels, 130.0, (QUARTER,))
     caption = (
         "How the arm swings under the scene's loop if it is held still at t = 0 (coefficients frozen there): the shapes behind the "
         "frequencies above. Strong and faint: the two ends of the swing, magnified. Grey: the arm at rest. Below each: the coordinate that "
         "moves most, by its share of the kinetic energy, and how fast the mode decays. A mode without frequency creeps back, or grows."
     )
-    return make_picture("modes", "Mode shapes", caption, rows, (), folded, f"The {len(others)} other modes")
-
-
-def arrange_modes(panels: list[Panel]) -> list[Row]:
-    """Panels in rows of four."""
-    columns = min(4, max(3, len(panels)))
-    return [Row(panels[i : i + columns], 130, (1.0,) * columns) for i in range(0, len(panels), columns)]
+    shown, others = panels[:ABOVE], panels[ABOVE:]
+    return make_picture("modes", "Mode shapes", caption, shown, (), others, f"The {len(others)} other modes")
 
 
 def order_modes(values: Array) -> list[int]:

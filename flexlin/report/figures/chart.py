@@ -11,9 +11,8 @@ from flexlin.checks import Array
 from flexlin.periodic.circle import assign
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Symlog
-from flexlin.plots.svg import Row
 from flexlin.report.figures.chart_map import draw_map
-from flexlin.report.figures.style import SERIES, Picture, make_picture
+from flexlin.report.figures.style import SERIES, WIDTH, Picture, make_picture
 from flexlin.report.wording import in_unit, is_dimensionless, without_units
 from flexlin.scene.names import label_number, name_number, show_unit
 from flexlin.scene.parameters import get_value
@@ -45,9 +44,8 @@ def draw_chart(
     if nearest is None or data.attrs.get("search"):
         said += say_none_was_found(data)[0]
     shade = f"Stronger: faster growth or decay; lines of equal {in_unit('growth rate', '1/s')}; hatched: undecided."
-    return make_picture(
-        "chart", title, f"{caption} {shade}\n{said}", [draw_map(labels, own, nearest, thin(data), curves)]
-    )
+    panels = draw_map(labels, own, nearest, thin(data), curves)
+    return make_picture("chart", title, f"{caption} {shade}\n{said}", panels)
 
 
 def list_paths(data: xarray.Dataset) -> list[str]:
@@ -127,13 +125,18 @@ APART, BELOW = 0.08, 0.05
 """Of the width: labels of critical values closer than this are left out; of the height: how far below the top they stand."""
 
 
-def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[CriticalValue]) -> Row:
+def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[CriticalValue]) -> Panel:
     """All growth rates; the largest in the colour of its verdict; the unstable intervals shaded; critical values marked."""
     x = data[next(str(name) for name in data.coords)].to_numpy()
     growth, verdict = data["exponents"].real.to_numpy(), data["verdict"].to_numpy()
     scale = choose_scale(growth, data["error"].to_numpy())
     panel = Panel(
-        in_unit("growth rates", "1/s"), x=Linear(float(x.min()), float(x.max())), y=scale, x_label=label
+        in_unit("growth rates", "1/s"),
+        x=Linear(float(x.min()), float(x.max())),
+        y=scale,
+        x_label=label,
+        width=WIDTH,
+        height=300.0,
     ).zero()
     for begin, end in list_unstable(x, verdict, critical):
         low, high = limits_of(scale)
@@ -149,7 +152,7 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
             panel.dots(x[chosen], growth[chosen, 0], name, size=2.2, label=name, texts=texts)
     mark_critical(panel, critical, x, scale)
     mark_own(panel, own, x, scale)
-    return Row([panel], 300)
+    return panel
 
 
 def choose_scale(growth: Array, error: Array) -> Linear | Symlog:
@@ -265,7 +268,12 @@ def draw_campbell(label: str, data: xarray.Dataset, error: float) -> Picture:
     shown = np.isfinite(frequency) & (frequency > 0)
     top = 1.08 * float(frequency[shown].max(initial=float(np.nanmax(motion))))
     panel = Panel(
-        in_unit("frequencies", "Hz"), x=Linear(float(x.min()), float(x.max())), y=Linear(0.0, top), x_label=label
+        in_unit("frequencies", "Hz"),
+        x=Linear(float(x.min()), float(x.max())),
+        y=Linear(0.0, top),
+        x_label=label,
+        width=WIDTH,
+        height=320.0,
     )
     for k in range(1, 2 * MULTIPLES + 1):
         multiple = np.where(k * motion / 2 <= top, k * motion / 2, np.nan)
@@ -284,7 +292,7 @@ def draw_campbell(label: str, data: xarray.Dataset, error: float) -> Picture:
         pairs = zip(frequency[row, mode], growth[row, mode], strict=True)
         texts = [f"frequency {f:.4g}{cycle} grows by {g:.3g}{rate}" for f, g in pairs]
         panel.dots(x[row], frequency[row, mode], "unstable", size=3.0, label="unstable", texts=texts)
-    return make_picture("campbell", "Campbell diagram", CAMPBELL, [Row([panel], 320)])
+    return make_picture("campbell", "Campbell diagram", CAMPBELL, [panel])
 
 
 def follow_lines(values: Array) -> Array:

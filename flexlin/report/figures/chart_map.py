@@ -11,9 +11,11 @@ from flexlin.answers.stability_boundary import BoundaryCurve
 from flexlin.checks import Array
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear
-from flexlin.plots.svg import Row
+from flexlin.report.figures.style import resize
 from flexlin.report.wording import is_dimensionless
 
+MAP = (640.0, 104.0)
+"""Widths of the map and of its bar of colours."""
 SHADES = 14
 """Strengths of a colour: they follow the square root of the rate, so that slow growth is seen beside fast."""
 FAINTEST = 0.18
@@ -29,7 +31,7 @@ def draw_map(
     nearest: Array | None,
     data: xarray.Dataset,
     curves: Sequence[BoundaryCurve],
-) -> Row:
+) -> Sequence[Panel]:
     """A cell for each pair of values, contours, the boundary, the scene's own point, and a bar of colours."""
     paths = [str(path) for path in data["verdict"].dims]
     axes = [data[path].to_numpy() for path in paths]
@@ -43,7 +45,7 @@ def draw_map(
     label_resonances(panel, curves, x, y)
     mark_scene(panel, own, nearest, axes)
     panel.probe(write_probe(labels, axes, growth, verdict))
-    return Row([panel, draw_bar(growth, verdict, levels)], 430, (0.86, 0.14))
+    return resize([panel, draw_bar(growth, verdict, levels)], 430.0, MAP)
 
 
 def fill_cells(panel: Panel, x: Array, y: Array, growth: Array, verdict: Array) -> None:
@@ -121,7 +123,10 @@ def mark_scene(panel: Panel, own: list[float], nearest: Array | None, axes: list
 def draw_bar(growth: Array, verdict: Array, levels: list[float]) -> Panel:
     """Which colour is which growth rate."""
     panel = Panel(
-        "growth rate" if is_dimensionless() else "growth rate in 1/s", x=Linear(0.0, 1.0), ticked=(False, True)
+        "growth rate" if is_dimensionless() else "growth rate in 1/s",
+        x=Linear(0.0, 1.0),
+        x_label="\u00a0",
+        ticked=False,
     )
     shown = growth[(verdict == "stable") | (verdict == "unstable")]
     low, high = float(min(shown.min(initial=0.0), 0.0)), float(max(shown.max(initial=0.0), 0.0))

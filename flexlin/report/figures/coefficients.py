@@ -13,9 +13,7 @@ from flexlin.plots.scales import SUPERSCRIPTS
 from flexlin.report.figures.style import (
     DASHES,
     Picture,
-    arrange_in_columns,
     choose_colour,
-    fold,
     make_period_panel,
     make_picture,
 )
@@ -109,12 +107,12 @@ def draw_coefficients(a: Analysis) -> Picture:
     rest = sorted((k for k in range(len(varying)) if k not in shown), key=lambda k: -varying[k].weight)
     folded = [varying[k] for k in sorted(rest[:FOLDED])]
     panels = [draw_entry(a, varying[k]) for k in shown]
-    rows, under = arrange_in_columns(panels), fold([draw_entry(a, entry, THIN) for entry in folded])
+    under = [draw_entry(a, entry, THIN) for entry in folded]
     caption, heading = (
         describe_shown(len(varying), len(shown), len(folded)),
         f"The {len(folded)} other entries that vary",
     )
-    return make_picture("coefficients", "The coefficients over a period", caption, rows, (), under, heading)
+    return make_picture("coefficients", "The coefficients over a period", caption, panels, (), under, heading)
 
 
 def list_joints(a: Analysis) -> list[int]:
@@ -212,14 +210,14 @@ def draw_gains(a: Analysis) -> Picture | None:
     legend = next(iter(panels.values())).legend
     for panel in panels.values():
         panel.marks = [replace(mark, label="") for mark in panel.marks]
-    rows, folded = arrange_in_columns([panels[k] for k in shown]), fold([panels[k] for k in sorted(rest[:FOLDED])])
+    above, folded = [panels[k] for k in shown], [panels[k] for k in sorted(rest[:FOLDED])]
     caption = "Entries of the feedback gain in u = −gain(t) [y; y′]: gain(input, state)."
     if remembers:
         caption += " What a controller's integrals and filters add is not drawn."
     if rest:
         caption += " Shown are those that act most on deflections of equal energy, one of each input at the least; others are folded below."
     heading = f"The {len(rest[:FOLDED])} other entries"
-    return make_picture("gains", "Gains over a period", caption, rows, legend, folded, heading)
+    return make_picture("gains", "Gains over a period", caption, above, legend, folded, heading)
 
 
 def name_gain(a: Analysis, i: int, j: int) -> str:

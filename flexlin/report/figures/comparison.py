@@ -12,10 +12,9 @@ from flexlin.identification.maximum_likelihood import Identification
 from flexlin.identification.prediction import Prediction
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear
-from flexlin.plots.svg import Row
 from flexlin.report.advice import agreement, sentence
 from flexlin.report.drive_words import describe_demand
-from flexlin.report.figures.style import Picture, choose_colour, make_period_panel, make_picture
+from flexlin.report.figures.style import Picture, choose_colour, make_period_panel, make_picture, resize
 from flexlin.report.numbers import record_fields, record_numbers
 from flexlin.report.wording import (
     format_decimal,
@@ -43,7 +42,7 @@ def draw_comparison(a: Analysis) -> Picture | None:
     (both, both_unit), (apart, apart_unit) = scale_values(np.array([nonlinear, linear]), unit), scale_values(gap, unit)
     time = Linear(0.0, float(s.t[-1]))
     colour = choose_colour(a, a.own)
-    upper = Panel(in_unit(name, both_unit), x=time, ticked=(False, True)).zero()
+    upper = Panel(in_unit(name, both_unit), x=time, x_label=time_label()).zero()
     upper.line(s.t, both[0], colour, width=4.5, opacity=0.5, label="nonlinear")
     upper.line(s.t, both[1], "ink", width=1.4, dash="5 3", label="linear")
     lower = Panel(in_unit("difference", apart_unit), x=time, x_label=time_label()).zero().line(s.t, apart, colour)
@@ -52,7 +51,7 @@ def draw_comparison(a: Analysis) -> Picture | None:
         f"The full nonlinear equations over {s.t[-1] / a.plant.period:g} {spans} under the scene's loop, started on the rigid motion, "
         f"beside the linear prediction from the same start. {sentence(agreement(a, s))}"
     )
-    return make_picture("comparison", "Nonlinear against linear", caption, [Row([upper], 120), Row([lower], 60)])
+    return make_picture("comparison", "Nonlinear against linear", caption, resize([upper, lower], 110.0))
 
 
 Curves = tuple[str, str, Array, Array, Array]
@@ -89,7 +88,8 @@ def draw_answer(a: DisturbanceAnswer) -> Picture:
     )
     shown = np.isfinite(a.settling)
     lower.dots(a.phases[shown], a.settling[shown], "blue", size=2.5)
-    return make_picture("answer", "Answer to a disturbance", describe_answer(a), [Row([upper], 200), Row([lower], 90)])
+    panels = resize([upper, lower], 150.0)
+    return make_picture("answer", "Answer to a disturbance", describe_answer(a), panels)
 
 
 def describe_answer(a: DisturbanceAnswer) -> str:
@@ -118,7 +118,7 @@ def draw_noise(a: NoiseAnswer) -> Picture:
         float(a.t[-1]), in_unit(f"root mean square of the {'tip' if known else 'first coordinate'}", unit)
     ).zero()
     panel.line(a.t, values, "blue")
-    return make_picture("answer", "Answer to a disturbance", describe_noise(a), [Row([panel], 200)])
+    return make_picture("answer", "Answer to a disturbance", describe_noise(a), resize([panel], 200.0))
 
 
 def describe_noise(a: NoiseAnswer) -> str:
@@ -135,17 +135,15 @@ POINTS = 1500
 
 def draw_prediction(found: Prediction) -> Picture:
     """A panel for each column; curves are broken where a window begins."""
-    last = len(found.fit) - 1
-    rows = [Row([draw_column(found, name, i == last)], 120.0) for i, name in enumerate(found.fit)]
+    panels = resize([draw_column(found, name) for name in found.fit], 120.0)
     caption = f"Predicted from the inputs alone. {found.status[0].upper()}{found.status[1:]}."
-    return make_picture("prediction", "Measured and predicted", caption, rows)
+    return make_picture("prediction", "Measured and predicted", caption, panels)
 
 
-def draw_column(found: Prediction, name: str, labelled: bool) -> Panel:
+def draw_column(found: Prediction, name: str) -> Panel:
     """One column."""
     ends = Linear(float(found.time[0]), float(found.time[-1]))
-    label = "time in s" if labelled else ""
-    panel = Panel(f"{name}: fit {found.fit[name]:.1f} %", x=ends, x_label=label, ticked=(labelled, True))
+    panel = Panel(f"{name}: fit {found.fit[name]:.1f} %", x=ends, x_label="time in s")
     t, measured = thin_curve(found.time, found.measured[name])
     panel.line(t, measured, "faint", width=3.0, label="measured")
     for k, (start, end) in enumerate(zip(found.starts, [*found.starts[1:], np.inf], strict=True)):
@@ -163,16 +161,12 @@ def thin_curve(t: Array, values: Array) -> tuple[Array, Array]:
 
 def draw_errors(found: Prediction) -> Picture:
     """What is left of each column."""
-    rows = []
-    for i, name in enumerate(found.fit):
-        label = "time in s" if i == len(found.fit) - 1 else ""
-        ends = Linear(float(found.time[0]), float(found.time[-1]))
-        panel = Panel(name, x=ends, x_label=label, ticked=(bool(label), True)).zero()
-        rows.append(
-            Row([panel.line(*thin_curve(found.time, found.measured[name] - found.outputs[name]), "blue")], 80.0)
-        )
+    panels, ends = list[Panel](), Linear(float(found.time[0]), float(found.time[-1]))
+    for name in found.fit:
+        panel = Panel(name, x=ends, x_label="time in s").zero()
+        panels.append(panel.line(*thin_curve(found.time, found.measured[name] - found.outputs[name]), "blue"))
     caption = "Measured less predicted; white noise would leave no pattern."
-    return make_picture("residuals", "What is left", caption, rows)
+    return make_picture("residuals", "What is left", caption, resize(panels, 80.0))
 
 
 def say_numbers(scene: Scene, found: Identification) -> list[str]:

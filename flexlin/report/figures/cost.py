@@ -8,8 +8,7 @@ from flexlin.answers.accuracy import CostResult, Row
 from flexlin.answers.accuracy.result import STAGES
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Logarithmic, format_power_of_ten
-from flexlin.plots.svg import Row as Panels
-from flexlin.report.figures.style import DASHES, PARTS, SERIES, SHAPES, Picture, make_picture
+from flexlin.report.figures.style import DASHES, HALF, PARTS, SERIES, SHAPES, WIDTH, Picture, make_picture, resize
 from flexlin.scene.scene import Accuracy
 
 UNSEEN = 1e-17
@@ -25,10 +24,8 @@ def draw_cost(result: CostResult) -> Picture:
     """Error across, time up, logarithmic both: transition matrices first, then the other stages, two in a row."""
     stages = [stage for stage in STAGES if result.stage(stage)]
     stages.sort(key=lambda stage: (stage != "transition matrices", STAGES.index(stage)))
-    panels = [draw_stage(result, stage) for stage in stages]
-    rows = [Panels([panels[0]], 360.0)] if panels else []
-    rows += [Panels(panels[i : i + 2], 200.0, (1.0, 1.0)) for i in range(1, len(panels), 2)]
-    return make_picture("cost", "What accuracy costs", write_caption(result), rows)
+    panels = resize([draw_stage(result, stage) for stage in stages], 220.0, (WIDTH, HALF))
+    return make_picture("cost", "What accuracy costs", write_caption(result), panels)
 
 
 def draw_stage(result: CostResult, stage: str) -> Panel:

@@ -7,14 +7,15 @@ import numpy as np
 from flexlin.answers.audit.result import Audit, Row
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic, Named
-from flexlin.plots.svg import Row as Line
-from flexlin.report.figures.style import LINE, Picture, make_picture
+from flexlin.report.figures.style import WIDTH, Picture, make_picture
 from flexlin.report.wording import in_unit
 
 if TYPE_CHECKING:
     import xarray
 
 
+BAR = 16.0
+"""Height of a line."""
 LEAST, WHOLE = 1e-6, 2.0
 """Ends of the axis: a change below the first counts as none, one of the verdict reaches the second."""
 
@@ -24,7 +25,11 @@ def draw_effects(audit: Audit) -> Picture:
     rows = [*audit.effects, *audit.modes]
     rows.sort(key=clip_significance)
     panel = Panel(
-        x=Logarithmic(LEAST, WHOLE), y=Named(tuple(row.change for row in rows)), x_label="largest relative change"
+        x=Logarithmic(LEAST, WHOLE),
+        y=Named(tuple(row.change for row in rows)),
+        x_label="largest relative change",
+        width=WIDTH,
+        height=BAR * len(rows),
     )
     for i, row in enumerate(rows):
         if not np.isnan(row.significance):
@@ -33,9 +38,7 @@ def draw_effects(audit: Audit) -> Picture:
                 [LEAST, size, size, LEAST], [i - 0.3, i - 0.3, i + 0.3, i + 0.3], colour_need(row, audit.tolerance)
             )
     panel.line([audit.tolerance] * 2, [-0.5, len(rows) - 0.5], "ink", width=1.2, dash="4 3")
-    return make_picture(
-        "effects", "Which effects this scene needs", describe_findings(audit), [Line([panel], LINE * len(rows))]
-    )
+    return make_picture("effects", "Which effects this scene needs", describe_findings(audit), [panel])
 
 
 def clip_significance(row: Row) -> float:
@@ -78,13 +81,11 @@ def draw_sensitivity(data: "xarray.Dataset") -> Picture:
     order = np.argsort(np.abs(change))[-MOST:]
     names = tuple(f"{data['parameter'].values[i]} = {data['value'].values[i]:.4g}" for i in order)
     reach = 1.08 * float(np.abs(change).max()) or 1.0
-    panel = Panel(
-        x=Linear(-reach, reach), y=Named(names), x_label=in_unit("change of the growth rate for 1 % more", "1/s")
-    )
+    label = in_unit("change of the growth rate for 1 % more", "1/s")
+    panel = Panel(x=Linear(-reach, reach), y=Named(names), x_label=label, width=WIDTH, height=BAR * len(order))
     for row, i in enumerate(order):
         corners = [0.0, change[i], change[i], 0.0]
         panel.area(corners, [row - 0.3, row - 0.3, row + 0.3, row + 0.3], "stable" if change[i] < 0 else "unstable")
     panel.line([0, 0], [-0.5, len(order) - 0.5], "ink", width=1.0)
     left_out = f" The {len(change) - MOST} that move it least are not shown." if len(change) > MOST else ""
-    title, rows = "Which numbers move the growth rate", [Line([panel], LINE * len(order))]
-    return make_picture("sensitivity", title, PERCENT + left_out, rows)
+    return make_picture("sensitivity", "Which numbers move the growth rate", PERCENT + left_out, [panel])

@@ -9,8 +9,16 @@ from flexlin.periodic.floquet.modes import follow_frozen_modes
 from flexlin.periodic.precision import SLIGHT
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic, Symlog
-from flexlin.plots.svg import Row
-from flexlin.report.figures.style import SHAPES, Picture, choose_colour, make_period_panel, make_picture
+from flexlin.report.figures.style import (
+    HALF,
+    QUARTER,
+    SHAPES,
+    Picture,
+    choose_colour,
+    make_period_panel,
+    make_picture,
+    resize,
+)
 from flexlin.report.wording import colour, format_largest_multiplier, format_modulus, in_unit, is_dimensionless
 
 FROZEN = (
@@ -21,12 +29,12 @@ FROZEN = (
 
 def draw_exponents(a: Analysis) -> Picture:
     """The complex plane on the left, frozen frequencies over the period on the right; these alone where there are no exponents."""
-    frozen = draw_frozen(a)
+    panels = resize([draw_frozen(a)], 190.0, (HALF,))
     if all(loop.floquet is None for loop in a.loops):
         caption = f"{FROZEN[0].upper()}{FROZEN[1:]}"
-        return make_picture("exponents", "Frequencies", caption, [Row([frozen], 190)])
-    rows = [Row([draw_plane(a), frozen], 190, (1.2, 1.0))]
-    return make_picture("exponents", "Exponents and frequencies", write_caption(1 / a.plant.period), rows)
+        return make_picture("exponents", "Frequencies", caption, panels)
+    panels = resize([draw_plane(a), *panels], 190.0, (HALF,))
+    return make_picture("exponents", "Exponents and frequencies", write_caption(1 / a.plant.period), panels)
 
 
 def write_caption(frequency: float) -> str:
@@ -83,7 +91,7 @@ def draw_frozen(a: Analysis) -> Panel:
 
 RINGS = (-30, -10, -3, -1)
 """Powers of ten at which a dashed ring is drawn."""
-HALF = 4.0
+MIDDLE = 4.0
 """The power of ten that lies half-way between the centre and the unit circle."""
 REACH = 1.24
 TURN = np.linspace(0.0, 2 * np.pi, 91)
@@ -98,16 +106,14 @@ def draw_multipliers(a: Analysis) -> Picture | None:
     """A unit circle for each loop; none for a motion that ends."""
     if not a.plant.motion.periodic:
         return None
-    panels = [draw_circle(a, loop) for loop in a.loops]
-    columns = min(4, max(3, len(panels)))
-    rows = [Row(panels[i : i + columns], 165) for i in range(0, len(panels), columns)]
-    return make_picture("multipliers", "Multipliers on the unit circle", CIRCLE, rows)
+    panels = resize([draw_circle(a, loop) for loop in a.loops], 165.0, (QUARTER,))
+    return make_picture("multipliers", "Multipliers on the unit circle", CIRCLE, panels)
 
 
 def scale_radius(log10: Array) -> Array:
     """A monotone map of log10 |mu| with radius(-inf) = 0, radius(0) = 1, radius(inf) = 2, as smooth at 1 as it is elsewhere."""
-    inside = HALF / (HALF + np.maximum(-log10, 0.0))
-    outside = HALF / (HALF + np.maximum(log10, 0.0))
+    inside = MIDDLE / (MIDDLE + np.maximum(-log10, 0.0))
+    outside = MIDDLE / (MIDDLE + np.maximum(log10, 0.0))
     return np.where(log10 <= 0, inside, 2.0 - outside)
 
 

@@ -7,16 +7,16 @@ import numpy as np
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import ROUNDING, Array
 from flexlin.plots.panel import Panel
-from flexlin.plots.svg import Row
 from flexlin.report.figures.coefficients import list_joints, weigh_entries
 from flexlin.report.figures.style import (
+    HALF,
+    THIRD,
     Picture,
-    arrange_in_columns,
     choose_colour,
     choose_views,
-    fold,
     make_period_panel,
     make_picture,
+    resize,
     style_part,
 )
 from flexlin.report.wording import format_power, format_quantity, in_unit, name_coordinate_unit, scale_values
@@ -43,9 +43,8 @@ def draw_response(a: Analysis) -> Picture | None:
         "Steady deviations from the rigid motion under the scene's loop: q of joints, w of bending, phi of twist, theta of motors; and "
         "what each joint is given." + " Further coordinates are folded below." * bool(rest)
     )
-    folded, heading = fold([draw_deviation(a, i) for i in rest]), f"The {len(rest)} other coordinates"
-    rows = arrange_in_columns(panels)
-    return make_picture("response", "Forced periodic response", caption, rows, legend, folded, heading)
+    folded, heading = [draw_deviation(a, i) for i in rest], f"The {len(rest)} other coordinates"
+    return make_picture("response", "Forced periodic response", caption, panels, legend, folded, heading)
 
 
 def draw_deviation(a: Analysis, i: int) -> Panel:
@@ -87,8 +86,8 @@ def draw_tip(a: Analysis) -> Picture | None:
         draw_path(xyz[:, across], xyz[:, up], "xyz"[across], "xyz"[up], unit)
         for across, up in choose_views(xyz.shape[1])
     ]
-    rows = [Row([left, *paths], 150, (1.8, 1.0))] if len(paths) == 1 else [Row([left], 130), Row(paths, 150)]
-    return make_picture("tip", "Tip error in steady motion", describe_tip_error(a), rows)
+    panels = resize([left, *paths], 150.0, (2 * THIRD, THIRD) if len(paths) == 1 else (HALF,))
+    return make_picture("tip", "Tip error in steady motion", describe_tip_error(a), panels)
 
 
 def draw_path(x: np.ndarray, y: np.ndarray, across: str, up: str, unit: str) -> Panel:

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
-from flexlin.plots.panel import Mark, Panel, measure_text
+from flexlin.plots.panel import Mark, Panel
 from flexlin.plots.scales import Linear
-from flexlin.plots.svg import LINE, WIDTH, Row, draw
+from flexlin.plots.svg import draw
 from flexlin.plots.view import COLOURS
 from flexlin.report.wording import time_label
 
+WIDTH, HALF, THIRD, QUARTER = 760.0, 372.0, 242.0, 178.0
+"""Widths of panels of which so many stand beside each other on a page."""
 SERIES = tuple(COLOURS)
 PARTS = ("indigo", "rose", "teal", "olive", "wine", "ink")
 """Of joints, inputs and components, which are no loops. Source: Tol (2021), the muted scheme."""
@@ -18,39 +20,34 @@ SHAPES = ("circle", "square", "diamond", "triangle")
 DASHES = ("", "6 3", "2 2.5", "8 3 2 3")
 OPEN = "faint"
 """The colour of the arm without feedback, where it stands beside other loops."""
-FOLDED_ROWS = 3
-"""Rows of panels in one drawing of a part that is folded: it is printed without a break."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """One figure of the page: its name, title, caption, its SVG element, and further elements that are folded, under a heading.
-
-    `narrow`: the same for the screen of a phone.
-    """
+    """One figure of the page: its name, title, caption, its panels as HTML, and further panels that are folded, under a heading."""
 
     name: str
     title: str
     caption: str
-    svg: str
-    folded: tuple[str, ...] = ()
+    svg: str = ""
+    folded: str = ""
     heading: str = ""
-    narrow: str = ""
 
 
 def make_picture(
     name: str,
     title: str,
     caption: str,
-    rows: Sequence[Row],
+    panels: Sequence[Panel],
     legend: Sequence[Mark] = (),
-    folded: Sequence[Sequence[Row]] = (),
+    folded: Sequence[Panel] = (),
     heading: str = "",
 ) -> Picture:
-    """Draw a figure: rows of panels below its legend, and further drawings that are folded under a heading."""
-    svg, narrow = (draw(rows, title, legend, small) if rows else "" for small in (False, True))
-    more = tuple(draw(part, title) + draw(part, title, narrow=True) for part in folded)
-    return Picture(name, title, caption, svg, more, heading, narrow)
+    """Draw a figure: its panels below their legend, and further ones that are folded under a heading; four as two and two."""
+    if len(panels) in (2, 4) and all(panel.width == THIRD for panel in panels):
+        resize(panels, panels[0].height, (HALF,))
+    shown, more = (draw(part, key) if part else "" for part, key in ((panels, legend), (folded, ())))
+    return Picture(name, title, caption, shown, more, heading)
 
 
 def choose_views(dimension: int) -> tuple[tuple[int, int], ...]:
@@ -58,33 +55,16 @@ def choose_views(dimension: int) -> tuple[tuple[int, int], ...]:
     return ((0, 1), (0, 2), (1, 2)) if dimension == 3 else ((0, 1),)
 
 
-def make_period_panel(period: float, title: str, label: bool = True) -> Panel:
-    """A panel of something over one period; without `label` the panel below bears the times."""
-    return Panel(title, x=Linear(0.0, period), x_label=time_label() if label else "", ticked=(label, True))
+def make_period_panel(period: float, title: str) -> Panel:
+    """A panel of something over one period."""
+    return Panel(title, x=Linear(0.0, period), x_label=time_label())
 
 
-def count_columns(panels: Sequence[Panel]) -> int:
-    """Three panels in a row, or what leaves fewer places empty and lets titles fit."""
-    columns = 2 if len(panels) in (2, 4) else min((3, 4), key=lambda k: -len(panels) % k)
-    longest = max((measure_text(panel.title) for panel in panels), default=0.0)
-    fitting = max(1, int((WIDTH + LINE) / (longest + LINE)))
-    return max(1, min(columns, len(panels), fitting))
-
-
-def arrange_in_columns(panels: Sequence[Panel], columns: int | None = None) -> list[Row]:
-    """Panels row by row; the last of each column bears the times."""
-    columns = columns or count_columns(panels)
+def resize(panels: Sequence[Panel], height: float, widths: Sequence[float] = (WIDTH,)) -> Sequence[Panel]:
+    """The panels with axes of one height, and their widths: the last of these for all that come after."""
     for i, panel in enumerate(panels):
-        last = i + columns >= len(panels)
-        panel.ticked, panel.x_label = (last, True), time_label() if last else ""
-    return [Row(panels[i : i + columns], 80.0, (1.0,) * columns) for i in range(0, len(panels), columns)]
-
-
-def fold(panels: Sequence[Panel]) -> list[list[Row]]:
-    """Panels in several drawings of a few rows each, so that a page may end between them."""
-    columns = count_columns(panels)
-    parts = [panels[i : i + columns * FOLDED_ROWS] for i in range(0, len(panels), columns * FOLDED_ROWS)]
-    return [arrange_in_columns(part, columns) for part in parts]
+        panel.width, panel.height = widths[min(i, len(widths) - 1)], height
+    return panels
 
 
 def choose_colour(a: Analysis, loop: Loop) -> str:
