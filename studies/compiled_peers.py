@@ -28,12 +28,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from outside.scipy_ode import derive_state_matrix
 from scipy.integrate._ivp import dop853_coefficients as dop
 from scipy.optimize import linear_sum_assignment
 
 import flexlin as fl
 from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.answers.accuracy.scipy_methods import derive_state_matrix
 
 NUMBA = find_spec("numba") is not None
 TOL, FAMILY_TOL = 1e-9, 1e-8

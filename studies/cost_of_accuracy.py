@@ -21,11 +21,12 @@ import numpy as np
 from outside.compiled import compile_product
 from outside.cvodes import prepare_cvodes
 from outside.heyoka_taylor import HeyokaTransitions, import_heyoka
+from outside.scipy_ode import prepare_scipy
 
 import flexlin as fl
 from flexlin.about.free import ParametricLoop, parametric_loop
 from flexlin.answers.accuracy.result import compare_exponents
-from flexlin.answers.accuracy.scipy_methods import prepare_rate, prepare_scipy
+from flexlin.answers.accuracy.scipy_methods import FastRate
 from flexlin.answers.sweep import sweep
 from flexlin.checks import Array
 from flexlin.periodic.transition.setting import Setting, factor_period
@@ -115,7 +116,7 @@ def one_run(modes: int, repetitions: int, tols: tuple[float, ...]) -> list[Row]:
             f"gauss {order} on {k}": lambda k=k: transition(system, Setting("gauss", order, k, "")) for k in SEGMENTS
         }
 
-    rate = prepare_rate(compile_product(loop), loop.nominal)
+    rate = FastRate(compile_product(loop), loop.nominal)
     programs = {
         FACTORS: [here(order) for order in ORDERS],
         **{

@@ -20,10 +20,11 @@ from typing import Any
 
 import numpy as np
 from outside.compiled import compile_function
+from outside.scipy_ode import integrate_loop
 
 import flexlin as fl
 from flexlin.answers.accuracy.result import compare_arrays
-from flexlin.answers.accuracy.scipy_methods import derive_loop_rate, integrate_loop, prepare_rate
+from flexlin.answers.accuracy.scipy_methods import FastRate, derive_loop_rate
 from flexlin.checks import SAMPLES, Array
 
 ARMS = ("single-link", "three-link")
@@ -67,9 +68,9 @@ def run_arm(
     lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
     rate, values, states = derive_loop_rate(lin), lin.arm.parameters.values, 2 * lin.n
     compiled = compile_function(rate)
-    sides = {"CasADi": prepare_rate(rate, values)}
+    sides = {"CasADi": FastRate(rate, values)}
     if compiled is not None:
-        sides["machine code"] = prepare_rate(compiled, values)
+        sides["machine code"] = FastRate(compiled, values)
     exact = integrate_loop(list(sides.values())[-1], states, "DOP853", 1e-13)
     rows = []
 

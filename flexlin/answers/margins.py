@@ -1,13 +1,12 @@
 """How far a scene's numbers are from the values at which its own loop changes its verdict."""
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
 
 from flexlin.about.linearization import Linearization
 from flexlin.answers.critical_values import CriticalValue, check_limits, search_family
-from flexlin.answers.spectra import Family, OneOfSeveral, SceneFamily, make_family
-from flexlin.errors import ArgumentError, InputError
+from flexlin.answers.spectra import make_family
+from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.spectra import Effort
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
@@ -45,41 +44,20 @@ class Margin:
         return min(open_, key=lambda one: abs(one.distance), default=None)
 
 
-@dataclass
-class Shared:
-    """One derivation of a scene's own loop for all numbers whose usual margins are asked for: `known`, if it keeps them free."""
-
-    scene: Scene
-    ranges: dict[str, tuple[float, float]]
-    known: Linearization | None = None
-    made: SceneFamily | None = None
-    tried: bool = False
-
-    def family(self, path: str) -> Family:
-        """The systems by one of the numbers. Raises: what `make_family` raises."""
-        known = self.known if self.known is not None and self.known.arm.parameters.paths == tuple(self.ranges) else None
-        if not self.tried and (known is not None or len(self.ranges) > 1):
-            self.tried = True
-            with suppress(InputError):
-                made = make_family(self.scene, self.ranges, "own", known)
-                self.made = replace(made, finest=FINE) if isinstance(made, SceneFamily) else None
-        if self.made is None:
-            return replace(make_family(self.scene, {path: self.ranges[path]}, "own"), finest=FINE)
-        return OneOfSeveral.of(self.made, list(self.ranges).index(path)) if len(self.ranges) > 1 else self.made
-
-
 def find_margin(
-    scene: Scene, path: str, limits: tuple[float, float], seconds: float = inf, shared: Shared | None = None
+    scene: Scene, path: str, limits: tuple[float, float], seconds: float = inf, known: Linearization | None = None
 ) -> Margin:
     """The critical values of one number of a scene's own loop, or as much of them as so many seconds of work bring.
 
+    Parameters: known: the loop; where its equations keep the number free they are not derived again.
     Raises: what `make_family` raises; ArgumentError for what is no real number of the scene.
     """
     effort, own = Effort(seconds), get_value(scene, path)
     if not isinstance(own, float):
         raise ArgumentError("this is no real number of the scene", got=path, expected="such as motion.frequency")
     low, high = check_limits(path, limits)
-    family = (shared or Shared(scene, {path: (low, high)})).family(path)
+    kept = known if known is not None and path in known.arm.parameters.paths else None
+    family = replace(make_family(scene, {path: (low, high)}, "own", kept), finest=FINE)
     found = search_family(family, path, low, high, TOL * (high - low), effort=effort)
     return Margin(path, low, high, own, effort.values, tuple(found), effort.gap)
 

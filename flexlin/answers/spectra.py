@@ -1,7 +1,7 @@
 """Floquet spectra as functions of scene numbers: many values at once and cheap, or one by one and as accurate as can be."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -127,22 +127,26 @@ class Family:
 
 @dataclass
 class SymbolicFamily(Family):
-    """Systems whose equations keep the parameters as symbols: `places` says where a point's numbers stand among `source`'s.
+    """Systems whose equations keep numbers as symbols, the `source`'s: a point's stand at `places` among them, the others are `nominal`.
 
     `box` (2, P): ends of the ranges.
     """
 
-    source: ParametricLoop | PeriodicFamily | None = None
-    box: Array | None = None
-    places: tuple[int, ...] = ()
+    source: ParametricLoop | PeriodicFamily = field(kw_only=True)
+    box: Array = field(kw_only=True)
+    places: list[int] = field(kw_only=True)
+    nominal: Array = field(kw_only=True)
+
+    @property
+    def loop(self) -> ParametricLoop | None:
+        """The loop on a scene's arm, where it is one."""
+        return self.source if isinstance(self.source, ParametricLoop) else None
 
     @lazy
     def together(self) -> "Together | None":
         """What computes many spectra at once, if there is a kernel for them."""
         from flexlin.answers.sweep.together import Together
 
-        assert self.source is not None
-        assert self.box is not None
         low, high = self.box
         shares = np.arange(1, PILOTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
         if len(low) > shares.shape[1]:
@@ -151,11 +155,16 @@ class SymbolicFamily(Family):
 
     def place(self, points: Array) -> Array:
         """Points as the source takes them."""
-        return points[:, list(self.places)]
+        placed = np.tile(self.nominal, (len(points), 1))
+        placed[:, self.places] = points
+        return placed
+
+    def system_at(self, point: Array) -> PeriodicSystem:
+        return self.source.system_at(self.place(point[None])[0])
 
     @property
     def slow(self) -> bool:
-        return self.source is not None and self.source.states >= WIDE and self.together is None
+        return self.source.states >= WIDE and self.together is None
 
     def rough(self, points: Array) -> Spectra:
         """Together, as a sweep computes them, where that is accurate enough; else one by one."""
@@ -180,6 +189,16 @@ class SymbolicFamily(Family):
             logs[left], errors[left] = alone.logs, alone.errors
         return Spectra(logs, errors)
 
+    def slopes(self, point: Array) -> tuple[Array, Array, Array] | None:
+        if self.loop is None or self.loop.kept is not None:
+            return None
+        from flexlin.answers.sensitivity import integrate_derivatives
+
+        loop = replace(self.loop, linearization=self.loop.at(self.place(point[None])[0]))
+        system = loop.linearization.periodic_system()
+        modes = solve_floquet_modes(system, floquet(system, self.finest), quick=True)
+        return modes.exponents, modes.errors, integrate_derivatives(loop, modes)[self.places]
+
 
 def serves(found: "Logs", tol: float) -> Array:
     """Which spectra are accurate enough for a scan, (V,): where multipliers lie close together, their squared distance counts."""
@@ -187,61 +206,6 @@ def serves(found: "Logs", tol: float) -> Array:
     gap, errors = np.minimum(apart.min(axis=1).T, 1.0), found.errors
     met = ((errors <= LOOSE) & (errors * (gap + errors) <= PARTIAL * tol)) | (errors <= tol * np.abs(found.logs))
     return found.sound & np.asarray(met.all(axis=1))
-
-
-@dataclass
-class SceneFamily(SymbolicFamily):
-    """A loop on a scene's arm whose equations keep the numbers as symbols."""
-
-    loop: ParametricLoop | None = None
-
-    def slopes(self, point: Array) -> tuple[Array, Array, Array] | None:
-        assert self.loop is not None
-        if self.loop.kept is not None:
-            return None
-        from flexlin.answers.sensitivity import integrate_derivatives
-
-        loop = replace(self.loop, linearization=self.loop.at(point))
-        system = loop.linearization.periodic_system()
-        modes = solve_floquet_modes(system, floquet(system, self.finest), quick=True)
-        return modes.exponents, modes.errors, integrate_derivatives(loop, modes)
-
-
-@dataclass
-class OneOfSeveral(Family):
-    """Systems that depend on one of several numbers that a family leaves free; the others keep the scene's values."""
-
-    family: SceneFamily | None = None
-    index: int = 0
-
-    @classmethod
-    def of(cls, family: SceneFamily, index: int) -> "OneOfSeveral":
-        """The number at a place among the family's."""
-        return cls(family.make, family.own[index : index + 1], finest=family.finest, family=family, index=index)
-
-    @property
-    def slow(self) -> bool:
-        return self.family is not None and self.family.slow
-
-    def place(self, points: Array) -> tuple[SceneFamily, Array]:
-        """The family, and its points (V, P) for values (V, 1) of the number."""
-        assert self.family is not None
-        placed = np.tile(self.family.own, (len(points), 1))
-        placed[:, self.index] = points[:, 0]
-        return self.family, placed
-
-    def system_at(self, point: Array) -> PeriodicSystem:
-        family, placed = self.place(point[None])
-        return family.system_at(placed[0])
-
-    def rough(self, points: Array) -> Spectra:
-        family, placed = self.place(points)
-        return family.rough(placed)
-
-    def slopes(self, point: Array) -> tuple[Array, Array, Array] | None:
-        family, placed = self.place(point[None])
-        found = family.slopes(placed[0])
-        return None if found is None else (*found[:2], found[2][self.index : self.index + 1])
 
 
 @dataclass
@@ -326,14 +290,19 @@ def make_family(
         check_axes(source, {path: np.array(limits) for path, limits in ranges.items()}, grid=True)
         own = np.array([get_value(source, path) for path in ranges], dtype=float)
         chosen = choose_loop(source, tuple(ranges), loop) if known is None else loop_of(known)
-        if isinstance(chosen, ParametricLoop):
-            return SceneFamily(chosen.system_at, own, 0, FINE, coarsest, chosen, box, tuple(range(len(own))), chosen)
-        return Family(chosen.system_at, own, coarsest=coarsest)
+        if not isinstance(chosen, ParametricLoop):
+            return Family(chosen.system_at, own, coarsest=coarsest)
+        places = list(range(len(own))) if known is None else [chosen.paths.index(path) for path in ranges]
+        return SymbolicFamily(
+            chosen.system_at, own, coarsest=coarsest, source=chosen, box=box, places=places, nominal=chosen.nominal
+        )
     if isinstance(source, PeriodicFamily):
         order = source.find_places(ranges, loop)
-        own = np.full(len(order), np.nan)
-        kept = SymbolicFamily(Placed(source, order), own, 0, FINE, coarsest, source, box, tuple(order))
-        return kept if kept.together is not None else FunctionFamily(kept.make, own, coarsest=coarsest, box=box)
+        places, own = [order.index(k) for k in range(len(order))], np.full(len(order), np.nan)
+        kept = SymbolicFamily(
+            source.system_at, own, coarsest=coarsest, source=source, box=box, places=places, nominal=own
+        )
+        return kept if kept.together is not None else FunctionFamily(kept.system_at, own, coarsest=coarsest, box=box)
     if not callable(source):
         expected = "a scene, a PeriodicFamily, or a function of numbers that returns a PeriodicSystem"
         raise ArgumentError("the source is of another kind", got=repr(source)[:80], expected=expected)
@@ -350,14 +319,3 @@ class Positional:
 
     def __call__(self, point: Array) -> PeriodicSystem:
         return self.source(*map(float, point))
-
-
-@dataclass(frozen=True)
-class Placed:
-    """A family as a function of a point whose numbers stand in another order."""
-
-    source: PeriodicFamily
-    places: list[int]
-
-    def __call__(self, point: Array) -> PeriodicSystem:
-        return self.source.system_at(point[self.places])

@@ -66,7 +66,7 @@ def write_report(
 
     asked = scene.accuracy
     try:
-        a = analyse(scene, clock, tuple(choose_margins(scene)) if margins is None else ())
+        a = analyse(scene, clock, tuple(choose_margins(scene) if margins is None else margins))
     except (NumericalError, TooLarge) as error:
         return error, write_why(scene, folder, command, clock, error)
     a.margins = find_margins(a, margins)
@@ -135,19 +135,18 @@ def write_why(scene: Scene, folder: Path, command: str, clock: Clock, error: Fle
 def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | None") -> "tuple[Margin, ...]":
     """The critical values of some numbers, or what is known of them at the end of their time; none of one that nobody chose and that cannot
     be free."""
-    from flexlin.answers.margins import EACH, Shared, choose_margins, find_margin
+    from flexlin.answers.margins import EACH, choose_margins, find_margin
 
     scene, asked = a.scene, a.asked
     ranges = choose_margins(scene) if chosen is None else dict(chosen)
-    shared = Shared(scene, ranges, a.closed)
     found: list[Margin | None] = []
     for left, (path, limits) in zip(range(len(ranges), 0, -1), ranges.items(), strict=True):
 
         def work(path: str = path, limits: tuple[float, float] = limits, left: int = left) -> "Margin | None":
             if chosen is not None:
-                return find_margin(scene, path, limits, a.clock.budget.plan("", asked, SHARE) / left)
+                return find_margin(scene, path, limits, a.clock.budget.plan("", asked, SHARE) / left, a.closed)
             with suppress(InputError):
-                return find_margin(scene, path, limits, EACH * max(1.0, asked.seconds / SECONDS), shared)
+                return find_margin(scene, path, limits, EACH * max(1.0, asked.seconds / SECONDS), a.closed)
             return None
 
         at_most = inf if chosen is not None else USUAL

@@ -9,7 +9,7 @@ from pathlib import Path
 import casadi as ca
 
 from flexlin.about.free import ParametricLoop
-from flexlin.answers.accuracy.scipy_methods import derive_product
+from outside.scipy_ode import derive_product
 
 
 def compile_function(function: ca.Function) -> ca.Function | None:

@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 
 from flexlin.about.free import ParametricLoop
-from flexlin.answers.accuracy.scipy_methods import Transition
 from flexlin.checks import Array
 from outside.compiled import compile_product
+from outside.scipy_ode import Transition
 
 
 def prepare_cvodes(loop: ParametricLoop, tol: float, p: Array | None = None, stiff: bool = False) -> Transition:

@@ -7,10 +7,10 @@ import casadi as ca
 import numpy as np
 
 from flexlin.about.free import ParametricLoop
-from flexlin.answers.accuracy.scipy_methods import derive_state_matrix
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.program import Program, name_of
+from outside.scipy_ode import derive_state_matrix
 
 
 class HeyokaTransitions:

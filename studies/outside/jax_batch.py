@@ -7,9 +7,9 @@ import casadi as ca
 import numpy as np
 
 from flexlin.about.free import ParametricLoop
-from flexlin.answers.accuracy.scipy_methods import derive_state_matrix
 from flexlin.checks import Array
 from flexlin.program import Program
+from outside.scipy_ode import derive_state_matrix
 
 
 def prepare_jax(loop: ParametricLoop, steps: int) -> Callable[[Array], Array]:

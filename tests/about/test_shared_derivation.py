@@ -5,7 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.about import with_control
-from flexlin.answers import Shared, analyse, build_with_free, find_margin
+from flexlin.answers import analyse, build_with_free, find_margin
 
 PID = {"kind": "pid", "kp": [3.0], "ki": [1.0], "kd": [0.5]}
 
@@ -57,7 +57,7 @@ def test_numbers_left_free_move_no_answer() -> None:
     np.testing.assert_allclose(free.linear_range.amplitudes, plain.linear_range.amplitudes, rtol=1e-3)
     for path, limits in ranges.items():
         alone = find_margin(scene, path, limits)
-        shared = find_margin(scene, path, limits, shared=Shared(scene, ranges, free.closed))
+        shared = find_margin(scene, path, limits, known=free.closed)
         assert [one.kind for one in shared.critical] == [one.kind for one in alone.critical]
         np.testing.assert_allclose([o.value for o in shared.critical], [o.value for o in alone.critical], rtol=1e-6)
 

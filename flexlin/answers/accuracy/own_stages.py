@@ -13,7 +13,6 @@ import numpy as np
 from flexlin import symbolic
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
-from flexlin.answers.accuracy import own_stages as own
 from flexlin.answers.accuracy.result import (
     STAGE_SECONDS,
     CostResult,
@@ -28,9 +27,10 @@ from flexlin.answers.accuracy.scipy_methods import (
     derive_loop_rate,
     derive_response_rate,
     derive_riccati_rate,
+    derive_transition_rate,
     forget_start,
     integrate_loop,
-    measure_scipy_methods,
+    multiply_up,
     respond_periodically,
     try_scipy,
 )
@@ -40,7 +40,7 @@ from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.manipulator import Manipulator
-from flexlin.motion import Motion, SymbolicMotion
+from flexlin.motion import Motion
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.fourier import FourierSeries
@@ -98,8 +98,9 @@ def multiply_period(system: PeriodicSystem, setting: Setting) -> Array:
         return reduce(lambda P, F: F @ P, factor_period(system, setting)[1])
 
 
-def measure_transition_matrices(system: PeriodicSystem, exact: Array, seconds: float) -> list[Row]:
+def measure_transition_matrices(closed: Linearization, exact: Array, peers: bool, seconds: float) -> list[Row]:
     """The setting that the engine starts from at each tol, and every method at every order."""
+    system = closed.periodic_system()
 
     def trials() -> Iterator[Trial]:
         for tol in TOLS:
@@ -114,7 +115,8 @@ def measure_transition_matrices(system: PeriodicSystem, exact: Array, seconds: f
                     setting = Setting(method, order, count, "")
                     yield Trial(f"{method} {order}", f"{count} segments", partial(multiply_period, system, setting))
 
-    return measure_trials("transition matrices", trials(), lambda P: compare_arrays(P, exact), seconds)
+    outside = try_scipy(closed, derive_transition_rate, multiply_up) if peers else ()
+    return measure_trials("transition matrices", chain(trials(), outside), lambda P: compare_arrays(P, exact), seconds)
 
 
 def choose_reference(system: PeriodicSystem, order: int = REFERENCE) -> Setting:
@@ -295,28 +297,26 @@ def cost(scene: Scene, *, peers: bool = True, seconds: float | None = None) -> C
     if not closed.motion.periodic:
         raise ArgumentError("a one-way motion has no period, so there is nothing to measure", got=scene.motion.kind)
     system, floor = closed.periodic_system(), math.nan
-    exact = cache(lambda order=own.REFERENCE: own.multiply_period(system, own.choose_reference(system, order)))
+    exact = cache(lambda order=REFERENCE: multiply_period(system, choose_reference(system, order)))
 
     def transition_matrices(seconds: float) -> list[Row]:
         nonlocal floor
         floor = max(compare_arrays(exact(20), exact()), 1e-15)
-        return own.measure_transition_matrices(system, exact(), seconds)
+        return measure_transition_matrices(closed, exact(), peers, seconds)
 
     stages: dict[str, Callable[[float], list[Row]]] = {
-        "exponents": lambda s: own.measure_exponents(closed, own.find_exact_exponents(system), s),
-        "forced response": partial(own.measure_forced_response, closed, peers),
-        "periodic Riccati": partial(own.measure_riccati, plant, peers),
-        "simulation": partial(own.measure_simulation, closed, peers),
+        "exponents": lambda s: measure_exponents(closed, find_exact_exponents(system), s),
+        "forced response": partial(measure_forced_response, closed, peers),
+        "periodic Riccati": partial(measure_riccati, plant, peers),
+        "simulation": partial(measure_simulation, closed, peers),
         "transition matrices": transition_matrices,
-        "coefficients": partial(own.measure_coefficients, closed),
-        "number of modes": partial(own.measure_modes, scene),
-        "Taylor order": partial(own.measure_taylor_order, arm, closed.motion),
+        "coefficients": partial(measure_coefficients, closed),
+        "number of modes": partial(measure_modes, scene),
+        "Taylor order": partial(measure_taylor_order, arm, closed.motion),
     }
     rows, notes = list[Row](), list[str]()
     if peers and closed.controller is not None:
         notes.append("SciPy has no rows: the loop has integrals or filters, and is no system of second order")
-    elif peers and isinstance(closed.motion, SymbolicMotion):
-        stages["SciPy"] = lambda s: measure_scipy_methods(scene, exact(), s)
     for done, (name, stage) in enumerate(stages.items()):
         with part(done / len(stages), (done + 1) / len(stages)):
             found, note = measure_stage(name, stage, (end - perf_counter()) / (len(stages) - done))

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from flexlin.about.free import ParametricLoop
 from flexlin.answers.sensitivity import integrate_derivatives
-from flexlin.answers.spectra import Family, SceneFamily
+from flexlin.answers.spectra import Family, SymbolicFamily
 from flexlin.checks import Array
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import FloquetModes, differentiate_exponents, solve_floquet_modes
@@ -139,13 +139,13 @@ class Worst:
     @property
     def loop(self) -> ParametricLoop | None:
         """The equations, where they keep the numbers as symbols."""
-        loop = self.family.loop if isinstance(self.family, SceneFamily) else None
+        loop = self.family.loop if isinstance(self.family, SymbolicFamily) else None
         return None if loop is None or loop.kept is not None else loop
 
     @property
     def batched(self) -> bool:
         """Whether many scenarios are computed together."""
-        return self.loop is not None and isinstance(self.family, SceneFamily) and self.family.together is not None
+        return isinstance(self.family, SymbolicFamily) and self.loop is not None and self.family.together is not None
 
     def exponents(self, gains: Array, scenarios: Array) -> tuple[Array, Array]:
         """Exponents (S, n), infinite where there are none, and periods (S,) at each scenario; or (G, S, n) for gains (G, P)."""
@@ -163,7 +163,7 @@ class Worst:
 
     def periods(self, points: Array) -> Array:
         """T in s at points (N, P)."""
-        if isinstance(self.family, SceneFamily) and self.family.loop is not None:
+        if isinstance(self.family, SymbolicFamily) and self.family.loop is not None:
             return self.family.loop.periods(points)
         return np.array([self.family.system_at(point).period for point in points])
 

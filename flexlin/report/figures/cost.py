@@ -16,7 +16,7 @@ UNSEEN = 1e-17
 ROOM, CLOSE, ABOVE = 5.0, 3.0, 1.12
 """Factors: room at the ends of the errors, errors of marks that share a label, and how far above a mark it stands."""
 OWN = ("gauss", "radau", "hill")
-OUTSIDE = ("DOP853", "LSODA", "Radau")
+OUTSIDE = ("DOP853", "Radau")
 """Families of methods with a colour of their own in every panel."""
 
 
