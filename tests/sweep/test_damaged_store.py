@@ -1,6 +1,7 @@
 """A damaged store never gives a number that the whole one does not hold: a block is computed again, or the store refused."""
 
 import gc
+import json
 import shutil
 
 import casadi as ca
@@ -115,3 +116,28 @@ def test_a_number_with_the_name_of_a_result_is_refused(name):
     family = fl.PeriodicFamily(ca.blockcat([[0, 1], [-p, -0.2]]), t, [p], 2 * np.pi)
     with pytest.raises(ArgumentError, match=name):
         fl.sweep(family, {name: [1.0, 2.0]})
+
+
+CHANGES = {
+    "a scale": ("error", lambda of: of["attributes"].update(scale_factor=2.0)),
+    "a unit": ("exponents_re", lambda of: of["attributes"].update(units="1/min")),
+    "the names of verdicts": ("verdict", lambda of: of["attributes"].update(flag_meanings="stable stable stable")),
+    "the dimensions": ("exponents_im", lambda of: of.update(dimension_names=["mode", "value"])),
+    "the number of an array that is left empty": ("period", lambda of: of.update(fill_value=7.0)),
+    "the title": ("", lambda of: of["attributes"].update(title="another arm")),
+    "a second list of arrays": ("", lambda of: of.update(consolidated_metadata={"kind": "inline", "metadata": {}})),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_metadata_by_which_others_read_the_numbers_stand_as_they_were_made(kept, change, tmp_path):
+    """Zarr gives the same numbers, so the checksums of blocks hold; xarray would scale or name them otherwise."""
+    shutil.copytree(kept[0], tmp_path / "c.zarr")
+    array, edit = CHANGES[change]
+    file = tmp_path / "c.zarr" / array / "zarr.json"
+    metadata = json.loads(file.read_text())
+    edit(metadata)
+    file.write_text(json.dumps(metadata))
+    with pytest.raises(OutputError, match=f"damaged metadata.*of {array or 'the whole'}") as found:
+        fl.sweep(SCENE, VALUES, store=tmp_path / "c.zarr", workers=1)
+    assert str(tmp_path / "c.zarr") in str(found.value)

@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import tempfile
+from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -15,19 +16,22 @@ import flexlin
 from flexlin.about.family import PeriodicFamily
 from flexlin.answers.sweep.found import LONGEST, VERDICTS, Found
 from flexlin.answers.sweep.job import Job, lay_out
+from flexlin.bounds import LARGEST_MANIFEST
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, OutputError
+from flexlin.files import read_text
 from flexlin.scene.loading import raw_tables
 
 NUMBERS = ("error", "period", "one_by_one", "verdict", "exponents_re", "exponents_im", "reason")
-MAKER = "made_by"
+MAKER, METADATA, FILE = "made_by", "metadata", "zarr.json"
+"""Attributes of a store: the question that it answers, and a fingerprint of each array's metadata; the file where they stand."""
 
 
 class Store:
     """A Zarr group with one entry for each value of a sweep, block by block; a block's checksum is written last.
 
     The checksum is that of the block's numbers, of its place, and of the question that they answer: what was lost, changed or exchanged
-    since is computed again. `repaired` counts such blocks.
+    since is computed again. `repaired` counts such blocks. Metadata, by which others read the numbers, must stand as they were made.
     A store is a flat list of values with their parameters; the N-dimensional result is what `sweep` returns.
     Raises: OutputError where it cannot be read or written; ArgumentError where another sweep made it, with what differs.
     """
@@ -41,22 +45,17 @@ class Store:
         try:
             if not self.path.exists():
                 create(self.path, job, maker)
-            self._arrays, known = open_store(self.path, [*layout(job)])
+            root = json.loads(read_text(self.path / FILE, LARGEST_MANIFEST))
+            known, metadata = dict(root["attributes"]), fingerprint(self.path, layout(job))
+            self._arrays = open_arrays(self.path, [*layout(job)])
         except Exception as error:  # damaged metadata raises what its parser meets
             raise OutputError(f"{path} cannot be used as a store", got=describe_fault(error), todo=REMOVE) from None
-        refuse_other(str(path), known, maker)
-        self._refuse_other_shapes(job)
+        refuse_other(str(path), known.get(MAKER), maker)
+        attributes = {"title": job.scene.title, MAKER: maker, METADATA: metadata}
+        if root != {"attributes": attributes, "zarr_format": 3, "node_type": "group"}:
+            raise OutputError(f"{path} has damaged metadata", got=find_changed(known, metadata), todo=REMOVE)
         self._place_values(job)
         self._read(job)
-
-    def _refuse_other_shapes(self, job: Job) -> None:
-        """Raise where an array is missing, or is not what this sweep would have made."""
-        for name, array in layout(job).items():
-            found = self._arrays.get(name)
-            got = f"{found.dtype}, {found.shape} in blocks of {found.chunks}" if found is not None else "nothing"
-            expected = f"{array.dtype}, {array.shape} in blocks of {chunks(array, job)}"
-            if got != expected:
-                raise OutputError(f"{self.path}: {name} is damaged", got=got, expected=expected, todo=REMOVE)
 
     def _place_values(self, job: Job) -> None:
         """Write what varies anew where it is not what was asked."""
@@ -134,16 +133,29 @@ def unpack(block: dict[str, Array]) -> Found:
     return Found(exponents, block["error"], block["verdict"], block["period"], block["one_by_one"], reason)
 
 
-def open_store(path: Path, names: list[str]) -> tuple[dict[str, Any], Any]:
-    """The arrays for reading and writing, as far as they are there, and what the store says of its maker.
+def open_arrays(path: Path, names: list[str]) -> dict[str, Any]:
+    """The arrays for reading and writing, as far as they are there.
 
     One after another: Zarr opens several at once, and prints a trace of each fault but the first.
     """
     import zarr
 
     with zarr.config.set({"array.write_empty_chunks": True}):  # so that -0.0 comes back as it was
-        group = zarr.open_group(str(path), mode="r+")
-        return {name: group[name] for name in names if name in group}, group.attrs.get(MAKER)
+        group = zarr.open_group(str(path), mode="r+", use_consolidated=False)
+        return {name: group[name] for name in names if name in group}
+
+
+def fingerprint(path: Path, names: Iterable[str]) -> dict[str, str]:
+    """Of each array's metadata: shape, blocks, codecs, dimensions, units."""
+    files = {name: path / name / FILE for name in names}
+    return {name: digest(file.read_bytes()) if file.exists() else "none" for name, file in files.items()}
+
+
+def find_changed(known: dict[str, Any], metadata: dict[str, str]) -> str:
+    """Which metadata are not those that the store was made with."""
+    made = known.get(METADATA)
+    changed = [name for name in metadata if not isinstance(made, dict) or made.get(name) != metadata[name]]
+    return f"another {FILE} of {', '.join(changed) or 'the whole'} than it was made with"
 
 
 def layout(job: Job) -> dict[str, Array]:
@@ -169,6 +181,7 @@ def chunks(array: Array, job: Job) -> tuple[int, ...]:
 def create(path: Path, job: Job, maker: dict[str, str]) -> None:
     """Make an empty store under another name, and move it into place when it is whole."""
     import xarray as xr
+    import zarr
 
     units = {"error": "1/s", "exponents_re": "1/s", "exponents_im": "1/s", "period": "s"}
     second = {"exponents_re": "mode", "exponents_im": "mode", "reason": "byte", "checksum": "sha256"}
@@ -183,6 +196,7 @@ def create(path: Path, job: Job, maker: dict[str, str]) -> None:
     temporary = tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         data.to_zarr(temporary, mode="w", encoding=encoding, consolidated=False)
+        zarr.open_group(temporary, mode="r+").attrs[METADATA] = fingerprint(Path(temporary), variables)
         os.rename(temporary, path)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
