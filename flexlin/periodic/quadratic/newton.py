@@ -160,7 +160,7 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
     """
     units = measure_states(X)
     samples, X = Samples.of(problem, nodes.t, units), X / np.outer(units, units)
-    last = np.inf
+    last, grown = np.inf, 0
     for k in range(ROUNDS):
         F, M = samples.compare(X, nodes.slopes(X))
         with np.errstate(over="ignore", invalid="ignore"):  # of loops that are not stable
@@ -171,7 +171,8 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
             return None
         moved = float(np.abs(D).max())
         X = X + (nodes.sharpen(D) if moved < SLIGHT else D)
-        if not moved * SLIGHT < 1:
+        grown = grown + 1 if moved > last else 0
+        if not moved * SLIGHT < 1 or grown > ROUNDS // 8:  # steps that grow again and again are those of too few nodes
             return None
         small = moved <= near or (k and moved * moved / last <= near)
         if small or (moved < SLIGHT and (moved <= nodes.tail(X) or moved > PARTIAL * last)):
