@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, at_times
 
 CACHED = 2**18
-"""Bytes of waves that are made at a time, to stay in the processor's cache."""
+"""Bytes that are made at a time, of waves or of a coefficient's samples: with what these need on the way they stay in the processor's
+cache."""
 
 
 def fourier_nodes(count: int, period: float) -> Array:

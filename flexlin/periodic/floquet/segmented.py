@@ -119,13 +119,14 @@ def measure_spectrum(
     system: PeriodicSystem, setting: Setting, factored: Factored, start: Array | None = None
 ) -> tuple[SegmentedSpectrum, Array]:
     """The exponents at one resolution, and the method's part of their errors (n,)."""
-    grid, ((plain, better), steps, unknown) = place_segments(system, setting), factored
+    (plain, better), steps, unknown = factored
     damped = setting.method == "radau"  # what is fast is damped: the stages do not cancel
     found = find_spectrum(plain, better, unknown, start=start, steps=None if damped else steps)
     logs, rounding = found.logs, found.rounding
     method = share_errors(found, system.period)
     errors = SAFETY * method + rounding
     if damped:
+        grid = place_segments(system, setting)
         below, hidden = logs.real[0] - logs.real, system.period * hidden_growth(system, grid) - logs.real[0]
         errors = np.where((errors > SLIGHT * below) & (below > errors[0]), np.inf, errors)
         method, errors = (np.append(np.maximum(part[0], hidden), part[1:]) for part in (method, errors))

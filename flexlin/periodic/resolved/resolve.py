@@ -254,7 +254,8 @@ class FourierFit:
         heard = sample.contract(T * search_phases(), weights)
         with np.errstate(over="ignore", invalid="ignore"):
             apart = np.abs(heard - _evaluate_search(c @ weights))
-        loudest = np.argpartition(apart, -POINTS)[-POINTS:]  # what is no number comes last too
+        in_block = apart.reshape(BLOCKS, WITHIN).argmax(axis=1) + WITHIN * np.arange(BLOCKS)
+        loudest = in_block[np.argpartition(apart[in_block], -POINTS)[-POINTS:]]  # what is no number comes last too
         phases = np.concatenate([search_phases()[loudest], end_phases()])
         there = sample(T * phases)
         self.deviation = np.maximum(self.deviation, self.apart(phases, there))

@@ -10,15 +10,13 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
 from flexlin.periodic.chebyshev import chebyshev_coefficients, chebyshev_nodes
 from flexlin.periodic.coefficients import check_array, check_finite
+from flexlin.periodic.fourier import CACHED
 from flexlin.periodic.grid import golden
 from flexlin.periodic.precision import CUBE, EPS, FAINT, ROOT, SLIGHT, TINY
 
 LEAST = TINY / EPS
 RESOLVED = 1e-13
 """Of an entry's size: agreement of its series with A that is asked for."""
-CACHED = 100_000
-"""Bytes of samples that one call of the coefficient returns: with what it needs on the way they stay in the processor's cache, and below
-the size (128 kB) from which memory is fetched from the system each time."""
 BLOCKS, WITHIN = 128, 80
 """The times of a search: blocks of a period, and times in each, at the same places in all: gaps stay below T / 10000."""
 NEAR = 1e-11
