@@ -55,8 +55,9 @@ class Budget:
         return allowed
 
     def plan(self, name: str, asked: Accuracy, share: float = 1.0) -> float:
-        """The seconds that a search within a stage plans with."""
-        return USED * self.allow(name, asked, share).seconds
+        """The seconds that a search within a stage plans with, of which no more pass by the clock before the stage is ended."""
+        allowed = self.allow(name, asked, share)
+        return USED * min(allowed.seconds, allowed.clock)
 
 
 LOG = logging.getLogger(__name__)

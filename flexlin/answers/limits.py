@@ -14,7 +14,7 @@ import numpy as np
 from flexlin.checks import memory_limit
 from flexlin.errors import FlexlinError, NumericalError, TimeLimit, TooLarge
 from flexlin.errors.root import lacks_memory
-from flexlin.resources import PATIENCE, Stopwatch, read_resident
+from flexlin.resources import Stopwatch, read_resident
 
 TICK = 0.2
 """Seconds between two looks at the clock and at the memory in use."""
@@ -149,17 +149,17 @@ def take_alarm() -> Callable[[], None]:
 def time_limit(
     name: str, seconds: float, memory: float = float("inf"), allowed: Allowance | None = None
 ) -> Iterator[None]:
-    """End the block with TimeLimit once it has worked for so many seconds, with TooLarge once it holds so many bytes more.
+    """End the block with TimeLimit after so many seconds of the clock, or as `allowed` has it; with TooLarge beyond so many bytes more.
 
     An alarm of the operating system interrupts the main thread between two instructions of Python, as Ctrl-C does, at the limit of this
     block or of one around it; handler, hook and timer of before are restored, and so is what NumPy does on overflow: the alarm may ring
     between a change of that and the block that takes it back. In other threads, and where there is no such alarm, the block is let run to
-    its end. `allowed` says what to do.
+    its end.
     """
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
-    allowed = allowed or Allowance(seconds, memory, seconds, memory, seconds, PATIENCE * seconds)
+    allowed = allowed or Allowance(seconds, memory, seconds, memory, seconds, seconds)
     limit, depth = Limit(name, allowed), len(WATCHED)
     give_back = None if depth else take_alarm()
     try:

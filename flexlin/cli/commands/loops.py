@@ -203,7 +203,7 @@ def identify_numbers(options: argparse.Namespace) -> int:
 
         scene = work.scene
         log = clock.stage("read the log", scene.accuracy, partial(read_log, options.log, scene))
-        seconds = clock.budget.allow("fit the log", scene.accuracy).seconds
+        seconds = clock.budget.plan("fit the log", scene.accuracy)
         fit = partial(identify, scene, log, options.free, options.window, options.hold_back, seconds=seconds)
         found = clock.stage("fit the log", scene.accuracy, fit)
     print(found.summary())
