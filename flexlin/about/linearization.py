@@ -231,9 +231,7 @@ class Linearization(SecondOrderEquations, Shown):
     def _periodic_system(self) -> PeriodicSystem:
         """Made once, so that its coefficients are resolved once."""
         force, B = (self.B, self.input_matrix) if self.about.m else (None, None)
-        second_order = (
-            None if self.controller is not None else SecondOrder(self.M, self.D, self.K, force, self.equations)
-        )
+        second_order = None if self.controller is not None else SecondOrder(self.equations, force)
         return PeriodicSystem(self.A, self.period, B, self.breaks, second_order, self.features, self.complete)
 
     def A(self, t: ArrayLike) -> Array:

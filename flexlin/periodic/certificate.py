@@ -1,7 +1,6 @@
 """Lyapunov certificates of stability: a periodic X(t) > 0 whose inequality is proved over the whole period."""
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import isqrt
 from typing import Any
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
-from flexlin.errors import ArgumentError, NotCertified, NumericalError, ToleranceNotReached
+from flexlin.errors import ArgumentError, NotCertified, NumericalError
 from flexlin.periodic.chebyshev import (
     ChebyshevPanels,
     chebyshev_basis,
@@ -22,11 +21,11 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.grid import divided
 from flexlin.periodic.precision import EPS, ROOT, TINY
-from flexlin.periodic.quadratic.linear_quadratic import WAVES
+from flexlin.periodic.quadratic.linear_quadratic import WAVES, RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.scattering import symmetrize
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
-from flexlin.periodic.resolved.panels import MOST_PANELS, NODES, TAIL
+from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
@@ -58,42 +57,18 @@ class Proof:
     tolerates: float
 
 
-def represent_on_panels(resolved: Resolved, X: Callable[[Array], Array]) -> CommonPanels:
-    """Interpolate A and X on panels that are halved until both are followed; what was followed is not looked at again.
-
-    Raises: ToleranceNotReached when that takes more panels than MOST_PANELS, and more than the period begins with.
-    """
-    longest = WAVES * resolved.period / max(resolved.degree, 1)
-    edges = resolved.edges
-    if isinstance(resolved.series, FourierSeries):
-        edges = divided(edges, min(longest, resolved.period))
-    begin, end, unknown = edges[:-1], edges[1:], error_of(resolved).ravel()
-    followed, most = list[tuple[Array, Array, Array]](), max(MOST_PANELS, len(begin))
-    sizes = [np.zeros(1), np.zeros(1)]
-    while len(begin):
-        if len(begin) + sum(len(start) for start, _, _ in followed) > most:
-            raise ToleranceNotReached("A and X were not followed by polynomials", got=f"more than {most} panels")
-        t = panel_times(begin, end, NODES)
-        parts = [f(t.ravel()).reshape(*t.shape, -1) for f in (resolved, X)]
-        sizes = [np.maximum(old, np.abs(values).max(axis=(0, 1))) for old, values in zip(sizes, parts, strict=True)]
-        A, shape = (chebyshev_coefficients(values) for values in parts)
-        last = [np.abs(one[:, -TAIL:]).max(axis=1) for one in (A, shape)]
-        rough = np.any(last[0] > np.maximum(NODES * ROUNDED * sizes[0], unknown), axis=1) | np.any(
-            last[1] > CLOSE * sizes[1], axis=1
-        )
-        followed.append((begin[~rough], A[~rough], shape[~rough]))
-        begin, end = begin[rough], end[rough]
-        begin, end = np.concatenate([begin, (begin + end) / 2]), np.concatenate([(begin + end) / 2, end])
-    starts, A, shape = (np.concatenate(each) for each in zip(*followed, strict=True))
-    order = np.argsort(starts)
-    return assemble(resolved, np.append(starts[order], edges[-1]), A[order], shape[order])
-
-
-def assemble(resolved: Resolved, edges: Array, A: Array, X: Array) -> CommonPanels:
-    """Put panels together; A's error: that of its representation, what the panels add between their nodes, and rounding."""
-    n = round(A.shape[-1] ** 0.5)
+def represent_on_panels(resolved: Resolved, solution: RiccatiSolution) -> CommonPanels:
+    """Interpolate A and X on panels; A's error: that of its representation, what the panels add between their nodes, and rounding."""
+    n, both = (
+        len(resolved.mean()),
+        ((resolved.series, 1), (solution.series, 2)),
+    )  # X to half the digits, of half the waves
+    waves = max(one.degree / share if isinstance(one, FourierSeries) else 0.0 for one, share in both)
+    edges = divided(solution.series.edges, resolved.period * WAVES / max(waves, WAVES))
+    t = panel_times(edges[:-1], edges[1:], NODES)
+    A, X = (chebyshev_coefficients(f(t.ravel()).reshape(*t.shape, -1)) for f in (resolved, solution.X))
     A, X = (one.reshape(*one.shape[:2], n, n) for one in (A, X))
-    X = (X + np.swapaxes(X, -1, -2)) / 2
+    X = symmetrize(X)
     u = np.linspace(-1.0, 1.0, 2 * NODES + 1)[1:-1]
     t = (edges[:-1, None] + edges[1:, None]) / 2 + np.diff(edges)[:, None] / 2 * u
     apart = np.abs(resolved(t.ravel()).reshape(*t.shape, n, n) - evaluate(A, u))
@@ -368,7 +343,7 @@ def list_weights(result: FloquetResult, resolved: Resolved) -> dict[str, Array]:
     return weights | {"units of the states": np.diag(1 / np.maximum(units, ROOT) ** 2)}
 
 
-def solve_equation(result: FloquetResult, resolved: Resolved, Q: Array) -> Callable[[Array], Array]:
+def solve_equation(result: FloquetResult, resolved: Resolved, Q: Array) -> RiccatiSolution:
     """X(t) of -X' = (A + s)' X + X (A + s) + Q with s just below the decay: X' + A' X + X A = -Q - 2 s X.
 
     Raises: NumericalError where the decay is so slow against the fastest mode that the error of X hides it.
@@ -379,4 +354,4 @@ def solve_equation(result: FloquetResult, resolved: Resolved, Q: Array) -> Calla
         raise NumericalError("the loop decays too slowly", got=f"{shift:.3g} 1/s", expected=f"above {hidden:.3g} 1/s")
     edges, moved = resolved.edges[:-1].tolist() if resolved.panels > 1 else (), shift * np.eye(len(Q))
     faster = PeriodicSystem(lambda t: resolved(t) + moved, resolved.period, breaks=edges, complete=True)
-    return periodic_lyapunov(faster, Q, tol).X
+    return periodic_lyapunov(faster, Q, tol)

@@ -1,6 +1,5 @@
 """Periodic systems with outputs, and how they are connected: in series, in parallel, in feedback."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,19 +8,11 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.coefficients import (
-    Constant,
-    MatrixFunction,
-    as_matrix_function,
-    check_samples,
-    has_nothing_narrow,
-)
+from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow
 from flexlin.periodic.grid import golden
 from flexlin.periodic.precision import ROOT
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
 from flexlin.summary import represent
-
-Matrices = tuple[Array, Array, Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,25 +71,21 @@ class PeriodicStateSpace:
         D: MatrixFunction | ArrayLike | None = None,
     ):
         system = as_system(system)
-        if system.B is None:
-            raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
-        output = as_matrix_function("C", C)
-        p, columns = check_samples("C", output, system.period).shape[1:]
-        through = as_matrix_function("D", np.zeros((p, system.m)) if D is None else D)
-        got = check_samples("D", through, system.period).shape[1:]
-        if columns != system.n or got != (p, system.m):
-            raise ArgumentError(
-                "C or D does not fit the system",
-                got=f"C {(p, columns)}, D {got}",
-                expected=f"({p}, {system.n}) and ({p}, {system.m})",
-            )
+        input_of(system)
+        output = as_port("C", C, (None, system.n), system.period)
+        p = output(np.zeros(1)).shape[1]
+        through = as_port("D", np.zeros((p, system.m)) if D is None else D, (p, system.m), system.period)
         vars(self).update(system=system, C=output, D=through, p=p)
 
     def __mul__(self, other: "PeriodicStateSpace") -> "PeriodicStateSpace":
-        return connect(self, other, join_in_series, (self.system.m, other.p))
+        m, p, inputs, outputs = self.system.m, self.p, self.system.m + other.system.m, self.p + other.p
+        wires = np.eye(inputs, outputs, p), np.eye(inputs, other.system.m, -m), np.eye(p, outputs)
+        return connect(self, other, wires, (m, other.p))
 
     def __add__(self, other: "PeriodicStateSpace") -> "PeriodicStateSpace":
-        return connect(self, other, join_in_parallel, (self.system.m, other.system.m), (self.p, other.p))
+        m, p, none = self.system.m, self.p, np.zeros((self.system.m + other.system.m, self.p + other.p))
+        wires = none, np.tile(np.eye(m), (2, 1)), np.tile(np.eye(p), 2)
+        return connect(self, other, wires, (m, other.system.m), (p, other.p))
 
     def feedback(self, other: "PeriodicStateSpace", sign: float = -1.0) -> "PeriodicStateSpace":
         """Close the loop u = r + sign H y.
@@ -120,99 +107,78 @@ class PeriodicStateSpace:
         ArgumentError
             When the systems do not fit, or I - sign H D is singular: the loop has no solution.
         """
-        joined = Feedback(float(sign))
-        times = self.system.period * golden(np.arange(64))
-        loops = (
-            np.eye(self.system.m) - joined.sign * other.D(times) @ self.D(times) if other.p == self.system.m else None
-        )
-        if loops is not None and np.linalg.svd(loops, compute_uv=False)[:, -1].min() < ROOT:
-            raise ArgumentError("the loop through both feedthroughs has no solution", got="I - sign D2 D1 singular")
-        return connect(self, other, joined, (self.system.m, other.p), (self.p, other.system.m))
+        m, p, times = self.system.m, self.p, self.system.period * golden(np.arange(64))
+        size = m + other.system.m, p + other.p
+        wires = sign * np.eye(*size, p) + np.eye(*size, -m), np.eye(size[0], m), np.eye(p, size[1])
+        if (other.system.m, other.p) == (p, m):
+            loop = np.eye(m) - sign * other.D(times) @ self.D(times)
+            if np.linalg.svd(loop, compute_uv=False)[:, -1].min() < ROOT:
+                raise ArgumentError("the loop through both feedthroughs has no solution", got="I - sign D2 D1 singular")
+        return connect(self, other, wires, (m, other.p), (p, other.system.m))
 
 
-def sample_state_space(one: PeriodicStateSpace, t: Array) -> Matrices:
-    """A, B, C, D at times t (N,)."""
-    assert one.system.B is not None
-    return one.system.A(t), one.system.B(t), one.C(t), one.D(t)
-
-
-Join = Callable[[Matrices, Matrices], Matrices]
+Wires = tuple[Array, Array, Array]
+"""F, G, L of u = F y + G r and L y, for the inputs and outputs of two systems, one's above the other's."""
 
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """One of A, B, C, D of two systems that are connected, as a function of time."""
+    """One of A, B, C, D of two systems that are connected, as a function of time.
+
+    u = E (F C x + G r),   E = (I - F D)^-1
+    """
 
     first: PeriodicStateSpace
     second: PeriodicStateSpace
-    join: Join
+    wires: Wires
     which: int
 
     def __call__(self, t: Array) -> Array:
-        return self.join(sample_state_space(self.first, t), sample_state_space(self.second, t))[self.which]
+        A, B, C, D = (beside(*(f(t) for f in pair)) for pair in zip(*map(functions, self._both), strict=True))
+        F, G, L = self.wires
+        E = np.linalg.inv(np.eye(len(F)) - F @ D)
+        u, r = E @ F @ C, E @ G
+        return np.asarray((A + B @ u, B @ r, L @ (C + D @ u), L @ D @ r)[self.which])
 
     @property
     def complete(self) -> bool:
         """Whether what it is made of has nothing narrow of its own."""
-        both = (self.first, self.second)
-        return all(one.system.complete and has_nothing_narrow(one.C) and has_nothing_narrow(one.D) for one in both)
+        return all(one.system.complete and all(map(has_nothing_narrow, (one.C, one.D))) for one in self._both)
+
+    @property
+    def _both(self) -> tuple[PeriodicStateSpace, PeriodicStateSpace]:
+        return self.first, self.second
+
+
+def functions(one: PeriodicStateSpace) -> tuple[MatrixFunction, MatrixFunction, MatrixFunction, MatrixFunction]:
+    """A, B, C, D."""
+    return one.system.A, input_of(one.system), one.C, one.D
+
+
+def beside(first: Array, second: Array) -> Array:
+    """Two stacks of matrices as the blocks of a diagonal."""
+    rows, columns = first.shape[1:]
+    out = np.zeros((len(first), rows + second.shape[1], columns + second.shape[2]))
+    out[:, :rows, :columns], out[:, rows:, columns:] = first, second
+    return out
 
 
 def connect(
-    first: PeriodicStateSpace, second: PeriodicStateSpace, join: Join, *fitting: tuple[int, int]
+    first: PeriodicStateSpace, second: PeriodicStateSpace, wires: Wires, *fitting: tuple[int, int]
 ) -> PeriodicStateSpace:
     """Two systems as one. Raises: ArgumentError where periods or ports do not fit each other."""
-    if first.system.period != second.system.period:
-        periods = f"{first.system.period:.9g} and {second.system.period:.9g} s"
+    both, T = (first.system, second.system), first.system.period
+    if second.system.period != T:
+        periods = f"{T:.9g} and {second.system.period:.9g} s"
         raise ArgumentError("systems of two periods are connected", got=periods, expected="one period")
     if any(a != b for a, b in fitting):
         raise ArgumentError(
             "inputs and outputs do not fit each other", got=str(list(fitting)), expected="equal numbers"
         )
-    A, B, C, D = parts = [Joined(first, second, join, which) for which in range(4)]
-    both = (first.system, second.system)
-    if all(isinstance(f, Constant) for one in (first, second) for f in (one.system.A, one.system.B, one.C, one.D)):
-        A, B, C, D = (Constant(part(np.zeros(1))[0]) for part in parts)  # type: ignore[assignment]
+    parts: list[MatrixFunction] = [Joined(first, second, wires, which) for which in range(4)]
+    complete = has_nothing_narrow(parts[0])
+    if all(isinstance(f, Constant) for one in (first, second) for f in functions(one)):
+        parts = [Constant(part(np.zeros(1))[0]) for part in parts]
+    A, B, C, D = parts
     breaks, features = (sorted({*getattr(both[0], name), *getattr(both[1], name)}) for name in ("breaks", "features"))
-    system = PeriodicSystem(A, first.system.period, B, breaks, features=features, complete=parts[0].complete)
-    return PeriodicStateSpace(system, C, D)
-
-
-def blocks(rows: list[list[Array]]) -> Array:
-    """A block matrix of stacks."""
-    return np.concatenate([np.concatenate(row, axis=2) for row in rows], axis=1)
-
-
-def nothing(left: Array, right: Array) -> Array:
-    """Zeros with the rows of one stack and the columns of another."""
-    return np.zeros((len(left), left.shape[1], right.shape[2]))
-
-
-def join_in_series(first: Matrices, second: Matrices) -> Matrices:
-    """The second's output into the first."""
-    (A1, B1, C1, D1), (A2, B2, C2, D2) = first, second
-    A = blocks([[A1, B1 @ C2], [nothing(A2, A1), A2]])
-    return A, blocks([[B1 @ D2], [B2]]), blocks([[C1, D1 @ C2]]), D1 @ D2
-
-
-def join_in_parallel(first: Matrices, second: Matrices) -> Matrices:
-    """One input, the sum of the outputs."""
-    (A1, B1, C1, D1), (A2, B2, C2, D2) = first, second
-    A = blocks([[A1, nothing(A1, A2)], [nothing(A2, A1), A2]])
-    return A, blocks([[B1], [B2]]), blocks([[C1, C2]]), D1 + D2
-
-
-@dataclass(frozen=True)
-class Feedback:
-    """u1 = E (r + s C2 x2 + s D2 C1 x1),   E = (I - s D2 D1)^-1."""
-
-    sign: float
-
-    def __call__(self, first: Matrices, second: Matrices) -> Matrices:
-        (A1, B1, C1, D1), (A2, B2, C2, D2) = first, second
-        E = np.linalg.inv(np.eye(B1.shape[2]) - self.sign * D2 @ D1)
-        by_states = self.sign * E @ blocks([[D2 @ C1, C2]])
-        own = blocks([[C1, nothing(C1, A2)]])
-        y, through = own + D1 @ by_states, D1 @ E
-        A = blocks([[A1, nothing(A1, A2)], [nothing(A2, A1), A2]]) + blocks([[B1 @ by_states], [B2 @ y]])
-        return A, blocks([[B1 @ E], [B2 @ through]]), y, through
+    return PeriodicStateSpace(PeriodicSystem(A, T, B, breaks, features=features, complete=complete), C, D)

@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
-from flexlin.errors import ArgumentError, NotStable, NumericalError, TimeLimit
-from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
+from flexlin.errors import NotStable, NumericalError, TimeLimit
+from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, has_nothing_narrow
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.precision import ROOT
 from flexlin.periodic.related import with_matrices
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem, as_system, input_of
 from flexlin.periodic.transition.setting import FEWER_SEGMENTS
 from flexlin.summary import represent
 
@@ -110,13 +110,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     0.9046
     """
     system, tol = as_system(system), positive("tol", tol)
-    B = system.B
-    if B is None:
-        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
-    K = as_matrix_function("gain", gain)
-    got = check_samples("gain", K, system.period).shape[1:]
-    if got != (system.m, system.n):
-        raise ArgumentError("the gain does not fit the system", got=got, expected=f"({system.m}, {system.n})")
+    B, K = input_of(system), as_matrix_function("gain", gain)
     nominal = system.feedback(K)
     found = floquet(nominal, ROOT)
     if found.verdict != "stable":

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, at_times
-from flexlin.errors import ArgumentError, SingularMassMatrix
+from flexlin.errors import SingularMassMatrix
 from flexlin.periodic.coefficients import MatrixFunction
 
 SecondOrderFunction = Callable[[Array], tuple[Array, Array, Array]]
@@ -16,28 +16,31 @@ SecondOrderFunction = Callable[[Array], tuple[Array, Array, Array]]
 
 @dataclass(frozen=True)
 class SecondOrder:
-    """M(t) y'' + D(t) y' + K(t) y = force(t) u: each a function (N,) -> (N, n, n) or (N, n, m)."""
+    """M(t) y'' + D(t) y' + K(t) y = force(t) u; sample: times (N,) -> M, D, K, force: (N,) -> (N, n, m)."""
 
-    M: MatrixFunction
-    D: MatrixFunction
-    K: MatrixFunction
+    sample: SecondOrderFunction
     force: MatrixFunction | None = None
-    together: SecondOrderFunction | None = None
-
-    def sample(self, t: Array) -> tuple[Array, Array, Array]:
-        """M, D, K at the times t, in one call where the maker gave `together`."""
-        return (self.M(t), self.D(t), self.K(t)) if self.together is None else self.together(t)
 
     def stacked(self, t: Array) -> Array:
         """[M D K] at the times t, (N, n, 3 n)."""
         return np.concatenate(self.sample(t), axis=2)
 
-    def feedback(self, gain: MatrixFunction) -> "SecondOrder":
-        """The equations with u = -gain(t) [y; y']."""
-        if self.force is None:
-            raise ArgumentError("the equations have no input", got="force = None", expected="an input matrix")
-        together = SecondOrderLoop(self.sample, self.force, gain)
-        return SecondOrder(self.M, OneOfThree(together, 1), OneOfThree(together, 2), self.force, together)
+    def feedback(self, gain: MatrixFunction) -> "SecondOrder | None":
+        """The equations with u = -gain(t) [y; y'], of those that have an input."""
+        force = self.force
+        return None if force is None else SecondOrder(SecondOrderLoop(self.sample, force, gain), force)
+
+
+@dataclass(frozen=True)
+class Separate:
+    """M, D, K of three functions."""
+
+    M: MatrixFunction
+    D: MatrixFunction
+    K: MatrixFunction
+
+    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+        return self.M(t), self.D(t), self.K(t)
 
 
 @dataclass(frozen=True)
@@ -53,17 +56,6 @@ class SecondOrderLoop:
         n = M.shape[-1]
         feedback = self.force(t) @ self.gain(t)
         return M, D + feedback[..., n:], K + feedback[..., :n]
-
-
-@dataclass(frozen=True)
-class OneOfThree:
-    """M, D or K alone, from a function that gives all three."""
-
-    together: SecondOrderFunction
-    index: int
-
-    def __call__(self, t: Array) -> Array:
-        return self.together(t)[self.index]
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from flexlin.periodic.coefficients import (
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, close_loop, weigh_entries
 from flexlin.periodic.resolved.resolve import check_places, resolve, resolve_constant, resolve_port
-from flexlin.periodic.second_order import InputMatrix, SecondOrder, SecondOrderFunction, StateMatrix
+from flexlin.periodic.second_order import InputMatrix, SecondOrder, SecondOrderFunction, Separate, StateMatrix
 from flexlin.plots.view import Series, Shown, View
 
 if TYPE_CHECKING:
@@ -131,10 +131,8 @@ class PeriodicSystem(Shown):
         if n == 0:
             raise ArgumentError("A is empty", got=probe.shape[1:], expected="at least one state")
         if B is not None:
-            B = as_matrix_function("B", B)
-            rows, m = check_samples("B", B, period).shape[1:]
-            if rows != n:
-                raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(n))
+            B = as_port("B", B, (n, None), period)
+            m = B(np.zeros(1)).shape[2]
         places = {"breaks": tuple(named.tolist()), "features": tuple((t, width) for t, width in pairs.tolist())}
         vars(self).update(A=A, period=period, B=B, second_order=second_order, complete=complete, n=n, m=m, **places)
 
@@ -201,9 +199,7 @@ class PeriodicSystem(Shown):
 
         Raises: ArgumentError where there is no input; NotPeriodic, UnresolvedCoefficient, ArgumentError as `resolve`.
         """
-        if self.B is None:
-            raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
-        return resolve_port(self.B, self.period, self.breaks, self.features, self.complete)
+        return resolve_port(input_of(self), self.period, self.breaks, self.features, self.complete)
 
     @classmethod
     @checked
@@ -252,20 +248,13 @@ class PeriodicSystem(Shown):
         SingularMassMatrix
             When M cannot be inverted.
         """
-        M, D, K = (as_matrix_function(name, f) for name, f in (("M", M), ("D", D), ("K", K)))
-        period = positive("period", period)
+        period, M = positive("period", period), as_matrix_function("M", M)
         size = check_samples("M", M, period).shape[1:]
-        for name, f in (("D", D), ("K", K)):
-            got = check_samples(name, f, period).shape[1:]
-            if got != size:
-                raise ArgumentError(f"{name} does not fit M", got=got, expected=str(size))
         if size[0] != size[1] or not size[0]:
             raise ArgumentError("M is not square", got=size, expected="(n, n), at least one coordinate")
-        force = None if B is None else as_matrix_function("B", B)
-        rows = size[0] if force is None else check_samples("B", force, period).shape[1]
-        if rows != size[0]:
-            raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(size[0]))
-        equations = SecondOrder(M, D, K, force, together)
+        D, K = (as_port(name, f, size, period) for name, f in (("D", D), ("K", K)))
+        force = None if B is None else as_port("B", B, (size[0], None), period)
+        equations = SecondOrder(together or Separate(M, D, K), force)
         B = None if force is None else InputMatrix(M, force)
         return cls(StateMatrix(equations.sample), period, B, breaks, equations, features, complete)
 
@@ -291,17 +280,31 @@ class PeriodicSystem(Shown):
         ArgumentError
             When the system has no input, or the gain does not fit.
         """
-        if self.B is None:
-            raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
-        K = as_matrix_function("gain", gain)
-        got = check_samples("gain", K, self.period).shape[1:]
-        if got != (self.m, self.n):
-            raise ArgumentError("the gain does not fit the system", got=got, expected=f"({self.m}, {self.n})")
+        B, K = input_of(self), as_port("gain", gain, (self.m, self.n), self.period)
         second_order = None if self.second_order is None else self.second_order.feedback(K)
-        loop = ClosedLoop(self.A, self.B, K, self)
+        loop = ClosedLoop(self.A, B, K, self)
         complete = self.complete and has_nothing_narrow(K)
         corners = (*self.breaks, *breaks, *(K.edges[:-1] if isinstance(K, ChebyshevPanels) else ()))
-        return PeriodicSystem(loop, self.period, self.B, corners, second_order, self.features, complete)
+        return PeriodicSystem(loop, self.period, B, corners, second_order, self.features, complete)
+
+
+def input_of(system: PeriodicSystem) -> MatrixFunction:
+    """B(t). Raises: ArgumentError where there is none."""
+    if system.B is None:
+        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
+    return system.B
+
+
+def as_port(
+    name: str, value: MatrixFunction | ArrayLike, shape: tuple[int | None, ...], period: float, why: str = ""
+) -> MatrixFunction:
+    """What stands beside A(t) as a function of time. Raises: ArgumentError where it is not of the shape (None: of any length)."""
+    function = as_matrix_function(name, value)
+    got = check_samples(name, function, period).shape[1:]
+    if any(wanted not in (None, length) for wanted, length in zip(shape, got, strict=True)):
+        wanted = ", ".join("any" if one is None else str(one) for one in shape)
+        raise ArgumentError(f"{name} does not fit the system", got=got, expected=f"({wanted}){why}")
+    return function
 
 
 def as_system(value: object, name: str = "system") -> PeriodicSystem:

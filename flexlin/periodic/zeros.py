@@ -7,15 +7,15 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
-from flexlin.errors import ArgumentError, NumericalError
+from flexlin.errors import NumericalError
 from flexlin.periodic.circle import assign
-from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
+from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.precision import FAINT, SAFETY, SLIGHT, TINY
-from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve, resolve_port
 from flexlin.periodic.resolved.sampling import stratified
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
 from flexlin.summary import represent
 
 TIMES = 1024
@@ -112,15 +112,11 @@ def invariant_zeros(
     -0.690598923 -0.690598923
     """
     system, tol = as_system(system), positive("tol", tol)
-    if system.B is None:
-        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
+    input_of(system)
     n, m = system.n, system.m
-    output = as_matrix_function("C", C)
-    through = as_matrix_function("D", np.zeros((m, m)) if D is None else D)
-    for name, given, shape in (("C", output, (m, n)), ("D", through, (m, m))):
-        got = check_samples(name, given, system.period).shape[1:]
-        if got != shape:
-            raise ArgumentError(f"{name} does not fit the system", got=got, expected=f"{shape}: outputs as inputs")
+    as_many = system.period, ": outputs as inputs"
+    output = as_port("C", C, (m, n), *as_many)
+    through = as_port("D", np.zeros((m, m)) if D is None else D, (m, m), *as_many)
     named = system.period, system.breaks, system.features, system.complete
     chains = find_chains(system, resolve_port(output, *named), resolve_port(through, *named))
     poles = [2 * np.pi / system.period * (0.5 + 0.23 * k) for k in range(sum(one.degree for one in chains))]
@@ -149,37 +145,28 @@ class Chain:
         return len(self.rows) - 1
 
 
-@dataclass(frozen=True, eq=False)
-class Derivative:
-    """h' + h A as a function of time."""
-
-    row: ResolvedMatrix
-    slope: ResolvedMatrix
-    A: ResolvedMatrix | ResolvedCompanion
-
-    def __call__(self, t: Array) -> Array:
-        return self.slope(t) + self.row(t) @ self.A(t)
+def product(row: MatrixFunction, B: MatrixFunction) -> MatrixFunction:
+    """h B."""
+    return lambda t: row(t) @ B(t)
 
 
-@dataclass(frozen=True, eq=False)
-class Row:
-    """One row of D, or of h B, as a function of time."""
+def differentiate(row: ResolvedMatrix, A: MatrixFunction) -> MatrixFunction:
+    """h' + h A."""
+    slope = row.derivative()
+    return lambda t: slope(t) + row(t) @ A(t)
 
-    left: ResolvedMatrix
-    right: ResolvedMatrix | None = None
-    row: int = 0
 
-    def __call__(self, t: Array) -> Array:
-        values = self.left(t)[:, self.row : self.row + 1]
-        return values if self.right is None else values @ self.right(t)
+def pick(matrix: MatrixFunction, i: int) -> MatrixFunction:
+    """One row of a matrix."""
+    return lambda t: matrix(t)[:, i : i + 1]
 
 
 def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) -> list[Chain]:
     """Each output's derivatives until the input appears. Raises: NumericalError where it never does, or a derivative jumps before."""
     t, B, chains = system.period * stratified(TIMES), system.resolved_input, []
     for i in range(system.m):
-        row = take(system, Row(C, row=i), C.breaks)
-        rows, by_input = [row], Row(D, row=i)
+        row = take(system, pick(C, i), C.breaks)
+        rows, by_input = [row], pick(D, i)
         size = np.abs(D(t)).max()
         while not np.abs(by_input(t)).max() > FAINT * size:
             if len(rows) > system.n:
@@ -192,9 +179,9 @@ def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) ->
                     got=f"{len(rows) - 1} derivatives",
                     todo="smooth the coefficients",
                 )
-            by_input = Row(row, B)
+            by_input = product(row, B)
             size = float((np.abs(row(t)) @ np.abs(B(t))).max()) + TINY
-            row = take(system, Derivative(row, row.derivative(), system.resolved), row.breaks)
+            row = take(system, differentiate(row, system.resolved), row.breaks)
             rows.append(row)
         chains.append(Chain(tuple(rows), by_input))
     return chains

@@ -76,7 +76,7 @@ def numbers(value, t):
         point = 1.1 * value.nominal
         return [*value.sample(t[:2] / 9, point[None]), value.periods(point[None]), value.at(point).M(t)]
     if kind == "RiccatiSolution":
-        return [value.X(t), value.K(t), np.array([value.error, value.residual])]
+        return [value.X(t), value.K(t), np.array([value.error, value.gain_error])]
     if kind == "ImplicitMap":
         at = 0.01 * t[:, None]
         return [value(at), value.refined(at), value.error(at), value.jacobian(2), np.array([value.radius([1.0])])]

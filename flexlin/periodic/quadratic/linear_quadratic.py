@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, at_times, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
-from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.grid import divided
 from flexlin.periodic.precision import TINY
 from flexlin.periodic.resolved.sampling import stratified
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, as_system, check_samples
+from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
 from flexlin.summary import represent
 
 SAMPLES = 64
@@ -42,15 +42,8 @@ class LinearQuadratic:
 
     def reduced(self, t: Array) -> tuple[Array, Array, Array]:
         """Return Ar, B R^-1 B', Qr: the problem without its cross term."""
-        A, B, Q = self.A(t), take_once(self.B(t)), self.Q(t)
-        cross = take_once(self.N(t))
-        effort = np.linalg.inv(take_once(self.R(t)))
-        by_effort = (B.reshape(-1, B.shape[2]) @ effort[0]).reshape(B.shape) if len(effort) == 1 else B @ effort
-        S = np.broadcast_to(by_effort @ np.swapaxes(B, 1, 2), A.shape)
-        if not cross.any():
-            return A, S, Q
-        by_cross = effort @ np.swapaxes(cross, 1, 2)
-        return A - B @ by_cross, S, Q - cross @ by_cross
+        A, G, Q = self.factored(t)
+        return A, np.broadcast_to(G @ np.swapaxes(G, 1, 2), A.shape), Q
 
     def factored(self, t: Array) -> tuple[Array, Array, Array]:
         """Return Ar, G with G G' = B R^-1 B', Qr; G once where it is constant."""
@@ -68,16 +61,6 @@ class LinearQuadratic:
         R = self.R
         eased = Constant(factor * R.value) if isinstance(R, Constant) else lambda t: factor * R(t)
         return replace(self, R=eased)
-
-    def hamiltonian(self, t: Array) -> Array:
-        """Return the Hamiltonian matrix, (N, 2n, 2n)."""
-        return assemble_hamiltonian(*self.reduced(t))
-
-    def rate(self, t: Array, X: Array) -> Array:
-        """Return X' of the Riccati equation  -X' = Ar' X + X Ar - X B R^-1 B' X + Qr."""
-        A, S, Q = self.reduced(t)
-        product = X @ A
-        return -(product + np.swapaxes(product, 1, 2) - X @ S @ X + Q)
 
     def gain(self, t: Array, X: Array) -> Array:
         """Return K = R^-1 (B' X + N'), (N, m, n)."""
@@ -114,15 +97,13 @@ def linear_quadratic(
     definite, or Q - N R^-1 N' is indefinite: each names the time and the eigenvalue.
     """
     system = as_system(system)
-    if system.B is None:
-        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
-    n, m = system.n, system.m
+    B, n, m = input_of(system), system.n, system.m
     cross = np.zeros((n, m)) if N is None else N
     weights = [
         check_weight(name, value, shape, system.period)
         for name, value, shape in (("Q", Q, (n, n)), ("R", R, (m, m)), ("N", cross, (n, m)))
     ]
-    problem = LinearQuadratic(system.A, system.B, *weights)
+    problem = LinearQuadratic(system.A, B, *weights)
     if definite:
         check_weights(problem, system.period * np.arange(SAMPLES) / SAMPLES)
     return problem
@@ -131,10 +112,8 @@ def linear_quadratic(
 def check_weights(problem: LinearQuadratic, t: Array) -> None:
     """Refuse weights of which R is not positive definite at all times, or Q - N R^-1 N' is indefinite."""
     check_definite("R", problem.R, t, strict=True)
-    if isinstance(problem.N, Constant) and not problem.N.value.any():
-        check_definite("Q", problem.Q, t, strict=False)
-    else:
-        check_definite("Q - N R^-1 N'", lambda times: problem.reduced(times)[2], t, strict=False)
+    alone = isinstance(problem.N, Constant) and not problem.N.value.any()
+    check_definite("Q" if alone else "Q - N R^-1 N'", lambda times: problem.factored(times)[2], t, strict=False)
 
 
 def check_between(problem: LinearQuadratic, edges: Array) -> None:
@@ -147,22 +126,18 @@ def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int,
     """Return a weight as a function of time, its shape and symmetry checked."""
     if shape == (1, 1) and np.ndim(value) == 0 and not callable(value):  # type: ignore[arg-type]
         value = np.reshape(real_array(name, value, ()), (1, 1))
-    function = as_matrix_function(name, value)
-    samples = check_samples(name, function, period)
-    if samples.shape[1:] != shape:
-        raise ArgumentError(f"{name} does not fit the system", got=samples.shape[1:], expected=str(shape))
-    turned = np.swapaxes(samples, 1, 2)
-    if name == "N" or (shape[0] == shape[1] and np.array_equal(samples, turned)):
-        return function
-    asymmetry = np.abs(samples - turned).max()
-    if asymmetry > 1e-12 * np.abs(samples).max():
-        raise ArgumentError(f"{name} is not symmetric", got=f"|{name} - {name}'| = {asymmetry:.3g}", expected="0")
+    function = as_port(name, value, shape, period)
+    if name != "N":
+        samples = function(period * PROBES)
+        asymmetry = np.abs(samples - np.swapaxes(samples, 1, 2)).max()
+        if asymmetry > 1e-12 * np.abs(samples).max():
+            raise ArgumentError(f"{name} is not symmetric", got=f"|{name} - {name}'| = {asymmetry:.3g}", expected="0")
     return function
 
 
 def check_definite(name: str, weight: Callable[[Array], Array], t: Array, strict: bool) -> None:
     """Refuse a weight with an eigenvalue that is negative (or zero, when strict), naming it, its direction and time."""
-    samples = weight.value[None] if isinstance(weight, Constant) else take_once(weight(t))
+    samples = take_once(weight(t))
     values = np.linalg.eigvalsh(samples)
     floor = 1e-13 * max(np.abs(values).max(), TINY)
     smallest = values[:, 0]
@@ -199,8 +174,6 @@ class RiccatiSolution:
         Bounds |K error| / max |K| likewise.
     method_error : float
         The part of `error` that is not rounding.
-    residual : float
-        How far X(t) misses its differential equation between the nodes, relative to |X| per fastest time constant.
     doublings : int
         How often the period was doubled.
     segments : int
@@ -224,7 +197,6 @@ class RiccatiSolution:
     error: float
     gain_error: float
     method_error: float
-    residual: float
     doublings: int
     segments: int
     status: str

@@ -6,7 +6,7 @@ from math import sqrt
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import IllPosedSegment, NotStable, NumericalError, ToleranceNotReached
+from flexlin.errors import IllPosedSegment, NumericalError, ToleranceNotReached
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SAFETY, SLIGHT
 from flexlin.periodic.quadratic.blocked import bound_sizes, name_blocked_mode
 from flexlin.periodic.quadratic.linear_quadratic import SAMPLES, LinearQuadratic, RiccatiSolution, assemble_hamiltonian
@@ -25,8 +25,8 @@ from flexlin.periodic.quadratic.scattering import (
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.transition.gauss import CHUNK_BYTES
 
-FINE, MOST = 1024, 8192
-"""Nodes on which a mode is named that keeps X from being begun, and nodes at the most."""
+MOST = 8192
+"""Nodes at the most."""
 ROUNDS, CLOSEST = 24, 1e-14
 """Corrections on a grid, and the change of X that ends them however small tol is."""
 ROUNDING = 2 * EPS
@@ -53,9 +53,9 @@ def solve_by_newton(
     begun = begin(problem, coarse, end)
     nodes = begun.nodes if begun.nodes.count > coarse.count else nodes
     X, seen = begun.nodes.series(begun.X)(nodes.places), MINOR * tol
-    while nodes.count <= min(MOST, CHUNK_BYTES // (8 * X.shape[1] ** 2)):
+    while nodes.count <= most_nodes(X.shape[1]):
         corrected = correct_until_closed(problem, nodes, X, max(SLIGHT * tol, CLOSEST))
-        if corrected is None and begun.nodes.count < (MOST // 4 if begun.idle else FINE):
+        if corrected is None and begun.nodes.count < MOST // (4 if begun.idle else 8):
             begun = begin(problem, begun.nodes.resize(4 * begun.nodes.count), end)
             nodes = nodes.resize(max(nodes.count, begun.nodes.count))
             X = begun.nodes.series(begun.X)(nodes.places)
@@ -116,27 +116,26 @@ def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool
     """
     A, S, Q = problem.reduced(nodes.t)
     if not S.any() and end is None:
-        return begin_idle(problem, nodes)
+        with np.errstate(over="ignore", invalid="ignore"):
+            X = LoopLyapunov(A, nodes, step_exactly(problem.A, nodes, np.ones(A.shape[1]))).solve(Q)
+        if X is not None:
+            return Begun(nodes, X, 0, True)
+        if 4 * nodes.count <= most_nodes(A.shape[1]):
+            return begin(problem, nodes.resize(4 * nodes.count), end)
     H = assemble_hamiltonian(A, S, Q)
     halves = scatter_exponentials((nodes.halves[:, :, None, None] * H).reshape(-1, *H.shape[1:]))
     count = nodes.count
     before = Segment(*(np.roll(part[:count], -1, axis=0) for part in (halves.F, halves.G, halves.H)))
     gaps = star_product(halves[len(halves) - count :], before)[: nodes.gaps]
-    marks = np.append(nodes.t, nodes.period)[: nodes.gaps + 1]
-    X, doublings = carry_costs(gaps, end, problem, marks, ROOT if exact else 1.0)
-    return Begun(nodes, X[:count], doublings)
+    levels, doublings = combine_in_tree(gaps), 0
+    if end is None:
+        end, doublings = double_period(levels[-1][0], problem, nodes.edges, ROOT if exact else 1.0)
+    return Begun(nodes, carry_costs_down(levels, end)[:count], doublings)
 
 
-def begin_idle(problem: LinearQuadratic, nodes: Nodes) -> Begun:
-    """X of a loop without an input, by ever more nodes until they show that it decays. Raises: NotStable where none do."""
-    while nodes.count <= min(MOST, CHUNK_BYTES // (8 * problem.A(nodes.t[:1]).shape[1] ** 2)):
-        A, Q = problem.A(nodes.t), problem.Q(nodes.t)
-        with np.errstate(over="ignore", invalid="ignore"):
-            X = LoopLyapunov(A, nodes, step_exactly(problem.A, nodes, np.ones(A.shape[1]))).solve(Q)
-        if X is not None:
-            return Begun(nodes, X, 0, True)
-        nodes = nodes.resize(4 * nodes.count)
-    raise NotStable("x' = A x does not decay", got="a mode that grows or does not change", expected="a stable system")
+def most_nodes(n: int) -> int:
+    """Nodes at the most for n states."""
+    return min(MOST, CHUNK_BYTES // (8 * n**2))
 
 
 @dataclass(frozen=True)
@@ -236,36 +235,27 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     heights = np.diagonal(D, axis1=1, axis2=2).max(axis=1)
     reached = ((to_gain @ D) * to_gain).sum(axis=2).max(axis=1)
     error, gain_error = float(heights.max()) / height, sqrt(float((reached * heights).max())) / gain
-    errors = [error, gain_error, error * float((rows[0] / W).max())]
-    if q >= 0.25 or max(errors) > tol:
+    errors = np.array([error, gain_error, error * float((rows[0] / W).max())]) if q < 0.25 else np.full(3, np.inf)
+    if errors.max() > tol:
         finer = nodes.resize(2 * nodes.count)
         W = W[np.searchsorted(nodes.edges[1:-1], finer.t)]
         carried = carry_residual(problem, finer, nodes.series(X)(finer.places), units, W)
-        if carried is None and q >= 0.25:
-            return None
         if carried is not None:
             parts = [part * both for part in carried]
             pulls = np.linalg.solve(problem.R(finer.t), transpose(problem.B(finer.t)))
-            sizes = (
-                add_up(parts) / height,
-                add_up([pulls @ part for part in parts]) / gain,
-                float(np.abs(parts[0]).max()) / height,
-            )
-            errors = [
-                SAFETY * size if q >= 0.25 else min(error, SAFETY * size)
-                for error, size in zip(errors, sizes, strict=True)
-            ]
-    error, gain_error, method_error = errors
+            sizes = add_up(parts), add_up([pulls @ part for part in parts]), float(np.abs(parts[0]).max())
+            errors = np.minimum(errors, SAFETY * np.array(sizes) / [height, gain, height])
+    if not np.isfinite(errors).all():
+        return None
     product = ROUNDING * float((np.abs(to_gain) @ np.abs(X * both)).max())
     return RiccatiSolution(
         problem=problem,
         horizon=float(nodes.edges[-1]),
         periodic=nodes.wraps,
         series=nodes.series(X * both),
-        error=float(error + ROUNDING),
-        gain_error=float(gain_error + product / gain),
-        method_error=float(method_error),
-        residual=float(np.abs(F).max()) / max(float(np.abs(M).max()), 1 / nodes.edges[-1]),
+        error=float(errors[0] + ROUNDING),
+        gain_error=float(errors[1] + product / gain),
+        method_error=float(errors[2]),
         doublings=0,
         segments=nodes.count,
         status="converged",
@@ -310,27 +300,14 @@ def add_up(parts: list[Array]) -> float:
     return first + max(others)
 
 
-def carry_costs(
-    segments: Segment, end: Array | None, problem: LinearQuadratic, marks: Array, held: float = 1.0
-) -> tuple[Array, int]:
-    """Carry the cost at the end, or the periodic one when end is None, to all marks (K + 1, n, n); the doublings it took."""
-    levels = combine_in_tree(segments)
-    doublings = 0
-    if end is None:
-        end, doublings = double_period(segments, levels[-1][0], problem, marks, held)
-    return carry_costs_down(levels, end), doublings
-
-
-def double_period(
-    segments: Segment, period: Segment, problem: LinearQuadratic, marks: Array, held: float = 1.0
-) -> tuple[Array, int]:
+def double_period(period: Segment, problem: LinearQuadratic, edges: Array, held: float) -> tuple[Array, int]:
     """Double one period until the cost H of 2^k periods stops changing and the loop's memory F is gone.
 
     held: part of the size that rounding might make of H or G from which on that is held to grow.
     Returns: H, the number of doublings.
     Raises: NotStabilizable when H grows for ever; NotDetectable when G does, or F does not decay; with the mode's name.
     """
-    limits = [held * limit for limit in bound_sizes(problem, float(marks[-1]))]
+    limits = [held * limit for limit in bound_sizes(problem, float(edges[-1]))]
     whole, scale = period, max(float(np.abs(period.F).max()), 1.0)
     for k in range(MAX_DOUBLINGS):
         try:
@@ -338,16 +315,16 @@ def double_period(
                 twice = star_product(whole, whole)
         except IllPosedSegment:
             grows = bool(np.abs(whole.H).max() * limits[1] >= np.abs(whole.G).max() * limits[0])
-            raise name_blocked_mode(grows, segments, whole, 1e-6 / held * limits[not grows], problem, marks) from None
+            raise name_blocked_mode(grows, problem, edges) from None
         if not np.abs(twice.H).max() < limits[0]:
-            raise name_blocked_mode(True, segments, whole, 1e-6 / held * limits[0], problem, marks)
+            raise name_blocked_mode(True, problem, edges)
         if not np.abs(twice.G).max() < limits[1]:
             break
         before, whole = whole, twice
         rests = np.abs(whole.H - before.H).max() <= 1e-16 * np.abs(whole.H).max()
         if rests and np.abs(whole.F).max() <= 1e-8 * scale:
             return whole.H, k + 1
-    raise name_blocked_mode(False, segments, whole, 1e-6 / held * limits[1], problem, marks)
+    raise name_blocked_mode(False, problem, edges)
 
 
 @dataclass(frozen=True)

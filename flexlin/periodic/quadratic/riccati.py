@@ -12,7 +12,7 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import NotStable, NumericalError
 from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow, varies
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
+from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.grid import divided, edges_of_short
 from flexlin.periodic.precision import MINOR
 from flexlin.periodic.quadratic.linear_quadratic import (
@@ -29,14 +29,11 @@ from flexlin.periodic.quadratic.nodes import FourierNodes, Nodes, PanelNodes
 from flexlin.periodic.related import with_matrices
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve, resolve_port
-from flexlin.periodic.resolved.sampling import BLOCKS
 from flexlin.periodic.system import PeriodicSystem, as_system
 
 PER_WAVE = 4
 """Nodes for each wave of the coefficients on which X is sought first."""
-FEW = 2
-"""Harmonics so few that it does not matter which of them are small."""
-OTHERS = ("B", "Q", "R", "N")
+COEFFICIENTS = ("A", "B", "Q", "R", "N")
 
 
 def periodic_riccati(
@@ -68,7 +65,7 @@ def periodic_riccati(
     Returns
     -------
     RiccatiSolution
-        X(t), K(t) with error, residual, doublings, segments, status.
+        X(t), K(t) with error, doublings, segments, status.
 
     Raises
     ------
@@ -117,11 +114,12 @@ def periodic_riccati(
 
 
 def choose_nodes(problem: LinearQuadratic, edges: Array, tol: float) -> Nodes:
-    """Equally spaced times where the coefficients are smooth all over, else panels on which they are."""
-    waves = last_harmonic(problem, tol)
-    if PER_WAVE * waves <= MOST:
-        return FourierNodes(16 * int(np.ceil(max(SAMPLES, PER_WAVE * waves) / 16)), float(edges[-1]))
-    return PanelNodes(divide_for_waves(problem, edges, tol), True)
+    """Equally spaced times where all coefficients are Fourier series, else panels, with few waves of those that are in each."""
+    every, T = [highest_wave(one, tol) for one in coefficients(problem)], float(edges[-1])
+    most, waves = max(every, default=0.0), max((one for one in every if np.isfinite(one)), default=0.0)
+    if PER_WAVE * most <= MOST:
+        return FourierNodes(16 * int(np.ceil(max(SAMPLES, PER_WAVE * most) / 16)), T)
+    return PanelNodes(divided(edges, T * WAVES / max(waves, 1.0)), True)
 
 
 def finite_horizon_riccati(
@@ -180,9 +178,9 @@ def finite_horizon_riccati(
     """
     system = as_system(system)
     end = real_array("end", end, (system.n, system.n))
-    problem = linear_quadratic(system, Q, R, N)
-    edges = find_edges(problem, system)
-    check_between(problem, edges)
+    posed = linear_quadratic(system, Q, R, N)
+    problem, edges = resolve_problem(posed, system, False)
+    check_between(posed, edges)
     return solve_by_newton(problem, PanelNodes(grade_back(problem, edges, end), False), end, positive("tol", tol))
 
 
@@ -257,50 +255,32 @@ def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol
         raise
 
 
-def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[LinearQuadratic, Array]:
-    """Return the problem with its coefficients as series, and the edges of their panels from 0 to T."""
-    state = system.resolved
-    found: dict[str, MatrixFunction] = {"A": Constant(state.mean()) if state.constant else state}
-    edges = system.resolved.edges
-    for name in OTHERS:
-        given = getattr(problem, name)
-        complete = system.complete and has_nothing_narrow(given)
-        named = system.period, system.breaks, system.features, complete
-        series = system.resolved_input if given is system.B else resolve_port(given, *named)
-        found[name] = Constant(series.mean()) if series.constant else series
-        edges = edges if np.array_equal(edges, series.edges) else np.union1d(edges, series.edges)
+def resolve_problem(
+    problem: LinearQuadratic, system: PeriodicSystem, repeats: bool = True
+) -> tuple[LinearQuadratic, Array]:
+    """Return the problem with its coefficients as series, and the edges of their panels from 0 to T; repeats: whether they go on so."""
+    series = {name: resolve_coefficient(getattr(problem, name), system, repeats) for name in COEFFICIENTS}
+    edges = reduce(np.union1d, (one.edges for one in series.values()))
+    found = {name: Constant(one.mean()) if one.constant else one for name, one in series.items()}
     return replace(problem, **found), edges
 
 
-def find_edges(problem: LinearQuadratic, system: PeriodicSystem) -> Array:
-    """Return edges from 0 to T between which polynomials follow every coefficient, which need not repeat."""
-    weights = (problem.Q, problem.R, problem.N)
-    known = [(problem.A, True), (problem.B, True), *((one, has_nothing_narrow(one)) for one in weights)]
-    corners = {0.0, *system.breaks}
-    named = system.period, sorted(corners), system.features
-    panels = (
-        resolve(one, *named, complete=system.complete and nothing_narrow, repeats=False).edges
-        for one, nothing_narrow in known
-        if varies(one, system.period)
-    )
-    return reduce(np.union1d, panels, np.array([*sorted(corners), system.period]))
-
-
-def divide_for_waves(problem: LinearQuadratic, edges: Array, tol: float) -> Array:
-    """Divide the parts of the period until none holds more waves of a Fourier series than a panel follows."""
-    smooth = (one for one in coefficients(problem) if isinstance(one.series, FourierSeries))
-    waves = max((highest_wave(one, tol) for one in smooth), default=1.0)
-    return divided(edges, float(edges[-1]) * WAVES / max(waves, 1.0))
-
-
-def last_harmonic(problem: LinearQuadratic, tol: float) -> float:
-    """Return the highest harmonic of the coefficients that matters at tol; infinity where one is not smooth or changes in a short time."""
-    return max((highest_wave(one, tol) for one in coefficients(problem)), default=0.0)
+def resolve_coefficient(
+    given: MatrixFunction, system: PeriodicSystem, repeats: bool
+) -> ResolvedMatrix | ResolvedCompanion:
+    """One of them: A(t) and B(t) as the system has resolved them, weights by themselves."""
+    if repeats and (given is system.A or given is system.B):
+        return system.resolved if given is system.A else system.resolved_input
+    complete = system.complete and (given is system.A or given is system.B or has_nothing_narrow(given))
+    if repeats or not varies(given, system.period):
+        return resolve_port(given, system.period, system.breaks, system.features, complete)
+    corners = np.union1d(0.0, system.breaks).tolist()
+    return resolve(given, system.period, corners, system.features, complete=complete, repeats=False)
 
 
 def coefficients(problem: LinearQuadratic) -> list[ResolvedMatrix | ResolvedCompanion]:
     """Those that vary."""
-    every = (getattr(problem, name) for name in ("A", *OTHERS))
+    every = (getattr(problem, name) for name in COEFFICIENTS)
     return [one for one in every if isinstance(one, ResolvedMatrix | ResolvedCompanion)]
 
 
@@ -313,19 +293,9 @@ def rough_places(problem: LinearQuadratic, longest: float) -> Array:
 
 
 def highest_wave(coefficient: ResolvedMatrix | ResolvedCompanion, tol: float) -> float:
-    """Return the highest harmonic above tol of the largest and above what is known of the coefficient."""
-    series, T = coefficient.series, coefficient.period
-    if coefficient.breaks or np.diff(coefficient.edges).min() < T / BLOCKS:
+    """Return the highest harmonic of which an entry has more than tol of its largest, and than is not known; infinity on panels."""
+    if not isinstance(coefficient.series, FourierSeries):
         return np.inf
-    if isinstance(series, FourierSeries) and series.degree <= FEW:
-        return float(series.degree)
-    values = None if isinstance(series, FourierSeries) else series(fourier_nodes(16 * BLOCKS, T))
-    waves = series.coefficients if values is None else real_fourier_coefficients(values)
-    H, last = len(waves) // 2, 0
-    parts = coefficient.split if isinstance(coefficient, ResolvedCompanion) else lambda all_: (all_,)
-    for part, known in zip(parts(waves), parts(coefficient.error), strict=True):
-        size = np.abs(part).max(axis=(1, 2))
-        floor = max(MINOR * tol * size.max(), float(known.max()))
-        large = np.maximum(size[1 : H + 1], size[H + 1 :]) > floor
-        last = max(last, int(np.flatnonzero(large).max(initial=-1)) + 1)
-    return float(last)
+    size, H = np.abs(coefficient.series.coefficients), coefficient.series.degree
+    large = np.maximum(size[1 : H + 1], size[H + 1 :]) > MINOR * tol * size.max(axis=0) + coefficient.error
+    return float(np.flatnonzero(large.any(axis=(1, 2))).max(initial=-1) + 1)

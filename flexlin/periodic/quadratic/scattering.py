@@ -126,14 +126,9 @@ def carry_costs_down(levels: list[Segment], end: Array) -> Array:
     return np.concatenate([carry_cost_back(levels[0], after), end[None]])
 
 
-def stack_segments(first: Segment, second: Segment) -> Segment:
-    """Put two stacks of segments end to end."""
-    return Segment(*(np.concatenate(parts) for parts in zip(list_fields(first), list_fields(second), strict=True)))
-
-
-def list_fields(segment: Segment) -> tuple[Array, Array, Array]:
-    """Return F, G, H."""
-    return segment.F, segment.G, segment.H
+def stack_segments(*parts: Segment) -> Segment:
+    """Put stacks of segments end to end."""
+    return Segment(*(np.concatenate(one) for one in zip(*((part.F, part.G, part.H) for part in parts), strict=True)))
 
 
 def symmetrize(matrix: Array) -> Array:

@@ -8,16 +8,16 @@ from scipy.linalg.blas import zherk
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
-from flexlin.errors import ArgumentError, NotStable, ToleranceNotReached
+from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.lazy import lazy
-from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
+from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.precision import EPS, SAFETY, TINY
 from flexlin.periodic.product.cyclic import cyclic_system
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve_port
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
     Tableau,
@@ -125,11 +125,8 @@ def frequency_response(
     """
     system, tol = as_system(system), positive("tol", tol)
     frequencies = np.atleast_1d(real_array("omega", omega))
-    if system.B is None:
-        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
-    given = as_matrix_function("C", C)
-    if check_samples("C", given, system.period).shape[2] != system.n:
-        raise ArgumentError("C does not fit the system", expected=f"(p, {system.n})")
+    input_of(system)
+    given = as_port("C", C, (None, system.n), system.period)
     verdict = floquet(system)
     if verdict.verdict != "stable":
         raise NotStable("there is no response that lasts", got=verdict.status, expected="a stable system")

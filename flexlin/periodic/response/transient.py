@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments
-from flexlin.periodic.precision import SAFETY
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.precision import EPS, SAFETY, TINY
+from flexlin.periodic.system import PeriodicSystem, as_system, input_of
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, choose_gauss_step, measure_pace
 from flexlin.summary import represent
@@ -109,9 +110,10 @@ def respond(
     if len(times) < 2 or not np.all(np.diff(times) > 0):
         raise ArgumentError("t does not increase", got=f"{len(times)} times", expected="two or more, increasing")
     n, m = system.n, system.m
-    if system.B is None and not (u is None and push is None and noise is None):
-        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
-    driven = Driven(system, as_input(u, m), np.zeros((m, m)) if noise is None else real_array("noise", noise, (m, m)))
+    if not (u is None and push is None and noise is None):
+        input_of(system)
+    given = u if u is None or callable(u) else Constant(real_array("u", u, (m,)))
+    driven = Driven(system, given, np.zeros((m, m)) if noise is None else real_array("noise", noise, (m, m)))
     start = np.zeros(n) if x0 is None else real_array("x0", x0, (n,))
     if push is not None:
         start = start + system.resolved_input(times[:1])[0] @ real_array("push", push, (m,))
@@ -121,16 +123,8 @@ def respond(
     (x, P), (better, spread) = ((states[at], covariance[at]) for states, covariance in runs)
     roots = [np.sqrt(np.abs(np.diagonal(one, axis1=1, axis2=2))) for one in (P, spread)]
     change = max(np.abs(x - better).max(), np.abs(roots[0] - roots[1]).max())
-    size = max(np.abs(better).max(), roots[1].max(), np.finfo(float).tiny)
-    return Transient(times, better, spread, float(SAFETY * change / size + np.finfo(float).eps * len(edges)))
-
-
-def as_input(u: Input | None, m: int) -> Callable[[Array], Array] | None:
-    """An input as a function of times."""
-    if u is None or callable(u):
-        return u
-    value = real_array("u", u, (m,))
-    return lambda t: np.broadcast_to(value, (len(t), m))
+    size = max(np.abs(better).max(), roots[1].max(), TINY)
+    return Transient(times, better, spread, float(SAFETY * change / size + EPS * len(edges)))
 
 
 def divide_times(system: PeriodicSystem, times: Array, tol: float) -> Array:
