@@ -19,6 +19,12 @@ MOST_CLOSE = 32
 """Close rows that are named one by one."""
 CLOSURE = 1e-6
 """The last row must repeat the first to this share of the joint's range (whole turns apart)."""
+ALTERNATE = 0.5
+"""Share of neighbours of different sign among fourth differences from which on they are noise: four fifths where it is white."""
+NOISY = 2.0
+"""Peak acceleration of the spline over that of the smooth part from which on noise is most of it."""
+FEWEST_NOISY = 40
+"""Rows from which on noise can be told from a motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +50,11 @@ def read_table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, .
     from scipy.interpolate import make_interp_spline
 
     t, q = _read(Path(table.file), joints)
-    turns = _count_whole_turns(t, q, table.file)
     period = float(t[-1] - t[0])
-    drift = turns / period
+    drift = 2 * np.pi * count_turns(q[-1] - q[0]) / period
     residual = q - np.outer(t - t[0], drift)
+    refuse_noise(t, residual, table.file)
+    check_closure(residual, table.file)
     residual[-1] = residual[0]
     spline = make_interp_spline(t - t[0], residual, k=5, bc_type="periodic")
     harmonics, features = resolution(t)
@@ -129,20 +136,45 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def _count_whole_turns(t: Array, q: Array, file: str) -> Array:
-    """The advance of each joint over the period, a whole number of turns or nothing."""
-    advance = q[-1] - q[0]
-    turns = 2 * np.pi * count_turns(advance)
-    gap = np.abs(advance - turns)
-    scale = np.maximum(np.ptp(q, axis=0), 1e-9)
+def check_closure(residual: Array, file: str) -> None:
+    """Refuse angles, whole turns taken away, that do not end where they began."""
+    gap = np.abs(residual[-1] - residual[0])
+    scale = np.maximum(np.ptp(residual, axis=0), 1e-9)
     if np.any(gap > CLOSURE * scale):
         joint = int(np.argmax(gap / scale))
         raise MotionError(
-            f"motion.file: the table motion of {file} is not periodic",
+            f"motion.file: the table motion of {printable(file)} is not periodic",
             got=f"joint {joint + 1} ends {gap[joint]:.3g} rad from where it began",
             expected="a last row that repeats the first, whole turns apart",
         )
-    return turns
+
+
+def refuse_noise(t: Array, q: Array, file: str) -> None:
+    """Refuse angles whose noise a spline through them would turn into most of the acceleration.
+
+    Of white noise, four of five neighbours among the fourth divided differences differ in sign; of a motion few do, beside those near 0.
+    """
+    slope, count = q, len(t)
+    for k in range(1, 5):
+        slope = np.diff(slope, axis=0) / (t[k:] - t[:-k])[:, None]
+    sides = np.sign(slope) * (np.abs(slope) > 0.1 * np.sqrt(np.mean(slope**2, axis=0)))
+    turns = np.mean(sides[1:] * sides[:-1] < 0, axis=0)
+    if count < FEWEST_NOISY or not np.any(turns > ALTERNATE):
+        return
+    from scipy.interpolate import make_interp_spline
+
+    period = float(t[-1] - t[0])
+    peaks = np.abs(make_interp_spline(t, q, k=5)(t, 2)).max(axis=0)
+    smooth = np.abs(series_angles(fit_cycles(t[:-1], q[:-1], period, 1)[0], period)(t - t[0])[2]).max(axis=0)
+    noisy = np.flatnonzero((turns > ALTERNATE) & (peaks > NOISY * smooth.max()))
+    if len(noisy):
+        j = int(noisy[np.argmax(peaks[noisy])])
+        raise MotionError(
+            f"motion.file: the table {printable(file)} is noisy",
+            got=f"a peak acceleration of {peaks[j]:.3g} rad/s^2 of joint {j + 1}, of its smooth part {smooth[j]:.3g}",
+            expected=f"at most {NOISY:g} times that of the smooth part",
+            todo="read it with kind = 'log', which keeps the harmonics that stand out of the noise",
+        )
 
 
 LIKE = 0.95
@@ -168,29 +200,41 @@ def read_log_motion(table: LogMotion, joints: int, prescribed: tuple[bool, ...])
         todo = "record a whole cycle, or correct motion.period"
         raise MotionError("motion: the log is shorter than its period", got=f"{t[-1] - t[0]:.4g} s", todo=todo)
     kept = t < t[0] + cycles * period
-    highest = min(MOST_HARMONICS, max(1, int(kept.sum() / cycles / 3)))
-    phase = 2 * np.pi * np.outer((t[kept] - t[0]) / period, np.arange(1, highest + 1))
-    rows = np.hstack([np.ones((len(phase), 1)), np.cos(phase), np.sin(phase)])
-    found, *_ = np.linalg.lstsq(rows, q[kept], rcond=None)
-    left = np.var(q[kept] - rows @ found, axis=0).sum() / max(np.var(q[kept], axis=0).sum(), 1e-300)
+    c, left = fit_cycles(t[kept], q[kept], period, cycles, table.harmonics)
     if left > REPEATS:
         got, todo = f"{100 * left:.0f} % of the motion is left over", "correct motion.period, or leave it out"
         raise MotionError(f"motion: the log does not repeat every {period:.6g} s", got=got, todo=todo)
-    noise = np.var(q[kept] - rows @ found, axis=0) * 2 / kept.sum()
+    return SampledMotion(joints, period, prescribed, harmonics=len(c) - 1, sampler=series_angles(c, period))
+
+
+def fit_cycles(t: Array, q: Array, period: float, cycles: int, harmonics: int | None = None) -> tuple[Array, float]:
+    """Fourier coefficients c_k (count + 1, joints) nearest to whole cycles, those that noise hides left out where no number is given; and
+    the share of the power that the series of all leaves over."""
+    highest = min(MOST_HARMONICS, max(1, int(len(t) / cycles / 3)))
+    phase = 2 * np.pi * np.outer((t - t[0]) / period, np.arange(1, highest + 1))
+    rows = np.hstack([np.ones((len(phase), 1)), np.cos(phase), np.sin(phase)])
+    found, *_ = np.linalg.lstsq(rows, q, rcond=None)
+    residual = np.var(q - rows @ found, axis=0)
+    left = residual.sum() / max(np.var(q, axis=0).sum(), 1e-300)
     power = found[1 : highest + 1] ** 2 + found[highest + 1 :] ** 2
-    speaking = np.flatnonzero(np.any(power > SPEAKS * noise + 1e-12 * power.max(), axis=1))
-    count = table.harmonics or (int(speaking[-1]) + 1 if len(speaking) else 1)
-    c = np.zeros((count + 1, joints), dtype=complex)
+    speaking = np.flatnonzero(np.any(power > SPEAKS * residual * 2 / len(t) + 1e-12 * power.max(), axis=1))
+    count = harmonics or (int(speaking[-1]) + 1 if len(speaking) else 1)
+    c = np.zeros((count + 1, q.shape[1]), dtype=complex)
     c[0], n = found[0], min(count, highest)
     c[1 : n + 1] = found[1 : n + 1] - 1j * found[highest + 1 : highest + 1 + n]
+    return c, float(left)
+
+
+def series_angles(c: Array, period: float) -> Callable[[Array], Angles]:
+    """q, q', q'' of a series, the real part of sum_k c_k exp(2 pi i k t / T)."""
+    w = 2j * np.pi * np.arange(len(c)) / period
 
     def sample(at: Array) -> Angles:
-        w = 2j * np.pi * np.arange(count + 1) / period
         wave = np.exp(np.outer(at, w))
         q, rate, acceleration = ((wave @ (c * w[:, None] ** k)).real for k in range(3))
         return q, rate, acceleration
 
-    return SampledMotion(joints, period, prescribed, harmonics=count, sampler=sample)
+    return sample
 
 
 def find_period(t: Array, q: Array) -> float:

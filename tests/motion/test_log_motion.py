@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.scene import LogMotion
+from flexlin.scene import LogMotion, TableMotion
 
 T = np.arange(3000) * 0.005
 
@@ -55,3 +55,21 @@ def test_a_wrong_period_a_short_log_and_other_separators_are_refused_in_words(tm
         "1000 of 3000 rows",
         "\n".join(["t,angle", *[row if i % 3 else "x,y" for i, row in enumerate(rows)]]),
     )
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-6, 2e-3])
+def test_a_noisy_table_is_refused_beside_the_acceleration_of_its_smooth_part(tmp_path, noise):
+    """A spline through 2 mrad of noise at 200 Hz has some 2,000 rad/s^2 where the motion has 3.6; kinks and rounding are no noise."""
+    t = np.linspace(0, 3.7, 741)
+    w, rng = 2 * np.pi / 3.7, np.random.default_rng(0)
+    smooth, kinked = 0.4 * np.sin(w * t) + 0.1 * np.cos(3 * w * t), np.abs(t / 3.7 - 0.5)
+    for k, q in enumerate((smooth, kinked)):
+        q = q + noise * rng.standard_normal(len(t))
+        q[-1] = q[0]
+        np.savetxt(tmp_path / f"{k}.csv", np.c_[t, q], delimiter=",")
+        table = TableMotion(kind="table", file=str(tmp_path / f"{k}.csv"))
+        if noise < 1e-3:
+            assert fl.build_motion(table, 1).period == pytest.approx(3.7)
+            continue
+        with pytest.raises(fl.errors.MotionError, match=r"is noisy; got a peak acceleration of .*e.03 .* smooth part"):
+            fl.build_motion(table, 1)
