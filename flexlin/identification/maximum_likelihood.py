@@ -201,9 +201,10 @@ def identify(
     made = place_uncertainty(revise_scene(scene, known), evidence, (low, high), paths)
     held = log.part(edge, log.time[-1]) if hold_back else log
     prediction = predict(found, held, window)
+    noise = np.where(np.isfinite(problem.readings).any(axis=(0, 1)), problem.sigma, np.nan)
     return Identification(
         made, known, evidence.errors, evidence.unknown, evidence.covariance, evidence.correlations, prediction.fit,
-        dict(zip(prediction.fit, problem.sigma.tolist(), strict=True)),
+        dict(zip(prediction.fit, noise.tolist(), strict=True)),
         dict(zip(prediction.fit, evidence.colour.tolist(), strict=True)),
         prediction, settled, describe(evidence, prediction, hold_back, settled, find_far(scene, known), log.notes),
     )  # fmt: skip
@@ -266,7 +267,10 @@ def choose_start(
             break
     cost, _, values = min(tried, key=lambda one: one[:2])
     if not np.isfinite(cost):
-        raise NumericalError("the equations diverge from every start", todo="check signs and gains of the inputs")
+        got = "; ".join(log.notes) or None
+        raise NumericalError(
+            "the equations diverge from every start", got=got, todo="check signs, units and gains of the inputs"
+        )
     return values
 
 
@@ -294,9 +298,13 @@ def refine(
             start = start_states(problem, values) if start is None else start
             point = solve(problem, start, values, late=late)
         if not np.isfinite(point.costs).any():
-            raise NumericalError("the equations diverge", todo="check signs and gains, or fit fewer numbers")
+            got = "; ".join(log.notes) or None
+            raise NumericalError(
+                "the equations diverge", got=got, todo="check signs, units and gains, or fit fewer numbers"
+            )
         seen = np.count_nonzero(problem.weigh(np.ones_like(point.residual), point.p), axis=(0, 1))
-        size = problem.sigma * np.sqrt(np.sum(point.residual**2, axis=(0, 1)) / np.maximum(seen, 1))
+        ratio = np.sum(point.residual**2, axis=(0, 1)) / np.maximum(seen, 1)
+        size = problem.sigma * np.sqrt(np.where(seen > 0, ratio, 1.0))
         moved = np.abs(point.p - values) > 1e-3 * np.abs(values)
         settled = sigma is not None and bool(np.all(np.abs(size / sigma - 1) < SETTLED)) and not moved.any()
         sigma, values, start = np.maximum(size, 1e-9 * deviations(problem.readings)), point.p, point.start

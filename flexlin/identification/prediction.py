@@ -140,11 +140,12 @@ def predict(scene: Scene, log: Log, window: float = 2.0, settle: float = SETTLE)
         states = shooting.run(found.start, found.p)
         made = shooting.predict(states, found.p)
     names = [one.name for one in model.outputs]
-    readings = windows.readings()
+    readings = np.stack([log.outputs[name] for name in log.outputs], axis=-1)[windows.rows]
     kept = np.asarray(np.isfinite(made).all(axis=(1, 2)))
     if not kept.any():
         raise NumericalError(
-            "every window's prediction diverges", todo="check signs and gains of the inputs, and the scene's stiffness"
+            "every window's prediction diverges",
+            todo="check signs, units and gains of the inputs, and the scene's stiffness",
         )
     at = windows.there & kept[:, None]
     measured = {name: readings[at][:, j] for j, name in enumerate(names)}
@@ -171,9 +172,9 @@ def find_starts(shooting: Shooting, settle: float, values: Array | None = None) 
 
 
 def deviations(readings: Array) -> Array:
-    """The standard deviation of each output over all windows, (outputs,); 1 where it is constant."""
-    with np.errstate(all="ignore"):
-        found = np.nanstd(readings, axis=(0, 1))
+    """The standard deviation of each output over all windows, (outputs,); 1 where it is constant or not read."""
+    read = np.where(np.isfinite(readings).any(axis=(0, 1)), readings, 0.0)
+    found = np.nanstd(read, axis=(0, 1))
     return np.where(found > 0, found, 1.0)
 
 

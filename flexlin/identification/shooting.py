@@ -117,9 +117,10 @@ class Windows:
         return u, slope
 
     def readings(self) -> Array:
-        """The outputs' readings, (W, N, outputs); not a number where there is none."""
+        """The outputs' readings, (W, N, outputs); not a number where there is none, or a sensor is dead while others read."""
         table = np.stack(list(self.log.outputs.values()), axis=-1)
-        return np.where(self.there[:, :, None], table[self.rows], np.nan)
+        moves = np.nanmin(table, axis=0) < np.nanmax(table, axis=0)
+        return np.where(self.there[:, :, None] & (moves | ~moves.any()), table[self.rows], np.nan)
 
     def lookup(self, delay: float) -> tuple[Array, Array, Array, Array]:
         """How a value at each sample's time, less a delay, follows from four nodes: Lagrange's cubic.

@@ -109,6 +109,18 @@ def test_numbers_that_make_up_for_a_wrong_sign_are_named():
 
 
 @pytest.mark.slow
+def test_a_dead_sensor_pulls_at_no_number():
+    scene, time, readings = clean()
+    log = noisy(time, {**readings, "tip.x": 0 * time}, [0.3 * swing(time)[0]], 3, {**NOISE, "tip.x": 0.0})
+    found = fl.identify(beside(scene, FREE), log, FREE, window=1.0, starts=1)
+    assert found.settled
+    assert all(abs(found.values[path] - get_value(scene, path)) < 3.5 * found.errors[path] for path in FREE)
+    assert np.isnan(found.fit["tip.x"])
+    assert np.isnan(found.noise["tip.x"])
+    assert "tip.x is constant" in found.status
+
+
+@pytest.mark.slow
 def test_coloured_residuals_widen_the_errors():
     scene, time, readings = clean()
     rng = np.random.default_rng(5)
