@@ -24,7 +24,7 @@ ALTERNATE = 0.5
 NOISY = 2.0
 """Peak acceleration of the spline over that of the smooth part from which on noise is most of it."""
 FEWEST_NOISY = 40
-"""Rows from which on noise can be told from a motion."""
+"""Rows from which on differences say what is noise."""
 
 
 @dataclass(frozen=True, eq=False)
