@@ -1,39 +1,29 @@
 """The optimal periodic state feedback: its gain as one smooth series, and integral action."""
 
-from contextlib import suppress
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import Array, real_array
+from flexlin.checks import real_array
 from flexlin.control.designed_loop import Design, describe_gain
-from flexlin.errors import ArgumentError, NumericalError
-from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
+from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant, MatrixFunction
-from flexlin.periodic.fourier import FourierSeries, fourier_nodes, waves_at_nodes
+from flexlin.periodic.fourier import FourierSeries, waves_at_nodes
 from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_riccati, rough_places
 from flexlin.periodic.related import extend_system
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.matrix import ResolvedMatrix, Series
 from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.resolved.sampling import stratified
+from flexlin.periodic.resolved.sampling import RESOLVED
 from flexlin.periodic.system import PeriodicSystem, as_system
 
 SMOOTH = 64
 """Of the period: where coefficients change in a shorter time the gain has a series of its own."""
-COUNTS = (32, 64, 128, 256, 512)
-"""Nodes that are tried: of the period, or of each interval between breaks."""
-CHECKS, BETTER = 97, 3.0
-"""Times at which series and gain are compared, and the factor by which more nodes must come nearer to be worth it."""
-WITHIN = np.array([0.003, 0.03, 0.13, 0.25, 0.39, 0.51, 0.61, 0.74, 0.87, 0.96, 0.993])
-"""Where in each panel, too: a gain that rounding moves has corners where its polynomials meet."""
 EPS = float(np.finfo(float).eps)
 MOST_WAVES = 200
 """Harmonics of a gain that is made in one product."""
 ROUNDED = 16 * EPS
 """What rounding makes of a gain by two Fourier transforms."""
-Series = FourierSeries | ChebyshevPanels
 
 
 @checked
@@ -109,23 +99,17 @@ def periodic_lqr(
 def represent_gain(solution: RiccatiSolution, system: PeriodicSystem, tol: float) -> tuple[Series, float]:
     """The gain as one series, and its deviation from the solution's relative to the largest gain.
 
-    Where no short series follows it, as behind a boundary layer of cheap control, it is resolved like any coefficient.
+    Where it is no product of Fourier series, it is resolved like any coefficient, as well as its own error allows.
     """
     rough = rough_places(solution.problem, system.period / SMOOTH)
     if not len(system.breaks) and not len(rough):
         transformed = transform_gain(solution)
         if transformed is not None:
             return transformed
-    corners = tuple(np.union1d(system.breaks, rough).tolist())
-    series, apart = smooth_gain(solution.K, corners, solution.edges)
-    if apart <= max(tol, solution.gain_error):
-        return series, apart
-    with suppress(NumericalError):
-        found = resolve(solution.K, system.period, corners)
-        size = np.abs(found.series.coefficients).max()
-        if found.error.max() < apart * size:
-            return found.series, float(found.error.max() / size)
-    return series, apart
+    corners = np.union1d(system.breaks, rough)
+    tol = max(RESOLVED, tol / 10, solution.gain_error)
+    found = resolve(solution.K, system.period, corners.tolist(), complete=True, tol=tol)
+    return found.series, float(found.error.max() / (np.abs(found.series.coefficients).max() or 1.0))
 
 
 @checked
@@ -167,30 +151,6 @@ def with_integral_action(system: PeriodicSystem, measured: ArrayLike) -> Periodi
     return extend_system(system, np.hstack([C, np.zeros((len(C), len(C)))]))
 
 
-def smooth_gain(K: MatrixFunction, breaks: tuple[float, ...], panels: Array) -> tuple[Series, float]:
-    """Represent a gain by the shortest series that follows it as well as its own errors allow.
-
-    A gain from a Riccati equation is smooth but for the errors of its solution, which K = R^-1 B' X may amplify. More nodes
-    are taken while they come nearer; what is left over is those errors.
-
-    Parameters: K: times (N,) -> (N, m, n); breaks: times in [0, T) at which K is not smooth; panels: edges from 0 to T between which a
-    polynomial follows it: in each of them the series is compared with K.
-    Returns: the series, and the largest deviation from K relative to the largest gain.
-    """
-    edges = np.unique([0.0, *breaks, panels[-1]])
-    t = np.concatenate([inside(edges, stratified(CHECKS)), inside(panels, WITHIN)])
-    wanted = K(t)
-    size = float(np.abs(wanted).max()) or 1.0
-    best, least = interpolate_gain(K, edges, breaks, COUNTS[0]), np.inf
-    for count in COUNTS:
-        series = interpolate_gain(K, edges, breaks, count)
-        apart = float(np.abs(series(t) - wanted).max()) / size
-        if apart * BETTER > least:
-            break
-        best, least = series, apart
-    return best, least
-
-
 def transform_gain(solution: RiccatiSolution) -> tuple[FourierSeries, float] | None:
     """The gain of a smooth solution as the Fourier series that it is, where B is one too and R and N are constant; else None.
 
@@ -218,18 +178,3 @@ def transform_gain(solution: RiccatiSolution) -> tuple[FourierSeries, float] | N
     parts[0] += values[0].ravel()
     parts = np.concatenate([parts[: kept + 1], parts[H + 1 : H + 1 + kept]])
     return FourierSeries(parts.reshape(-1, *values.shape[1:]), X.period), float(left[kept] / size) + ROUNDED
-
-
-def inside(edges: Array, parts: Array) -> Array:
-    """Times at these parts of each interval."""
-    return np.asarray((edges[:-1, None] + np.diff(edges)[:, None] * parts).ravel())
-
-
-def interpolate_gain(K: MatrixFunction, edges: Array, breaks: tuple[float, ...], count: int) -> Series:
-    """The trigonometric interpolant on N nodes (an odd number), or Chebyshev's on N nodes between breaks."""
-    if not breaks:
-        return FourierSeries.through(K(fourier_nodes(count - 1, float(edges[-1]))), float(edges[-1]))
-    t = panel_times(edges[:-1], edges[1:], count)
-    values = K(t.ravel())
-    flat = chebyshev_coefficients(values.reshape(*t.shape, -1))
-    return ChebyshevPanels(edges, flat.reshape(*t.shape, *values.shape[1:]))

@@ -162,20 +162,6 @@ def test_a_gain_that_changes_fast_behind_a_narrow_weight_is_followed():
     assert made.error < 1e-9
 
 
-def test_a_series_is_held_against_its_gain_beside_the_corners_of_its_panels():
-    from flexlin.control.periodic import smooth_gain
-
-    panels = np.linspace(0.0, 1.0, 83)
-
-    def gain(t):
-        corner = np.abs(t[:, None] - panels[[7, 33, 60]]).min(axis=1)
-        return (np.cos(2 * np.pi * t) + 1e-8 * np.exp(-corner / 1e-4))[:, None, None]
-
-    t = np.linspace(0.0, 1.0, 20001)[:-1]
-    series, apart = smooth_gain(gain, (), panels)
-    assert np.abs(series(t) - gain(t)).max() <= 1.5 * apart < 1e-7
-
-
 def test_unstable_loop_costs_without_end():
     weak = pd_feedback(pendulums(damping=-0.05), [0], [0.0], [0.0], problem=DESIGNS[0].problem)
     assert fl.floquet(weak.closed_loop).verdict == "unstable"

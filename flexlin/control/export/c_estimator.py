@@ -211,7 +211,8 @@ def write_estimator(
         **input_of(system),
         "L_of": GainOfFilter(estimator),
     }
-    parts = [write_series(key, f, system.period, corners_of(system), form, samples) for key, f in functions.items()]
+    breaks = (*corners_of(system), *([0.0] if once else []))
+    parts = [write_series(key, f, system.period, breaks, form, samples) for key, f in functions.items()]
     words = {
         "name": name, "guard": name.upper(), "n": system.n, "m": system.m, "p": p, "period": float(system.period),
         "version": flexlin.__version__, "states": listed(labels.states, labels.state_units),

@@ -214,8 +214,8 @@ def write_gain(
         0 if made.controller is None else made.controller.states,
     )
     chosen = law or (made.law if lin is None else lin.law)
-    breaks = corners_of(made.closed_loop)
     once = lin is not None and not lin.motion.periodic
+    breaks = (*corners_of(made.closed_loop), *([0.0] if once else []))
     parts = [
         write_series(title, f, period, breaks, form, samples)
         for title, f in (

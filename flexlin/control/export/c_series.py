@@ -8,17 +8,20 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from flexlin.checks import SAMPLES, Array
-from flexlin.control.periodic import Series, smooth_gain
 from flexlin.control.sampled import SampledGain
 from flexlin.errors import ArgumentError
-from flexlin.periodic.chebyshev import ChebyshevPanels
+from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.resolved.matrix import Series
+from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.sampling import stratified
 
 Form = Literal["series", "sampled"]
 NEGLIGIBLE = 1e-15
 """Coefficients at the end of a series are left out when all together are smaller than this against the largest value."""
+CUBIC = 4
+"""Nodes that a cubic polynomial goes through."""
 FOURIER = """\
 static void {name}(double phase, double *out) {{
   static const double table[{rows}][{size}] = {{
@@ -79,67 +82,66 @@ def write_series(
     form: Form = "series",
     samples: int = SAMPLES,
 ) -> CSeries:
-    """Write a function of time (N,) -> (N, rows, columns) as C; times in s, breaks in [0, T).
+    """Write a function of time (N,) -> (N, rows, columns) as C; times in s, breaks in [0, T), 0 among them where it does not repeat.
 
     form "series": as accurate as the function is smooth; "sampled": cubic polynomials through `samples` values of a period.
     """
     if form not in ("series", "sampled"):
         raise ArgumentError("there is no such form", got=repr(form), expected="'series' or 'sampled'")
     edges = np.unique([0.0, *breaks, period])
-    if isinstance(f, SampledGain):
-        series: Series = f.series
-    else:
-        smooth = form == "series"
-        series = shortened(smooth_gain(f, breaks, edges)[0] if smooth else through_samples(f, period, breaks, samples))
+    series = (
+        through_samples(f, edges, bool(breaks), samples) if form == "sampled" else series_of(f, edges, bool(breaks))
+    )
     t = (edges[:-1, None] + np.diff(edges)[:, None] * stratified(499)).ravel()
     wanted = f(t)
-    error = float(np.abs(series(t) - wanted).max() / (np.abs(wanted).max() or 1.0))
+    error = NEGLIGIBLE + float(np.abs(series(t) - wanted).max() / (np.abs(wanted).max() or 1.0))
     source, layout = write_fourier(name, series) if isinstance(series, FourierSeries) else write_panels(name, series)
     if isinstance(f, SampledGain):
         layout = f"that of the nearest of {len(f.gains)} samples; take it at a sample, and hold the torque to the next"
     return CSeries(source, error, layout)
 
 
-def through_samples(f: MatrixFunction, period: float, breaks: tuple[float, ...], samples: int) -> ChebyshevPanels:
-    """Cubic splines through about `samples` values, in pieces between the breaks; a smooth period closes on itself."""
-    marks, panels, edges = np.unique([0.0, *breaks, period]), [], [np.zeros(1)]
+def series_of(f: MatrixFunction, edges: Array, ends: bool) -> Series:
+    """A function of time as the series that it is, or resolved into one, between the edges if it ends there."""
+    if isinstance(f, SampledGain):
+        return f.series
+    if isinstance(f, FourierSeries | ChebyshevPanels):
+        return shortened(f)
+    breaks = edges[:-1].tolist() if ends else []
+    return shortened(resolve(f, float(edges[-1]), breaks, complete=True, repeats=not ends).series)
+
+
+def through_samples(f: MatrixFunction, marks: Array, ends: bool, samples: int) -> ChebyshevPanels:
+    """Cubic splines through about `samples` values, in pieces between the marks; a smooth period closes on itself."""
+    panels, edges = [], [marks[:1]]
     for begin, end in itertools.pairwise(marks):
-        t = np.linspace(begin, end, max(4, round(samples * (end - begin) / period)) + 1)
-        inside = np.clip(t, np.nextafter(begin, np.inf), np.nextafter(end, -np.inf))
-        values = np.array(f(inside))
-        if not breaks:
+        t = np.linspace(begin, end, max(4, round(samples * (end - begin) / marks[-1])) + 1)
+        values = np.array(f(np.clip(t, np.nextafter(begin, np.inf), np.nextafter(end, -np.inf))))
+        if not ends:
             values[-1] = values[0]
-        spline = CubicSpline(t, values, axis=0, bc_type="not-a-knot" if breaks else "periodic")
-        panels.append(power_to_chebyshev(spline.c, np.diff(t)))
+        spline = CubicSpline(t, values, axis=0, bc_type="not-a-knot" if ends else "periodic")
+        at_nodes = spline(panel_times(t[:-1], t[1:], CUBIC))
+        flat = chebyshev_coefficients(at_nodes.reshape(*at_nodes.shape[:2], -1))
+        panels.append(flat.reshape(at_nodes.shape))
         edges.append(t[1:])
     return ChebyshevPanels(np.concatenate(edges), np.concatenate(panels))
-
-
-def power_to_chebyshev(c: Array, width: Array) -> Array:
-    """Coefficients (P, 4, ...) on [-1, 1] of cubics sum_k c[k] (t - begin)^(3 - k) on panels of these widths (P,)."""
-    half = (width / 2).reshape(-1, *[1] * (c.ndim - 2))
-    a3, a2, a1, a0 = c[0] * half**3, c[1] * half**2, c[2] * half, c[3]
-    p0, p1, p2, p3 = a0 + a1 + a2 + a3, a1 + 2 * a2 + 3 * a3, a2 + 3 * a3, a3
-    return np.stack([p0 + p2 / 2, p1 + 3 * p3 / 4, p2 / 2, p3 / 4], axis=1)
 
 
 def shortened(series: Series) -> Series:
     """The series without the end that is below rounding."""
     c = series.coefficients
-    limit = NEGLIGIBLE * (np.abs(c).max() or 1.0)
+    sizes = np.abs(c).reshape(*c.shape[:-2], -1).max(axis=-1)
+    limit = NEGLIGIBLE * (sizes.max() or 1.0)
     if isinstance(series, FourierSeries):
         H = series.degree
-        waves = np.abs(c[1 : H + 1]) + np.abs(c[H + 1 :])
-        keep = needed(waves.reshape(H, -1), limit)
+        keep = needed(sizes[1 : H + 1] + sizes[H + 1 :], limit)
         return FourierSeries(np.concatenate([c[: keep + 1], c[H + 1 : H + 1 + keep]]), series.period)
-    keep = needed(np.moveaxis(np.abs(c), 1, 0).reshape(c.shape[1], -1), limit)
-    return ChebyshevPanels(series.edges, c[:, : max(1, keep)])
+    return ChebyshevPanels(series.edges, c[:, : max(1, needed(sizes.max(axis=0), limit))])
 
 
 def needed(sizes: Array, limit: float) -> int:
-    """How many of the first rows (N, E) are needed for the sum of the rest to stay below the limit."""
-    left = sizes.max(axis=1, initial=0.0)[::-1].cumsum()[::-1]
-    return int(np.count_nonzero(left > limit))
+    """How many of the first (N,) are needed for the sum of the rest to stay below the limit."""
+    return int(np.count_nonzero(sizes[::-1].cumsum() > limit))
 
 
 def write_fourier(name: str, series: FourierSeries) -> tuple[str, str]:
