@@ -12,8 +12,7 @@ from types import FrameType
 import numpy as np
 
 from flexlin.checks import memory_limit
-from flexlin.errors import FlexlinError, NumericalError, TimeLimit, TooLarge
-from flexlin.errors.root import lacks_memory
+from flexlin.errors import FlexlinError, NumericalError, TimeLimit, TooLarge, lacks_memory
 from flexlin.resources import Stopwatch, read_resident
 
 TICK = 0.2

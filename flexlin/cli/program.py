@@ -24,8 +24,7 @@ from flexlin.bounds import printable
 from flexlin.cli.commands import COMMANDS
 from flexlin.cli.shared import BAD_INPUT, FAILED, NO_ANSWER, OPTIONS, parse_place
 from flexlin.cli.supervised import INTERRUPTED, NO_MEMORY, PASSED_ON, Channel, is_supervised, supervise, take_signals
-from flexlin.errors import FlexlinError, InputError, NumericalError, OutputError, SceneError, TooLarge
-from flexlin.errors.root import lacks_memory
+from flexlin.errors import FlexlinError, InputError, NumericalError, OutputError, SceneError, TooLarge, lacks_memory
 from flexlin.resources import Stopwatch
 
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")

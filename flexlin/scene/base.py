@@ -22,7 +22,7 @@ from flexlin.scene.units import in_unit
 class Table(BaseModel):
     """One table of a scene file."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
     @classmethod
     def units(cls) -> dict[str, str]:
