@@ -43,7 +43,7 @@ _HOME = {
     "simulate": "flexlin.simulation",
     "sweep": "flexlin.answers.sweep",
     "critical_values": "flexlin.answers.critical_values",
-    "nearest_instability": "flexlin.answers.nearest.instability",
+    "nearest_instability": "flexlin.answers.nearest",
     "stability_boundary": "flexlin.answers.stability_boundary",
     "tune": "flexlin.answers.tuning.tune",
     "sensitivity": "flexlin.answers.sensitivity",

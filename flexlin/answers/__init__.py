@@ -22,7 +22,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "answers.loops": "choose_loop",
         "answers.critical_values": "CriticalValue",
         "answers.margins": "choose_margins find_margin Margin",
-        "answers.nearest.box": "make_box",
+        "answers.nearest": "make_box",
         "answers.sensitivity": "choose_paths",
         "answers.spectra": "make_family",
         "answers.sweep.found": "Found",

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     import xarray
 
     from flexlin.answers.audit.result import Audit
-    from flexlin.answers.nearest.instability import NearestInstability
+    from flexlin.answers.nearest import NearestInstability
     from flexlin.periodic.floquet.resonance import Resonance
     from flexlin.periodic.margins import Margins
 

@@ -272,7 +272,7 @@ def parser() -> argparse.ArgumentParser:
     for found in COMMANDS.values():
         command = names.add_parser(found.name, help=found.purpose, description=found.purpose)
         for option in found.takes:
-            flags, settings = OPTIONS[option]
-            command.add_argument(*flags, **settings)
+            flag, settings = OPTIONS[option]
+            command.add_argument(flag, **settings)
         command.set_defaults(run=found.run, takes=found.takes)
     return top

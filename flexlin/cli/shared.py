@@ -86,118 +86,100 @@ def read_span(scene: "Scene", asked: Span) -> Span:
     return key, low, high, number
 
 
-OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
-    "scene": (["scene"], {"metavar": "SCENE", "help": "a built-in name (see flexlin list) or a TOML file"}),
-    "name": (["name"], {"type": parse_place, "metavar": "NAME", "help": "of the new scene, which is written to NAME.toml"}),
-    "like": (["--like"], {"default": "single-link", "metavar": "SCENE", "help": "the scene to start from (default: single-link)"}),
-    "set": (
-        ["--set"],
-        {"dest": "overrides", "metavar": "KEY=VALUE", "action": "extend", "nargs": "+", "default": [],
-         "help": "override values of the scene, in SI units or with their own: effects.payload.mass=0.3 links.0.length='960 mm'; lists in "
-                 "brackets: control.feedback.kp=[5,2]; an effect on by its whole table: effects.shear={stiffness=1e5}, or off: "
-                 "effects.gravity=off; "
-                 "what stands in a model's [parameters] also without that word: links.0.modes=5"},
+def option(flag: str, metavar: str | None, words: str, **more: Any) -> tuple[str, dict[str, Any]]:
+    """A row of the table of options: what `add_argument` takes."""
+    return flag, {"help": words, **({} if metavar is None else {"metavar": metavar}), **more}
+
+
+PLACE: dict[str, Any] = {"type": parse_place}
+WORDS: dict[str, Any] = {"action": "extend", "nargs": "+"}
+SPANS: dict[str, Any] = {"type": span, **WORDS}
+SWITCH: dict[str, Any] = {"action": "store_true"}
+RANGE = "KEY=LOW:HIGH"
+OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
+    "scene": option("scene", "SCENE", "a built-in name (see flexlin list) or a TOML file"),
+    "name": option("name", "NAME", "of the new scene, which is written to NAME.toml", **PLACE),
+    "like": option("--like", "SCENE", "the scene to start from (default: single-link)", default="single-link"),
+    "set": option(
+        "--set", "KEY=VALUE",
+        "override values of the scene, in SI units or with their own: effects.payload.mass=0.3 links.0.length='960 mm'; lists in "
+        "brackets: control.feedback.kp=[5,2]; an effect on by its whole table: effects.shear={stiffness=1e5}, or off: effects.gravity=off; "
+        "what stands in a model's [parameters] also without that word: links.0.modes=5",
+        dest="overrides", default=[], **WORDS,
     ),
-    "data": (
-        ["--data"],
-        {"type": parse_place, "metavar": "DIR", "help": "folder whose files the scene may name, beside its own"},
+    "data": option("--data", "DIR", "folder whose files the scene may name, beside its own", **PLACE),
+    "out": option("--out", "DIR", "folder for the results (default: out/ and the scene's name)", **PLACE),
+    "require": option(
+        "--require", None,
+        "exit with code 3 unless the loop is stable in a linear model that holds along the motion as far as is known (stable), was "
+        "found to hold by simulation (valid), or may hold or not (linear-stable)",
+        choices=["stable", "valid", "linear-stable"],
     ),
-    "out": (["--out"], {"type": parse_place, "metavar": "DIR", "help": "folder for the results (default: out/ and the scene's name)"}),
-    "require": (
-        ["--require"],
-        {"choices": ["stable", "valid", "linear-stable"],
-         "help": "exit with code 3 unless the loop is stable in a linear model that holds along the motion as far as is known (stable), "
-                 "was found to hold by simulation (valid), or may hold or not (linear-stable)"},
+    "points": option("--points", None, "times in a period (default 256)", type=count, default=256),
+    "periods": option("--periods", None, "length of the simulation (default 5)", type=float, default=5.0),
+    "feedforward": option(
+        "--feedforward", None, "what to feed forward (default: as in the scene); tip-exact keeps the tip on its path",
+        choices=["scene", "rigid", "joint-exact", "tip-exact"], default="scene",
     ),
-    "points": (["--points"], {"type": count, "default": 256, "help": "times in a period (default 256)"}),
-    "periods": (["--periods"], {"type": float, "default": 5.0, "help": "length of the simulation (default 5)"}),
-    "feedforward": (
-        ["--feedforward"],
-        {"choices": ["scene", "rigid", "joint-exact", "tip-exact"], "default": "scene",
-         "help": "what to feed forward (default: as in the scene); tip-exact keeps the tip on its path"},
+    "attraction": option("--attraction", None, "also find how far a disturbance may go (some seconds)", **SWITCH),
+    "animate": option("--animate", None, "also write animation.html, which plays the simulation", **SWITCH),
+    "effects": option("--effects", None, "also find which effects matter (some seconds)", **SWITCH),
+    "over": option(
+        "--over", f"{RANGE}[:COUNT]",
+        "a parameter to vary, such as motion.frequency=0.2:3:200 or effects.payload.mass='0:300 g'; give two for a map",
+        required=True, **SPANS,
     ),
-    "attraction": (
-        ["--attraction"], {"action": "store_true", "help": "also find how far a disturbance may go (some seconds)"},
+    "vary": option(
+        "--vary", RANGE, "a number that scenarios differ by, such as effects.payload.mass=0:0.3", default=[], **SPANS
     ),
-    "animate": (["--animate"], {"action": "store_true", "help": "also write animation.html, which plays the simulation"}),
-    "effects": (["--effects"], {"action": "store_true", "help": "also find which effects matter (some seconds)"}),
-    "over": (
-        ["--over"],
-        {"type": span, "metavar": "KEY=LOW:HIGH[:COUNT]", "action": "extend", "nargs": "+", "required": True,
-         "help": "a parameter to vary, such as motion.frequency=0.2:3:200 or effects.payload.mass='0:300 g'; give two for a map"},
+    "gain": option(
+        "--gain", RANGE,
+        "a gain to tune and its limits (default: all of the scene's feedback, a tenth to ten times their values)",
+        default=[], **SPANS,
     ),
-    "vary": (
-        ["--vary"],
-        {"type": span, "metavar": "KEY=LOW:HIGH", "action": "extend", "nargs": "+", "default": [],
-         "help": "a number that scenarios differ by, such as effects.payload.mass=0:0.3"},
+    "loop": option(
+        "--loop", "LOOP", "own (default), open, a design's name, whose gain is kept, or 'NAME, redone' at each value", default="own"
     ),
-    "gain": (
-        ["--gain"],
-        {"type": span, "metavar": "KEY=LOW:HIGH", "action": "extend", "nargs": "+", "default": [],
-         "help": "a gain to tune and its limits (default: all of the scene's feedback, a tenth to ten times their values)"},
+    "workers": option("--workers", "N", "processes or threads that share the values (default: all cores)", type=int),
+    "scheduler": option("--scheduler", "ADDRESS", "a Dask cluster that does the work, such as tcp://host:8786"),
+    "store": option("--store", "CHART.zarr", "keep finished values; the same command goes on where it stopped", **PLACE),
+    "margins": option(
+        "--margins", RANGE,
+        "numbers whose critical values are looked for, with ranges (default: speed and payload, a second each)",
+        default=[], **SPANS,
     ),
-    "loop": (
-        ["--loop"],
-        {"default": "own", "metavar": "LOOP",
-         "help": "own (default), open, a design's name, whose gain is kept, or 'NAME, redone' at each value"},
+    "loop_margins": option(
+        "--loop-margins", None, "also find which gain, phase and delay each loop endures (some seconds a loop)", **SWITCH
     ),
-    "workers": (["--workers"], {"type": int, "metavar": "N", "help": "processes or threads that share the values (default: all cores)"}),
-    "scheduler": (["--scheduler"], {"metavar": "ADDRESS", "help": "a Dask cluster that does the work, such as tcp://host:8786"}),
-    "store": (
-        ["--store"],
-        {"type": parse_place, "metavar": "CHART.zarr", "help": "keep finished values; the same command goes on where it stopped"},
+    "sensitivity": option(
+        "--sensitivity", None, "also find which numbers move the growth rate (some seconds)", **SWITCH
     ),
-    "margins": (
-        ["--margins"],
-        {"type": span, "metavar": "KEY=LOW:HIGH", "action": "extend", "nargs": "+", "default": [],
-         "help": "numbers whose critical values are looked for, with ranges (default: speed and payload, a second each)"},
+    "tol": option("--tol", "ERROR", "wanted error of every stage (default 1e-9, or as in the scene)", type=float),
+    "seconds": option(
+        "--limit-seconds", "S", f"time that the whole command may take (default {SECONDS:g}, tune 600, or as in the scene)", type=float
     ),
-    "loop_margins": (
-        ["--loop-margins"],
-        {"action": "store_true", "help": "also find which gain, phase and delay each loop endures (some seconds a loop)"},
+    "memory": option(
+        "--limit-memory", "BYTES", f"memory that it may hold beside its libraries (default {LIMIT}, or as in the scene)", type=float
     ),
-    "sensitivity": (
-        ["--sensitivity"],
-        {"action": "store_true", "help": "also find which numbers move the growth rate (some seconds)"},
+    "log": option("--log", "FILE", "a measured log: CSV with a head line, .npz or .nc", required=True, **PLACE),
+    "free": option(
+        "--free", "KEY", "numbers to find, such as effects.payload.mass or log.outputs.gauge.gain", required=True, **WORDS
     ),
-    "tol": (["--tol"], {"type": float, "metavar": "ERROR", "help": "wanted error of every stage (default 1e-9, or as in the scene)"}),
-    "seconds": (
-        ["--limit-seconds"],
-        {"type": float, "metavar": "S",
-         "help": f"time that the whole command may take (default {SECONDS:g}, tune 600, or as in the scene)"},
+    "hold_back": option(
+        "--hold-back", "SHARE", "last part of the log, predicted but not fitted (default a third)", type=float, default=1 / 3
     ),
-    "memory": (
-        ["--limit-memory"],
-        {"type": float, "metavar": "BYTES",
-         "help": f"memory that it may hold beside its libraries (default {LIMIT}, or as in the scene)"},
-    ),
-    "log": (
-        ["--log"],
-        {"type": parse_place, "required": True, "metavar": "FILE", "help": "a measured log: CSV with a head line, .npz or .nc"},
-    ),
-    "free": (
-        ["--free"],
-        {"action": "extend", "nargs": "+", "required": True, "metavar": "KEY",
-         "help": "numbers to find, such as effects.payload.mass or log.outputs.gauge.gain"},
-    ),
-    "hold_back": (
-        ["--hold-back"],
-        {"type": float, "default": 1 / 3, "metavar": "SHARE", "help": "last part of the log, predicted but not fitted (default a third)"},
-    ),
-    "window": (["--window"], {"type": float, "default": 2.0, "metavar": "S", "help": "length of each prediction (default 2)"}),
-    "step": (["--step"], {"metavar": "WORDS", "help": 'a torque from a moment on, such as "joint 1 torque 0.1 N m"'}),
-    "initial": (["--initial"], {"metavar": "WORDS", "help": 'a state beside the steady motion, such as "w11=0.01, q1_rate=5 deg/s"'}),
-    "push": (["--push"], {"metavar": "WORDS", "help": 'a force at the tip for a time, such as "tip 1 N 20 ms" or "tip y 1 N 20 ms"'}),
-    "noise": (["--noise"], {"metavar": "WORDS", "help": 'torque noise, such as "torque 0.05 N m 100 Hz"'}),
-    "of": (["--loop"], {"dest": "of", "default": "own", "metavar": "NAME", "help": "own, or the name of a design (default own)"}),
-    "lasting": (
-        ["--periods"], {"dest": "lasting", "type": float, "help": "how long to look (default: until a thousandth is left)"},
-    ),
-    "robot": (["robot"], {"type": parse_place, "metavar": "ROBOT.URDF", "help": "a URDF file; no mesh is read"}),
-    "file": (["--out"], {"type": parse_place, "required": True, "metavar": "FILE.TOML", "help": "the scene to write"}),
-    "base": (["--base"], {"metavar": "LINK", "help": "first link of the chain (default: the root)"}),
-    "tip": (["--tip"], {"metavar": "LINK", "help": "last link of the chain (default: the only end)"}),
-    "tolerance": (["--tolerance"], {"type": float, "default": 0.01, "help": "relative change that matters (default 0.01)"}),
+    "window": option("--window", "S", "length of each prediction (default 2)", type=float, default=2.0),
+    "step": option("--step", "WORDS", 'a torque from a moment on, such as "joint 1 torque 0.1 N m"'),
+    "initial": option("--initial", "WORDS", 'a state beside the steady motion, such as "w11=0.01, q1_rate=5 deg/s"'),
+    "push": option("--push", "WORDS", 'a force at the tip for a time, such as "tip 1 N 20 ms" or "tip y 1 N 20 ms"'),
+    "noise": option("--noise", "WORDS", 'torque noise, such as "torque 0.05 N m 100 Hz"'),
+    "of": option("--loop", "NAME", "own, or the name of a design (default own)", dest="of", default="own"),
+    "lasting": option("--periods", None, "how long to look (default: until a thousandth is left)", dest="lasting", type=float),
+    "robot": option("robot", "ROBOT.URDF", "a URDF file; no mesh is read", **PLACE),
+    "file": option("--out", "FILE.TOML", "the scene to write", required=True, **PLACE),
+    "base": option("--base", "LINK", "first link of the chain (default: the root)"),
+    "tip": option("--tip", "LINK", "last link of the chain (default: the only end)"),
+    "tolerance": option("--tolerance", None, "relative change that matters (default 0.01)", type=float, default=0.01),
 }  # fmt: skip
 
 
@@ -332,11 +314,11 @@ def print_paths(paths: list[Path]) -> int:
 def quote(options: argparse.Namespace) -> str:
     """The command line that made a page, without its output folder: what is not as it would be by itself."""
     words = ["flexlin", options.command, options.scene]
-    for flags, settings in (OPTIONS[name] for name in options.takes if name not in UNQUOTED):
-        value = getattr(options, settings.get("dest", flags[0].strip("-").replace("-", "_")))
+    for flag, settings in (OPTIONS[name] for name in options.takes if name not in UNQUOTED):
+        value = getattr(options, settings.get("dest", flag.strip("-").replace("-", "_")))
         if value not in (None, False, settings.get("default")):
             each = value if isinstance(value, list) else [] if value is True else [value]
-            words += [flags[0], *map(write_value, each)]
+            words += [flag, *map(write_value, each)]
     return shlex.join(words)
 
 

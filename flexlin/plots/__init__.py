@@ -4,7 +4,7 @@ from flexlin.lazy import load_lazily
 
 __getattr__, __dir__, __all__ = load_lazily(
     __name__,
-    {"plots.comparison": "Comparison compare plot_chart"},
+    {"plots.view": "Comparison compare plot_chart"},
     within={
         "plots.panel": "SMALL Panel measure_text",
         "plots.scales": "Linear Logarithmic Symlog",

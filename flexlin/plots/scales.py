@@ -2,7 +2,8 @@
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -29,21 +30,37 @@ def _write_power(mantissa: str, exponent: int) -> str:
 
 @dataclass(frozen=True)
 class Linear:
-    """Equal steps; `low` and `high` left open follow the data with a little room."""
+    """Equal steps; `low` and `high` left open follow the data with a little room, on the bent axis of other scales too."""
 
     low: float | None = None
     high: float | None = None
 
-    def fitted(self, values: Array) -> "Linear":
+    def bend(self, values: Array) -> Array:
+        """Values as lengths along the axis."""
+        return np.asarray(values, dtype=float)
+
+    def unbend(self, length: float) -> float:
+        """The value at a length along the axis."""
+        return length
+
+    def find_room(self, low: float, high: float) -> float:
+        """How far the axis goes on beyond the data, which end at these lengths."""
+        return 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+
+    def fitted(self, values: Array) -> Self:
         """The scale with its open ends set by the data."""
-        low, high = float(values.min()), float(values.max())
-        room = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
-        return Linear(low - room if self.low is None else self.low, high + room if self.high is None else self.high)
+        bent = self.bend(values)
+        known = bent[np.isfinite(bent)] if np.isfinite(bent).any() else np.array([0.0, 1.0])
+        low, high = float(known.min()), float(known.max())
+        room = self.find_room(low, high)
+        open_ends = self.unbend(low - room), self.unbend(high + room)
+        low, high = (end if own is None else own for own, end in zip((self.low, self.high), open_ends, strict=True))
+        return replace(self, low=low, high=high)
 
     def place(self, values: Array) -> Array:
         """Values to [0, 1] between the ends."""
-        low, high = self.ends
-        return (np.asarray(values, dtype=float) - low) / (high - low)
+        low, high = self.bend(np.array(self.ends))
+        return np.asarray((self.bend(values) - low) / (high - low))
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -68,18 +85,10 @@ class Linear:
 
 
 @dataclass(frozen=True)
-class Symlog:
+class Symlog(Linear):
     """Linear between -near and near, logarithmic beyond: decades of both signs in one axis."""
 
-    near: float
-    low: float | None = None
-    high: float | None = None
-
-    def fitted(self, values: Array) -> "Symlog":
-        bent = self.bend(values)
-        low, high = float(bent.min()), float(bent.max())
-        room = 0.05 * (high - low) or 0.5
-        return Symlog(self.near, *(self.unbend(end) for end in (low - room, high + room)))
+    near: float = field(default=1.0, kw_only=True)
 
     def bend(self, values: Array) -> Array:
         """sign(v) (1 + log10(|v|/near)) beyond near, v/near inside."""
@@ -87,18 +96,15 @@ class Symlog:
         size = np.abs(scaled)
         return np.where(size <= 1, scaled, np.sign(scaled) * (1 + np.log10(np.maximum(size, 1))))
 
-    def unbend(self, bent: float) -> float:
-        """The inverse of `bend`."""
-        return self.near * (bent if abs(bent) <= 1 else math.copysign(10.0 ** (abs(bent) - 1), bent))
+    def unbend(self, length: float) -> float:
+        inside = abs(length) <= 1
+        return self.near * (length if inside else math.copysign(10 ** (abs(length) - 1), length))
 
-    def place(self, values: Array) -> Array:
-        assert self.low is not None
-        assert self.high is not None
-        low, high = self.bend(np.array([self.low, self.high]))
-        return (self.bend(values) - low) / (high - low)
+    def find_room(self, low: float, high: float) -> float:
+        return 0.05 * (high - low) or 0.5
 
     def ticks(self, most: int) -> list[tuple[float, str]]:
-        low, high = (float(v) for v in self.bend(np.array([self.low, self.high])))
+        low, high = self.bend(np.array(self.ends)).tolist()
         start = round(math.log10(self.near))
         every = max(1, math.ceil((max(high, 0) - min(low, 0)) / max(most, 1)))
         powers = range(0, math.ceil(max(abs(low), abs(high))) + 1, every)
@@ -106,40 +112,31 @@ class Symlog:
         for sign, mark in ((1, ""), (-1, "−")):
             marks += [(sign * 10.0 ** (start + k), f"{mark}{format_power_of_ten(start + k)}") for k in powers]
         inside = [(value, label) for value, label in marks if low <= float(self.bend(np.array(value))) <= high]
-        return inside if len(inside) >= LEAST_TICKS else Linear(self.low, self.high).ticks(most)
+        return inside if len(inside) >= LEAST_TICKS else Linear(*self.ends).ticks(most)
 
 
 @dataclass(frozen=True)
-class Logarithmic:
+class Logarithmic(Linear):
     """Equal steps are equal factors; values must be positive."""
 
-    low: float | None = None
-    high: float | None = None
+    def bend(self, values: Array) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.log10(np.maximum(np.asarray(values, dtype=float), 0)))
 
-    def fitted(self, values: Array) -> "Logarithmic":
-        positive = values[values > 0]
-        low, high = (float(positive.min()), float(positive.max())) if positive.size else (1.0, 10.0)
-        room = max((high / low) ** 0.06, 1.15)
-        return Logarithmic(
-            low / room if self.low is None else self.low, high * room if self.high is None else self.high
-        )
+    def unbend(self, length: float) -> float:
+        return float(10.0**length)
 
-    def place(self, values: Array) -> Array:
-        assert self.low is not None
-        assert self.high is not None
-        low, high = math.log10(self.low), math.log10(self.high)
-        with np.errstate(divide="ignore"):
-            return (np.log10(np.maximum(np.asarray(values, dtype=float), 0)) - low) / (high - low)
+    def find_room(self, low: float, high: float) -> float:
+        return 0.06 * max(high - low, 1.0)
 
     def ticks(self, most: int) -> list[tuple[float, str]]:
-        assert self.low is not None
-        assert self.high is not None
-        first, last = math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9)
+        low, high = self.ends
+        first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
         if last - first < 1:
-            return Linear(self.low, self.high).ticks(most)
+            return Linear(low, high).ticks(most)
         if 3 * (last - first + 1) <= most:
             marks = [(factor, k) for k in range(first - 1, last + 1) for factor in (1, 2, 5)]
-            inside = [(f, k) for f, k in marks if self.low <= f * 10.0**k * (1 + 1e-9) and f * 10.0**k <= self.high]
+            inside = [(f, k) for f, k in marks if low <= f * 10.0**k * (1 + 1e-9) and f * 10.0**k <= high]
             return [(f * 10.0**k, format_ticks(np.array([f * 10.0**k]), 10.0**k)[0]) for f, k in inside]
         every = max(1, math.ceil((last - first + 1) / max(most, 1)))
         return [(10.0**k, format_power_of_ten(k)) for k in range(first, last + 1, every)]
@@ -164,7 +161,7 @@ class Named:
         return [(float(i), name) for i, name in enumerate(self.names)]
 
 
-Scale = Linear | Symlog | Logarithmic | Named
+Scale = Linear | Named
 
 
 def format_ticks(marks: Array, step: float) -> list[str]:

@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "report.charts": "draw_charts",
         "report.exports": "export_all",
         "report.figures": "draw_pictures FIGURES",
-        "report.figures.chart": "choose_scale limits_of thin",
+        "report.figures.chart": "choose_scale thin",
         "report.figures.chart_map": "trace_contour",
         "report.figures.effects": "draw_effects draw_sensitivity",
         "report.figures.exponents": "scale_radius",

@@ -129,7 +129,7 @@ def animation_page(scene: Scene, lin: Linearization, run: Simulation, command: s
         names=[found["name"] for found in data["plays"]],
         magnified=list(MAGNIFIED),
         shape=min(0.75, max(0.3, data["height"] / data["width"])),
-        trail=f"{data['trail'] * data['step']:.3g}",
+        trail=f"{data['trail'] * data['plays'][0]['step']:.3g}",
         straight=lin.arm.near.axes is None,
         space=len(data["centre"]) == 3,
         data=json.dumps(data, allow_nan=False, separators=(",", ":")),
@@ -141,7 +141,7 @@ def animation_page(scene: Scene, lin: Linearization, run: Simulation, command: s
 def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[str, Any]:
     """What the page draws: curves in m, rounded to a hundredth of a permille of the arm's reach.
 
-    `plays` holds the simulation first, then Floquet motions; the simulation's own curves stand at the top level too.
+    `plays` holds the simulation first, then Floquet motions.
     """
     if lin.arm.near.points is None:
         raise ArgumentError(
@@ -162,19 +162,14 @@ def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[st
     tips = [tip[::every] for tip in (run.tip, run.tip_linear)]
     away = np.linalg.norm(run.tip - run.tip_rigid, axis=1)[::every]
     return {
-        "t": np.round(t, 6).tolist(),
-        "step": float(t[1] - t[0]),
         "trail": max(1, int(TRAIL * lin.period / (t[1] - t[0]))),
         "centre": rounded((low + high) / 2, digits),
         "width": float(size[0]),
         "height": float(size[1]),
         "scale": scale_length(reach),
         "bodies": bodies(scene),
-        "fixed": fixed_points(rigid.points),
         "ground": [rounded(rigid.points[0][:, i], digits) for i in list_grounds(rigid.points)],
         "plays": plays,
-        "arm": [rounded(np.concatenate(links, axis=1), digits) for links in plain.links],
-        "rigid": [rounded(np.concatenate(links, axis=1), digits) for links in moving(rigid)],
         "tip": rounded(tips[0], digits),
         "linear": rounded(tips[1], digits),
         "error": np.round(away, 9).tolist(),

@@ -11,7 +11,7 @@ from flexlin.scene.names import name_number, show_unit
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from flexlin.answers.nearest.instability import NearestInstability
+    from flexlin.answers.nearest import NearestInstability
     from flexlin.periodic.margins import Margins
 
 DIGITS, ROUGH = 4, 5e-4

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import xarray
 
     from flexlin.answers.audit.result import Audit, Minimal, Row
+    from flexlin.answers.nearest import NearestInstability
 
 SCHEMA = 1
 PACKAGES = ("casadi", "control", "numpy", "pydantic", "scipy")
@@ -35,11 +36,7 @@ def record(analysis: Analysis) -> dict[str, Any]:
 
     A number that is not finite (a multiplier beyond 1e308, say) becomes null; its logarithm stands in `log_multipliers`.
     """
-    a, nearest = analysis, {}
-    if a.nearest is not None:
-        from flexlin.answers.nearest.instability import record_nearest
-
-        nearest = {"nearest_instability": record_nearest(a.nearest)}
+    a = analysis
     return {
         **record_scene(a.scene, a.steps),
         "coordinates": list(a.plant.names),
@@ -70,7 +67,7 @@ def record(analysis: Analysis) -> dict[str, Any]:
         else {"verdict": a.zeros.verdict, "real_parts": a.zeros.exponents.real.tolist()},
         "margins": [record_margin(margin) for margin in a.margins],
         **({"loop_margins": {name: record_endured(one) for name, one in a.endured.items()}} if a.endured else {}),
-        **nearest,
+        **({} if a.nearest is None else {"nearest_instability": record_nearest(a.nearest)}),
         **({} if a.audit is None else {"effects_audit": audit_block(a.audit)}),
         **({} if a.sensitivity is None else {"sensitivity": record_sensitivity(a.sensitivity)}),
     }
@@ -204,6 +201,18 @@ def record_endured(found: Margins) -> dict[str, Any]:
     why it is not known. Phase in rad, delay in s."""
     lists = {name: [record_number(one) for one in getattr(found, name)] for name in ("gain", "errors")}
     return lists | record_fields(found, "phase delay reason" if found.reason else "phase delay")
+
+
+def record_nearest(found: "NearestInstability") -> dict[str, Any]:
+    """The nearest place of instability as data that JSON can hold; null where none was found."""
+    numbers = zip(found.paths, found.own.tolist(), record_numbers(found.values), strict=True)
+    block = record_fields(found, "scale error confirmed furthest tried growth status")
+    return {
+        "numbers": {path: {"own": own, "value": value} for path, own, value in numbers},
+        **block,
+        "error": None if block["scale"] is None else found.error,
+        "growth": list(found.growth),
+    }
 
 
 def record_linear_range(analysis: Analysis) -> dict[str, Any]:

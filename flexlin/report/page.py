@@ -13,7 +13,7 @@ from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.report.advice import advise, name_condition
 from flexlin.report.drive_words import describe_controller, drive_cells
-from flexlin.report.figures.coefficients import NOISE, name_entry, name_matrix_unit
+from flexlin.report.figures.coefficients import list_entries, name_entry
 from flexlin.report.figures.style import Picture
 from flexlin.report.margins import describe_endured, describe_margins, describe_nearest
 from flexlin.report.wording import (
@@ -194,23 +194,11 @@ def together(steps: Sequence[Step]) -> Step:
 
 def list_constants(a: Analysis) -> list[tuple[str, str, str]]:
     """Entries of M, D, K that do not vary and are not zero, one of a symmetric pair: name, value, unit."""
-    found = []
-    for name in ("M", "D", "K"):
-        matrix = getattr(a.coefficients, name)
-        size = np.abs(matrix).max() or 1.0
-        for i, j in np.ndindex(a.plant.n, a.plant.n):
-            values = matrix[:, i, j]
-            if j < i and np.all(np.abs(values - matrix[:, j, i]) <= NOISE * size):
-                continue
-            if np.ptp(values) <= NOISE * size and np.abs(values).max() > NOISE * size:
-                found.append(
-                    (
-                        name_entry(a, name, i, j),
-                        format_decimal(values.mean(), 6),
-                        name_matrix_unit(a, name, i, j),
-                    )
-                )
-    return found
+    return [
+        (name_entry(a, one.matrix, one.row, one.column), format_decimal(one.values.mean(), 6), one.unit)
+        for one in list_entries(a)
+        if one.matrix != "h" and not one.varies and np.abs(one.values).max() > one.noise
+    ]
 
 
 def list_units(part: Any, path: str = "") -> dict[str, str]:

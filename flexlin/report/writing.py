@@ -58,8 +58,7 @@ def write_report(
         from flexlin.report.numbers import record, step_block, to_json
     if scene.uncertainty:
         with clock.step("equations with the uncertain numbers free"):
-            from flexlin.answers.nearest.box import make_box
-            from flexlin.answers.nearest.instability import search_box
+            from flexlin.answers.nearest import make_box, search_box
 
             box = make_box(scene)
     from flexlin.answers.margins import choose_margins

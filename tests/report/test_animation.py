@@ -24,12 +24,13 @@ def played():
 
 def test_curves_end_where_the_simulation_has_the_tip(played):
     scene, lin, run = played
-    data = collect_frames(scene, lin, run)
-    ends = np.array([[curve[0][-1], curve[1][-1]] for curve in data["arm"]])
+    first = collect_frames(scene, lin, run)["plays"][0]
+    bent, rigid = ([links[-1] for links in shown] for shown in (first["links"][0], first["rigid"]))
+    ends = np.array([[curve[0][-1], curve[1][-1]] for curve in bent])
     np.testing.assert_allclose(ends, run.tip, atol=2e-5)
-    straight = np.array([curve[0][-1] ** 2 + curve[1][-1] ** 2 for curve in data["rigid"]])
+    straight = np.array([curve[0][-1] ** 2 + curve[1][-1] ** 2 for curve in rigid])
     np.testing.assert_allclose(straight, 0.96**2, atol=1e-4)
-    middle = np.array(data["arm"][-1])[:, 4]
+    middle = np.array(bent[-1])[:, 4]
     assert abs(middle[0] * ends[-1, 1] - middle[1] * ends[-1, 0]) > 1e-3
 
 
@@ -39,17 +40,18 @@ def test_the_page_is_whole_and_asks_for_nothing(played):
     assert not re.search(r"(src|href)\s*=", page)
     assert "http" not in page
     data = json.loads(re.search(r"const data = (\{.*?\});", page, re.S).group(1))
-    assert len(data["t"]) == len(data["tip"]) == len(run.t)
+    assert len(data["plays"][0]["t"]) == len(data["tip"]) == len(run.t)
 
 
 def test_long_simulations_are_thinned(played, monkeypatch):
     """Wider steps over the whole simulation, not its beginning alone; the tips stay with their times."""
     monkeypatch.setattr("flexlin.report.animation.FRAMES", 20)
     run, data = played[2], collect_frames(*played)
-    assert 10 < len(data["t"]) <= 20
-    assert data["step"] == pytest.approx(data["t"][1] - data["t"][0], abs=1e-6)
-    assert data["t"][-1] > run.t[-1] - data["step"]
-    at = [int(np.abs(run.t - t).argmin()) for t in data["t"]]
+    times, step = (data["plays"][0][name] for name in ("t", "step"))
+    assert 10 < len(times) <= 20
+    assert step == pytest.approx(times[1] - times[0], abs=1e-6)
+    assert times[-1] > run.t[-1] - step
+    at = [int(np.abs(run.t - t).argmin()) for t in times]
     np.testing.assert_allclose(data["tip"], run.tip[at], atol=2e-5)
 
 

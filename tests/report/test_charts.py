@@ -7,7 +7,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.answers import CriticalValue, Margin, choose_margins, find_margin, unfold_frequencies
-from flexlin.report import choose_scale, describe_margins, limits_of, record_margin, trace_contour
+from flexlin.report import choose_scale, describe_margins, record_margin, trace_contour
 from flexlin.scene import label_number
 
 
@@ -22,7 +22,7 @@ def test_a_contour_of_a_cone_is_a_circle():
 
 def test_rounding_is_not_enlarged():
     noise = 1e-14 * np.random.default_rng(0).standard_normal((50, 2))
-    low, high = limits_of(choose_scale(noise, np.full(50, 1e-12)))
+    low, high = choose_scale(noise, np.full(50, 1e-12)).ends
     assert high - low > 1e-6
 
 

@@ -183,7 +183,7 @@ def test_every_scale_has_two_numbers_that_differ() -> None:
         centre, size = rng.standard_normal() * 10.0 ** rng.integers(-8, 9), 10.0 ** rng.uniform(-9, 9)
         size = max(size, 1e-9 * abs(centre))
         low, high = centre - size * rng.random() - 1e-3 * size, centre + size * rng.random() + 1e-3 * size
-        for scale in (Linear(low, high), Symlog(10.0 ** rng.integers(-6, 3), low, high)):
+        for scale in (Linear(low, high), Symlog(low, high, near=10.0 ** rng.integers(-6, 3))):
             for most in (2, 3, 7):
                 ticks = scale.ticks(most)
                 assert 2 <= len({label for _, label in ticks}) == len(ticks) <= 2 * most + 3, (scale, ticks)

@@ -71,6 +71,11 @@ MOST_SEGMENTS = 4096
 """Segments of a trial of the engine at the most."""
 
 
+def by_tol(method: str, run: Callable[[float], Array]) -> list[Trial]:
+    """A stage that takes tol, at each of TOLS."""
+    return [Trial(method, f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}") for tol in TOLS]
+
+
 def measure_coefficients(closed: Linearization, seconds: float) -> list[Row]:
     """A(t) over the period from samples and their Fourier series, by the number of harmonics."""
     system, T = closed.periodic_system(), closed.period
@@ -170,9 +175,9 @@ def measure_riccati(plant: Linearization, peers: bool, seconds: float) -> list[R
     def run(tol: float) -> Array:
         return periodic_riccati(replace(plant).periodic_system(), Q, R, tol=tol).X(t)
 
-    trials = [Trial("periodic_riccati", f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}") for tol in TOLS]
     outside = try_scipy(plant, derive_riccati_rate, forget_start) if peers else ()
-    return measure_trials("periodic Riccati", chain(trials, outside), lambda X: compare_arrays(X, exact), seconds)
+    trials = chain(by_tol("periodic_riccati", run), outside)
+    return measure_trials("periodic Riccati", trials, lambda X: compare_arrays(X, exact), seconds)
 
 
 def measure_forced_response(closed: Linearization, peers: bool, seconds: float) -> list[Row]:
@@ -184,9 +189,9 @@ def measure_forced_response(closed: Linearization, peers: bool, seconds: float) 
         return forced_response(system, OfPlant(closed.forcing, system.n, system.n), tol)(t)
 
     exact = run(FINE)
-    trials = [Trial("forced_response", f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}") for tol in TOLS]
     outside = try_scipy(closed, derive_response_rate, respond_periodically) if peers else ()
-    return measure_trials("forced response", chain(trials, outside), lambda x: compare_arrays(x, exact), seconds)
+    trials = chain(by_tol("forced_response", run), outside)
+    return measure_trials("forced response", trials, lambda x: compare_arrays(x, exact), seconds)
 
 
 def measure_simulation(closed: Linearization, peers: bool, seconds: float) -> list[Row]:
@@ -199,9 +204,9 @@ def measure_simulation(closed: Linearization, peers: bool, seconds: float) -> li
         return simulate(closed, 1.0, tol=tol, points_per_period=SAMPLES).nonlinear
 
     exact = run(FINEST)
-    trials = [Trial("simulate", f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}") for tol in TOLS]
     outside = try_scipy(closed, derive_loop_rate, integrate_loop) if peers else ()
-    return measure_trials("simulation", chain(trials, outside), lambda x: compare_arrays(x, exact), seconds)
+    trials = chain(by_tol("simulate", run), outside)
+    return measure_trials("simulation", trials, lambda x: compare_arrays(x, exact), seconds)
 
 
 def measure_modes(scene: Scene, seconds: float) -> list[Row]:

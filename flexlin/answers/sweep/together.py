@@ -1,10 +1,9 @@
 """Values that are computed together by the kernel: how it is prepared, and one block of them."""
 
-import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,33 +16,6 @@ from flexlin.progress import advance
 if TYPE_CHECKING:
     from flexlin.about.family import PeriodicFamily
     from flexlin.about.free import ParametricLoop
-
-
-T = TypeVar("T")
-
-
-class Later(Generic[T]):
-    """A value, or its pickle until it is first asked for."""
-
-    def __init__(self, value: T):
-        self._value, self._pickled = value, b""
-
-    @property
-    def value(self) -> T:
-        """The value itself."""
-        if self._pickled:
-            self._value, self._pickled = pickle.loads(self._pickled), b""
-        return self._value
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return unpack, (self._pickled or pickle.dumps(self._value, protocol=pickle.HIGHEST_PROTOCOL),)
-
-
-def unpack(pickled: bytes) -> "Later[object]":
-    """What travelled, still packed."""
-    later = Later[object](None)
-    later._pickled = pickled
-    return later
 
 
 FEWEST, MOST, FINENESS = 4, 1024, 12
@@ -155,11 +127,10 @@ WITNESSES = 3
 class Together:
     """The computation of blocks of values by the kernel; `scale` balances the states; `needs` says on how many segments.
 
-    `given`: the system, for values that are computed one by one; `may_be_narrow`: whether its coefficients may have narrow features.
-    Where neither is asked for, a worker loads NumPy and the compiled core alone.
+    `source`: the system, for values that are computed one by one; `may_be_narrow`: whether its coefficients may have narrow features.
     """
 
-    given: "Later[ParametricLoop | PeriodicFamily]"
+    source: "ParametricLoop | PeriodicFamily"
     may_be_narrow: bool
     tol: float
     kernel: Kernel
@@ -186,7 +157,7 @@ class Together:
             return None
         scale = kernel.balance(points[spread_over(len(points), 3 * WIDTH)])
         needs = learn_needs(kernel, points, scale, tol)
-        made = cls(Later(source), source.may_be_narrow, tol, kernel, scale, needs, len(points))
+        made = cls(source, source.may_be_narrow, tol, kernel, scale, needs, len(points))
         if needs.usual >= MOST or not (source.is_smooth or made.is_confirmed(points)):
             return None
         return made
@@ -198,11 +169,6 @@ class Together:
         for i, point in enumerate(chosen):
             alone.put_alone(i, partial(self.source.system_at, point), self.tol)
         return all(found.agrees(alone, i) for i in range(len(chosen)))
-
-    @property
-    def source(self) -> "ParametricLoop | PeriodicFamily":
-        """What is asked about."""
-        return self.given.value
 
     @property
     def segments(self) -> int:

@@ -24,16 +24,12 @@ from flexlin.errors import ArgumentError
 def linearize_scene(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
-        from flexlin.about.linear import linearize
-        from flexlin.mechanics import build_manipulator
+        from flexlin.answers.analysis import derive_equations
         from flexlin.report.exports import coefficients_dataset
 
-        scene, asked = work.scene, work.scene.accuracy
-        arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
-        plant, closed = clock.stage(
-            "linearization", asked, lambda: [linearize(arm, scene.motion, control) for control in (None, scene.control)]
-        )
-        data = clock.stage("coefficients", asked, lambda: coefficients_dataset(scene, plant, closed, options.points))
+        made = derive_equations(work.scene, clock)
+        sample = partial(coefficients_dataset, work.scene, made.plant, made.closed, options.points)
+        data = clock.stage("coefficients", made.asked, sample)
     return print_paths(work.write_files("coefficients", {}, data))
 
 
@@ -78,16 +74,14 @@ def simulate_loop(options: argparse.Namespace) -> int:
     scene, asked, tol = work.scene, work.scene.accuracy, work.scene.accuracy.tol
     problems, said = dict[str, str](), list[str]()
     with work.clock(4 + 2 * options.attraction + options.animate) as clock:
-        from flexlin.about.linear import linearize
+        from flexlin.answers.analysis import derive_equations
         from flexlin.control.tracking import feedforward
         from flexlin.control.validity import linear_range
-        from flexlin.mechanics import build_manipulator
         from flexlin.report.exports import described
         from flexlin.simulation.attraction import region_of_attraction
         from flexlin.simulation.run import check_duration, simulate
 
-        arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
-        closed = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
+        closed = derive_equations(scene, clock).closed
         clock.stage("size of the result", asked, lambda: check_duration(closed, options.periods))
         forward = None
         if options.feedforward != "scene":

@@ -95,17 +95,14 @@ def check(options: argparse.Namespace) -> int:
     with work.clock() as clock:
         import numpy as np
 
-        from flexlin.about.linear import linearize
+        from flexlin.answers.analysis import derive_equations
         from flexlin.answers.steady import examine
-        from flexlin.mechanics import build_manipulator
         from flexlin.report.numbers import effects
         from flexlin.report.wording import units_of_scene
 
-        scene, asked = work.scene, work.scene.accuracy
-        arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
-        plant = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
+        scene, plant = work.scene, derive_equations(work.scene, clock).closed
         lengths = np.array([link.length for link in scene.links])
-        rest = clock.stage("arm at rest", asked, lambda: examine(plant, lengths))
+        rest = clock.stage("arm at rest", scene.accuracy, lambda: examine(plant, lengths))
     print(f"{scene.title}: usable")
     if scene.source:
         print(f"  source       {scene.source}")

@@ -139,7 +139,7 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
         height=300.0,
     ).zero()
     for begin, end in list_unstable(x, verdict, critical):
-        low, high = limits_of(scale)
+        low, high = scale.ends
         panel.cells((np.array([begin]), np.array([end])), (np.array([low]), np.array([high])), "unstable", 0.1)
     for k in range(1, growth.shape[1]):
         panel.line(x, growth[:, k], "faint", width=0.9, opacity=0.7, label="other exponents" if k == 1 else "")
@@ -155,7 +155,7 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
     return panel
 
 
-def choose_scale(growth: Array, error: Array) -> Linear | Symlog:
+def choose_scale(growth: Array, error: Array) -> Linear:
     """Decades where the rates differ much, else equal steps; never finer than the errors of the rates."""
     known = growth[np.isfinite(growth)]
     noise = max(NOISE * float(np.nan_to_num(error).max(initial=0.0)), FLOOR)
@@ -163,16 +163,9 @@ def choose_scale(growth: Array, error: Array) -> Linear | Symlog:
     sizes = np.abs(known[np.abs(known) > noise])
     if sizes.size and sizes.max() > WIDE * sizes.min():
         near = 10.0 ** np.floor(np.log10(max(sizes.min(), noise, sizes.max() * 1e-6)))
-        return Symlog(float(near)).fitted(np.array([low, high, -near, near]))
+        return Symlog(near=float(near)).fitted(np.array([low, high, -near, near]))
     room = max(0.08 * (high - low), 2 * noise)
     return Linear(low - room, high + room)
-
-
-def limits_of(scale: Linear | Symlog) -> tuple[float, float]:
-    """Both ends of a fitted scale."""
-    assert scale.low is not None
-    assert scale.high is not None
-    return scale.low, scale.high
 
 
 def list_unstable(x: Array, verdict: Array, critical: Sequence[CriticalValue]) -> list[tuple[float, float]]:
@@ -191,24 +184,24 @@ def list_unstable(x: Array, verdict: Array, critical: Sequence[CriticalValue]) -
     return found if begin is None else [*found, (begin, float(x.max()))]
 
 
-def mark_critical(panel: Panel, critical: Sequence[CriticalValue], x: Array, scale: Linear | Symlog) -> None:
+def mark_critical(panel: Panel, critical: Sequence[CriticalValue], x: Array, scale: Linear) -> None:
     """A line and a diamond at each critical value, and its figure where there is room."""
-    low, high = limits_of(scale)
+    low, high = scale.ends
     last = -np.inf
     for one in critical:
         panel.line([one.value, one.value], [low, high], "unstable", width=0.8, dash="3 2")
         text = f"{one.kind} at {one.value:.9g} ± {one.error:.0e}: {without_units(one.resonance)}"
         panel.dots([one.value], [0.0], "unstable", "diamond", 4.0, texts=[text])
         if one.value - last > APART * np.ptp(x):
-            top = high - BELOW * (high - low) if isinstance(scale, Linear) else high
+            top = high if isinstance(scale, Symlog) else high - BELOW * (high - low)
             panel.words(one.value, top, f"{one.value:.5g}", "unstable", halo=True)
             last = one.value
 
 
-def mark_own(panel: Panel, own: float, x: Array, scale: Linear | Symlog) -> None:
+def mark_own(panel: Panel, own: float, x: Array, scale: Linear) -> None:
     """The scene's own value, where it lies inside the range."""
     if x.min() <= own <= x.max():
-        low, high = limits_of(scale)
+        low, high = scale.ends
         panel.line([own, own], [low, high], "blue", width=1.2, dash="6 3", label=f"the scene: {own:.4g}")
 
 

@@ -89,7 +89,7 @@ COLOURS = {"M": "teal", "D": "wine", "K": "indigo", "h": "rose"}
 
 @dataclass(frozen=True)
 class Entry:
-    """One entry over a period: its matrix, row and column, values (N,), unit, and how much its variation matters."""
+    """One entry over a period: its matrix, row and column, values (N,), unit, how much its variation matters, and what counts as none."""
 
     matrix: str
     row: int
@@ -97,11 +97,17 @@ class Entry:
     values: Array
     unit: str
     weight: float
+    noise: float
+
+    @property
+    def varies(self) -> bool:
+        """Whether it does."""
+        return float(np.ptp(self.values)) > self.noise
 
 
 def draw_coefficients(a: Analysis) -> Picture:
     """A panel for each entry of M, D, K and h that varies; each joint has one at the least."""
-    varying = list(list_entries(a))
+    varying = [entry for entry in list_entries(a) if entry.varies]
     joints = [[k for k, entry in enumerate(varying) if entry.row == i] for i in list_joints(a)]
     shown = choose_shown(np.array([entry.weight for entry in varying]), joints, MOST)
     rest = sorted((k for k in range(len(varying)) if k not in shown), key=lambda k: -varying[k].weight)
@@ -150,22 +156,19 @@ def describe_shown(varying: int, shown: int, folded: int) -> str:
 
 
 def list_entries(a: Analysis) -> Iterator[Entry]:
-    """All entries that vary; of a pair that is equal at all times, the upper one."""
+    """All entries of M, D and K, of a pair that is equal at all times the upper one, and of h."""
     scales = weigh_entries(a)
     for name in ("M", "D", "K"):
         matrix = getattr(a.coefficients, name)
-        size = np.abs(matrix).max() or 1.0
+        noise = NOISE * (np.abs(matrix).max() or 1.0)
         for i, j in np.ndindex(a.plant.n, a.plant.n):
             values, mirror = matrix[:, i, j], matrix[:, j, i]
-            symmetric = bool(np.all(np.abs(values - mirror) <= NOISE * size))
-            if np.ptp(values) > NOISE * size and not (symmetric and j < i):
+            if not (j < i and np.all(np.abs(values - mirror) <= noise)):
                 weight = float(np.ptp(values) * scales[name][i, j])
-                yield Entry(name, i, j, values, name_matrix_unit(a, name, i, j), weight)
-    size = np.abs(a.coefficients.h).max() or 1.0
-    for i in range(a.plant.n):
-        values = a.coefficients.h[:, i]
-        if np.ptp(values) > NOISE * size:
-            yield Entry("h", i, None, values, name_force_unit(a, i), float(np.ptp(values) * scales["h"][i, 0]))
+                yield Entry(name, i, j, values, name_matrix_unit(a, name, i, j), weight, noise)
+    noise = NOISE * (np.abs(a.coefficients.h).max() or 1.0)
+    for i, values in enumerate(a.coefficients.h.T):
+        yield Entry("h", i, None, values, name_force_unit(a, i), float(np.ptp(values) * scales["h"][i, 0]), noise)
 
 
 def weigh_entries(a: Analysis) -> dict[str, Array]:

@@ -50,7 +50,7 @@ def draw_plane(a: Analysis) -> Panel:
     known = [(loop, i) for i, loop in enumerate(a.loops) if loop.floquet is not None]
     half = 0.5 / a.plant.period
     panel = Panel(
-        "Floquet exponents", x=Symlog(find_smallest_rate([loop for loop, _ in known])), y=Linear(-0.06 * half, 1.06 * half),
+        "Floquet exponents", x=Symlog(near=find_smallest_rate([loop for loop, _ in known])), y=Linear(-0.06 * half, 1.06 * half),
         x_label=in_unit("growth rate", "1/s"), y_label=f"{in_unit('frequency', 'Hz')}, modulo 1/T",
     )  # fmt: skip
     panel.line([0, 0], [-0.06 * half, 1.06 * half], "ink", width=1.3)

@@ -1,18 +1,134 @@
 """How much of its uncertainty a loop endures: the smallest change of its numbers that makes it unstable."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise, product
-from typing import Any
 
 import numpy as np
 
-from flexlin.answers.nearest.box import FURTHEST, Box, Ranges, make_box
-from flexlin.answers.spectra import Source
+from flexlin.answers.spectra import Family, Source, make_family
+from flexlin.answers.sweep.job import check_axes
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
-from flexlin.errors import NotStable
+from flexlin.errors import ArgumentError, InputError, NotStable
+from flexlin.lazy import lazy
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.scene.scene import Scene
 from flexlin.summary import represent
+
+FURTHEST = (4.0, 3.0, 2.0, 1.5, 1.0)
+"""Multiples of the stated changes up to which is searched: the first that the scene's schema accepts, on each side of each number."""
+STEP = 1e-6
+"""Of the differences that stand for exact slopes where a loop is a function."""
+
+Ranges = Mapping[str, tuple[float, float]]
+
+
+@dataclass
+class Box:
+    """Numbers by their changes u: own at 0, the ends at -1 and +1; no further than `most` (2, P), down and up."""
+
+    family: Family
+    paths: tuple[str, ...]
+    own: Array
+    low: Array
+    high: Array
+    most: Array
+    known: dict[bytes, FloquetResult] = field(default_factory=dict)
+
+    @lazy
+    def furthest(self) -> float:
+        """The largest multiple that is tried."""
+        return float(self.most.max())
+
+    def values(self, u: Array) -> Array:
+        """The numbers (..., P) at changes (..., P)."""
+        u = np.clip(u, -self.most[0], self.most[1])
+        return np.asarray(self.own + np.abs(u) * (np.where(u < 0, self.low, self.high) - self.own))
+
+    def judge(self, u: Array) -> FloquetResult:
+        """The exponents at one place, computed once."""
+        values = self.values(u)
+        key = values.tobytes()
+        if key not in self.known:
+            self.known[key] = floquet(self.family.system_at(values))
+        return self.known[key]
+
+    def growth(self, u: Array) -> float:
+        """The growth rate at one place, in 1/s."""
+        return float(self.judge(u).exponents[0].real)
+
+    def slope(self, u: Array) -> Array:
+        """The growth rate's derivatives by u (P,): exact, or by differences to the inside where the loop is a function."""
+        found = self.family.slopes(self.values(u))
+        if found is None:
+            steps = np.where(u > 0, -STEP, STEP)
+            return np.asarray([self.growth(u + one) - self.growth(u) for one in np.diag(steps)]) / steps
+        exponents, _, derivative = found
+        gradient = derivative[:, int(np.argmax(exponents.real))].real
+        return np.asarray(gradient * np.where(u < 0, self.own - self.low, self.high - self.own))
+
+    def uphill(self) -> Array:
+        """For each number the side of the scene's own, -1 or 1, to which the growth rate rises, or to which alone it can go."""
+        return np.where((self.slope(np.zeros(len(self.own))) < 0) | (self.high == self.own), -1.0, 1.0)
+
+
+def list_ranges(source: Source, ranges: Ranges | None) -> dict[str, tuple[float, float]]:
+    """The ranges that are given, or those of the scene."""
+    if ranges is not None:
+        return {path: (float(low), float(high)) for path, (low, high) in ranges.items()}
+    known = source.uncertainty if isinstance(source, Scene) else {}
+    return {path: (one.low, one.high) for path, one in known.items()}
+
+
+def make_box(
+    source: Source,
+    ranges: Ranges | None = None,
+    loop: str = "own",
+    own: Sequence[float] | None = None,
+    furthest: float = FURTHEST[0],
+) -> Box:
+    """The numbers with their ends, by default those of the scene's table [uncertainty], as far as its schema lets them go.
+
+    Raises: ArgumentError where no ranges are known, they do not hold the loop's own numbers, or a path leads to no free number.
+    """
+    ends = list_ranges(source, ranges)
+    if not ends:
+        raise ArgumentError("no range is known", expected="ranges, or a table [uncertainty] in the scene")
+    family = make_family(source, ends, loop)
+    if not isinstance(source, Scene):
+        family.own = np.asarray(np.nan if own is None else own, dtype=float)
+    low, high = np.array(list(ends.values())).T
+    need_own_inside(ends, family.own)
+    most = np.full((2, len(ends)), furthest)
+    if isinstance(source, Scene):
+        for i, path in enumerate(ends):
+            most[:, i] = [allowed(source, path, family.own[i], end[i], furthest) for end in (low, high)]
+    return Box(family, tuple(ends), family.own, low, high, most)
+
+
+def need_own_inside(ends: dict[str, tuple[float, float]], own: Array) -> None:
+    """Refuse ranges that do not hold the loop's own numbers. Raises: ArgumentError."""
+    for (path, (low, high)), value in zip(ends.items(), np.broadcast_to(own, len(ends)), strict=True):
+        if not (low <= value <= high and low < high):
+            raise ArgumentError(
+                f"the range of {path} does not hold the loop's own number",
+                got=f"{low:g} to {high:g}",
+                expected=f"{value:g} between them" if np.isfinite(value) else "own numbers, one for each range",
+            )
+
+
+def allowed(scene: Scene, path: str, own: float, end: float, furthest: float) -> float:
+    """The multiple of a number's change to one end up to which the schema accepts it."""
+    for size in (min(one, furthest) for one in FURTHEST):
+        try:
+            check_axes(scene, {path: np.array([own, own + size * (end - own)])}, grid=True)
+        except InputError:
+            continue
+        return size
+    return 1.0
+
 
 CORNERS, SPREAD, LEVELS = 64, 32, 20
 """Directions to corners of the box, directions spread over its faces, and distances tried on each, the nearest first."""
@@ -249,24 +365,6 @@ def find_spread(box: Box) -> tuple[float, float]:
     rough = box.family.rough(box.values(places)).logs.real.max(axis=1)
     found = [box.growth(places[k]) for k in (0, int(np.nanargmin(rough)), int(np.nanargmax(rough)))]
     return min(found), max(found)
-
-
-def record_nearest(found: NearestInstability) -> dict[str, Any]:
-    """The place as data that JSON can hold; null where none was found."""
-    known = bool(np.isfinite(found.scale))
-    return {
-        "numbers": {
-            path: {"own": float(own), "value": float(value) if known else None}
-            for path, own, value in zip(found.paths, found.own, found.values, strict=True)
-        },
-        "scale": found.scale if known else None,
-        "error": found.error if known else None,
-        "confirmed": found.confirmed,
-        "furthest": found.furthest,
-        "tried": found.tried,
-        "growth": list(found.growth),
-        "status": found.status,
-    }
 
 
 def measure_error(box: Box, direction: Array, scale: float) -> float:

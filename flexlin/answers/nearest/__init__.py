@@ -1,1 +1,0 @@
-"""The smallest change of uncertain numbers that makes a loop unstable."""
