@@ -39,15 +39,15 @@ class Store:
     def __init__(self, path: str | Path, job: Job):
         if find_spec("zarr") is None:
             raise ArgumentError("Zarr is not installed", got="no module zarr", todo="pip install flexlin[cluster]")
-        self.path, maker = Path(path), describe(job)
+        self.path, maker, names = Path(path), describe(job), [*NUMBERS, "checksum", *job.axes]
         self._question, self._size = json.dumps(maker, sort_keys=True).encode(), job.work.block
         self.repaired = 0
         try:
             if not self.path.exists():
                 create(self.path, job, maker)
             root = json.loads(read_text(self.path / FILE, LARGEST_MANIFEST))
-            known, metadata = dict(root["attributes"]), fingerprint(self.path, layout(job))
-            self._arrays = open_arrays(self.path, [*layout(job)])
+            known, metadata = dict(root["attributes"]), fingerprint(self.path, names)
+            self._arrays = open_arrays(self.path, names)
         except Exception as error:  # damaged metadata raises what its parser meets
             raise OutputError(f"{path} cannot be used as a store", got=describe_fault(error), todo=REMOVE) from None
         refuse_other(str(path), known.get(MAKER), maker)
@@ -129,8 +129,9 @@ def unpack(block: dict[str, Array]) -> Found:
     """The arrays of the store as a block."""
     exponents = block["exponents_re"].astype(complex)
     exponents.imag = block["exponents_im"]
-    reason = np.array([bytes(text).rstrip(b"\0").decode() for text in block["reason"]], dtype=object)
-    return Found(exponents, block["error"], block["verdict"], block["period"], block["one_by_one"], reason)
+    return Found(
+        exponents, block["error"], block["verdict"], block["period"], block["one_by_one"], decode(block["reason"])
+    )
 
 
 def open_arrays(path: Path, names: list[str]) -> dict[str, Any]:
@@ -172,9 +173,9 @@ def list_values(job: Job) -> dict[str, Array]:
     return {name: np.ascontiguousarray(points[:, i]) for i, name in enumerate(job.axes)}
 
 
-def chunks(array: Array, job: Job) -> tuple[int, ...]:
-    """Of one array of the store."""
-    rows = job.work.block if len(array) == len(job.points) else 1
+def chunks(name: str, array: Array, job: Job) -> tuple[int, ...]:
+    """Of one array of the store: what varies is written once."""
+    rows = 1 if name == "checksum" else job.work.block if name in NUMBERS else len(array)
     return (rows, *array.shape[1:])
 
 
@@ -185,13 +186,13 @@ def create(path: Path, job: Job, maker: dict[str, str]) -> None:
 
     units = {"error": "1/s", "exponents_re": "1/s", "exponents_im": "1/s", "period": "s"}
     second = {"exponents_re": "mode", "exponents_im": "mode", "reason": "byte", "checksum": "sha256"}
-    variables = {}
-    for name, array in layout(job).items():
+    variables, empty = {}, layout(job)
+    for name, array in empty.items():
         dims = ("block" if name == "checksum" else "value", second.get(name, ""))[: array.ndim]
         variables[name] = (dims, array, {"units": units[name]} if name in units else {})
     variables["verdict"][2]["flag_meanings"] = " ".join(VERDICTS)
     data = xr.Dataset(variables, attrs={"title": job.scene.title, MAKER: maker})
-    encoding = {name: {"chunks": chunks(array, job)} for name, array in layout(job).items()}
+    encoding = {name: {"chunks": chunks(name, array, job)} for name, array in empty.items()}
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}.")
     try:
@@ -252,3 +253,11 @@ def encode(reasons: Any) -> Any:
         data = reasons[i].encode()[:LONGEST].decode(errors="ignore").encode()
         table[i, : len(data)] = np.frombuffer(data, dtype=np.uint8)
     return table
+
+
+def decode(table: Any) -> Any:
+    """Bytes (V, LONGEST) as texts, most of which are empty."""
+    reasons = np.full(len(table), "", dtype=object)
+    for i in np.flatnonzero(table.any(axis=1)):
+        reasons[i] = bytes(table[i]).rstrip(b"\0").decode()
+    return reasons
