@@ -2,8 +2,8 @@
  * `collocate_accelerations` in gauss.py, without exchanging rows. */
 #include "accelerations.h"
 
-/* Blocks [M D K] of the stages (stages, m, 3 m), in coordinates of inertias near 1: times d d'. */
-void gather_blocks(const Rule *r, int segments, const double *from, const double *d, vec *to) {
+/* Blocks [M D K] of the stages (stages, m, 3 m) in units d: times d d'. */
+static void gather_blocks(const Rule *r, int segments, const double *from, const double *d, vec *to) {
   int m = r->m, rows = r->stages * m;
   for (int l = 0; l < L; l++) { /* the last segment again where there are fewer */
     const double *x = from + (long)rows * 3 * m * (l < segments ? l : segments - 1);
@@ -15,12 +15,17 @@ void gather_blocks(const Rule *r, int segments, const double *from, const double
   }
 }
 
-/* G w = right for the accelerations of all stages, G_ij = M_i (i = j) + h a_ij D_i + h^2 (a a)_ij K_i. */
-void build_equations(const Rule *r, const vec *blocks, vec h, vec *G, vec *right) {
+/* G w = right for the accelerations of all stages, G_ij = M_i (i = j) + h a_ij D_i + h^2 (a a)_ij K_i. The units are powers of two, which round
+ * nothing. */
+vec build_equations(const Rule *r, int segments, const double *blocks, const double *lengths, double *d, vec *own, vec *G, vec *right) {
   int m = r->m, s = r->stages, n = s * m;
+  vec h;
+  for (int p = 0; p < m; p++) d[p] = exp2(-round(0.5 * log2(fabs(blocks[p * 3 * m + p]))));
+  for (int l = 0; l < L; l++) h[l] = lengths[l < segments ? l : segments - 1];
+  gather_blocks(r, segments, blocks, d, own);
   for (int i = 0; i < s; i++)
     for (int p = 0; p < m; p++) {
-      const vec *M = blocks + (i * m + p) * 3 * m, *D = M + m, *K = D + m;
+      const vec *M = own + (i * m + p) * 3 * m, *D = M + m, *K = D + m;
       vec *row = G + (long)(i * m + p) * n, *y = right + (long)(i * m + p) * 2 * m;
       for (int j = 0; j < s; j++) {
         vec ha = h * r->a[i * s + j], hha = h * h * r->square[i * s + j];
@@ -28,6 +33,7 @@ void build_equations(const Rule *r, const vec *blocks, vec h, vec *G, vec *right
       }
       for (int q = 0; q < m; q++) { y[q] = -K[q]; y[m + q] = -D[q] - h * r->c[i] * K[q]; }
     }
+  return h;
 }
 
 /* Phi = [1, h; 0, 1] + [h^2 sum b_i (1 - c_i) w_i; h sum b_i w_i] of the first of the L, back in their own coordinates. */
@@ -52,11 +58,6 @@ void combine_stages(const Rule *r, int count, vec h, const vec *w, const double 
     }
 }
 
-/* Units in which the inertias M (m, m), rows `stride` apart, are near 1: powers of two, which round nothing. */
-void choose_units(int m, int stride, const double *M, double *d) {
-  for (int p = 0; p < m; p++) d[p] = exp2(-round(0.5 * log2(fabs(M[p * stride + p]))));
-}
-
 /* Transition matrices (segments, 2 m, 2 m) from [M D K] at all stages (segments, stages, m, 3 m) and lengths h; tableau: c, a, a a, b;
  * good (segments,): whether each is right to rounding. Returns 0 where there is no memory. */
 CALLED int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, double *Phi, int *good) {
@@ -67,13 +68,8 @@ CALLED int factor_accelerations(int m, int stages, int segments, const double *b
   vec *own = memory, *G = own + 3 * m * n, *right = G + n * n, *w = right + n * columns, *work = w + n * columns;
   for (int k = 0; k < segments; k += L) {
     int count = segments - k < L ? segments - k : L;
-    const double *from = blocks + 3L * m * m * stages * k;
     double d[m];
-    vec h;
-    choose_units(m, 3 * m, from, d);
-    for (int l = 0; l < L; l++) h[l] = lengths[k + (l < count ? l : count - 1)];
-    gather_blocks(&r, count, from, d, own);
-    build_equations(&r, own, h, G, right);
+    vec h = build_equations(&r, count, blocks + 3 * m * n * k, lengths + k, d, own, G, right);
     int sound = solve_together(n, columns, count, G, right, w, work);
     combine_stages(&r, count, h, w, d, Phi + k * columns * columns);
     for (int l = 0; l < count; l++) good[k + l] = sound >> l & 1;

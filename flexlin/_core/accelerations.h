@@ -12,16 +12,11 @@ static inline Rule read_rule(int m, int stages, const double *tableau) {
   return (Rule){m, stages, tableau, a, square, square + stages * stages};
 }
 
-/* Blocks [M D K] of the stages (stages, m, 3 m), in coordinates of inertias near 1: times d d'. */
-void gather_blocks(const Rule *r, int segments, const double *from, const double *d, vec *to);
-
-/* G w = right for the accelerations of all stages: G (n, n), right (n, 2 m) by the state at the beginning. */
-void build_equations(const Rule *r, const vec *blocks, vec h, vec *G, vec *right);
+/* G w = right for the accelerations of all stages of L segments, the last again where there are fewer: G (n, n), right (n, 2 m) by the state at
+ * the beginning. blocks: [M D K] of each (stages, m, 3 m), scaled in `own` by units d (m,) in which the inertias are near 1. Returns their lengths. */
+vec build_equations(const Rule *r, int segments, const double *blocks, const double *lengths, double *d, vec *own, vec *G, vec *right);
 
 /* Transition matrices of the first of the L, from the accelerations w (n, 2 m) by the state at the beginning. */
 void combine_stages(const Rule *r, int count, vec h, const vec *w, const double *d, double *Phi);
-
-/* Units in which the inertias M (m, m), rows `stride` apart, are near 1: powers of two, which round nothing. */
-void choose_units(int m, int stride, const double *M, double *d);
 
 #endif

@@ -13,18 +13,6 @@ static Group find_group(double *kept, long n, int m, int which) {
   return (Group){G, G + n * n, G + 2 * n * n, G + 2 * n * n + m};
 }
 
-/* Refine w until it solves G w = right to rounding. Returns how often that took, or more than REFINED where it does not help. */
-static int refine_group(int n, int columns, Group e, const vec *right, vec *w, vec *left) {
-  for (int turn = 0;; turn++) {
-    vec off = measure_residual(n, columns, e.G, right, w, left);
-    int good = 1;
-    for (int l = 0; l < L; l++) good &= off[l] <= ACCURATE;
-    if (good || turn == REFINED) return good ? turn : turn + 1;
-    solve_again(n, columns, e.factors, left);
-    for (long k = 0; k < (long)n * columns; k++) w[k] += left[k];
-  }
-}
-
 /* Factor the equations of steps from [M D K] at all stages (steps, stages, m, 3 m) and lengths h; tableau: c, a, a a, b. kept: room for
  * (steps + 7) (2 n n + m + 1) + 8 numbers, n = stages m; by_start (steps, n, 2 m): the accelerations by the state at the
  * beginning; Phi (steps, 2 m, 2 m). Returns 1, 0 where the equations cannot be solved without exchanging rows, -1 without memory. */
@@ -38,20 +26,15 @@ CALLED int factor_steps(int m, int stages, int steps, const double *blocks, cons
   vec *own = memory, *right = own + 3 * m * n, *w = right + n * columns, *left = w + n * columns;
   for (int k = 0; k < steps; k += L) {
     int count = steps - k < L ? steps - k : L;
-    const double *from = blocks + 3 * m * n * k;
     Group e = find_group(kept, n, m, k / L);
     double d[m];
-    vec h;
-    choose_units(m, 3 * m, from, d);
+    vec h = build_equations(&r, count, blocks + 3 * m * n * k, lengths + k, d, own, e.G, right);
     for (int p = 0; p < m; p++) e.units[p] = splat(d[p]);
-    for (int l = 0; l < L; l++) h[l] = lengths[k + (l < count ? l : count - 1)];
-    gather_blocks(&r, count, from, d, own);
-    build_equations(&r, own, h, e.G, right);
     memcpy(e.factors, e.G, n * n * sizeof(vec));
     memcpy(w, right, n * columns * sizeof(vec));
     eliminate(n, columns, e.factors, w);
-    int turns = refine_group(n, columns, e, right, w, left);
-    sound &= turns <= REFINED;
+    int turns;
+    sound &= refine(n, columns, L, e.G, e.factors, right, w, left, REFINED, &turns) == (1 << L) - 1;
     *e.refine = splat(turns > 0);
     for (int l = 0; l < count; l++) {
       double *to = by_start + (k + l) * n * columns;
@@ -68,6 +51,7 @@ CALLED int factor_steps(int m, int stages, int steps, const double *blocks, cons
 static int solve_steps(int m, int stages, int steps, double *kept, const double *F, double *free_) {
   long n = (long)stages * m;
   vec *right = aligned_alloc(sizeof(vec), 3 * n * sizeof(vec)), *w = right + n, *left = w + n;
+  int turns;
   if (!right) return 0;
   for (int k = 0; k < steps; k += L) {
     int count = steps - k < L ? steps - k : L;
@@ -76,7 +60,7 @@ static int solve_steps(int m, int stages, int steps, double *kept, const double 
       for (int l = 0; l < L; l++) right[i][l] = -e.units[i % m][0] * F[(k + (l < count ? l : count - 1)) * n + i];
     memcpy(w, right, n * sizeof(vec));
     solve_again(n, 1, e.factors, w);
-    if ((*e.refine)[0]) refine_group(n, 1, e, right, w, left);
+    if ((*e.refine)[0]) refine(n, 1, L, e.G, e.factors, right, w, left, REFINED, &turns);
     for (long i = 0; i < n; i++)
       for (int l = 0; l < count; l++) free_[(k + l) * n + i] = e.units[i % m][0] * w[i][l];
   }

@@ -1,6 +1,7 @@
 /* L real linear systems at once, without exchanging rows: what that may lose shows in the residual, and is won back by it once. */
 #include "elimination.h"
 
+enum { ACCURATE = 64 }; /* roundings that a residual may be off by */
 enum { TOGETHER = 4 }; /* pivots that rows are freed of at once, and columns of a product that stay in registers */
 
 /* Two rows less sum_q f_q top_q each, over `count` columns; a row may stand for both. */
@@ -80,7 +81,7 @@ void solve_again(int n, int columns, const vec *G, vec *X) {
 
 /* left = right - G w; returns the most of it, in roundings of |G| |w| + |right| of its row, all that any elimination leaves.
  * Source: Higham, Accuracy and Stability of Numerical Algorithms, ch. 7. */
-vec measure_residual(int n, int columns, const vec *G, const vec *right, const vec *w, vec *left) {
+static vec measure_residual(int n, int columns, const vec *G, const vec *right, const vec *w, vec *left) {
   vec worst = splat(0.0), largest = splat(0.0);
   for (int e = 0; e < n * columns; e++) largest = larger(largest, w[e]);
   for (int i = 0; i < n; i++) {
@@ -96,20 +97,24 @@ vec measure_residual(int n, int columns, const vec *G, const vec *right, const v
   return worst;
 }
 
+/* Refine w until the first of L systems solve G w = right to rounding. */
+int refine(int n, int columns, int count, const vec *G, const vec *factors, const vec *right, vec *w, vec *left, int most, int *turns) {
+  for (*turns = 0;; ++*turns) {
+    vec off = measure_residual(n, columns, G, right, w, left);
+    int good = 0;
+    for (int l = 0; l < count; l++) good |= (off[l] <= ACCURATE) << l;
+    if (good == (1 << count) - 1 || *turns == most) return good;
+    solve_again(n, columns, factors, left);
+    for (long e = 0; e < (long)n * columns; e++) w[e] += left[e];
+  }
+}
+
 /* w = G^-1 right (n, columns) of the first of L systems, refined once where they miss more than ACCURATE roundings; work: n (n + columns).
  * Returns whether each is right to rounding, as bits. */
 int solve_together(int n, int columns, int count, const vec *G, const vec *right, vec *w, vec *work) {
-  vec *factors = work, *left = work + (long)n * n, off;
-  int good = 0;
-  memcpy(factors, G, (size_t)n * n * sizeof(vec));
+  int turns;
+  memcpy(work, G, (size_t)n * n * sizeof(vec));
   memcpy(w, right, (size_t)n * columns * sizeof(vec));
-  eliminate(n, columns, factors, w);
-  off = measure_residual(n, columns, G, right, w, left);
-  for (int l = 0; l < count; l++) good |= (off[l] <= ACCURATE) << l;
-  if (good == (1 << count) - 1) return good;
-  solve_again(n, columns, factors, left);
-  for (long e = 0; e < (long)n * columns; e++) w[e] += left[e];
-  off = measure_residual(n, columns, G, right, w, left);
-  for (int l = good = 0; l < count; l++) good |= (off[l] <= ACCURATE) << l;
-  return good;
+  eliminate(n, columns, work, w);
+  return refine(n, columns, count, G, work, right, w, work + (long)n * n, 1, &turns);
 }

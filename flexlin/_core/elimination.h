@@ -7,14 +7,13 @@
 #define EPS 2.220446049250313e-16
 #define TINY 2.2250738585072014e-308
 
-enum { ACCURATE = 64 }; /* roundings that a residual may be off by */
-
 /* X := G^-1 X, (n, columns), of L systems; G becomes its factors, by which `solve_again` does the same for further right sides. */
 void eliminate(int n, int columns, vec *G, vec *X);
 void solve_again(int n, int columns, const vec *G, vec *X);
 
-/* left = right - G w; returns the most of it, in roundings of |G| |w| + |right| of its row. */
-vec measure_residual(int n, int columns, const vec *G, const vec *right, const vec *w, vec *left);
+/* Refine w, at most so many times, until the first of L systems solve G w = right to rounding; factors: what `eliminate` left of G; left (n, columns)
+ * is changed. Returns which do, as bits; *turns: how often that took. */
+int refine(int n, int columns, int count, const vec *G, const vec *factors, const vec *right, vec *w, vec *left, int most, int *turns);
 
 /* w = G^-1 right (n, columns) of the first of L systems, refined once; work: n (n + columns). Returns which are right to rounding, as bits. */
 int solve_together(int n, int columns, int count, const vec *G, const vec *right, vec *w, vec *work);
