@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 from typing import Any, overload
 
 import casadi as ca
@@ -24,7 +23,7 @@ from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import Control
 from flexlin.scene.loading import checked_table
 from flexlin.scene.motion import AnyMotion, MotionTable
-from flexlin.series.tracking import CONTRACTION, SHORTEST, SUSPECT, find_lowest, find_turn, track, worth
+from flexlin.series.tracking import CONTRACTION, SHORTEST, find_singular, track
 
 SINGULAR = 1e-7
 """A closure whose V, with columns of length 1, has a reciprocal condition number below this is called singular."""
@@ -96,35 +95,22 @@ def is_same(v: Array, other: Array) -> Array:
 
 def refuse_singular(about: Deviation, t: Array, s: Array, v: list[Array]) -> None:
     """Raise where V is singular at one of the times, or between them, while the followers are v."""
-    V = closings(about, s, np.array(v))
-    signs, size = np.linalg.slogdet(V)[0], 1 / np.linalg.cond(V)
-    for k in range(1, len(t)):
-        if signs[k] != signs[k - 1]:
-            seen = partial(between, about, t[k - 1], v[k - 1])
-            turned = find_turn(lambda at, seen=seen: side(seen(at)), t[k - 1], t[k], SHORTEST * about.motion.period)  # type: ignore[misc]
-            raise singular(turned, "passes through zero")
-        if 1 < k < len(t) and size[k - 1] <= min(size[k - 2], size[k], SUSPECT):
-            seen = partial(between, about, t[k - 2], v[k - 2])
-            at, least = find_lowest(lambda at, seen=seen: worth(seen(at)), t[k - 2], t[k])  # type: ignore[misc]
-            if least < SINGULAR:
-                raise singular(at, f"has the reciprocal condition number {least:.1e}")
 
+    def between(k: int, at: float) -> Array:
+        found, reached = follow(about, v[k], t[k], at)
+        there = v[k] if found is None else found
+        return np.asarray(closings(about, rigid_positions(about, np.array([reached])), there[None])[0])
 
-def side(V: Array) -> float:
-    """The sign of det V."""
-    return float(np.linalg.slogdet(V)[0])
+    found = find_singular(t, closings(about, s, np.array(v)), between, SINGULAR, SHORTEST * about.motion.period)
+    if found is not None:
+        at, least = found
+        raise singular(at, f"has the reciprocal condition number {least:.1e}" if least else "passes through zero")
 
 
 def closings(about: Deviation, s: Array, v: Array) -> Array:
     """V (N, k, k) at s for followers v (N, k), its columns scaled to length 1, so that metres and radians count alike."""
     V = evaluate_at(about, "closing", s, v)
     return np.asarray(V / np.maximum(np.linalg.norm(V, axis=1, keepdims=True), 1e-300))
-
-
-def between(about: Deviation, a: float, v: Array, t: float) -> Array:
-    """V at a time t after a, at which the followers are v."""
-    found, at = follow(about, v, a, t)
-    return np.asarray(closings(about, rigid_positions(about, np.array([at])), (v if found is None else found)[None])[0])
 
 
 def follow(about: Deviation, v: Array, a: float, b: float) -> tuple[Array | None, float]:

@@ -13,7 +13,7 @@ from flexlin.motion.base import Angles, SampledMotion
 from flexlin.motion.tip_equations import TipEquations, make_pose_path, make_tip_equations, refuse_unreachable
 from flexlin.periodic.circle import count_turns
 from flexlin.scene.motion import TipJoint, TipPath
-from flexlin.series.tracking import SHORTEST, SUSPECT, find_lowest, find_turn, newton_from, track, worth
+from flexlin.series.tracking import SHORTEST, find_singular, newton_from, track
 
 NODES = 512
 """Phases of a period at which the solution is kept; between them it is found again from their cubic."""
@@ -180,29 +180,19 @@ def follow_path(equations: TipEquations, begun: Array, period: float, start: Arr
 
 def refuse_singular(equations: TipEquations, phases: Array, z: list[Array], period: float) -> None:
     """Raise where dF/dz is singular at one of the phases or between them."""
+    slopes = np.array([equations.first(now, at)[1].full() for at, now in zip(phases, z, strict=True)])
+    lengths = np.maximum(np.abs(slopes).max(axis=(0, 2)), 1e-300)[:, None]
 
-    def slope(a: float, start: Array, at: float) -> Array:
-        found, reached = track(equations.newton_step, start, a, at, SHORTEST)
-        return np.asarray(equations.first(start if found is None else found, reached)[1].full())
+    def between(k: int, at: float) -> Array:
+        found, reached = track(equations.newton_step, z[k], float(phases[k]), at, SHORTEST)
+        return np.asarray(equations.first(z[k] if found is None else found, reached)[1].full() / lengths)
 
-    slopes = [equations.first(now, at)[1].full() for at, now in zip(phases, z, strict=True)]
-    lengths = np.maximum(np.max([np.abs(one).max(axis=1) for one in slopes], axis=0), 1e-300)[:, None]
-    signs = [np.linalg.slogdet(one)[0] for one in slopes]
-    size = [worth(one / lengths) for one in slopes]
-    for k in range(1, len(z)):
-        a, b = float(phases[k - 1]), float(phases[k])
-        if signs[k] != signs[k - 1]:
-            turned = find_turn(lambda at, a=a, k=k: np.linalg.slogdet(slope(a, z[k - 1], at))[0], a, b, SHORTEST)  # type: ignore[misc]
-            raise singular(turned * period, "turns over")
-        if k > 1 and size[k - 1] <= min(size[k - 2], size[k], SUSPECT):
-            before = float(phases[k - 2])
-            at, least = find_lowest(
-                lambda at, c=before, k=k: worth(slope(c, z[k - 2], at) / lengths),  # type: ignore[misc]
-                before,
-                b,
-            )
-            if least < SINGULAR:
-                raise singular(at * period, f"has a Jacobian of reciprocal condition number {least:.1e}")
+    found = find_singular(phases, slopes / lengths, between, SINGULAR, SHORTEST)
+    if found is not None:
+        at, least = found
+        raise singular(
+            at * period, f"has a Jacobian of reciprocal condition number {least:.1e}" if least else "turns over"
+        )
 
 
 def singular(at: float, how: str) -> MotionError:

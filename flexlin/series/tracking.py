@@ -14,7 +14,8 @@ SHORTEST = 1e-10
 """Of a period, the shortest step, and how exactly a time is found."""
 SUSPECT = 0.05
 """A reciprocal condition number below which it is looked at closer where it is least."""
-GOLDEN, SECTIONS = (np.sqrt(5.0) - 1) / 2, 40
+WITHIN = 1e-9
+"""Of an interval, how exactly a least value is found in it."""
 
 
 def newton_from(step: Step, t: float, z: Array) -> Array | None:
@@ -49,6 +50,31 @@ def track(step: Step, z: Array, a: float, b: float, shortest: float) -> tuple[Ar
     return z, at
 
 
+def find_singular(
+    t: Array, V: Array, between: Callable[[int, float], Array], least: float, shortest: float
+) -> tuple[float, float] | None:
+    """The first time at which a matrix V(t) becomes singular, and its reciprocal condition number there, 0 where det V turns its sign.
+
+    Parameters: V (N, k, k) at times t (N,); between: V at a time after t[k], by k and the time; least: a number below which V counts as
+    singular; shortest: how exactly a turn is found.
+    """
+    signs = np.linalg.slogdet(V)[0]
+    size = np.array([worth(one) for one in V])
+    for k in range(1, len(t)):
+        if signs[k] != signs[k - 1]:
+            return find_turn(lambda at, k=k: sign_of(between(k - 1, at)), t[k - 1], t[k], shortest), 0.0  # type: ignore[misc]
+        if 1 < k < len(t) and size[k - 1] <= min(size[k - 2], size[k], SUSPECT):
+            at, found = find_lowest(lambda at, k=k: worth(between(k - 2, at)), t[k - 2], t[k])  # type: ignore[misc]
+            if found < least:
+                return at, found
+    return None
+
+
+def sign_of(V: Array) -> float:
+    """The sign of det V."""
+    return float(np.linalg.slogdet(V)[0])
+
+
 def worth(V: Array) -> float:
     """The reciprocal condition number."""
     values = np.linalg.svd(V, compute_uv=False)
@@ -65,16 +91,8 @@ def find_turn(side: Callable[[float], float], a: float, b: float, width: float) 
 
 
 def find_lowest(value: Callable[[float], float], a: float, b: float) -> tuple[float, float]:
-    """Where between a and b a function is least, and its value there, by golden sections."""
-    c, d = b - (b - a) * GOLDEN, a + (b - a) * GOLDEN
-    at_c, at_d = value(c), value(d)
-    for _ in range(SECTIONS):
-        if at_c < at_d:
-            b, d, at_d = d, c, at_c
-            c = b - (b - a) * GOLDEN
-            at_c = value(c)
-        else:
-            a, c, at_c = c, d, at_d
-            d = a + (b - a) * GOLDEN
-            at_d = value(d)
-    return (c, at_c) if at_c < at_d else (d, at_d)
+    """Where between a and b a function is least, and its value there."""
+    from scipy.optimize import minimize_scalar  # takes longer to load than most motions to look through
+
+    found = minimize_scalar(value, bounds=(a, b), method="bounded", options={"xatol": WITHIN * (b - a)})
+    return float(found.x), float(found.fun)
