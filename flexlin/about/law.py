@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import casadi as ca
 import numpy as np
@@ -11,7 +12,7 @@ from flexlin.about.compensator import Compensator, write_compensator
 from flexlin.about.deviation import Deviation
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.coefficients import Constant, MatrixFunction
+from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction
 from flexlin.scene.control import Control
 from flexlin.summary import represent
 
@@ -72,9 +73,10 @@ class Law:
     @property
     def direct(self) -> "Law":
         """The part that answers [y; y'] at once, without the controller's states."""
-        return (
-            self if self.controller is None else replace(self, gain=Columns(self.gain, -self.memory), controller=None)
-        )
+        if self.controller is None:
+            return self
+        arm = Combined(itemgetter((slice(None), slice(None), slice(-self.memory))), (self.gain,))
+        return replace(self, gain=arm, controller=None)
 
     def with_gain(self, gain: MatrixFunction | ArrayLike, controller: Controller | None = None) -> "Law":
         """The same feedforward and reference with another gain, a function (N,) -> (N, m, 2n + k) or a constant, and its controller.
@@ -108,17 +110,6 @@ class Law:
         if self.controller is None:
             return np.zeros((len(reference), 0))
         return np.asarray(-reference @ self.controller.rates[:, : reference.shape[1]].T)
-
-
-@dataclass(frozen=True, eq=False)
-class Columns:
-    """The first columns of a matrix function, up to `stop`, which may count from the end."""
-
-    matrix: MatrixFunction
-    stop: int
-
-    def __call__(self, t: Array) -> Array:
-        return self.matrix(t)[:, :, : self.stop]
 
 
 def is_constant(samples: Array) -> bool:

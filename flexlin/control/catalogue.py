@@ -1,6 +1,7 @@
 """From a scene's design table to a design."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -12,9 +13,9 @@ from flexlin.control.finite_horizon import finite_horizon_lqr, horizon_system
 from flexlin.control.frozen import averaged_lqr, frozen_lqr
 from flexlin.control.periodic import periodic_lqr
 from flexlin.control.sampled import sampled_lqr
-from flexlin.control.weights import Widened, diagonal_weight, joint_integrals, physical_weights
+from flexlin.control.weights import diagonal_weight, joint_integrals, physical_weights, widen
 from flexlin.errors import ArgumentError
-from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.coefficients import Constant, combine
 from flexlin.periodic.related import extend_system
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 from flexlin.scene.control import Weights
@@ -82,7 +83,7 @@ def design(plant: Linearization | PeriodicSystem, table: DesignTable, tol: float
     if isinstance(plant, PeriodicSystem) or table.weights is None or table.weights.integrals is None:
         return solve_design(system, Q, R, table, tol)
     controller, sizes = joint_integrals(plant, table.weights)
-    wide = Widened(Q, np.diag(sizes**-2.0))
+    wide = combine(partial(widen, more=np.diag(sizes**-2.0)), Q)
     return replace(solve_design(extend_system(system, controller.rates), wide, R, table, tol), controller=controller)
 
 

@@ -11,7 +11,7 @@ from flexlin.about.law import Controller, Law
 from flexlin.checks import Array, at_times, real_array, whole
 from flexlin.errors import ArgumentError, DesignError, NotStable, ToleranceNotReached
 from flexlin.lazy import lazy
-from flexlin.periodic.coefficients import Constant, has_nothing_narrow
+from flexlin.periodic.coefficients import Constant, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, RiccatiSolution
@@ -37,24 +37,16 @@ class Repeated:
         return self.gain(np.mod(t, self.period))
 
 
-@dataclass(frozen=True, eq=False)
-class RunningCost:
+def running_cost(problem: LinearQuadratic, K: MatrixFunction) -> MatrixFunction:
     """The weight of the states in a closed loop, Q + K' R K - N K - K' N', as a function of time."""
+    return combine(weigh_loop, K, problem.Q, problem.R, problem.N)
 
-    problem: LinearQuadratic
-    K: MatrixFunction
 
-    def __call__(self, t: Array) -> Array:
-        K, problem = self.K(t), self.problem
-        mixed = problem.N(t) @ K
-        weight = problem.Q(t) + np.swapaxes(K, 1, 2) @ problem.R(t) @ K - mixed - np.swapaxes(mixed, 1, 2)
-        return 0.5 * (weight + np.swapaxes(weight, 1, 2))
-
-    @property
-    def complete(self) -> bool:
-        """Whether what it is made of has nothing narrow of its own."""
-        parts = (self.K, self.problem.Q, self.problem.R, self.problem.N)
-        return all(map(has_nothing_narrow, parts))
+def weigh_loop(K: Array, Q: Array, R: Array, N: Array) -> Array:
+    """The same of the matrices at some times."""
+    mixed = N @ K
+    weight = Q + np.swapaxes(K, 1, 2) @ R @ K - mixed - np.swapaxes(mixed, 1, 2)
+    return 0.5 * (weight + np.swapaxes(weight, 1, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +187,7 @@ class Design(Shown):
                 expected="a problem with Q and R",
                 todo="give `problem=linear_quadratic(system, Q, R)` when the design is made",
             )
-        return periodic_lyapunov(self.closed_loop, RunningCost(problem, self.K))
+        return periodic_lyapunov(self.closed_loop, running_cost(problem, self.K))
 
     def X(self, t: ArrayLike) -> Array:
         """Return the cost matrix of the loop.

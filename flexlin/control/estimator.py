@@ -1,6 +1,7 @@
 """The periodic Kalman filter by duality, and the loop that it closes with a state feedback."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +11,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, at_times
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
+from flexlin.periodic.coefficients import Combined
 from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.related import Backward, dual_system, with_matrices
@@ -173,38 +175,19 @@ def kalman_filter(
             got=reason.got,
             todo="give the mode's states noise in W",
         ) from None
-    open_loop = with_matrices(system, system.A, FilterGain(solution), others=(W, V))
+    open_loop = with_matrices(system, system.A, Backward(solution.K, T), others=(W, V))
     return Estimator(system, C, solution, open_loop.feedback(C))
 
 
-@dataclass(frozen=True, eq=False)
-class FilterGain:
-    """L(t) = K(-t)' of the dual problem."""
-
-    dual: RiccatiSolution
-
-    def __call__(self, t: Array) -> Array:
-        return np.swapaxes(self.dual.K(-t), 1, 2)
-
-
-@dataclass(frozen=True, eq=False)
-class EstimatedLoop:
-    """[[A, -B K, -B K_z], [L C, A - B K - L C, -B K_z], [R, 0, F]] as a function of time; rates (k, n + k) = [R, F], k may be 0."""
-
-    estimator: Estimator
-    gain: MatrixFunction
-    rates: Array
-
-    def __call__(self, t: Array) -> Array:
-        system, n, k = self.estimator.system, self.estimator.system.n, len(self.rates)
-        assert system.B is not None
-        A, BK, LC = system.A(t), system.B(t) @ self.gain(t), self.estimator.L(t) @ self.estimator.C(t)
-        out = np.zeros((len(t), 2 * n + k, 2 * n + k))
-        out[:, :n, :n], out[:, :n, n:] = A, -BK
-        out[:, n : 2 * n, :n], out[:, n : 2 * n, n:] = LC, -BK
-        out[:, n : 2 * n, n : 2 * n] += A - LC
-        out[:, 2 * n :, :n], out[:, 2 * n :, 2 * n :] = self.rates[:, :n], self.rates[:, n:]
-        return out
+def close_estimated(A: Array, B: Array, K: Array, L: Array, C: Array, rates: Array) -> Array:
+    """[[A, -B K, -B K_z], [L C, A - B K - L C, -B K_z], [R, 0, F]] at some times; rates (k, n + k) = [R, F], k may be 0."""
+    n, k, BK, LC = A.shape[1], len(rates), B @ K, L @ C
+    out = np.zeros((len(A), 2 * n + k, 2 * n + k))
+    out[:, :n, :n], out[:, :n, n:] = A, -BK
+    out[:, n : 2 * n, :n], out[:, n : 2 * n, n:] = LC, -BK
+    out[:, n : 2 * n, n : 2 * n] += A - LC
+    out[:, 2 * n :, :n], out[:, 2 * n :, 2 * n :] = rates[:, :n], rates[:, n:]
+    return out
 
 
 @checked
@@ -251,4 +234,5 @@ def output_feedback(made: Design | Law, estimator: Estimator) -> PeriodicSystem:
         raise ArgumentError(
             "the design and the estimator do not fit", got=(states, system.n), expected="one plant with input"
         )
-    return with_matrices(estimator.closed_loop, EstimatedLoop(estimator, gain, rates), breaks=breaks, others=(gain,))
+    loop = Combined(partial(close_estimated, rates=rates), (system.A, system.B, gain, estimator.L, estimator.C))
+    return with_matrices(estimator.closed_loop, loop, breaks=breaks, others=(gain,))

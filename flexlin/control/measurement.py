@@ -1,6 +1,7 @@
 """What sensors on the arm see of the state [y; y']: joint angles and rates, bending at a point, position and acceleration of the tip."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -11,7 +12,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.link_shapes import make_shapes
-from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.coefficients import Combined, Constant
 from flexlin.periodic.second_order import solve_mass
 from flexlin.periodic.system import MatrixFunction
 from flexlin.periodic.zeros import InvariantZeros, invariant_zeros
@@ -199,26 +200,20 @@ def tip_acceleration(lin: Linearization) -> tuple[MatrixFunction, MatrixFunction
     return found.acceleration, found.acceleration_by_torque
 
 
-@dataclass(frozen=True, eq=False)
-class TipByMotors:
-    """J' C of the tip's position C: its displacement along what each driven joint moves, as many outputs as inputs (N, m, 2n)."""
-
-    lin: Linearization
-    position: MatrixFunction
-
-    def __call__(self, t: Array) -> Array:
-        C = self.position(t)
-        joints = [self.lin.kept.index(joint) for joint in self.lin.driven]
-        return np.swapaxes(C[:, :, joints], 1, 2) @ C
-
-
 def tip_zeros(lin: Linearization, tol: float = 1e-9) -> InvariantZeros:
     """The invariant zeros from the motors to the tip's displacement along what they move.
 
     Where one grows, no controller holds the tip on its path but by an arm that swings ever more.
     Raises: ArgumentError where the tip is not known; NumericalError where motors move it in too few directions.
     """
-    return invariant_zeros(lin.periodic_system(), TipByMotors(lin, tip_position(lin)), tol=tol)
+    joints = [lin.kept.index(joint) for joint in lin.driven]
+    output = Combined(partial(along_motors, joints=joints), (tip_position(lin),))
+    return invariant_zeros(lin.periodic_system(), output, tol=tol)
+
+
+def along_motors(C: Array, joints: list[int]) -> Array:
+    """J' C of the tip's position C: its displacement along what each driven joint moves, as many outputs as inputs (N, m, 2n)."""
+    return np.swapaxes(C[:, :, joints], 1, 2) @ C
 
 
 def encoder_rows(lin: Linearization) -> Array:

@@ -1,6 +1,7 @@
 """The best static feedback of what is measured: a constant gain on outputs, optimal in the mean over states and times."""
 
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -8,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive, real_array
-from flexlin.control.designed_loop import RunningCost
+from flexlin.control.designed_loop import running_cost
 from flexlin.control.periodic import periodic_lqr
 from flexlin.errors import ArgumentError, NotStabilizable, NotStable
-from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
+from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, combine
 from flexlin.periodic.fourier import fourier_nodes
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
@@ -24,19 +25,9 @@ ROUNDS, HALVINGS = 300, 30
 """Times of a period in the means; steps at the most, and how often one is halved."""
 
 
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """K C(t) for a constant K (m, p), as complete as C."""
-
-    K: Array
-    C: MatrixFunction
-
-    def __call__(self, t: Array) -> Array:
-        return self.K @ self.C(t)
-
-    @property
-    def complete(self) -> bool:
-        return has_nothing_narrow(self.C)
+def measured_gain(K: Array, C: MatrixFunction) -> MatrixFunction:
+    """K C(t) for a constant K (m, p)."""
+    return combine(partial(np.matmul, K), C)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +149,7 @@ def output_lqr(
         if change <= tol
         else f"not converged: the next step would change K by {change:.1g} of it"
     )
-    return OutputDesign(K, system.feedback(Measured(K, output)), J, change, status)
+    return OutputDesign(K, system.feedback(measured_gain(K, output)), J, change, status)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,14 +162,14 @@ class OutputProblem:
 
     def judge(self, K: Array) -> tuple[float, Array] | None:
         """J and R^-1 [B' X P C'] [C P C']^-1; none where the loop is not stable."""
-        return self.improve(Measured(K, self.C))
+        return self.improve(measured_gain(K, self.C))
 
     def improve(self, gain: MatrixFunction) -> tuple[float, Array] | None:
         """The same of a loop with any gain on the states."""
         system, t = self.system, fourier_nodes(SAMPLES, self.system.period)
         loop = system.feedback(gain)
         try:
-            X = periodic_lyapunov(loop, RunningCost(self.problem, gain)).X(t)
+            X = periodic_lyapunov(loop, running_cost(self.problem, gain)).X(t)
             P = periodic_lyapunov(dual_system(loop), np.eye(system.n)).X(-t)
         except NotStable:
             return None

@@ -1,7 +1,7 @@
 """The sensors and the noise of a scene's estimator, and the filter made of them."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import partial
 
 import numpy as np
 
@@ -10,37 +10,21 @@ from flexlin.checks import Array
 from flexlin.control.estimator import Estimator, kalman_filter
 from flexlin.control.measurement import bending, joint_angles, joint_rates, tip_position
 from flexlin.errors import ArgumentError
-from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.coefficients import Combined, MatrixFunction
 from flexlin.scene.control import EstimatorTable
 from flexlin.scene.scene import Scene
 from flexlin.scene.units import spread
 from flexlin.summary import represent
 
 
-@dataclass(frozen=True, eq=False)
-class Stacked:
+def stack(*parts: Array) -> Array:
     """The rows of several measurements, (N, p, 2n)."""
-
-    parts: tuple[MatrixFunction, ...]
-
-    complete: ClassVar[bool] = True
-
-    def __call__(self, t: Array) -> Array:
-        return np.concatenate([part(t) for part in self.parts], axis=1)
+    return np.concatenate(parts, axis=1)
 
 
-@dataclass(frozen=True, eq=False)
-class Excitation:
-    """B S B' as a function of time, (N, 2n, 2n)."""
-
-    B: MatrixFunction
-    S: Array
-
-    complete: ClassVar[bool] = True
-
-    def __call__(self, t: Array) -> Array:
-        B = self.B(t)
-        return B @ self.S @ np.swapaxes(B, 1, 2)
+def excite(B: Array, S: Array) -> Array:
+    """B S B', (N, 2n, 2n)."""
+    return B @ S @ np.swapaxes(B, 1, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +139,5 @@ def scene_sensors(scene: Scene, lin: Linearization, table: EstimatorTable) -> Se
         names += [f"tip {axis} in m" for axis in "xyz"[:axes]]
     torque = np.array(spread("estimator.torque", table.torque, lin.input_units))
     V = np.diag(np.array(sizes) ** 2) * table.sample_time
-    return Sensors(
-        Stacked(tuple(parts)), V, Excitation(lin.input_matrix, np.diag(torque**2) * table.sample_time), tuple(names)
-    )
+    W = Combined(partial(excite, S=np.diag(torque**2) * table.sample_time), (lin.input_matrix,), complete=True)
+    return Sensors(Combined(stack, tuple(parts), complete=True), V, W, tuple(names))

@@ -1,8 +1,8 @@
 """Weights of a quadratic cost: from the scene's tables, and from the largest deviations that one may have."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, NumericalError
 from flexlin.lapack import LAPACK
 from flexlin.mechanics.coordinates import Coordinate
-from flexlin.periodic.coefficients import Constant, has_nothing_narrow
+from flexlin.periodic.coefficients import Combined, Constant
 from flexlin.periodic.system import MatrixFunction
 from flexlin.scene.control import RATE, Weights
 from flexlin.scene.units import in_si, spread
@@ -113,37 +113,18 @@ TURNING = ("joint", "motor")
 """Coordinates that `joints` and `rates` speak of."""
 
 
-@dataclass(frozen=True, eq=False)
-class WeightWithTip:
-    """Q(t) = fixed + C(t)' C(t) / d^2 with the tip's map C(t) (N, 2, 2n)."""
-
-    fixed: Array
-    tip: MatrixFunction
-    size: float
-
-    complete: ClassVar[bool] = True
-
-    def __call__(self, t: Array) -> Array:
-        C = self.tip(t) / self.size
-        return self.fixed + np.swapaxes(C, 1, 2) @ C
+def weigh_tip(C: Array, fixed: Array, size: float) -> Array:
+    """Q = fixed + C' C / d^2 with the tip's map C (N, 2, 2n)."""
+    C = C / size
+    return fixed + np.swapaxes(C, 1, 2) @ C
 
 
-@dataclass(frozen=True, eq=False)
-class Widened:
-    """diag(Q(t), more): weights of the states of an arm, and of more behind them."""
-
-    weight: MatrixFunction
-    more: Array
-
-    def __call__(self, t: Array) -> Array:
-        Q, k = self.weight(t), len(self.more)
-        out = np.zeros((len(t), Q.shape[1] + k, Q.shape[1] + k))
-        out[:, : Q.shape[1], : Q.shape[1]], out[:, Q.shape[1] :, Q.shape[1] :] = Q, self.more
-        return out
-
-    @property
-    def complete(self) -> bool:
-        return has_nothing_narrow(self.weight)
+def widen(Q: Array, more: Array) -> Array:
+    """diag(Q, more): weights of the states of an arm, and of more behind them."""
+    n, k = Q.shape[1], len(more)
+    out = np.zeros((len(Q), n + k, n + k))
+    out[:, :n, :n], out[:, n:, n:] = Q, more
+    return out
 
 
 @checked
@@ -195,7 +176,7 @@ def physical_weights(lin: Linearization, weights: Weights) -> tuple[MatrixFuncti
         return Constant(fixed), R
     from flexlin.control.measurement import tip_position
 
-    return WeightWithTip(fixed, tip_position(lin), float(weights.tip)), R
+    return Combined(partial(weigh_tip, fixed=fixed, size=float(weights.tip)), (tip_position(lin),), complete=True), R
 
 
 def joint_integrals(lin: Linearization, weights: Weights) -> tuple[Controller, Array]:

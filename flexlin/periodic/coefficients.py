@@ -45,6 +45,23 @@ def has_nothing_narrow(coefficient: Callable[..., Any]) -> bool:
     return bool(getattr(coefficient, "complete", False))
 
 
+@dataclass(frozen=True, eq=False)
+class Combined:
+    """A function of time made of others, rule(f(t), g(t) ...); `complete`: as of `has_nothing_narrow`."""
+
+    rule: Callable[..., Array]
+    parts: tuple[Callable[[Array], Array], ...]
+    complete: bool = False
+
+    def __call__(self, t: Array) -> Array:
+        return self.rule(*(part(t) for part in self.parts))
+
+
+def combine(rule: Callable[..., Array], *parts: Callable[[Array], Array]) -> Combined:
+    """What a rule makes of functions of time at each time, as complete as all of them."""
+    return Combined(rule, parts, all(map(has_nothing_narrow, parts)))
+
+
 @dataclass(frozen=True)
 class ClosedLoop:
     """A(t) - B(t) K(t); plant: the system of A and B."""

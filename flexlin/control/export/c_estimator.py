@@ -1,13 +1,12 @@
 """C source of an estimator: its rate, and a step of it between two samples."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import flexlin
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
-from flexlin.checks import Array, c_name
+from flexlin.checks import c_name
 from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_gain import BEYOND, WITHIN, listed, write_c
 from flexlin.control.export.c_series import SAMPLES, Form, write_series
@@ -119,16 +118,6 @@ int {name}_step(double phase, double step, const double *measurement, const doub
 """
 
 
-@dataclass(frozen=True, eq=False)
-class GainOfFilter:
-    """L(t) of an estimator, (N, n, p)."""
-
-    estimator: Estimator
-
-    def __call__(self, t: Array) -> Array:
-        return self.estimator.L(t)
-
-
 @checked
 def estimator_source(
     estimator: Estimator,
@@ -209,7 +198,7 @@ def write_estimator(
     functions: dict[str, MatrixFunction] = {
         "A_of": estimator.closed_loop.A,
         **input_of(system),
-        "L_of": GainOfFilter(estimator),
+        "L_of": estimator.L,
     }
     breaks = (*corners_of(system), *([0.0] if once else []))
     parts = [write_series(key, f, system.period, breaks, form, samples) for key, f in functions.items()]

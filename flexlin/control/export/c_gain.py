@@ -1,6 +1,5 @@
 """C source of a controller: gain(phase, state, torque), its matrix, and the whole law with feedforward."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from flexlin.control.designed_loop import Design
 from flexlin.control.export.c_series import SAMPLES, Form, write_series
 from flexlin.control.export.files import Labels
 from flexlin.files import results
-from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.coefficients import Combined
 from flexlin.periodic.related import corners_of
 
 HEADER = """\
@@ -123,14 +122,9 @@ BEYOND = {True: "any number, taken modulo 1", False: "held at 0 before the motio
 """What becomes of a phase outside [0, 1], for periodic and for one-way motions."""
 
 
-@dataclass(frozen=True, eq=False)
-class Column:
-    """A vector function of time (N,) -> (N, k) as a matrix of one column."""
-
-    vector: MatrixFunction
-
-    def __call__(self, t: Array) -> Array:
-        return self.vector(t)[:, :, None]
+def as_column(vector: Array) -> Array:
+    """Vectors (N, k) as matrices of one column."""
+    return vector[:, :, None]
 
 
 @checked
@@ -220,8 +214,8 @@ def write_gain(
         write_series(title, f, period, breaks, form, samples)
         for title, f in (
             ("K_of", made.K),
-            ("forward_of", Column(chosen.forward)),
-            ("reference_of", Column(chosen.reference)),
+            ("forward_of", Combined(as_column, (chosen.forward,))),
+            ("reference_of", Combined(as_column, (chosen.reference,))),
         )
     ]
     words = {

@@ -10,13 +10,18 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, check_size, positive
 from flexlin.control.designed_loop import Design
 from flexlin.control.export.files import Labels
+from flexlin.control.sampled import find_round
 from flexlin.errors import ArgumentError
 from flexlin.periodic.sampled.hold import hold_plant
-from flexlin.periodic.sampled.stability import find_rounds
 from flexlin.periodic.system import PeriodicSystem
 
 if TYPE_CHECKING:
     import control
+
+
+def arm_and_system(given: PeriodicSystem | Linearization) -> tuple[Linearization | None, PeriodicSystem]:
+    """The arm that names states and inputs, if there is one, and its system."""
+    return (given, given.periodic_system()) if isinstance(given, Linearization) else (None, given)
 
 
 @checked
@@ -58,8 +63,7 @@ def to_control(
     """
     import control
 
-    lin = system if isinstance(system, Linearization) else None
-    system = system.periodic_system() if isinstance(system, Linearization) else system
+    lin, system = arm_and_system(system)
 
     if not 0 <= phase < 1:
         raise ArgumentError("phase is out of range", got=phase, expected="a number in [0, 1)")
@@ -140,8 +144,7 @@ def periodic_plant(system: PeriodicSystem | Linearization, name: str = "plant") 
     """
     import control
 
-    lin = system if isinstance(system, Linearization) else None
-    system = system.periodic_system() if isinstance(system, Linearization) else system
+    lin, system = arm_and_system(system)
     labels = Labels.fitting(lin, system.n, system.m)
 
     def update(t: float, x: Array, u: Array, _: Any) -> Array:
@@ -203,16 +206,9 @@ def lifted_model(
     """
     import control
 
-    lin = system if isinstance(system, Linearization) else None
-    system = system.periodic_system() if isinstance(system, Linearization) else system
+    lin, system = arm_and_system(system)
     h = positive("sample_time", sample_time)
-    turn = find_rounds(system.period, h)[0]
-    if turn.off > 0 or not 0 <= delay <= h:
-        raise ArgumentError(
-            "samples and periods do not begin anew together, or the delay is longer than a sample",
-            got=f"sample_time = {h:g} s, delay = {delay:g} s, period = {system.period:g} s",
-            expected=f"such as sample_time = {system.period * turn.periods / turn.samples:.9g} s",
-        )
+    turn = find_round(system, h, delay)
     N, n, m = turn.samples, system.n, system.m
     check_size(f"a lifted model of {N} samples", 8 * (N * n) * (N * m + n), "take a longer sampling time")
     plant = hold_plant(system, N, turn.periods, delay / h, tol)
