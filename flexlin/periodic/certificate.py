@@ -24,7 +24,7 @@ from flexlin.periodic.precision import EPS, ROOT, TINY
 from flexlin.periodic.quadratic.linear_quadratic import WAVES, RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.scattering import symmetrize
-from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
+from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
@@ -82,23 +82,10 @@ def represent_on_panels(resolved: Resolved, solution: RiccatiSolution) -> Common
 
 
 def error_of(resolved: Resolved) -> Array:
-    """A bound on the error of A's representation (n, n); of second order:
-
-        |dA| <= 1.5 |M^-1| (|dM| |M^-1 K| + |dK|)   and with D in the place of K,
-
-    at 257 times, with half as much again for between them.
-    """
-    if isinstance(resolved, ResolvedMatrix):
-        return resolved.error
+    """A bound on the error of A's representation (n, n): that at 257 times, with half as much again for between them."""
     t = resolved.period * np.arange(257) / 257
-    M, D, K = resolved.sample(t)
-    dM, dD, dK = resolved.split(resolved.error)
-    inverse = np.abs(np.linalg.inv(M))
-    sides = [
-        (inverse @ (dM @ np.abs(np.linalg.solve(M, one)) + error)).max(axis=0) for one, error in ((K, dK), (D, dD))
-    ]
-    lower = 1.5 * np.concatenate(sides, axis=1)
-    return np.concatenate([np.zeros_like(lower), lower])
+    eye = np.broadcast_to(np.eye(len(resolved.mean())), (len(t), *resolved.mean().shape))
+    return 1.5 * couple_uncertainty(resolved, t, eye, eye).max(axis=0)
 
 
 def trimmed(coefficients: Array, least: Array) -> Array:

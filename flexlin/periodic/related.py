@@ -8,6 +8,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import MatrixFunction, has_nothing_narrow
+from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.resolved.search import first_edges
 from flexlin.periodic.system import PeriodicSystem
 
@@ -43,6 +44,12 @@ def corners_of(system: PeriodicSystem) -> tuple[float, ...]:
         return system.breaks
     edges = first_edges(system.period, np.array(system.breaks), np.array(system.features))
     return tuple(edges[:-1].tolist())
+
+
+def edges_between(*series: ResolvedMatrix | ResolvedCompanion) -> list[float]:
+    """Times in [0, T) between which all series are smooth: edges of their panels, or breaks."""
+    places = [one.breaks if one.panels == 1 else one.edges[:-1] for one in series]
+    return np.unique(np.concatenate(places)).astype(float).tolist()
 
 
 @dataclass(frozen=True, eq=False)

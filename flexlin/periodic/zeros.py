@@ -12,6 +12,7 @@ from flexlin.periodic.circle import assign
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.precision import FAINT, SAFETY, SLIGHT, TINY
+from flexlin.periodic.related import edges_between
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve, resolve_port
 from flexlin.periodic.resolved.sampling import stratified
@@ -189,10 +190,8 @@ def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) ->
 
 def take(system: PeriodicSystem, function: MatrixFunction, breaks: tuple[float, ...]) -> ResolvedMatrix:
     """What is made of series, as a series: smooth between the edges of their panels."""
-    corners = set(breaks)
-    for one in (system.resolved, system.resolved_input):
-        corners |= set(one.edges[:-1].tolist()) if one.panels > 1 else set(one.breaks)
-    return resolve(function, system.period, tuple(sorted(corners)), complete=True)
+    corners = sorted({*breaks, *edges_between(system.resolved, system.resolved_input)})
+    return resolve(function, system.period, corners, complete=True)
 
 
 def jumps(row: ResolvedMatrix) -> bool:
@@ -215,8 +214,8 @@ class ZeroedOutput:
     @property
     def breaks(self) -> tuple[float, ...]:
         """Edges of all panels."""
-        every = [self.system.resolved, self.system.resolved_input, *(row for one in self.chains for row in one.rows)]
-        return tuple(sorted({float(t) for one in every if one.panels > 1 for t in one.edges[:-1]}))
+        rows = (row for one in self.chains for row in one.rows)
+        return tuple(edges_between(self.system.resolved, self.system.resolved_input, *rows))
 
     def __call__(self, t: Array) -> Array:
         return self.system.resolved(t) - self.system.resolved_input(t) @ np.linalg.solve(*self._gain(t))

@@ -18,7 +18,7 @@ from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss, place_nodes
 
 STAGES = 4
 """Gauss stages of the rule that shows how wrong the one with a stage more may be."""
-SEGMENTS = (NODES // 4, NODES // 2, NODES, 2 * NODES, 4 * NODES)
+SEGMENTS = tuple(NODES // 4 << k for k in range(5))
 """Of a period; systems that miss tol on the first are tried on the next."""
 CHECKS, FEWEST_POINTS, MOST_POINTS = 15, 17, 129
 """Values between the points of an interpolant at which it is checked, and its points."""

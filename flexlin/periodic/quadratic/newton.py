@@ -126,7 +126,7 @@ def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool
     halves = scatter_exponentials((nodes.halves[:, :, None, None] * H).reshape(-1, *H.shape[1:]))
     count = nodes.count
     before = Segment(*(np.roll(part[:count], -1, axis=0) for part in (halves.F, halves.G, halves.H)))
-    gaps = star_product(halves[len(halves) - count :], before)[: nodes.gaps]
+    gaps = star_product(halves[len(halves) - count :], before)
     levels, doublings = combine_in_tree(gaps), 0
     if end is None:
         end, doublings = double_period(levels[-1][0], problem, nodes.edges, ROOT if exact else 1.0)

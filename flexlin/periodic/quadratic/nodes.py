@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_basis
-from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
+from flexlin.periodic.fourier import FourierSeries, fourier_nodes
 from flexlin.periodic.grid import FINER, divide_segments
 from flexlin.periodic.precision import EPS, SAFETY, TINY
 from flexlin.periodic.resolved.sampling import NEAR
@@ -29,11 +29,6 @@ class FourierNodes:
     period: float
 
     wraps = True
-
-    @property
-    def gaps(self) -> int:
-        """Gaps between nodes: as many as these, since the period closes."""
-        return self.count
 
     @property
     def t(self) -> Array:
@@ -89,14 +84,10 @@ class FourierNodes:
 
     def series(self, X: Array) -> FourierSeries:
         """X as a series without waves that are rounding."""
-        coefficients = real_fourier_coefficients(X)
-        H = len(coefficients) // 2
-        size = np.abs(coefficients).max(axis=(1, 2))
-        high = np.maximum(size[1 : H + 1], size[H + 1 :])
-        kept = int(np.flatnonzero(high > LOST * size[0]).max(initial=-1)) + 1
-        return FourierSeries(
-            np.concatenate([coefficients[: kept + 1], coefficients[H + 1 : H + 1 + kept]]), self.period
-        )
+        every = FourierSeries.through(X, self.period)
+        mean, high = every.coefficients[:1], np.maximum(*map(np.abs, every.waves)).max(axis=(1, 2))
+        kept = int(np.flatnonzero(high > LOST * np.abs(mean).max()).max(initial=-1)) + 1
+        return FourierSeries(np.concatenate([mean, *(one[:kept] for one in every.waves)]), self.period)
 
     def tail(self, X: Array) -> float:
         """The size of the highest waves that are shown."""
@@ -143,35 +134,30 @@ class PanelNodes:
         return (len(self.edges) - 1) * (DEGREE + 1)
 
     @property
-    def gaps(self) -> int:
-        """Gaps between nodes, those between panels of no length."""
-        return self.count - 1
-
-    @property
     def t(self) -> Array:
         """The times (N,), those of the edges just inside the panels."""
-        return self._place(np.clip(lobatto(DEGREE)[0], NEAR - 1, 1 - NEAR))
+        return self._place(np.clip(lobatto()[0], NEAR - 1, 1 - NEAR))
 
     @property
     def places(self) -> Array:
         """The times at which X stands: edges are edges."""
-        return np.minimum(self._place(lobatto(DEGREE)[0]), np.nextafter(self.period, 0.0))
+        return np.minimum(self._place(lobatto()[0]), np.nextafter(self.period, 0.0))
 
     @property
     def between(self) -> Array:
         """Times between the nodes: the zeros of T_p."""
-        return self._place(between_lobatto(DEGREE)[0])
+        return self._place(lobatto(0.5)[0])
 
     @property
     def halves(self) -> Array:
         """From each node half-way to the one before it, and to the next: (2, N)."""
-        gaps = 0.25 * np.outer(np.diff(self.edges), np.diff(lobatto(DEGREE)[0]))
+        gaps = 0.25 * np.outer(np.diff(self.edges), np.diff(lobatto()[0]))
         nothing = np.zeros((len(gaps), 1))
         return np.stack([np.hstack([nothing, gaps]).ravel(), np.hstack([gaps, nothing]).ravel()])
 
     def slopes(self, X: Array) -> Array:
         """X' (N, n, n) at the nodes."""
-        return self._apply(lobatto(DEGREE)[1], X, True)
+        return self._apply(lobatto()[2], X, True)
 
     def sharpen(self, D: Array) -> Array:
         """D as it is: it was found by steps of unequal length."""
@@ -179,12 +165,12 @@ class PanelNodes:
 
     def look_between(self, X: Array) -> tuple[Array, Array]:
         """X and X' at the times between."""
-        _, values, slopes = between_lobatto(DEGREE)
+        _, values, slopes, _ = lobatto(0.5)
         return self._apply(values, X), self._apply(slopes, X, True)
 
     def series(self, X: Array) -> ChebyshevPanels:
         """X as polynomials."""
-        return ChebyshevPanels(self.edges, self._apply(lobatto(DEGREE)[2], X).reshape(-1, DEGREE + 1, *X.shape[1:]))
+        return ChebyshevPanels(self.edges, self._apply(lobatto()[3], X).reshape(-1, DEGREE + 1, *X.shape[1:]))
 
     def tail(self, X: Array) -> float:
         """The size of the last terms."""
@@ -225,23 +211,13 @@ class PanelNodes:
 Nodes = FourierNodes | PanelNodes
 
 
-@lru_cache(maxsize=4)
-def lobatto(degree: int) -> tuple[Array, Array, Array]:
-    """Chebyshev's extreme points, and the matrices from values there to slopes there and to coefficients."""
-    u = -np.cos(np.pi * np.arange(degree + 1) / degree)
-    to_coefficients = np.linalg.inv(chebyshev_basis(u, degree + 1))
-    slopes = slope_basis(u, degree) @ to_coefficients
-    return u, slopes - np.diag(slopes.sum(axis=1)), to_coefficients
-
-
-@lru_cache(maxsize=4)
-def between_lobatto(degree: int) -> tuple[Array, Array, Array]:
-    """The zeros of T_p, and the matrices from values at its extreme points to values and slopes there."""
-    u = -np.cos(np.pi * (np.arange(degree) + 0.5) / degree)
-    to_coefficients = lobatto(degree)[2]
-    return u, chebyshev_basis(u, degree + 1) @ to_coefficients, slope_basis(u, degree) @ to_coefficients
-
-
-def slope_basis(u: Array, degree: int) -> Array:
-    """T_k'(u), k = 0 ... p, along a new last axis."""
-    return chebyshev_basis(u, degree) @ np.polynomial.chebyshev.chebder(np.eye(degree + 1), axis=0)
+@lru_cache
+def lobatto(shift: float = 0.0) -> tuple[Array, Array, Array, Array]:
+    """Chebyshev's extreme points (or, by a shift of 1/2, the zeros of T_p between them), the matrices from values at extreme points to
+    values and slopes at these, and to coefficients."""
+    extreme, u = (-np.cos(np.pi * np.arange(shift, DEGREE + 1 - shift) / DEGREE) for shift in (0.0, shift))
+    to_coefficients = np.linalg.inv(chebyshev_basis(extreme, DEGREE + 1))
+    derivatives = np.polynomial.chebyshev.chebder(np.eye(DEGREE + 1), axis=0)
+    slopes = chebyshev_basis(u, DEGREE) @ derivatives @ to_coefficients
+    slopes[:, : len(u)] -= np.diag(slopes.sum(axis=1))
+    return u, chebyshev_basis(u, DEGREE + 1) @ to_coefficients, slopes, to_coefficients

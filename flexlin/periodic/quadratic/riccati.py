@@ -296,6 +296,6 @@ def highest_wave(coefficient: ResolvedMatrix | ResolvedCompanion, tol: float) ->
     """Return the highest harmonic of which an entry has more than tol of its largest, and than is not known; infinity on panels."""
     if not isinstance(coefficient.series, FourierSeries):
         return np.inf
-    size, H = np.abs(coefficient.series.coefficients), coefficient.series.degree
-    large = np.maximum(size[1 : H + 1], size[H + 1 :]) > MINOR * tol * size.max(axis=0) + coefficient.error
+    size = np.abs(coefficient.series.coefficients).max(axis=0)
+    large = np.maximum(*map(np.abs, coefficient.series.waves)) > MINOR * tol * size + coefficient.error
     return float(np.flatnonzero(large.any(axis=(1, 2))).max(initial=-1) + 1)

@@ -29,8 +29,8 @@ from flexlin.periodic.transition.gauss import (
 )
 from flexlin.summary import represent
 
-STAGES, FEWEST, LARGEST, FARTHEST_ORDER = 8, 8, 4000, 64
-"""Radau stages of a segment; segments that are tried first, and the most; and harmonics of an answer at the most."""
+STAGES, LARGEST, FARTHEST_ORDER = 8, 4000, 64
+"""Radau stages of a segment, and segments that are tried first; the most; and harmonics of an answer at the most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ def frequency_response(
     if verdict.verdict != "stable":
         raise NotStable("there is no response that lasts", got=verdict.status, expected="a stable system")
     output = resolve_port(given, system.period, system.breaks, system.features, system.complete)
-    count, before = FEWEST, np.zeros((len(frequencies), 1, *output.shape[:1], system.m), complex)
+    count, before = STAGES, np.zeros((len(frequencies), 1, *output.shape[:1], system.m), complex)
     while True:
         found = Collocated(system, output, None, count).harmonics(frequencies, min(count, FARTHEST_ORDER))
         size = np.abs(found).max(axis=(1, 2, 3)) + TINY

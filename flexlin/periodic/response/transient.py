@@ -11,6 +11,7 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.precision import EPS, SAFETY, TINY
+from flexlin.periodic.related import edges_between
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, choose_gauss_step, measure_pace
@@ -130,7 +131,7 @@ def respond(
 def divide_times(system: PeriodicSystem, times: Array, tol: float) -> Array:
     """The times, the corners of A and B between them, and steps short enough for tol."""
     T, parts = system.period, [system.resolved] if system.B is None else [system.resolved, system.resolved_input]
-    corners = np.unique(np.concatenate([one.breaks if one.panels == 1 else one.edges[:-1] for one in parts]))
+    corners = np.array(edges_between(*parts))
     turns = np.arange(np.floor(times[0] / T), np.floor(times[-1] / T) + 1)
     marks = np.union1d(times, (turns[:, None] * T + corners).ravel())
     marks = marks[(marks >= times[0]) & (marks <= times[-1])]
