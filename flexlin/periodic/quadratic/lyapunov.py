@@ -14,8 +14,8 @@ REACH = 0.25
 """Size of a step times the loop from which on a few powers give its exponential."""
 SLOW = 3
 """Doublings of a half step up to which no mode oscillates in it."""
-SHORT, STAGES = 2.0, 8
-"""Size of a half step times A up to which so many Gauss stages are exact."""
+SHORT, STAGES = 1.0, 8
+"""Rate of the fastest mode times a half step up to which so many Gauss stages are exact, and corrections by Hermite's rule converge."""
 
 
 class LoopLyapunov:
@@ -24,7 +24,11 @@ class LoopLyapunov:
         D(t) = e' D(t + s) e + integral of exp(M' r) F exp(M r) dr over s,   e = exp(M s)
 
     Both are doubled from s / 2^k on, where a few powers of M do. Gaps between nodes, two half steps each, are combined pairwise in a tree.
-    What is missed is of second order in the steps, of the loop's change rather than of its size.
+    What is missed is of second order in the steps, of the loop's change rather than of its size. Where the transition matrices Phi of
+    the gaps h are known, it is of fourth order by Hermite's rule:
+
+        D(t) = Phi' D(t + h) Phi + h/2 (F + Phi' F+ Phi) + h^2/12 (G - Phi' G+ Phi),   G = F' + M' F + F M,  + at the next node
+
     Source: Hochbruck, Ostermann, Exponential integrators, Acta Numerica 19 (2010) 209; for whole periods: Smith, SIAM J. Appl. Math. 16
     (1968) 198.
 
@@ -33,29 +37,33 @@ class LoopLyapunov:
     """
 
     def __init__(self, M: Array, nodes: Nodes, exact: Array | None = None):
-        self.M, self.nodes = M, nodes
+        self.M, self.nodes, self.exact = M, nodes, exact is not None
         self.halves = nodes.halves.reshape(*nodes.halves.shape, *np.ones(M.ndim - 1, dtype=int))
-        steps = (self.halves * M).reshape(-1, *M.shape[1:])
-        square = steps @ steps
-        size = float(np.linalg.norm(square @ square, 1, axis=(-2, -1)).max()) ** 0.25
-        self.share = 0.5 ** max(0.0, np.ceil(np.log2(max(size, REACH) / REACH)))
-        self.steps = self.share * steps
-        square *= self.share**2
-        power = self.steps + 0.5 * square + square @ (self.steps / 6 + square / 24) + np.eye(M.shape[-1])
-        self.powers = [power]
-        while 0.5 ** (len(self.powers) - 1) > self.share:
-            self.powers.append(self.powers[-1] @ self.powers[-1])
-        steps = self.powers[-1] if exact is None else exact
-        first, last = self._divide(steps, steps)
-        whole = last @ first
+        steps = self._find_powers() if exact is None else exact
+        self.first, last = self._divide(steps, steps)
+        whole = last @ self.first
         if not nodes.wraps:
             whole[-1] = 0.0
-        self.first, self.levels = first, [whole]
+        self.levels = [whole]
         while len(whole) > 1:
             pairs = len(whole) // 2 * 2
             whole = np.concatenate([whole[1:pairs:2] @ whole[0:pairs:2], whole[pairs:]])
             self.levels.append(whole)
         self.squares = list_squares(whole)
+
+    def _find_powers(self) -> Array:
+        """The exponentials of the half steps, from those of the shares of them that a few powers of M give."""
+        steps = (self.halves * self.M).reshape(-1, *self.M.shape[1:])
+        square = steps @ steps
+        size = float(np.linalg.norm(square @ square, 1, axis=(-2, -1)).max()) ** 0.25
+        self.share = 0.5 ** max(0.0, np.ceil(np.log2(max(size, REACH) / REACH)))
+        self.steps = self.share * steps
+        square *= self.share**2
+        power = self.steps + 0.5 * square + square @ (self.steps / 6 + square / 24) + np.eye(self.M.shape[-1])
+        self.powers = [power]
+        while 0.5 ** (len(self.powers) - 1) > self.share:
+            self.powers.append(self.powers[-1] @ self.powers[-1])
+        return self.powers[-1]
 
     def solve(self, F: Array) -> Array | None:
         """D (N, n, n) of a symmetric right side; None where the loop does not forget.
@@ -63,15 +71,31 @@ class LoopLyapunov:
         Modes that oscillate many times in a step would ring where M and F jump half-way between nodes; so beside these, in a second
         solution, F takes its slope and what the loop's change makes of the first one.
         """
+        if self.exact:
+            return self._carry_back(self._integrate_gaps(F))
         constant = self._integrate(F)
-        D = self._carry_back(*self._divide(constant, constant))
+        D = self._carry_back(self._join(*self._divide(constant, constant)))
         if D is None or len(self.powers) <= SLOW:
             return D
         line, whole = self._integrate_line(self.nodes.slopes(F) + twice(D @ self.nodes.slopes(self.M)))
-        return self._carry_back(*self._divide(constant + line, constant + line - whole))
+        return self._carry_back(self._join(*self._divide(constant + line, constant + line - whole)))
 
-    def _carry_back(self, first: Array, last: Array) -> Array | None:
-        part = first + transpose(self.first) @ last @ self.first
+    def sharpen(self, D: Array) -> Array:
+        """The waves of a solution without what the rule by which it was found adds or leaves out."""
+        return self.nodes.sharpen(D, self.exact)
+
+    def _integrate_gaps(self, F: Array) -> Array:
+        """The integrals over the gaps by Hermite's rule."""
+        behind, before = self._divide(self.halves[-1], self.halves[0])
+        h, Phi = behind + before, self.levels[0]
+        G = h / 6 * (self.nodes.slopes(F) + twice(F @ self.M))
+        ahead = np.roll(F, -1, axis=0) - np.roll(G, -1, axis=0)
+        return h / 2 * (F + G + transpose(Phi) @ ahead @ Phi)
+
+    def _join(self, first: Array, last: Array) -> Array:
+        return first + transpose(self.first) @ last @ self.first
+
+    def _carry_back(self, part: Array) -> Array | None:
         parts = [part]
         for Phi in self.levels[:-1]:
             pairs = len(Phi) // 2 * 2
@@ -128,7 +152,8 @@ def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
         return None
     halves = np.broadcast_to(nodes.halves, (2, nodes.count))
     edges = np.concatenate([[-halves[0, 0]], np.cumsum(halves.T) - halves[0, 0]])
-    if not np.abs(A(nodes.t)).sum(axis=2).max() * halves.max() < SHORT:
+    fourth = np.linalg.matrix_power(halves.max() * A(nodes.t), 4)  # in whatever units, it tells how fast the modes are
+    if not np.abs(fourth).sum(axis=2).max() < SHORT**4:
         return None
     rule, h = gauss(STAGES), np.diff(edges)
     steps = collect_chunks(lambda t, k: factor_states(sample_at(A, np.mod(t, nodes.period)), h[k], rule), edges, rule)

@@ -157,8 +157,9 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
     Without an input it is the same from the beginning.
     Source: Kleinman, IEEE Trans. Automat. Control 13 (1968) 114; Dutt, Greengard, Rokhlin, BIT 40 (2000) 241 (deferred correction).
     """
-    units = measure_states(X)
-    samples, X = Samples.of(problem, nodes.t, units), X / np.outer(units, units)
+    plain = Samples(*problem.factored(nodes.t), np.ones(X.shape[1]))
+    units = measure_states(X, plain.A)
+    samples, X = plain.rescale(units), X / np.outer(units, units)
     last, grown = np.inf, 0
     for k in range(ROUNDS):
         F, M = samples.compare(X, nodes.slopes(X))
@@ -169,7 +170,7 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
         if D is None:
             return None
         moved = float(np.abs(D).max())
-        X = X + (nodes.sharpen(D) if moved < SLIGHT else D)
+        X = X + (lyapunov.sharpen(D) if moved < SLIGHT else D)
         grown = grown + 1 if moved > last else 0
         if not moved * SLIGHT < 1 or grown > ROUNDS // 8:  # steps that grow again and again are those of too few nodes
             return None
@@ -215,7 +216,7 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
         more = lyapunov.solve(left)
         if more is None:
             return None
-        D = D + nodes.sharpen(more)
+        D = D + lyapunov.sharpen(more)
         D_between, D_slopes = nodes.look_between(D)
         missed = D_slopes + twice(D_between @ M) + W_between[:, :, None] * np.eye(len(units))
         scale = np.sqrt(W_between)
@@ -280,12 +281,12 @@ def carry_residual(problem: LinearQuadratic, nodes: Nodes, X: Array, units: Arra
     if carried is None:
         return None
     E, *others = np.swapaxes(carried, 0, 1)
-    E, moved = nodes.sharpen(E), np.inf
+    E, moved = loop.sharpen(E), np.inf
     for _ in range(ROUNDS // 4):
         more = loop.solve((F + nodes.slopes(E) + twice(E @ M))[:, None])
         if more is None:
             return None
-        E, before, moved = E + nodes.sharpen(more[:, 0]), moved, float(np.abs(more).max())
+        E, before, moved = E + loop.sharpen(more[:, 0]), moved, float(np.abs(more).max())
         if moved <= PARTIAL * float(np.abs(E).max()):
             pulled = [np.square(part @ samples.G / np.sqrt(W)[:, :, None]).sum(axis=(1, 2)) for part in (E, *others)]
             return [E, *others] if SAFETY**2 * add_up(pulled) <= PARTIAL else None
@@ -338,8 +339,12 @@ class Samples:
 
     @classmethod
     def of(cls, problem: LinearQuadratic, t: Array, units: Array) -> "Samples":
-        A, G, Q = problem.factored(t)
-        return cls(A * (units[:, None] / units), G * units[:, None], Q / np.outer(units, units), units)
+        return cls(*problem.factored(t), np.ones(len(units))).rescale(units)
+
+    def rescale(self, units: Array) -> "Samples":
+        """The same in other units."""
+        A, G, Q = self.A * (units[:, None] / units), self.G * units[:, None], self.Q / np.outer(units, units)
+        return Samples(A, G, Q, self.units * units)
 
     def compare(self, X: Array, slopes: Array) -> tuple[Array, Array]:
         """The residual F = X' + A' X + X A - X G G' X + Q, and the loop A - G G' X."""
@@ -372,8 +377,15 @@ class Samples:
         return np.abs(slopes) + twice(np.abs(X) @ np.abs(self.A) + by_pull) + np.abs(self.Q)
 
 
-def measure_states(X: Array) -> Array:
-    """The root of the sizes of the largest diagonal entries of X (N, n, n), as powers of two: (n,)."""
-    diagonal = np.sqrt(np.abs(np.diagonal(X, axis1=1, axis2=2)).max(axis=0))
-    least = 1e-12 * diagonal.max() or 1.0
-    return np.asarray(2.0 ** np.round(np.log2(np.maximum(diagonal, least))))
+def measure_states(X: Array, A: Array) -> Array:
+    """The root of the sizes of the largest diagonal entries of X (N, n, n), as powers of two: (n,).
+
+    None is so small that A would be larger in these units than it is: where X hardly sees a state that others hang on, sums cancel.
+    """
+    size = np.abs(A).max(axis=0)
+    share = size / (size.max() or 1.0)
+    units = np.sqrt(np.abs(np.diagonal(X, axis1=1, axis2=2)).max(axis=0))
+    units = np.maximum(units, 1e-12 * units.max() or 1.0)
+    for _ in units:
+        units = np.maximum(units, (share * units[:, None]).max(axis=0))
+    return np.asarray(2.0 ** np.round(np.log2(units)))

@@ -61,13 +61,15 @@ class FourierNodes:
         waves[-1] = 0.0
         return np.fft.irfft(waves, self.count, axis=0)
 
-    def sharpen(self, D: Array) -> Array:
-        """The waves of a D that was found by half steps: D tan(w h / 2) / (w h / 2), without those that the nodes do not show.
+    def sharpen(self, D: Array, gaps: bool = False) -> Array:
+        """The waves of a D that was found by half steps, without those that the nodes do not show; gaps: by Hermite's rule.
+
+            D / (x / tan x),   D / (x / tan x + x^2 / 3),   x = w h / 2
 
         So D' = -F is solved exactly. A fast mode needs no such factor; with one below 2 the corrections converge for it too.
         """
         waves, turn = np.fft.rfft(D, axis=0), np.pi / self.count * np.arange(1, int(SHOWN * self.count))
-        waves[1 : 1 + len(turn)] *= (np.tan(turn) / turn)[:, None, None]
+        waves[1 : 1 + len(turn)] /= (turn / np.tan(turn) + gaps * turn**2 / 3)[:, None, None]
         waves[1 + len(turn) :] = 0.0
         return np.fft.irfft(waves, self.count, axis=0)
 
@@ -159,7 +161,7 @@ class PanelNodes:
         """X' (N, n, n) at the nodes."""
         return self._apply(lobatto()[2], X, True)
 
-    def sharpen(self, D: Array) -> Array:
+    def sharpen(self, D: Array, gaps: bool = False) -> Array:
         """D as it is: it was found by steps of unequal length."""
         return D
 

@@ -241,3 +241,15 @@ def test_a_feedthrough_that_no_gain_exceeds_is_the_norm_and_no_level_takes_back_
     found = fl.hinf_norm(fl.PeriodicSystem([[-19.25308691]], 0.0846, B=[[0.53764781]]), C, D)
     np.testing.assert_allclose(found.value, np.linalg.norm(D), rtol=1e-8)
     assert abs(found.value - np.linalg.norm(D)) <= found.error <= 1e-4 * found.value
+
+
+@pytest.mark.parametrize("weak", [1e-7, 0.0])
+def test_an_oscillator_that_is_hardly_seen_beside_what_it_turns_with(weak):
+    """Units by its share in the output made A 1e7 times as large there: sums that cancel hid the whole norm, which was refused."""
+    A = np.diag([-0.4, 0.0, -0.02, -1e-5])
+    A[1, 2], A[2, 1] = 1.0, -10.0
+    B, C = np.ones((4, 1)), np.array([[1.0, weak, weak, 0.5]])
+    found = fl.h2_norm(*rotated(A, B, C, speed=4.3))
+    exact = np.sqrt((C @ solve_continuous_lyapunov(A, -B @ B.T) @ C.T).item())
+    assert abs(found.value - exact) <= found.error + 1e-11 * exact
+    assert found.error <= 1e-9 * exact
