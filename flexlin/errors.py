@@ -434,19 +434,6 @@ class UnresolvedCoefficient(NumericalError):
     """
 
 
-class NotCertified(NumericalError):
-    """A loop gets no certificate: it is not stable, undecided, or no Lyapunov matrix that was tried proves it.
-
-    Examples
-    --------
-    >>> import flexlin as fl
-    >>> fl.floquet(fl.PeriodicSystem([[0.1]], 1.0)).certificate()
-    Traceback (most recent call last):
-        ...
-    flexlin.errors.NotCertified: the loop is unstable...
-    """
-
-
 class NotStable(NumericalError):
     """A quantity that only a stable system has was asked of one that is unstable or undecided.
 
@@ -457,4 +444,17 @@ class NotStable(NumericalError):
     Traceback (most recent call last):
         ...
     flexlin.errors.NotStable: the norm is infinite or unknown...
+    """
+
+
+class NotCertified(NotStable):
+    """A loop gets no certificate: it is not stable, undecided, or no Lyapunov matrix that was tried proves it.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> fl.floquet(fl.PeriodicSystem([[0.1]], 1.0)).certificate()
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.NotCertified: the loop is unstable...
     """

@@ -152,7 +152,7 @@ def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
         return None
     halves = np.broadcast_to(nodes.halves, (2, nodes.count))
     edges = np.concatenate([[-halves[0, 0]], np.cumsum(halves.T) - halves[0, 0]])
-    fourth = np.linalg.matrix_power(halves.max() * A(nodes.t), 4)  # in whatever units, it tells how fast the modes are
+    fourth = np.linalg.matrix_power(halves.max() * A(nodes.t), 4)  # as fast as the modes, whatever the units
     if not np.abs(fourth).sum(axis=2).max() < SHORT**4:
         return None
     rule, h = gauss(STAGES), np.diff(edges)

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import flexlin as fl
-from flexlin.errors import NotCertified
+from flexlin.errors import NotCertified, NotStable
 from flexlin.periodic import digest
 from tests.periodic.systems import lyapunov_transformed, meissner
 
@@ -168,8 +168,9 @@ def test_smallest_change_of_a_number_is_seen(certificates):
     ("A", "verdict"), [([[0.0, 1.0], [-1.0, 0.01]], "unstable"), ([[0.0, 1.0], [-1.0, 0.0]], "undecided")]
 )
 def test_no_certificate_without_stability(A, verdict):
-    with pytest.raises(NotCertified, match=verdict):
+    with pytest.raises(NotCertified, match=verdict) as refused:
         fl.floquet(fl.PeriodicSystem(A, 1.0)).certificate()
+    assert isinstance(refused.value, NotStable)  # as norms and responses say it
 
 
 def test_second_order_and_pickled_results_are_certified():
