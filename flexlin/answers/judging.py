@@ -108,9 +108,7 @@ class Stages:
         at_most: float = inf,
     ) -> tuple[Answer | None, str]:
         """The answer of a stage about one loop, or why it has none."""
-        problems = dict[str, str]()
-        answer = self.clock.attempt(problems, name, name, self.asked, work, error_of, at_most=at_most)
-        return answer, problems.get(name, "")
+        return self.attempt(name, name, work, error_of, at_most=at_most), self.problems.pop(name, "")
 
 
 def judge_own_loops(a: Stages) -> tuple[Loop, Loop]:

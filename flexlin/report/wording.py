@@ -56,14 +56,24 @@ def is_dimensionless() -> bool:
     return _length.get() == NONE
 
 
+def page_unit(unit: str) -> str:
+    """A unit as the page at hand has it: without dimensions only angles have one."""
+    return "" if is_dimensionless() and unit not in ANGLES else unit
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A number as it is written, with its unit behind it."""
+    return f"{text} {page_unit(unit)}".rstrip()
+
+
 def time_label() -> str:
     """The label of an axis of time."""
-    return "time" if is_dimensionless() else "time in s"
+    return in_unit("time", "s")
 
 
 def in_unit(title: str, unit: str, times: str = "") -> str:
-    """A title with its unit, behind the power of ten that its numbers are multiples of; without dimensions only angles have one."""
-    behind = " ".join(filter(None, (times, "" if is_dimensionless() and unit not in ANGLES else unit)))
+    """A title with its unit, behind the power of ten that its numbers are multiples of."""
+    behind = " ".join(filter(None, (times, page_unit(unit))))
     return f"{title} in {behind}" if behind else title
 
 
@@ -74,7 +84,7 @@ def without_units(text: str) -> str:
 
 def format_quantity(value: float, unit: str, digits: int = 3) -> str:
     """A value with an SI prefix: 0.0123 m -> 12.3 mm; lengths on a page with the page's; without dimensions only angles have a unit."""
-    if is_dimensionless() and unit not in ANGLES:
+    if not page_unit(unit):
         return format_decimal(value, digits) if math.isfinite(value) else "not finite"
     chosen = _length.get() if unit == "m" else None
     if isinstance(chosen, int) and math.isfinite(value) and value != 0:
@@ -94,7 +104,7 @@ def format_with_prefix(value: float, unit: str, digits: int = 3) -> str:
 
 def scale_values(values: Array, unit: str) -> tuple[Array, str]:
     """Values with the SI prefix that makes the largest readable, and the unit with it."""
-    if is_dimensionless() and unit not in ANGLES:
+    if not page_unit(unit):
         return values, ""
     chosen = _length.get() if unit == "m" else None
     largest = float(np.abs(values).max()) if values.size else 0.0
@@ -121,7 +131,7 @@ def name_coordinate_unit(analysis: Analysis, index: int) -> str:
 
 def format_rate(value: float, error: float) -> str:
     """A growth rate with its error: −2.5207 ± 8×10⁻¹⁴ 1/s."""
-    return f"{format_decimal(value, 5)} ± {format_power(error)}" + ("" if is_dimensionless() else " 1/s")
+    return with_unit(f"{format_decimal(value, 5)} ± {format_power(error)}", "1/s")
 
 
 def format_decimal(value: float, digits: int) -> str:
@@ -174,7 +184,7 @@ def describe_pace(loop: Loop, period: float) -> str:
     if loop.floquet is None:
         return loop.problem
     if abs(growth) <= error:
-        return f"growth rate zero to within {format_power(error)}{'' if is_dimensionless() else ' 1/s'}"
+        return with_unit(f"growth rate zero to within {format_power(error)}", "1/s")
     half = math.log(2) / abs(growth)
     does = "halves" if growth < 0 else "doubles"
     share = f"{format_decimal(half / period, 2)} {'of a period' if half < period else 'periods'}"
@@ -195,9 +205,7 @@ def caution(loop: Loop, period: float) -> str:
 
 def format_duration(seconds: float) -> str:
     """A time in s, or ms, µs ... below one; without unit where the scene has no dimensions."""
-    if is_dimensionless():
-        return format_decimal(seconds, 3)
-    return format_quantity(seconds, "s") if seconds < 1000 else f"{format_decimal(seconds, 3)} s"
+    return format_quantity(seconds, "s") if seconds < 1000 else with_unit(format_decimal(seconds, 3), "s")
 
 
 def format_largest_multiplier(loop: Loop) -> str:

@@ -154,7 +154,6 @@ def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
 
 def say(value: float | str, unit: str) -> str:
     """A value with its unit, which a scene without dimensions has not."""
-    from flexlin.report.wording import is_dimensionless
+    from flexlin.report.wording import with_unit
 
-    text = value if isinstance(value, str) else f"{value:.4g}"
-    return text if is_dimensionless() else f"{text} {unit}"
+    return with_unit(value if isinstance(value, str) else f"{value:.4g}", unit)

@@ -21,7 +21,7 @@ from flexlin.report.figures.style import (
     resize,
     style_part,
 )
-from flexlin.report.wording import format_duration, in_unit, is_dimensionless, name_joint_unit
+from flexlin.report.wording import format_duration, in_unit, name_joint_unit, with_unit
 
 STRAIGHT = 1e-9
 """A link whose axis is off a straight line by less, relative to what it sweeps, is drawn as one."""
@@ -136,10 +136,10 @@ def draw_stroboscope(a: Analysis) -> list[Panel]:
         [np.concatenate(links, axis=1) for links in trace_arm(a.plant, a.t[picked], x[picked])]
         for x in (np.zeros_like(states), states)
     )
-    panels, metres = [], "" if is_dimensionless() else " in m"
+    panels = []
     for across, up in choose_views(bent.shape[1]):
         title = "the arm" if bent.shape[1] == 2 else f"the arm along {'xyz'[3 - across - up]}"
-        panel = Panel(title, x_label=f"{'xyz'[across]}{metres}", y_label=f"{'xyz'[up]}{metres}", equal=True)
+        panel = Panel(title, x_label=in_unit("xyz"[across], "m"), y_label=in_unit("xyz"[up], "m"), equal=True)
         for curve in still:
             panel.line(curve[across], curve[up], "faint", width=0.8, opacity=0.5)
         for k, curve in enumerate(moving):
@@ -196,7 +196,7 @@ def turn_real(shape: Array, leading: int) -> Array:
 
 def draw_mode(a: Analysis, value: complex, leading: int, rest: list[Array], swing: list[Array]) -> Panel:
     """One mode: both ends of its swing over the arm at rest."""
-    frequency = f"{value.imag / (2 * np.pi):.4g}{'' if is_dimensionless() else ' Hz'}"
+    frequency = with_unit(f"{value.imag / (2 * np.pi):.4g}", "Hz")
     panel = Panel(frequency if value.imag > ROOT * abs(value) else "no oscillation", equal=True, bare=True)
     panel.footer = f"{a.plant.names[leading]}, {describe_decay(value)}"
     for sign, opacity in ((-1, 0.35), (1, 1.0)):

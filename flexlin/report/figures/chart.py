@@ -13,7 +13,7 @@ from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Symlog
 from flexlin.report.figures.chart_map import draw_map
 from flexlin.report.figures.style import SERIES, WIDTH, Picture, make_picture
-from flexlin.report.wording import in_unit, is_dimensionless, without_units
+from flexlin.report.wording import in_unit, with_unit, without_units
 from flexlin.scene.names import label_number, name_number, show_unit
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
@@ -144,11 +144,12 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
     for k in range(1, growth.shape[1]):
         panel.line(x, growth[:, k], "faint", width=0.9, opacity=0.7, label="other exponents" if k == 1 else "")
     panel.line(x, growth[:, 0], "ink", width=0.8)
-    behind = "" if is_dimensionless() else " 1/s"
     for name in ("stable", "unstable", "undecided"):
         chosen = verdict == name
         if chosen.any():
-            texts = [f"{a:.6g}: {b:.4g}{behind}" for a, b in zip(x[chosen], growth[chosen, 0], strict=True)]
+            texts = [
+                f"{a:.6g}: {with_unit(f'{b:.4g}', '1/s')}" for a, b in zip(x[chosen], growth[chosen, 0], strict=True)
+            ]
             panel.dots(x[chosen], growth[chosen, 0], name, size=2.2, label=name, texts=texts)
     mark_critical(panel, critical, x, scale)
     mark_own(panel, own, x, scale)
@@ -281,9 +282,8 @@ def draw_campbell(label: str, data: xarray.Dataset, error: float) -> Picture:
     unstable = (growth > max(error, FLOOR)) & np.isfinite(frequency)
     row, mode = np.nonzero(unstable)
     if len(row):
-        cycle, rate = ("", "") if is_dimensionless() else (" Hz", " 1/s")
         pairs = zip(frequency[row, mode], growth[row, mode], strict=True)
-        texts = [f"frequency {f:.4g}{cycle} grows by {g:.3g}{rate}" for f, g in pairs]
+        texts = [f"frequency {with_unit(f'{f:.4g}', 'Hz')} grows by {with_unit(f'{g:.3g}', '1/s')}" for f, g in pairs]
         panel.dots(x[row], frequency[row, mode], "unstable", size=3.0, label="unstable", texts=texts)
     return make_picture("campbell", "Campbell diagram", CAMPBELL, [panel])
 

@@ -12,7 +12,7 @@ from flexlin.checks import Array
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear
 from flexlin.report.figures.style import resize
-from flexlin.report.wording import is_dimensionless
+from flexlin.report.wording import in_unit, page_unit
 
 MAP = (640.0, 104.0)
 """Widths of the map and of its bar of colours."""
@@ -123,7 +123,7 @@ def mark_scene(panel: Panel, own: list[float], nearest: Array | None, axes: list
 def draw_bar(growth: Array, verdict: Array, levels: list[float]) -> Panel:
     """Which colour is which growth rate."""
     panel = Panel(
-        "growth rate" if is_dimensionless() else "growth rate in 1/s",
+        in_unit("growth rate", "1/s"),
         x=Linear(0.0, 1.0),
         x_label="\u00a0",
         ticked=False,
@@ -147,7 +147,7 @@ def write_probe(labels: list[str], axes: list[Array], growth: Array, verdict: Ar
     rates = [[None if not np.isfinite(value) else float(f"{value:.4g}") for value in row] for row in growth]
     return json.dumps(
         {
-            "unit": "" if is_dimensionless() else " 1/s",
+            "unit": f" {page_unit('1/s')}".rstrip(),
             "labels": labels,
             "x": axes[0].tolist(),
             "y": axes[1].tolist(),

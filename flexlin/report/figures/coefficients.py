@@ -17,7 +17,7 @@ from flexlin.report.figures.style import (
     make_period_panel,
     make_picture,
 )
-from flexlin.report.wording import format_decimal, in_unit, is_dimensionless, name_coordinate_unit
+from flexlin.report.wording import format_decimal, in_unit, name_coordinate_unit, page_unit
 
 UNITS = {"M": ("kg", "kg m", "kg m²"), "D": ("N s/m", "N s", "N m s"), "K": ("N/m", "N", "N m")}
 GAINS = {("N m", "m"): "N", ("N m", "rad"): "N m/rad", ("N", "m"): "N/m", ("N", "rad"): "N/rad"}
@@ -40,7 +40,7 @@ def name_force_unit(a: Analysis, i: int) -> str:
 
 def name_matrix_unit(a: Analysis, name: str, i: int, j: int) -> str:
     """The unit of an entry of M, D or K, by how many of its row and its column are rotations; none without dimensions."""
-    return "" if is_dimensionless() else UNITS[name][sum(name_coordinate_unit(a, k) == "rad" for k in (i, j))]
+    return page_unit(UNITS[name][sum(name_coordinate_unit(a, k) == "rad" for k in (i, j))])
 
 
 def name_gain_unit(a: Analysis, i: int, j: int) -> str:

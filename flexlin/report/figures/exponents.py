@@ -19,7 +19,7 @@ from flexlin.report.figures.style import (
     make_picture,
     resize,
 )
-from flexlin.report.wording import colour, format_largest_multiplier, format_modulus, in_unit, is_dimensionless
+from flexlin.report.wording import colour, format_largest_multiplier, format_modulus, in_unit, with_unit
 
 FROZEN = (
     "the arm held still at each place of its motion (its coefficients frozen), and the frequencies at which it would ring there. A line "
@@ -41,7 +41,7 @@ def write_caption(frequency: float) -> str:
     """What the axes mean."""
     return (
         "Left: Floquet exponents by growth rate and frequency; a mode left of the line decays. Frequencies are known modulo "
-        f"1/T = {frequency:.4g}{'' if is_dimensionless() else ' Hz'} and shown from 0 to half of that. Right: {FROZEN}"
+        f"1/T = {with_unit(f'{frequency:.4g}', 'Hz')} and shown from 0 to half of that. Right: {FROZEN}"
     )
 
 
@@ -58,9 +58,11 @@ def draw_plane(a: Analysis) -> Panel:
         assert loop.floquet is not None
         upper = loop.floquet.exponents[loop.floquet.exponents.imag >= -loop.floquet.errors]
         frequency = np.abs(upper.imag) / (2 * np.pi)
-        rate, cycle = ("", "") if is_dimensionless() else (" 1/s", " Hz")
         pairs = zip(upper.real, frequency, strict=True)
-        texts = [f"{loop.name}: growth rate {value:.5g}{rate}, frequency {f:.4g}{cycle}" for value, f in pairs]
+        texts = [
+            f"{loop.name}: growth rate {with_unit(f'{value:.5g}', '1/s')}, frequency {with_unit(f'{f:.4g}', 'Hz')}"
+            for value, f in pairs
+        ]
         shape = SHAPES[i % len(SHAPES)]
         panel.dots(upper.real, frequency, choose_colour(a, loop), shape, 4.2, label=loop.name, texts=texts)
     return panel
