@@ -110,6 +110,15 @@ def test_a_store_of_a_family_holds_each_number_under_its_name(tmp_path):
         assert kept[name].values.tolist() == found[name].values.tolist() == numbers
 
 
+def test_why_a_value_is_undecided_comes_back(tmp_path):
+    t, a, b = (ca.SX.sym(name) for name in "tab")
+    family = fl.PeriodicFamily(ca.blockcat([[0, 1], [-a, -b * (1 + 0.1 * ca.cos(t))]]), t, [a, b], 2 * np.pi)
+    values = {"a": [1.1, 2.1, 3.1], "b": [0.2, 0.0, 0.1]}
+    found = [fl.sweep(family, values, store=tmp_path / "c.zarr", workers=1)["reason"].values.tolist() for _ in range(2)]
+    assert [reason[:27] for reason in found[1]] == ["", "the growth rate is zero to ", ""]
+    assert found[0] == found[1]
+
+
 @pytest.mark.parametrize("name", ["error", "period", "mode", "checksum"])
 def test_a_number_with_the_name_of_a_result_is_refused(name):
     t, p = ca.SX.sym("t"), ca.SX.sym(name)

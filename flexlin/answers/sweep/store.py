@@ -52,7 +52,7 @@ class Store:
             raise OutputError(f"{path} cannot be used as a store", got=describe_fault(error), todo=REMOVE) from None
         refuse_other(str(path), known.get(MAKER), maker)
         attributes = {"title": job.scene.title, MAKER: maker, METADATA: metadata}
-        if root != {"attributes": attributes, "zarr_format": 3, "node_type": "group"}:
+        if known != attributes or root.get("consolidated_metadata"):
             raise OutputError(f"{path} has damaged metadata", got=find_changed(known, metadata), todo=REMOVE)
         self._place_values(job)
         self._read(job)
