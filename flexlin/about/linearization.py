@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.dead_points import keeps_clear, moves_followers
+from flexlin.about.closed_loops import keeps_clear, moves_followers
 from flexlin.about.law import Controller, Feedback, Law, scene_law
 from flexlin.about.routes import Route
 from flexlin.about.second_order import SecondOrderEquations

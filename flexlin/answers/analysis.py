@@ -29,7 +29,7 @@ from flexlin.answers.steady import Response, arm_length, find_response, response
 from flexlin.answers.validity import ModelValidity, judge_model
 from flexlin.checks import SAMPLES
 from flexlin.control.drives import DriveLoad, drive_load
-from flexlin.control.measurement import tip_zeros
+from flexlin.control.sensors import tip_zeros
 from flexlin.control.validity import Validity, linear_range
 from flexlin.errors import InputError, SimulationStopped
 from flexlin.mechanics import Manipulator, build_manipulator

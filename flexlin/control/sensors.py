@@ -1,20 +1,268 @@
-"""The sensors and the noise of a scene's estimator, and the filter made of them."""
+"""The sensors of an arm: what each sees of the state [y; y'], and those of a scene's estimator with their noise and their filter."""
 
 from dataclasses import dataclass
 from functools import partial
 
+import casadi as ca
 import numpy as np
 
+from flexlin.about.deviation import Deviation
 from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.control.estimator import Estimator, kalman_filter
-from flexlin.control.measurement import bending, joint_angles, joint_rates, tip_position
 from flexlin.errors import ArgumentError
-from flexlin.periodic.coefficients import Combined, MatrixFunction
+from flexlin.mechanics.link_shapes import make_shapes
+from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction
+from flexlin.periodic.second_order import solve_mass
+from flexlin.periodic.zeros import InvariantZeros, invariant_zeros
 from flexlin.scene.control import EstimatorTable
 from flexlin.scene.scene import Scene
 from flexlin.scene.units import spread
 from flexlin.summary import represent
+
+
+@checked
+def joint_angles(lin: Linearization) -> MatrixFunction:
+    """Return what the motors' encoders read.
+
+    Parameters
+    ----------
+    lin : Linearization
+        With n coordinates and m driven joints.
+
+    Returns
+    -------
+    function of times (N,) -> (N, m, 2n)
+        C of the angles in rad (m for sliding joints), constant.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> lin.names
+    ('q1', 'w11', 'w12')
+    >>> fl.control.joint_angles(lin)(np.zeros(1)).round(6).tolist()
+    [[[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]]
+    """
+    rows = encoder_rows(lin)
+    return Constant(np.concatenate([rows, np.zeros_like(rows)], axis=1))
+
+
+@checked
+def joint_rates(lin: Linearization) -> MatrixFunction:
+    """Return what the motors' tachometers read.
+
+    Parameters
+    ----------
+    lin : Linearization
+        With n coordinates and m driven joints.
+
+    Returns
+    -------
+    function of times (N,) -> (N, m, 2n)
+        C of the rates in rad/s (m/s for sliding joints), constant.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> fl.control.joint_rates(lin)(np.zeros(1))[0, :, 3:].round(6).tolist()
+    [[1.0, 0.0, 0.0]]
+    """
+    rows = encoder_rows(lin)
+    return Constant(np.concatenate([np.zeros_like(rows), rows], axis=1))
+
+
+@checked
+def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFunction:
+    """Return what a strain gauge sees: the curvature of a link at a point.
+
+        w''(x) = sum_k X_k''(x / l) / l^2 w_k
+
+    The curvature times half the thickness of the link is the strain.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene, for the mode shapes of its links.
+    lin : Linearization
+        Made of that scene, with n coordinates.
+    link : int
+        Number of the link, from 0.
+    at : float
+        Place x / l on it, from 0 (joint) to 1 (tip).
+
+    Returns
+    -------
+    function of times (N,) -> (N, 1, 2n)
+        C of the curvature in 1/m, constant.
+
+    Raises
+    ------
+    ArgumentError
+        When the link is rigid or the place is not on it.
+
+    Examples
+    --------
+    The first mode of a clamped beam bends most at its root, and not at its free end:
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> root, tip = (fl.control.bending(scene, lin, 0, at)(np.zeros(1))[0, 0, 1] for at in (0.0, 1.0))
+    >>> print(f"{root:.4f} {abs(tip):.4f}")
+    7.6302 0.0000
+    """
+    if not 0 <= link < len(scene.links) or scene.links[link].counts.y == 0:
+        raise ArgumentError(
+            "there is no flexible link of that number", got=link, expected=f"0 to {len(scene.links) - 1}"
+        )
+    if not 0 <= at <= 1:
+        raise ArgumentError("the place is not on the link", got=at, expected="0 (joint) to 1 (tip)")
+    curvature = make_shapes(scene, link).values(np.array([at]), 2)[:, 0] / scene.links[link].length ** 2
+    own = [i for i, c in enumerate(lin.coordinates) if c.kind == "elastic" and c.link == link and c.direction == "y"]
+    C = np.zeros((1, 2 * lin.n))
+    C[0, own] = curvature
+    return Constant(C)
+
+
+@checked
+def tip_position(lin: Linearization) -> MatrixFunction:
+    """Return what a camera sees of the tip beside its rigid path.
+
+    Parameters
+    ----------
+    lin : Linearization
+        With n coordinates, of a manipulator that says where its tip is.
+
+    Returns
+    -------
+    function of times (N,) -> (N, 2, 2n)
+        C(t) of the tip's displacement in world axes, in m.
+
+    Raises
+    ------
+    ArgumentError
+        When the manipulator gives no points.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> C = fl.control.tip_position(lin)(np.zeros(1))[0]
+    >>> print(f"{np.linalg.norm(C[:, 0]):.2f} m per rad of the joint")
+    0.96 m per rad of the joint
+    """
+    return TipSlopes(lin, tip_slopes(lin.about)).position
+
+
+@checked
+def tip_acceleration(lin: Linearization) -> tuple[MatrixFunction, MatrixFunction]:
+    """Return what an accelerometer in world axes sees beside the rigid motion.
+
+        a = J y'' + (dp''/ds') y' + (dp''/ds) y,   y'' = M^-1 (B u - D_L y' - K_L y)
+
+    An estimator subtracts D u, which is known, and uses C.
+
+    Parameters
+    ----------
+    lin : Linearization
+        With n coordinates and m inputs, of a manipulator that says where its tip is.
+
+    Returns
+    -------
+    C : function of times (N,) -> (N, 2, 2n)
+        The states' share of the acceleration, in m/s^2.
+    D : function of times (N,) -> (N, 2, m)
+        The torque's share, in m/s^2 per N m.
+
+    Raises
+    ------
+    ArgumentError
+        When the manipulator gives no points.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> C, D = fl.control.tip_acceleration(lin)
+    >>> C(np.zeros(1)).shape, D(np.zeros(1)).shape
+    ((1, 2, 6), (1, 2, 1))
+    """
+    found = TipSlopes(lin, tip_slopes(lin.about))
+    return found.acceleration, found.acceleration_by_torque
+
+
+def tip_zeros(lin: Linearization, tol: float = 1e-9) -> InvariantZeros:
+    """The invariant zeros from the motors to the tip's displacement along what they move.
+
+    Where one grows, no controller holds the tip on its path but by an arm that swings ever more.
+    Raises: ArgumentError where the tip is not known; NumericalError where motors move it in too few directions.
+    """
+    joints = [lin.kept.index(joint) for joint in lin.driven]
+    output = Combined(partial(along_motors, joints=joints), (tip_position(lin),))
+    return invariant_zeros(lin.periodic_system(), output, tol=tol)
+
+
+def along_motors(C: Array, joints: list[int]) -> Array:
+    """J' C of the tip's position C: its displacement along what each driven joint moves, as many outputs as inputs (N, m, 2n)."""
+    return np.swapaxes(C[:, :, joints], 1, 2) @ C
+
+
+def encoder_rows(lin: Linearization) -> Array:
+    """The encoders' readings of y, (m, n)."""
+    return ca.DM(ca.densify(lin.arm.encoders[list(lin.driven), list(lin.kept)])).full()
+
+
+@dataclass(frozen=True, eq=False)
+class TipSlopes:
+    """How the tip's position and acceleration change with [y; y'] and with the torque, along the rigid motion."""
+
+    lin: Linearization
+    function: ca.Function
+
+    def position(self, t: Array) -> Array:
+        """C (N, 2, 2n) of the position."""
+        by_y, *_ = self.lin.about.evaluate(self.function, t)
+        return np.concatenate([by_y, np.zeros_like(by_y)], axis=2)
+
+    def acceleration(self, t: Array) -> Array:
+        """C (N, 2, 2n) of the acceleration."""
+        J, by_rate, by_y = self.lin.about.evaluate(self.function, t)
+        M, D, K = self.lin.equations(t)
+        return np.concatenate([by_y, by_rate], axis=2) - J @ solve_mass(M, np.concatenate([K, D], axis=2), t)
+
+    def acceleration_by_torque(self, t: Array) -> Array:
+        """D (N, 2, m) of the acceleration."""
+        J, *_ = self.lin.about.evaluate(self.function, t)
+        return J @ solve_mass(*self.lin.mass_and_input(t), t)
+
+
+def tip_slopes(about: Deviation) -> ca.Function:
+    """dp/ds, dp''/ds' and dp''/ds of the tip's position p along the rigid motion, each (2, n)."""
+    about = about.near
+    arm, kept = about.arm, list(about.kept)
+    if arm.points is None:
+        raise ArgumentError(
+            "the manipulator does not say where its tip is", got="points = None", expected="positions (2, k)"
+        )
+    tip = arm.points[:, -1]
+    J = ca.jacobian(tip, arm.s)
+    acceleration = J @ arm.s_ddot + ca.jtimes(J @ arm.s_dot, arm.s, arm.s_dot)
+    parts = [J, ca.jacobian(acceleration, arm.s_dot), ca.jacobian(acceleration, arm.s)]
+    *_, angles = about.symbols()
+    values = about.lift([part[:, kept] for part in parts], angles)
+    return about.function(angles, {}, dict(zip(("J", "by_rate", "by_y"), values, strict=True)))
 
 
 def stack(*parts: Array) -> Array:

@@ -174,7 +174,7 @@ def physical_weights(lin: Linearization, weights: Weights) -> tuple[MatrixFuncti
     R = np.diag([size**-2.0 for size in spread("weights.input", weights.input, lin.input_units) or ()])
     if weights.tip is None:
         return Constant(fixed), R
-    from flexlin.control.measurement import tip_position
+    from flexlin.control.sensors import tip_position
 
     return Combined(partial(weigh_tip, fixed=fixed, size=float(weights.tip)), (tip_position(lin),), complete=True), R
 
@@ -184,7 +184,7 @@ def joint_integrals(lin: Linearization, weights: Weights) -> tuple[Controller, A
 
     Raises: ArgumentError when a size has not the unit of its joint.
     """
-    from flexlin.control.measurement import joint_angles
+    from flexlin.control.sensors import joint_angles
 
     driven = [lin.arm.coordinates[lin.arm.drives[i]] for i in lin.driven]
     units = tuple(f"{coordinate.unit} s" for coordinate in driven)

@@ -10,7 +10,7 @@ from flexlin.about.law import Law, is_constant
 from flexlin.about.layers import Layers
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
-from flexlin.control.measurement import encoder_rows
+from flexlin.control.sensors import encoder_rows
 from flexlin.errors import ArgumentError, SimulationStopped
 from flexlin.lazy import lazy
 from flexlin.simulation.drive import Drive

@@ -7,7 +7,7 @@ import numpy as np
 from flexlin import symbolic
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
-from flexlin.control.measurement import encoder_rows
+from flexlin.control.sensors import encoder_rows
 from flexlin.errors import ArgumentError
 from flexlin.lapack import LAPACK
 from flexlin.lazy import lazy

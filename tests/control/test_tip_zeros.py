@@ -5,7 +5,7 @@ from scipy.linalg import eigvals
 
 import flexlin as fl
 from flexlin.answers.analysis import analyse
-from flexlin.control.measurement import tip_zeros
+from flexlin.control.sensors import tip_zeros
 from flexlin.report.advice import comment_on_zeros
 
 STILL = {"designs": [], "motion.joints": [{"mean": 0.0, "amplitude": 0.0}]}

@@ -12,7 +12,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.bounds import LARGEST, SMALLEST
 from flexlin.checks import Array
 from flexlin.control.export.files import Labels
-from flexlin.control.measurement import tip_position
+from flexlin.control.sensors import tip_position
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.periodic.second_order import build_input

@@ -1,0 +1,160 @@
+"""Closed loops along the rigid motion: whether they stay closed, never become singular, and keep clear of dead points."""
+
+import casadi as ca
+import numpy as np
+
+from flexlin import symbolic
+from flexlin.about.deviation import Deviation
+from flexlin.checks import ROUNDING, SAMPLES, Array
+from flexlin.errors import MotionError, SingularClosure
+from flexlin.motion import SymbolicMotion
+from flexlin.series.tracking import CONTRACTION, SHORTEST, find_singular, track
+
+SINGULAR = 1e-7
+"""A closure whose V, with columns of length 1, has a reciprocal condition number below this is called singular."""
+SAME = 1e-6
+"""Followers that differ by more are those of another assembly."""
+STRAIGHT = 5
+"""Newton's steps, all times together, that show that two neighbours belong together."""
+OTHER = "move the motion away from there, or give the links other lengths"
+NEARER = "give the links a posture from the middle of the motion"
+PHASES, STEP = 512, 1e-5
+"""Phases that are looked at, and the step of the differences, as a share of the period."""
+CLEAR = 1 / 50
+"""Of the period: what a motion keeps from its dead points has no feature of a half-width below T / 200."""
+
+
+def refuse_open_loops(about: Deviation) -> None:
+    """Raise where a loop stays open, its closure V = D_v f becomes singular, or v(u) jumps to another assembly.
+
+    v(u) is held against v tracked from one time to the next. The elastic coordinates are at rest.
+    Raises: MotionError, SingularClosure, with the time.
+    """
+    t = about.motion.period * np.arange(SAMPLES + 1) / SAMPLES
+    s = rigid_positions(about, t)
+    asked = evaluate_at(about, "followers", s)[:, :, 0]
+    if not np.isfinite(asked[0]).all():
+        raise refused(0.0, "the loops do not close at the start of the motion", NEARER)
+    near = find_near(about, s, asked)
+    v, lost = [asked[0]], None
+    for k in range(1, SAMPLES + 1):
+        if near[k - 1] and lost is None:
+            v.append(asked[k])
+            continue
+        found, at = follow(about, v[-1], t[k - 1], t[k])
+        if found is None:
+            refuse_singular(about, t[:k], s[:k], v)
+            raise singular(at, "lets the loops follow no further: they reach a dead point")
+        v.append(found)
+        lost = t[k] if lost is None and not is_same(found, asked[k]).all() else lost
+    refuse_singular(about, t, s, v)
+    if lost is not None:
+        raise refused(lost, "v(u) about the posture does not follow the whole motion", NEARER)
+
+
+def rigid_positions(about: Deviation, t: Array) -> Array:
+    """s (N, arm.n) on the rigid motion."""
+    return about.positions(t, np.zeros((len(t), about.n)))[0]
+
+
+def evaluate_at(about: Deviation, name: str, s: Array, *v: Array) -> Array:
+    """One of the arm's functions of s, and of the followers if given, (N, rows, columns)."""
+    p = np.broadcast_to(about.arm.parameters.values, (len(s), len(about.arm.parameters.values)))
+    return symbolic.evaluate(about.arm.functions[name], s, *v, p)[0]
+
+
+def find_near(about: Deviation, s: Array, v: Array) -> Array:
+    """Whether Newton's method leads from the followers at each time straight to those at the next, (N - 1,), all in batches."""
+    found, last, near = v[:-1].copy(), np.inf, np.isfinite(v[1:]).all(axis=1) & np.isfinite(v[:-1]).all(axis=1)
+    found[~near] = v[0]
+    for _ in range(STRAIGHT):
+        step = evaluate_at(about, "newton_step", s[1:], found)
+        size = np.abs(step[:, :, 0]).max(axis=1)
+        near &= size < np.maximum(last / CONTRACTION, ROUNDING)
+        found[near] -= step[near, :, 0]
+        last = size
+    return np.asarray(near & is_same(found, v[1:]).all(axis=1))
+
+
+def is_same(v: Array, other: Array) -> Array:
+    """Whether followers agree, whole turns apart."""
+    off = v - other
+    return np.asarray(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))) <= SAME * (1 + np.abs(v)))
+
+
+def refuse_singular(about: Deviation, t: Array, s: Array, v: list[Array]) -> None:
+    """Raise where V is singular at one of the times, or between them, while the followers are v."""
+
+    def between(k: int, at: float) -> Array:
+        found, reached = follow(about, v[k], t[k], at)
+        there = v[k] if found is None else found
+        return np.asarray(closings(about, rigid_positions(about, np.array([reached])), there[None])[0])
+
+    found = find_singular(t, closings(about, s, np.array(v)), between, SINGULAR, SHORTEST * about.motion.period)
+    if found is not None:
+        at, least = found
+        raise singular(at, f"has the reciprocal condition number {least:.1e}" if least else "passes through zero")
+
+
+def closings(about: Deviation, s: Array, v: Array) -> Array:
+    """V (N, k, k) at s for followers v (N, k), its columns scaled to length 1, so that metres and radians count alike."""
+    V = evaluate_at(about, "closing", s, v)
+    return np.asarray(V / np.maximum(np.linalg.norm(V, axis=1, keepdims=True), 1e-300))
+
+
+def follow(about: Deviation, v: Array, a: float, b: float) -> tuple[Array | None, float]:
+    """The followers at time b from those at a, or None, and the time that was reached."""
+    f, p = about.arm.functions["newton_step"], about.arm.parameters.values
+
+    def step(t: float, v: Array) -> Array:
+        return np.asarray(f(rigid_positions(about, np.array([t]))[0], v, p).full()[:, 0])
+
+    return track(step, v, a, b, SHORTEST * about.motion.period)
+
+
+def singular(at: float, how: str) -> SingularClosure:
+    """What is raised for a singular closure."""
+    what, got = "the loops' closure becomes singular along the motion", f"D_v f {how} at t = {at:.6g} s"
+    return SingularClosure(what, got=got, todo=OTHER)
+
+
+def refused(at: float, what: str, todo: str) -> MotionError:
+    """What is raised for a loop that is open, or not the one that was."""
+    return MotionError(what, got=f"t = {at:.6g} s", expected="loops that stay closed", todo=todo)
+
+
+def keeps_clear(about: Deviation) -> bool:
+    """Whether all dead points of the loops lie at least CLEAR T from real times, in the complex plane.
+
+        det V(t) = 0,   V = D_v f:   t - t_0 ~ 1 / mu for the largest eigenvalue mu of V^-1 V'
+
+    The followers v(u(t)), and with them all coefficients, are analytic in t but for zeros of det V. Newton's step towards the nearest zero
+    is right within a factor of two where v has a branch point, so one at a distance of T / 200 is seen from every third phase that is
+    looked at. The elastic coordinates are at rest.
+    """
+    T = about.motion.period
+    t, step = T * np.arange(PHASES) / PHASES, STEP * T
+    try:
+        before, after = (closings_along(about, t + side * step) for side in (-1, 1))
+        rates = np.linalg.eigvals(np.linalg.solve(before + after, (after - before) / step))
+    except np.linalg.LinAlgError:  # a loop that is open or at a dead point
+        return False
+    return bool(np.abs(rates).max(initial=0.0) * CLEAR * T <= 1)
+
+
+def moves_followers(about: Deviation) -> bool:
+    """Whether free numbers of the arm move its followers at a given phase, or how V depends on them."""
+    loops, motion, p = about.arm.loops, about.motion, about.arm.parameters.symbols
+    if loops is None or not isinstance(motion, SymbolicMotion):
+        return True
+    symbols = (part for part in (p, motion.parameters.symbols) if part.numel())
+    return any(ca.depends_on(ca.vertcat(loops.gap, motion.angles), part) for part in symbols)
+
+
+def closings_along(about: Deviation, t: Array) -> Array:
+    """V (N, k, k) at times (N,), along the motion. Raises: LinAlgError where a loop is open."""
+    s = rigid_positions(about, t)
+    v = evaluate_at(about, "followers", s)[:, :, 0]
+    if not np.isfinite(v).all():
+        raise np.linalg.LinAlgError
+    return evaluate_at(about, "closing", s, v)
