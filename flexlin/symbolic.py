@@ -191,17 +191,6 @@ def call_casadi(function: ca.Function, arrays: list[Array]) -> list[Array]:
     return [output.transpose(0, 2, 1) for output in outputs]
 
 
-def dense_outputs(function: ca.Function, outputs: list[Array]) -> list[Array]:
-    """The outputs, if CasADi will fill every number of them."""
-    for i in range(function.n_out()):
-        if function.nnz_out(i) != function.numel_out(i):
-            raise ArgumentError(
-                f"output {function.name_out(i)} of {function.name()} is sparse",
-                expected="a dense output (casadi.densify)",
-            )
-    return outputs
-
-
 class Pointwise:
     """A CasADi function called at one point after another, as integrators do: buffers are laid out once.
 
@@ -212,14 +201,15 @@ class Pointwise:
     """
 
     def __init__(self, function: ca.Function):
-        self._names = function.name_in()
-        self._inputs = [np.zeros(function.numel_in(i)) for i in range(function.n_in())]
-        self._outputs = [np.zeros(function.size_out(i)[::-1]) for i in range(function.n_out())]
+        inputs, outputs = layout(function)
+        self._names = [name for name, _ in inputs]
+        self._inputs = [np.zeros(size) for _, size in inputs]
+        self._outputs = [np.zeros((columns, rows)) for rows, columns in outputs]
         self._buffer: Any
         self._buffer, self._trigger = function.buffer()
         for i, array in enumerate(self._inputs):
             self._buffer.set_arg(i, array.data)
-        for i, output in enumerate(dense_outputs(function, self._outputs)):
+        for i, output in enumerate(self._outputs):
             self._buffer.set_res(i, output.data)
 
     def __call__(self, *arguments: Array) -> list[Array]:

@@ -10,9 +10,8 @@ import numpy as np
 from flexlin.about.closed_loops import refuse_open_loops
 from flexlin.about.deviation import Deviation
 from flexlin.about.law import Feedback
-from flexlin.about.linearization import Linearization
+from flexlin.about.linearization import Coefficients, Linearization
 from flexlin.about.routes import ROUTES, Matrices, Route, left_side
-from flexlin.about.second_order import Coefficients
 from flexlin.about.trajectory import Trajectory, linearize_along
 from flexlin.arguments import checked, instance
 from flexlin.errors import ArgumentError, ModelError, MotionError
