@@ -53,8 +53,8 @@ class Linearization(Shown):
 
     Without a loop h_L = -(M s_R'' + C s_R' + g + d) and u is the whole torque. With a loop, torque = feedforward + feedback + u:
     D_L and K_L hold what of the feedback answers at once, h_L the feedforward. The coefficients of the arm alone are one CasADi function; a
-    loop adds B gain to [K_L, D_L] and the torque of the rigid motion to h_L in numbers. Integrals and filters of the loop are states z behind
-    the arm's own: x = [y; y'; z].
+    loop adds B gain to [K_L, D_L] and the torque of the rigid motion to h_L in numbers. Integrals and filters of the loop are states z
+    behind the arm's own: x = [y; y'; z].
 
     Attributes
     ----------
