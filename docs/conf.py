@@ -1,6 +1,7 @@
 """Settings of the documentation site; `make docs` builds it, runs every example and treats warnings as errors."""
 
 import os
+import re
 import sys
 import sysconfig
 import tempfile
@@ -73,7 +74,10 @@ def setup(app):
 
 
 def join_streams(outputs):
-    """Put the pieces of each stream together as they came: myst_nb ends each piece with a new line, also in the middle of a word."""
+    """Put the pieces of each stream together as they came: myst_nb ends each piece with a new line, also in the middle of a word.
+
+    How far a command has come (`flexlin: 47 %, about 2 s left`) is left out: it depends on how busy the machine is.
+    """
     streams, joined = {}, []
     for output in outputs:
         name = output.get("name") if output["output_type"] == "stream" else None
@@ -83,7 +87,9 @@ def join_streams(outputs):
         if name:
             streams[name] = output
         joined.append(output)
-    return joined
+    for stream in streams.values():
+        stream["text"] = re.sub(r"^flexlin: .*(?:s left|so far).*\n", "", stream["text"], flags=re.MULTILINE)
+    return [output for output in joined if output.get("text", "shown")]
 
 
 def quote_equations(lines):
