@@ -8,9 +8,8 @@ from flexlin.lazy import load_lazily
 __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {
-        "kronecker.algebra": "kron kronecker_power swap",
+        "kronecker.algebra": "chain_rule inverse_rule kron kronecker_power kronecker_rule product_rule swap",
         "kronecker.expansion": "bilinear_term linearization linearized_product taylor_sum",
-        "kronecker.rules": "chain_rule inverse_rule kronecker_rule product_rule",
         "kronecker.symbolic": "derivative",
     },
 )
