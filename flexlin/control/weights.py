@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlin.about.compensator import INTEGRAL
-from flexlin.about.law import Controller
+from flexlin.about.law import INTEGRAL, Controller
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
