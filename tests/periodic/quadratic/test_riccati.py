@@ -136,6 +136,18 @@ def test_what_the_dense_output_leaves_out_is_in_the_error(width):
         assert np.abs(found.K(t)[:, 0, 0] - gain).max() <= found.gain_error * gain.max(), tol
 
 
+@pytest.mark.parametrize(("fast", "effort"), [(1e4, 1e-3), (1e3, 1e-4)])
+def test_the_layer_at_the_end_of_a_horizon_is_followed(fast, effort):
+    """Panels that are not graded towards it give no answer: X leaves its end within 1e-5 of the horizon, beside a fast mode."""
+    root = np.sqrt(1 + 1 / effort)
+    high, low = effort * (root - 1), -effort * (root + 1)  # both rests of X' = 2 X + X^2 / R - 1
+    t = 1 - np.array([1.0, 0.3, 1e-2, 1e-4, 1e-6, 1e-7])
+    ratio = (100 - high) / (100 - low) * np.exp(2 * root * (t - 1))
+    system = PeriodicSystem(np.diag([-1.0, -fast]), 1.0, [[1.0], [0.0]])
+    found = finite_horizon_riccati(system, np.eye(2), [[effort]], np.diag([100.0, 0.0]))
+    assert np.abs(found.X(t)[:, 0, 0] - (high - ratio * low) / (1 - ratio)).max() <= 100 * found.error < 1e-7
+
+
 def test_fast_unstable_arm_does_not_overflow():
     rng = np.random.default_rng(1)
     V = np.linalg.qr(rng.normal(size=(4, 4)))[0]
