@@ -2,7 +2,7 @@
 
 Windows of 2 s of two logs of Quanser's 2-DOF Serial Flexible Link are predicted from the measured currents, with the data sheet's
 numbers and with the fitted ones that ship. Then exponents of the arm whose joints stick, as they do between moves, stand beside
-frequency and decay of the strain that both logs show there: the fit, which large moves decide, rings slower by 7 to 11 %.
+frequency and decay of the strain that both logs show there; windows that the currents drive have nearly the measured frequency.
 Source of the logs, thinned to 100 Hz: github.com/basta/quanser-2-dof-serial-flexible-link, commit 48ab0ce; MIT licence, see logs/LICENSE.
 
     python studies/measured_machine.py [--size small] [--out DIR]
@@ -26,7 +26,8 @@ MACHINES = {
 SHEET = {
     "links.0.bending_stiffness": 39.96 * 0.202 / 3,
     "links.1.bending_stiffness": 6.858 * 0.20185 / 3,
-    "effects.hub": {"inertia": [0.0635362, 0.00301955], "radius": [0.05, 0.001]},
+    "effects.hub": {"inertia": [7.3616e-4, 4.4455e-4], "radius": [0.05, 0.001]},
+    "effects.joint_flexibility": {"stiffness": [0, 0], "motor_inertia": [0.0628, 0.002575]},
     "effects.viscous_friction": {"coefficient": [4.0, 1.5]},
     "effects.coulomb_friction": "off",
     "effects.gravity": "off",

@@ -200,7 +200,7 @@ def identify(
     known = {path: float(point.p[k]) for k, path in enumerate(paths) if path in evidence.known}
     made = place_uncertainty(revise_scene(scene, known), evidence, (low, high), paths)
     held = log.part(edge, log.time[-1]) if hold_back else log
-    prediction = predict(found, held, window)
+    prediction = predict(made, held, window)
     noise = np.where(np.isfinite(problem.readings).any(axis=(0, 1)), problem.sigma, np.nan)
     return Identification(
         made, known, evidence.errors, evidence.unknown, evidence.covariance, evidence.correlations, prediction.fit,

@@ -66,6 +66,7 @@ def test_numbers_are_handed_back_when_the_time_ends_first():
     assert np.isnan(found.covariance).all()
     assert found.scene.uncertainty == {}
     assert found.fit["q1"] > 0
+    assert found.fit == pytest.approx(fl.predict(found.scene, log, window=1.0).fit)
 
 
 @pytest.mark.slow
