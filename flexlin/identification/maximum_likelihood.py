@@ -195,12 +195,13 @@ def identify(
     with part(0.0, 0.3):
         values = choose_start(scene, fitted, windows, paths, (low, high), whole("starts", starts), late)
     with part(0.3, 0.9):
-        found, point, problem, settled = refine(scene, fitted, windows, paths, values, (low, high), late)
+        point, problem, settled = refine(scene, fitted, windows, paths, values, (low, high), late)
     evidence = (weigh_evidence if settled else leave_unknown)(problem, point, paths)
     known = {path: float(point.p[k]) for k, path in enumerate(paths) if path in evidence.known}
     made = place_uncertainty(revise_scene(scene, known), evidence, (low, high), paths)
     held = log.part(edge, log.time[-1]) if hold_back else log
-    prediction = predict(made, held, window)
+    reached = revise_scene(scene, dict(zip(paths, point.p[: len(paths)].tolist(), strict=True)))
+    prediction = predict(reached, held, window)
     noise = np.where(np.isfinite(problem.readings).any(axis=(0, 1)), problem.sigma, np.nan)
     return Identification(
         made, known, evidence.errors, evidence.unknown, evidence.covariance, evidence.correlations, prediction.fit,
@@ -287,7 +288,7 @@ def refine(
     values: Array,
     limits: tuple[Array, Array],
     late: Callable[[], bool],
-) -> tuple[Scene, Point, Problem, bool]:
+) -> tuple[Point, Problem, bool]:
     """The maximum of the likelihood: noise and shapes of links are found anew until neither changes; whether it came so far before it was
     late."""
     sigma, start = None, None
@@ -310,7 +311,7 @@ def refine(
         sigma, values, start = np.maximum(size, 1e-9 * deviations(problem.readings)), point.p, point.start
         if settled or late():
             break
-    return found, point, problem, settled or not late()
+    return point, problem, settled or not late()
 
 
 def place_uncertainty(scene: Scene, evidence: Evidence, limits: tuple[Array, Array], paths: list[str]) -> Scene:
