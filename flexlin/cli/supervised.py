@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from flexlin.bounds import printable
+from flexlin.cli.shared import BAD_INPUT, FAILED, NO_ANSWER
 from flexlin.resources import BYTES, PATIENCE, SECONDS, read_resident
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
     from flexlin.scene.scene import Accuracy
 
-FAILED, BAD_INPUT, NO_ANSWER = 1, 2, 4
-"""Exit codes where the work has none of its own."""
 TICK = 0.1
 """Seconds between two looks at the memory of the work."""
 ENDING = 1.5

@@ -8,8 +8,15 @@ from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.answers.validity import REPEATABLE
 from flexlin.plots.scales import write_powers
-from flexlin.report.drive_words import comment_on_drives, comment_on_gains, name_loop
-from flexlin.report.wording import caution, format_quantity, is_dimensionless, reason
+from flexlin.report.wording import (
+    caution,
+    comment_on_drives,
+    comment_on_gains,
+    format_quantity,
+    is_dimensionless,
+    name_loop,
+    reason,
+)
 from flexlin.simulation.result import Simulation
 
 WORTHWHILE = 1.05

@@ -16,8 +16,7 @@ from flexlin.answers.judging import Loop
 from flexlin.answers.margins import Margin
 from flexlin.checks import Array
 from flexlin.periodic.margins import Margins
-from flexlin.report.drive_words import describe_controller
-from flexlin.report.wording import reason
+from flexlin.report.wording import describe_controller, reason
 from flexlin.scene.effects import known_effects
 from flexlin.scene.scene import Scene
 

@@ -12,14 +12,15 @@ from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.report.advice import advise, name_condition
-from flexlin.report.drive_words import describe_controller, drive_cells
 from flexlin.report.figures.coefficients import list_entries, name_entry
 from flexlin.report.figures.style import Picture
 from flexlin.report.margins import describe_endured, describe_margins, describe_nearest
 from flexlin.report.wording import (
     colour,
+    describe_controller,
     describe_pace,
     doubt,
+    drive_cells,
     format_decimal,
     format_duration,
     format_largest_multiplier,

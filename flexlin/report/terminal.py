@@ -9,12 +9,12 @@ from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.answers.validity import ModelValidity
 from flexlin.report.advice import advise
-from flexlin.report.drive_words import drive_line
 from flexlin.report.margins import describe_margins, describe_nearest
 from flexlin.report.wording import (
     colour,
     describe_pace,
     doubt,
+    drive_line,
     format_decimal,
     format_figures,
     format_power,

@@ -35,7 +35,7 @@ def draw_chart(
     labels = [label_number(scene, path) for path in paths]
     own = [float(get_value(scene, path)) for path in paths]
     if len(paths) == 1:
-        found = [f"{line}." for line in list_critical(scene, critical)] or say_none_was_found(data)
+        found = [f"{describe_critical(scene, one)}." for one in critical] or say_none_was_found(data)
         said = "\n".join([caption, *found])
         return make_picture("chart", title, said, [draw_line(labels[0], own[0], thin(data), critical)])
     nearest = find_nearest(own, data, paths, curves)
@@ -71,13 +71,8 @@ def write_caption(verdict: Array, loop: str) -> str:
     )
 
 
-def list_critical(scene: Scene, critical: Sequence[CriticalValue]) -> list[str]:
-    """Each critical value as a sentence without its full stop."""
-    return [describe_critical(scene, one) for one in critical]
-
-
 def describe_critical(scene: Scene, one: CriticalValue) -> str:
-    """One critical value with unit, error, distance and resonance."""
+    """One critical value with unit, error, distance and resonance, as a sentence without its full stop."""
     unit = show_unit(scene, one.path)
     change = "becomes unstable" if one.kind == "onset" else "is stable again"
     if one.touching:

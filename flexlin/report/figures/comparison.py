@@ -13,10 +13,10 @@ from flexlin.identification.prediction import Prediction
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear
 from flexlin.report.advice import agreement, sentence
-from flexlin.report.drive_words import describe_demand
 from flexlin.report.figures.style import Picture, choose_colour, make_period_panel, make_picture, resize
 from flexlin.report.numbers import record_fields, record_numbers
 from flexlin.report.wording import (
+    describe_demand,
     format_decimal,
     format_duration,
     format_quantity,
