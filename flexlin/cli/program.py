@@ -22,8 +22,19 @@ from typing import Any, NoReturn
 from flexlin import __version__
 from flexlin.bounds import printable
 from flexlin.cli.commands import COMMANDS
-from flexlin.cli.shared import BAD_INPUT, FAILED, NO_ANSWER, OPTIONS, parse_place
-from flexlin.cli.supervised import INTERRUPTED, NO_MEMORY, PASSED_ON, Channel, is_supervised, supervise, take_signals
+from flexlin.cli.shared import OPTIONS, parse_place
+from flexlin.cli.supervised import (
+    BAD_INPUT,
+    FAILED,
+    INTERRUPTED,
+    NO_ANSWER,
+    NO_MEMORY,
+    PASSED_ON,
+    Channel,
+    is_supervised,
+    supervise,
+    take_signals,
+)
 from flexlin.errors import FlexlinError, InputError, NumericalError, OutputError, SceneError, TooLarge, lacks_memory
 from flexlin.resources import Stopwatch
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexlin.bounds import read_number
+from flexlin.cli.supervised import DONE, send_limits
 from flexlin.errors import ArgumentError, OutputError
 from flexlin.resources import BYTES, SECONDS
 
@@ -24,8 +25,6 @@ LIMIT = f"{BYTES:.0e}".replace("+0", "")
 SCENE = ("scene", "set", "data", "out")
 LIMITS = ("seconds", "memory")
 COMPUTED = (*SCENE, "tol", *LIMITS)
-DONE, FAILED, BAD_INPUT, OTHER_VERDICT, NO_ANSWER = range(5)
-"""Exit codes."""
 LONG = 600.0
 """Limit in s of a search or a fit where nobody states one."""
 ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
@@ -260,7 +259,6 @@ class Work:
 
 def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     """The scene with its overrides, once the output folder has been found usable; `usual`: the limit in s where nobody states one."""
-    from flexlin.cli.supervised import send_limits
     from flexlin.files import check_folder
     from flexlin.scene.loading import load_scene
     from flexlin.scene.parameters import parse_assignment

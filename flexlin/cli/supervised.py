@@ -17,7 +17,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from flexlin.bounds import printable
-from flexlin.cli.shared import BAD_INPUT, FAILED, NO_ANSWER
 from flexlin.resources import BYTES, PATIENCE, SECONDS, read_resident
 
 if TYPE_CHECKING:
@@ -25,6 +24,8 @@ if TYPE_CHECKING:
 
     from flexlin.scene.scene import Accuracy
 
+DONE, FAILED, BAD_INPUT, OTHER_VERDICT, NO_ANSWER = range(5)
+"""Exit codes."""
 TICK = 0.1
 """Seconds between two looks at the memory of the work."""
 ENDING = 1.5

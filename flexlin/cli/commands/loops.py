@@ -5,18 +5,15 @@ from functools import partial
 
 from flexlin.cli.shared import (
     COMPUTED,
-    DONE,
     LIMITS,
     LONG,
-    NO_ANSWER,
-    OTHER_VERDICT,
     SCENE,
     Work,
     command,
     meets,
     print_paths,
 )
-from flexlin.cli.supervised import send_written
+from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError
 
 

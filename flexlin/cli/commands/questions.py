@@ -9,17 +9,14 @@ from typing import Literal
 
 from flexlin.cli.shared import (
     COMPUTED,
-    DONE,
     LIMITS,
-    NO_ANSWER,
-    OTHER_VERDICT,
     SCENE,
     Work,
     command,
     meets,
     print_paths,
 )
-from flexlin.cli.supervised import send_written
+from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError, FlexlinError, NumericalError, TooLarge
 
 KINDS: tuple[Literal["step", "initial", "push", "noise"], ...] = ("step", "initial", "push", "noise")

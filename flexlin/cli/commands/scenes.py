@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexlin.cli.shared import DONE, LIMITS, SCENE, Work, command, refuse_existing
+from flexlin.cli.shared import LIMITS, SCENE, Work, command, refuse_existing
+from flexlin.cli.supervised import DONE
 
 if TYPE_CHECKING:
     from flexlin.answers.steady import AtRest
