@@ -30,13 +30,20 @@ WINGS = {
     **dict.fromkeys(["kronecker", "periodic"], "numeric"),
     "about": "bridge",
 }
+
+
+def is_package(name: str) -> bool:
+    """Whether it is a folder of modules; a folder of before, with nothing but compiled files in it, is none."""
+    return (PACKAGE / name / "__init__.py").exists()
+
+
 GROUND = tuple(
     name
     for name in (
         *("symbolic", "program", "expressions", "plots", "_core", "compiler", "lapack", "lazy", "files"),
         *("arguments", "checks", "bounds", "errors", "text", "summary", "progress", "resources"),
     )
-    if (PACKAGE / name).is_dir() or (PACKAGE / name).with_suffix(".py").exists()
+    if is_package(name) or (PACKAGE / name).with_suffix(".py").exists()
 )
 """What nearly every room stands on: drawn as the ground, without arrows."""
 WING_WIDTH, DEEPER = 430, 50
@@ -62,7 +69,7 @@ class Room:
 def files_of(name: str) -> list[Path]:
     """All files of a package or module, given as a path with slashes."""
     folder = PACKAGE / name
-    return sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
+    return sorted(folder.rglob("*.py")) if is_package(name) else [folder.with_suffix(".py")]
 
 
 def size_of(name: str) -> tuple[int, int]:
@@ -73,7 +80,7 @@ def size_of(name: str) -> tuple[int, int]:
 
 def purpose_of(name: str) -> str:
     """The first line of a room's docstring."""
-    first = files_of(name)[0] if not (PACKAGE / name).is_dir() else PACKAGE / name / "__init__.py"
+    first = PACKAGE / name / "__init__.py" if is_package(name) else files_of(name)[0]
     return (ast.get_docstring(ast.parse(first.read_text(encoding="utf-8"))) or "").split("\n")[0]
 
 
