@@ -10,12 +10,14 @@ from flexlin.about.linearization import Linearization
 from flexlin.checks import ROUNDING, SAMPLES, Array
 from flexlin.control.tracking import scene_feedforward, tip_positions
 from flexlin.errors import InputError
+from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.axes import COLUMNS
 from flexlin.motion import SampledMotion
 from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.response.result import ForcedResponse
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -131,6 +133,17 @@ def examine(plant: Linearization, lengths: Array) -> AtRest | None:
         return AtRest(np.zeros(0), True, None)
     known = None if arm.axes is None else Bending(lengths, *(bend(lin, len(lengths)) for lin in loads))
     return AtRest(np.sqrt(squares.real) / (2 * np.pi), False, known)
+
+
+def find_bending(scene: Scene) -> float:
+    """By which share of its length a link of a scene bends at most along the motion; 0 where none does, inf where the arm gives way."""
+    if not any(any(link.counts.by_direction().values()) for link in scene.links):
+        return 0.0
+    plant = linearize(build_manipulator(scene), scene.motion)
+    found = examine(plant, np.array([link.length for link in scene.links]))
+    if found is None or (found.bending is None and not found.gives_way):
+        return 0.0
+    return np.inf if found.bending is None else float(found.bending.largest.max())
 
 
 def bend(lin: Linearization, links: int) -> Array:

@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = load_lazily(
     within={
         "report.advice": "advise",
         "report.animation": "animation_page collect_frames",
-        "report.charts": "draw_charts",
+        "report.charts": "draw_charts say_bending",
         "report.exports": "export_all",
         "report.figures": "draw_pictures FIGURES",
         "report.figures.chart": "choose_scale thin",

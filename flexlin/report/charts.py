@@ -3,7 +3,9 @@
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -13,18 +15,21 @@ from flexlin.answers.campbell import unfold_frequencies
 from flexlin.answers.clock import Clock
 from flexlin.answers.critical_values import CriticalValue, critical_values
 from flexlin.answers.stability_boundary import BoundaryCurve, search_boundary
+from flexlin.answers.steady import find_bending
 from flexlin.answers.sweep import worst_error
 from flexlin.answers.sweep.found import VERDICTS, Found
 from flexlin.answers.sweep.job import Job, prepare_job
 from flexlin.answers.sweep.run import choose_crew, keep_in
+from flexlin.answers.validity import SMALL
 from flexlin.checks import Array
-from flexlin.errors import TimeLimit
+from flexlin.errors import InputError, TimeLimit
 from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.spectra import Effort
 from flexlin.report.figures.chart import draw_campbell, draw_chart, list_paths, thin
 from flexlin.report.figures.style import Picture
 from flexlin.report.wording import units_of_scene
-from flexlin.scene.names import label_number, name_number, name_unit
+from flexlin.scene.loading import raw_tables, revise_scene
+from flexlin.scene.names import label_number, name_number, name_unit, show_unit
 from flexlin.scene.scene import Scene
 
 BOUNDARY_SHARE = 0.1
@@ -33,6 +38,8 @@ BOUNDARY_TOL = 1e-4
 """Wanted error of a boundary that is drawn, as a share of its ranges: a tenth of what a picture shows."""
 CRITICAL_TOL = 1e-8
 """Wanted error of a critical value, as a share of its range."""
+CRITICAL_SHOWN = 3
+"""Critical values at which it is asked how far the links bend."""
 
 
 def find_boundary(
@@ -58,6 +65,48 @@ def find_boundary(
         problems["boundary"] = f"some tips of tongues were left open after {effort.seconds:.3g} s"
     data.attrs["search"] = " ".join(problems.values())
     return [], curves
+
+
+def say_bending(
+    scene: Scene, ranges: dict[str, tuple[float, float]], critical: Sequence[CriticalValue], clock: Clock
+) -> str:
+    """Where, of the corners of a chart and the critical values, links bend further than linear equations hold; empty where they do not."""
+    problems = dict[str, str]()
+    corners = [dict(zip(ranges, place, strict=True)) for place in product(*ranges.values())]
+    places = [*({one.path: one.value} for one in critical[:CRITICAL_SHOWN]), *corners]
+
+    def work() -> list[float]:
+        raw, shares = raw_tables(scene), np.zeros(len(places))
+        for k, place in enumerate(places):
+            with suppress(InputError):  # the chart says of its values which ones make no scene
+                shares[k] = find_bending(revise_scene(scene, place, raw))
+        return list(shares)
+
+    seconds = BOUNDARY_SHARE * scene.accuracy.seconds
+    shares = clock.attempt(problems, "bending", "bending of the links", scene.accuracy, work, at_most=seconds)
+    if shares is None:
+        return f"How far the links bend was not found ({' '.join(problems.values())})."
+    far = [
+        f"{say_share(share)} at {', '.join(label_value(scene, *number) for number in place.items())}"
+        for place, share in zip(places, shares, strict=True)
+        if share > SMALL
+    ]
+    if not far:
+        return ""
+    return (
+        f"A link bends {'; '.join(far)}: further than linear equations hold. "
+        "There the chart speaks of the linear model alone; stiffen the link, or trust the simulation."
+    )
+
+
+def say_share(share: float) -> str:
+    """A share of a link's length; what the linear equations say beyond the whole of it is no size of anything."""
+    return f"by {100 * share:.3g} % of its length" if share < 1 else "by more than its length"
+
+
+def label_value(scene: Scene, path: str, value: float) -> str:
+    """A number of a scene at one of its values, with its unit."""
+    return f"{name_number(path)} {value:.4g} {show_unit(scene, path)}".strip()
 
 
 def draw_charts(

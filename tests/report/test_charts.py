@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import CriticalValue, Margin, choose_margins, find_margin, unfold_frequencies
-from flexlin.report import choose_scale, describe_margins, record_margin, trace_contour
+from flexlin.answers import (
+    Clock,
+    CriticalValue,
+    Margin,
+    choose_margins,
+    find_bending,
+    find_margin,
+    unfold_frequencies,
+)
+from flexlin.report import choose_scale, describe_margins, record_margin, say_bending, trace_contour
 from flexlin.scene import label_number
 
 
@@ -94,3 +102,28 @@ def test_critical_values_of_a_short_search_hold_those_of_the_long_one(seconds):
         assert abs(one.value - exact.value) <= one.error + exact.error
         assert one.kind == exact.kind
     assert short.critical or short.gap > 0
+
+
+HELD_LEVEL = {
+    "schema": 1,
+    "title": "a strip held level",
+    "links": [{"length": 0.8, "mass_per_length": 0.3, "bending_stiffness": 5.0, "modes": 4}],
+    "effects": {"gravity": {}, "payload": {"mass": 0.1}},
+    "motion": {"kind": "harmonic", "frequency": 0.01, "joints": [{"amplitude": 1e-3}]},
+    "control": {"feedforward": "rigid", "feedback": {"kind": "pd", "kp": [50.0], "kd": [5.0]}},
+}
+
+
+def test_a_link_bends_as_a_cantilever_under_its_own_weight_and_a_load():
+    """w/l = m g l^2 / (3 EI) + rho A g l^3 / (8 EI), Euler-Bernoulli."""
+    exact = 9.81 * (0.1 * 0.8**2 / 3 + 0.3 * 0.8**3 / 8) / 5.0
+    assert find_bending(fl.parse_scene(HELD_LEVEL)) == pytest.approx(exact, rel=2e-3)
+
+
+def test_a_chart_says_where_its_links_bend_too_far_for_linear_equations():
+    scene, path = fl.parse_scene(HELD_LEVEL), "effects.payload.mass"
+    onset = CriticalValue(path, 0.6, 1e-9, "onset", "not looked for", 0.5, np.nan)
+    assert say_bending(scene, {path: (0.0, 0.3)}, [], Clock()) == ""
+    said = say_bending(scene, {path: (0.0, 4.0)}, [onset], Clock())
+    assert said.startswith("A link bends by 28.9 % of its length at payload mass 0.6 kg; by more than its length at")
+    assert "linear model alone" in said

@@ -60,7 +60,7 @@ def chart(options: argparse.Namespace) -> int:
 
         from flexlin.answers.clock import DRAWING
         from flexlin.answers.sweep import check_values
-        from flexlin.report.charts import chart_dataset, compute_chart, draw_charts, find_boundary
+        from flexlin.report.charts import chart_dataset, compute_chart, draw_charts, find_boundary, say_bending
         from flexlin.report.exports import storable
         from flexlin.report.figures.style import Picture
 
@@ -75,6 +75,7 @@ def chart(options: argparse.Namespace) -> int:
         ranges = {key: (low, high) for key, low, high, _ in spans}
         data.attrs |= {"search": problem} if problem else {}
         found = ([], []) if problem else find_boundary(scene, ranges, data, clock, options.loop)
+        data.attrs["bending"] = "" if problem else say_bending(scene, ranges, found[0], clock)
         numbers = storable(chart_dataset(scene, data, *found))
 
         def without(why: object) -> list[Picture]:
