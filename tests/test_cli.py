@@ -214,7 +214,6 @@ BESIDES = {
     "pandas",
     "control",
     "matplotlib",
-    "scipy.interpolate",
     "scipy.integrate",
 }
 """Heavy libraries that neither a verdict nor a design needs; `control` is 1.2 s, and brings matplotlib; each of SciPy's 0.2 s.

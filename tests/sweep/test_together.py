@@ -1,10 +1,7 @@
 """Values that are computed together, beside `floquet`; what is sent to workers, and shared among threads."""
 
 import pickle
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -105,26 +102,6 @@ def test_results_do_not_depend_on_the_blocks_nor_on_pickling():
     whole, parts = work.compute(points), [again.compute(points[i : i + 16]) for i in range(0, 61, 16)]
     assert np.array_equal(whole.exponents, np.concatenate([part.exponents for part in parts]))
     assert np.array_equal(whole.error, np.concatenate([part.error for part in parts]))
-
-
-@pytest.mark.slow
-def test_a_worker_loads_no_more_than_the_kernel_needs(tmp_path):
-    """SciPy, CasADi and the scene's classes take a worker most of a second; values that are left to `floquet` load them."""
-    loop = choose_loop(fl.load_scene("single-link", SINGLE), ["effects.payload.mass"])
-    points = np.linspace(0.0, 0.3, 24)[:, None]
-    work = Together.prepare(loop, points, 1e-8)
-    (tmp_path / "work").write_bytes(pickle.dumps((work, points)))
-    script = (
-        "import pickle, sys; import flexlin.answers.sweep.sharing\n"
-        f"work, points = pickle.load(open({str(tmp_path / 'work')!r}, 'rb')); found = work.compute(points)\n"
-        "assert not {'scipy', 'casadi', 'pydantic', 'flexlin.scene', 'flexlin.periodic.system'} & set(sys.modules)\n"
-        f"pickle.dump(found, open({str(tmp_path / 'found')!r}, 'wb'))\n"
-        "points[3] = float('nan'); print(work.compute(points).one_by_one.sum())"
-    )
-    command = [sys.executable, "-c", script]
-    done = subprocess.run(command, cwd=Path(__file__).parents[2], check=True, capture_output=True, text=True)
-    assert np.array_equal(pickle.loads((tmp_path / "found").read_bytes()).exponents, work.compute(points).exponents)
-    assert int(done.stdout) >= 1
 
 
 def test_threads_share_values_and_pass_errors_on(monkeypatch):
