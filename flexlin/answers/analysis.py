@@ -153,6 +153,8 @@ def derive_equations(scene: Scene, clock: Clock, free: Sequence[str] = ()) -> St
         return plant, closed
 
     plant, closed = clock.stage("linearization", scene.accuracy, work)
+    if plant.motion.origin:
+        clock.note(f"the motion is made from {plant.motion.origin}")
     return Stages(scene, clock, plant, closed, np.linspace(0.0, plant.period, SAMPLES + 1))
 
 

@@ -5,7 +5,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
 from typing import Any, TypeVar
@@ -68,7 +68,7 @@ Answer = TypeVar("Answer")
 @dataclass(frozen=True)
 class Step:
     """One stage of the work: wall and processor time in s; the error that was asked and the one that was reached, where it has one;
-    `problem` says why it has no answer, `notes` what the libraries warned of on the way."""
+    `problem` says why it has no answer, `notes` what is to be known of it, and what the libraries warned of on the way."""
 
     name: str
     seconds: float
@@ -117,6 +117,10 @@ class Clock:
             step = Step(name, time.perf_counter() - start, time.process_time() - cpu, **found)
             self.steps.append(step)
             LOG.info("%s: %.3f s%s", name, step.seconds, f", {step.problem}" if step.problem else "")
+
+    def note(self, text: str) -> None:
+        """Say something more of the last step."""
+        self.steps[-1] = replace(self.steps[-1], notes=(*self.steps[-1].notes, text))
 
     def _part(self) -> AbstractContextManager[None]:
         """The part of the work that the next step is, where it is known how many there will be."""

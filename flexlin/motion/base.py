@@ -40,6 +40,8 @@ class Motion:
         Highest harmonic of the angles between the breaks, None where it is not known.
     features : tuple of pairs of float
         Times and half-widths, in s, where the angles change faster than that.
+    origin : str
+        Of a measured motion: what it was made from, and what was left out, in words.
 
     Examples
     --------
@@ -56,6 +58,7 @@ class Motion:
     periodic: bool = True
     harmonics: int | None = None
     features: tuple[tuple[float, float], ...] = ()
+    origin: str = ""
 
     __repr__ = represent
 

@@ -193,7 +193,7 @@ def read_log_motion(table: LogMotion, joints: int, prescribed: tuple[bool, ...])
     A harmonic is kept as long as its power is above `SPEAKS` times that of the noise. Raises: MotionError for a file without these
     columns, and a log that does not repeat.
     """
-    t, q = read_columns(Path(table.file), table, joints)
+    t, q, lost = read_columns(Path(table.file), table, joints)
     period = table.period or find_period(t, q)
     cycles = int((t[-1] - t[0]) / period + 1e-6)
     if cycles < 1:
@@ -204,7 +204,14 @@ def read_log_motion(table: LogMotion, joints: int, prescribed: tuple[bool, ...])
     if left > REPEATS:
         got, todo = f"{100 * left:.0f} % of the motion is left over", "correct motion.period, or leave it out"
         raise MotionError(f"motion: the log does not repeat every {period:.6g} s", got=got, todo=todo)
-    return SampledMotion(joints, period, prescribed, harmonics=len(c) - 1, sampler=series_angles(c, period))
+    sampler = series_angles(c, period)
+    remains = np.sqrt(np.mean((q[kept] - sampler(t[kept] - t[0])[0]) ** 2, axis=0)).max()
+    origin = (
+        f"{cycles} {'cycle' if cycles == 1 else 'cycles'} of {period:.6g} s of the log, averaged; {len(c) - 1} harmonics kept, "
+        f"{remains:.2g} RMS left out as noise (rad or m, the worst joint)"
+    )
+    origin += f"; {lost} of {lost + len(t)} rows left out, which hold no numbers" if lost else ""
+    return SampledMotion(joints, period, prescribed, harmonics=len(c) - 1, origin=origin, sampler=sampler)
 
 
 def fit_cycles(t: Array, q: Array, period: float, cycles: int, harmonics: int | None = None) -> tuple[Array, float]:
@@ -257,8 +264,8 @@ def find_period(t: Array, q: Array) -> float:
     return float(shift * (even[1] - even[0]))
 
 
-def read_columns(path: Path, table: LogMotion, joints: int) -> tuple[Array, Array]:
-    """Times and joint angles by the names of their columns."""
+def read_columns(path: Path, table: LogMotion, joints: int) -> tuple[Array, Array, int]:
+    """Times and joint angles by the names of their columns, and how many rows were left out."""
     import io
 
     name = printable(path)
@@ -286,4 +293,4 @@ def read_columns(path: Path, table: LogMotion, joints: int) -> tuple[Array, Arra
         raise MotionError(
             f"motion: the log {name} is too short, or its times do not increase", got=f"{known.sum()} rows"
         )
-    return t[known], q[known]
+    return t[known], q[known], int((~known).sum())

@@ -26,6 +26,16 @@ def test_noise_is_left_out_and_the_period_found(tmp_path):
     assert np.abs(acceleration).max() < 1.2 * (0.4 * w**2 + 0.9 * w**2)
 
 
+def test_it_says_what_was_averaged_kept_and_left_out(tmp_path):
+    """15 s of 2 s: seven whole cycles; 2 mrad of noise; three rows without a number."""
+    q = 0.3 * np.sin(np.pi * T) + 0.05 * np.cos(3 * np.pi * T) + 2e-3 * np.random.default_rng(1).standard_normal(len(T))
+    q[[40, 41, 900]] = np.nan
+    said = fl.build_motion(written(tmp_path / "a.csv", q), 1).origin
+    assert said.startswith("7 cycles of 2.00")
+    assert "; 3 harmonics kept, 0.002 RMS left out" in said
+    assert said.endswith("; 3 of 3000 rows left out, which hold no numbers")
+
+
 def test_a_log_that_does_not_repeat_is_refused(tmp_path):
     with pytest.raises(fl.errors.MotionError, match="does not repeat"):
         fl.build_motion(written(tmp_path / "b.csv", np.sin(0.3 * T**1.5)), 1)

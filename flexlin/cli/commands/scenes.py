@@ -111,6 +111,8 @@ def check(options: argparse.Namespace) -> int:
     print(f"  torques on   {', '.join(plant.inputs) or 'no joint'}")
     print(f"  effects on   {', '.join(effects(scene)['on']) or 'none'}")
     print(f"  period       {plant.period:.6g} s")
+    if plant.motion.origin:
+        print(f"  motion       {plant.motion.origin}")
     with units_of_scene(scene):
         for i, link in enumerate(scene.links):
             if any(link.counts.by_direction().values()):
