@@ -34,9 +34,10 @@ def draw_chart(
     caption = write_caption(data["verdict"].to_numpy(), loop)
     labels = [label_number(scene, path) for path in paths]
     own = [float(get_value(scene, path)) for path in paths]
+    bending = [data.attrs["bending"]] if data.attrs.get("bending") else []
     if len(paths) == 1:
         found = [f"{describe_critical(scene, one)}." for one in critical] or say_none_was_found(data)
-        said = "\n".join([caption, *found, *say_bending(data)])
+        said = "\n".join([caption, *found, *bending])
         return make_picture("chart", title, said, [draw_line(labels[0], own[0], thin(data), critical)])
     nearest = find_nearest(own, data, paths, curves)
     inside = all(data[path].min() <= value <= data[path].max() for path, value in zip(paths, own, strict=True))
@@ -45,7 +46,7 @@ def draw_chart(
         said += say_none_was_found(data)[0]
     shade = f"Stronger: faster growth or decay; lines of equal {in_unit('growth rate', '1/s')}; hatched: undecided."
     panels = draw_map(labels, own, nearest, thin(data), curves)
-    return make_picture("chart", title, "\n".join([f"{caption} {shade}", said, *say_bending(data)]), panels)
+    return make_picture("chart", title, "\n".join([f"{caption} {shade}", said, *bending]), panels)
 
 
 def list_paths(data: xarray.Dataset) -> list[str]:
@@ -100,11 +101,6 @@ def say_none_was_found(data: xarray.Dataset) -> list[str]:
     if len(kinds) > 1:
         return ["The verdict changes between neighbouring values of different colour; no more exact place was found."]
     return ["The verdict does not change inside this range."]
-
-
-def say_bending(data: xarray.Dataset) -> list[str]:
-    """Where links bend further than linear equations hold."""
-    return [data.attrs["bending"]] if data.attrs.get("bending") else []
 
 
 def describe_distance(scene: Scene, paths: list[str], own: list[float], nearest: Array, inside: bool) -> str:
