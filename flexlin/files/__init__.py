@@ -3,6 +3,7 @@
 `docs/results.md` says what a reader may rely on.
 """
 
+from flexlin.files.disk import sync
 from flexlin.files.manifest import MANIFEST, read_text, refuse_odd
 from flexlin.files.writing import Results, check_folder, clear_left, replacing, results, write_text
 
@@ -15,5 +16,6 @@ __all__ = [
     "refuse_odd",
     "replacing",
     "results",
+    "sync",
     "write_text",
 ]

@@ -2,6 +2,7 @@
 
 import gc
 import json
+import os
 import shutil
 
 import casadi as ca
@@ -46,12 +47,20 @@ def damage(path, kind, rng):
         file.write_bytes(data[: int(rng.integers(len(data) + 1))])
     elif kind == "random":
         file.write_bytes(rng.bytes(len(data)))
+    elif kind == "endless":
+        file.unlink()
+        os.mkfifo(file) if rng.integers(2) else file.symlink_to("/dev/zero")
+    elif kind == "huge":
+        os.truncate(file, 10**8)
+    elif kind == "folder":
+        file.unlink()
+        file.mkdir()
     elif data:
         k = int(rng.integers(len(data)))
         file.write_bytes(data[:k] + bytes([data[k] ^ (1 << int(rng.integers(8)))]) + data[k + 1 :])
 
 
-KINDS = ["missing", "exchanged", "truncated", "random", "one bit"]
+KINDS = ["missing", "exchanged", "truncated", "random", "one bit", "endless", "huge", "folder"]
 
 
 def sweep_over(store, kept):

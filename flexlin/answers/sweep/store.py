@@ -19,7 +19,7 @@ from flexlin.answers.sweep.job import Job, lay_out
 from flexlin.bounds import LARGEST_MANIFEST
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, OutputError
-from flexlin.files import read_text
+from flexlin.files import read_text, refuse_odd, sync
 from flexlin.scene.loading import raw_tables
 
 NUMBERS = ("error", "period", "one_by_one", "verdict", "exponents_re", "exponents_im", "reason")
@@ -45,6 +45,7 @@ class Store:
         try:
             if not self.path.exists():
                 create(self.path, job, maker)
+            refuse_odd_files(self.path, job)
             root = json.loads(read_text(self.path / FILE, LARGEST_MANIFEST))
             known, metadata = dict(root["attributes"]), fingerprint(self.path, names)
             self._arrays = open_arrays(self.path, names)
@@ -65,7 +66,7 @@ class Store:
             except Exception:  # whatever the decoder of a damaged chunk meets
                 whole = False
             if not whole:
-                self._arrays[name][:] = values
+                self._write(name, 0, values, len(values))
                 self.repaired += 1
 
     def _read(self, job: Job) -> None:
@@ -92,22 +93,20 @@ class Store:
     def __call__(self, start: int, found: Found) -> None:
         """Write a finished block, and bring it to disk before its checksum says that it is there."""
         block = pack(found)
-        index = start // self._size
-        try:
-            for name in NUMBERS:
-                self._arrays[name][start : start + len(found.error)] = block[name]
-                self._bring_to_disk(name, index)
-            self._arrays["checksum"][index] = np.frombuffer(self._seal(start, block), dtype=np.uint8)
-            self._bring_to_disk("checksum", index)
-        except OSError as error:
-            raise OutputError(f"{self.path} cannot be written", got=error.strerror or str(error)) from None
+        for name in NUMBERS:
+            self._write(name, start, block[name], self._size)
+        seal = np.frombuffer(self._seal(start, block), dtype=np.uint8)
+        self._write("checksum", start // self._size, seal[None], 1)
 
-    def _bring_to_disk(self, name: str, index: int) -> None:
-        """Wait until the chunk is on the disk."""
-        chunk = self.path / name / "c" / str(index)
-        file = chunk / "0" if chunk.is_dir() else chunk
-        with file.open("rb") as opened:
-            os.fsync(opened.fileno())
+    def _write(self, name: str, start: int, numbers: Array, rows: int) -> None:
+        """Write a chunk of so many rows, and wait until it is on the disk."""
+        chunk = self.path / name / "c" / str(start // rows)
+        try:
+            self._arrays[name][start : start + len(numbers)] = numbers
+            sync(chunk if numbers.ndim == 1 else chunk / "0")
+        except OSError as error:
+            got, todo = error.strerror or str(error), "make room there, or give another name"
+            raise OutputError(f"{self.path} cannot be written", got=got, todo=todo) from None
 
 
 REMOVE = "give another name, or remove the store"
@@ -134,6 +133,18 @@ def unpack(block: dict[str, Array]) -> Found:
     )
 
 
+def refuse_odd_files(path: Path, job: Job) -> None:
+    """Refuse what is not to be read: pipes and devices, which may never end, and what is larger than any file of a store.
+
+    Raises: OSError.
+    """
+    n, lengths = job.found.exponents.shape[1], [len(axis) for axis in list_values(job).values()]
+    largest = max(16 * n, LONGEST) * job.work.block + 8 * max(lengths) + LARGEST_MANIFEST
+    for file in path.rglob("*"):
+        if not file.is_dir():
+            refuse_odd(file.stat(), largest)
+
+
 def open_arrays(path: Path, names: list[str]) -> dict[str, Any]:
     """The arrays for reading and writing, as far as they are there.
 
@@ -149,7 +160,10 @@ def open_arrays(path: Path, names: list[str]) -> dict[str, Any]:
 def fingerprint(path: Path, names: Iterable[str]) -> dict[str, str]:
     """Of each array's metadata: shape, blocks, codecs, dimensions, units."""
     files = {name: path / name / FILE for name in names}
-    return {name: digest(file.read_bytes()) if file.exists() else "none" for name, file in files.items()}
+    return {
+        name: digest(read_text(file, LARGEST_MANIFEST).encode()) if file.exists() else "none"
+        for name, file in files.items()
+    }
 
 
 def find_changed(known: dict[str, Any], metadata: dict[str, str]) -> str:
