@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, counted
 
 SEVERAL = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -185,7 +185,7 @@ def fixed_tuple(kinds: Sequence[Kind | None]) -> Kind:
         return fitting and all(kind is None or kind.fits(one) for kind, one in zip(kinds, value, strict=True))
 
     words = {kind.words for kind in kinds if kind is not None}
-    return Kind(f"{len(kinds)} entries" + (f", each {words.pop()}" if len(words) == 1 else ""), fits)
+    return Kind(f"{counted(len(kinds), 'entry')}" + (f", each {words.pop()}" if len(words) == 1 else ""), fits)
 
 
 def is_number(value: Any) -> bool:

@@ -1,7 +1,7 @@
 """Named errors: each says what was got, what was expected and what to do.
 
 `InputError` and its children are the user's to correct (exit code 2 on the command line);
-`NumericalError` and its children say that a sound question has no trustworthy answer (exit code 1).
+`NumericalError` and its children say that a sound question has no trustworthy answer (exit code 4).
 """
 
 from collections.abc import Sequence
@@ -85,6 +85,11 @@ def restore_error(kind: type[FlexlinError], message: str, facts: dict[str, Any])
     error: FlexlinError = base.__new__(kind, message)
     vars(error).update(facts)
     return error
+
+
+def counted(number: int, noun: str) -> str:
+    """So many of something, in words: 1 input, 2 inputs, 1 entry, 2 entries."""
+    return f"{number} {noun if number == 1 else noun[:-1] + 'ies' if noun.endswith('y') else noun + 's'}"
 
 
 class TooLarge(FlexlinError, MemoryError):

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from flexlin.checks import Array, real_array
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, counted
 from flexlin.program import Layout, Program
 
 CHUNK = 65536
@@ -84,7 +84,7 @@ def checked_inputs(function: ca.Function, arguments: tuple[Array, ...]) -> list[
     """Check that each argument is finite and fits its input."""
     inputs = layout(function)[0]
     if len(arguments) != len(inputs):
-        raise ArgumentError(f"{function.name()} takes {len(inputs)} inputs", got=len(arguments))
+        raise ArgumentError(f"{function.name()} takes {counted(len(inputs), 'input')}", got=len(arguments))
     arrays = [
         np.ascontiguousarray(real_array(name, a, (None, size)))
         for (name, size), a in zip(inputs, arguments, strict=True)

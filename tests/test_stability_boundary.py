@@ -77,3 +77,23 @@ def test_directions_by_differences_are_those_of_the_exact_gradient():
         gradient /= np.linalg.norm(gradient)
         assert abs(direction @ gradient) < 1e-4  # spectra to 1e-8 over steps of 3e-5, and slopes that are not small
         assert direction[0] * gradient[1] - direction[1] * gradient[0] > 0  # the unstable side on the left
+
+
+def test_a_curve_says_whether_it_is_as_near_as_was_asked():
+    """Inside the damped Mathieu equation's tongue it is; without damping its sides part from one tip, which rounding hides."""
+
+    def find(damping, ranges, tol):
+        def mathieu(a, q):
+            stiffness = lambda t: (a - 2 * q * np.cos(2 * t))[:, None, None]  # noqa: E731
+            return fl.PeriodicSystem.from_second_order([[1.0]], [[damping]], stiffness, np.pi)
+
+        return fl.stability_boundary(mathieu, ranges, tol, cells=4)
+
+    for curve in find(0.2, {"a": (0.9, 1.3), "q": (0.15, 0.3)}, 1e-2):
+        assert curve.error.max() <= 0.4e-2  # of a range of 0.4
+        assert curve.status == f"every point lies within {curve.error.max():.1e} of the boundary"
+    (curve,) = find(0.0, {"a": (0.5, 1.5), "q": (0.0, 0.5)}, 1e-6)
+    a, q = curve.points[curve.error.argmax()]
+    assert curve.error.max() > 1e-6
+    assert curve.status.startswith(f"{(curve.error > 1e-6).sum()} of {len(curve.points)} points may lie further")
+    assert f"1.0e-06 asked for, up to {curve.error.max():.1e} at a = {a:.6g}, q = {q:.6g}; ask for" in curve.status

@@ -10,7 +10,7 @@ import numpy as np
 from flexlin import symbolic
 from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, counted
 from flexlin.expressions import Expressions
 from flexlin.lazy import lazy
 from flexlin.periodic.system import PeriodicSystem
@@ -275,7 +275,7 @@ class PeriodicFamily(Expressions):
     @property
     def title(self) -> str:
         """What stands above a result."""
-        return f"a family of {self.n} states"
+        return f"a family of {counted(self.n, 'state')}"
 
     @lazy
     def text(self) -> str:

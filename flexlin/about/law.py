@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.about.deviation import Deviation
 from flexlin.checks import Array, real_array
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, counted
 from flexlin.mechanics.effects import effects_of
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction
 from flexlin.scene.control import AnyFilter, Control, LowPass, Pid
@@ -192,7 +192,9 @@ def check_gains(control: Control, joints: int) -> None:
         gains = getattr(feedback, name, None)
         if gains is not None and len(gains) != joints:
             raise ArgumentError(
-                f"{name} does not fit the arm", got=f"{len(gains)} gains", expected=f"{joints} torque-driven joints"
+                f"{name} does not fit the arm",
+                got=f"{counted(len(gains), 'gain')}",
+                expected=f"{joints} torque-driven joints",
             )
     for i, one in enumerate(control.filters):
         if max(one.joints or (1,)) > joints:

@@ -12,7 +12,7 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.law import Controller, Feedback, Law, scene_law
 from flexlin.about.routes import Route
 from flexlin.checks import SAMPLES, Array, at_times, times, whole
-from flexlin.errors import MotionError
+from flexlin.errors import MotionError, counted
 from flexlin.lazy import lazy
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.effects import Effect, effects_of
@@ -586,7 +586,7 @@ class Linearization(Shown):
         driven = ", ".join(f"{name} in {unit}" for name, unit in zip(self.inputs, self.input_units, strict=True))
         time = f"{'period' if self.motion.periodic else 'duration'} {self.period:.6g} s"
         loop = "loop closed" if self.control is not None else "loop open"
-        return f"y: {named}", f"u: {driven or 'none'}", f"{time}, {loop}, {self.states} states"
+        return f"y: {named}", f"u: {driven or 'none'}", f"{time}, {loop}, {counted(self.states, 'state')}"
 
     def _unbalanced(self, t: Array) -> str:
         """What of h no input balances, in words: the deviation that the arm then has is no error of the equations."""

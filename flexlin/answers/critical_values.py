@@ -55,7 +55,7 @@ class CriticalValue:
     >>> first.kind, round(first.value, 6), second.kind, round(second.value, 6)
     ('onset', 2.418547, 'recovery', 2.436804)
     >>> first.resonance
-    'principal resonance of order 3: 2 x 3.674 rad/s near 3 w'
+    'principal resonance of order 3: 2 x 3.674 rad/s near 3 w, w = 2.422 rad/s = 2 pi / T'
     """
 
     path: str
@@ -208,9 +208,9 @@ def describe_causes(family: Family, point: Array) -> str:
 
 def describe_cause(cause: "Resonance") -> str:
     """The resonance condition in words."""
-    a, b = cause.frequencies
     if cause.kind == "average":
         still = abs(cause.exponent.imag) <= abs(cause.exponent) * 1e-6
-        return "divergence" if still else f"flutter near {a:.4g} rad/s, by no resonance with the motion"
-    rule = {"principal": f"2 x {a:.4g}", "sum": f"{a:.4g} + {b:.4g}", "difference": f"{a:.4g} - {b:.4g}"}[cause.kind]
-    return f"{cause.kind} resonance of order {cause.order}: {rule} rad/s near {cause.order} w"
+        return (
+            "divergence" if still else f"flutter near {cause.frequencies[0]:.4g} rad/s, by no resonance with the motion"
+        )
+    return f"{cause.kind} resonance of order {cause.order}: {cause.condition}"

@@ -9,7 +9,7 @@ from flexlin.answers.critical_values import check_limits, describe_causes
 from flexlin.answers.spectra import LOOSE, ROUGH, Family, Source, make_family
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, counted
 from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.curves import Curve, find_curves
 from flexlin.periodic.boundary.spectra import Effort, Spectra
@@ -37,6 +37,8 @@ class BoundaryCurve:
         An unstable point beside the curve's middle.
     evaluations : int
         Spectra that the search for all curves took.
+    status : str
+        Whether every point is as near to the boundary as was asked, and if not, how far off, where, and what to do.
 
     Examples
     --------
@@ -55,6 +57,7 @@ class BoundaryCurve:
     resonance: str
     inside: tuple[float, float]
     evaluations: int
+    status: str
 
     __repr__ = represent
 
@@ -143,14 +146,29 @@ def search_boundary(
 
     found = find_curves(rough, share, cells, family.is_constant(low + span / 2), effort)
     first, second = ranges
-    curves = [describe_curve((first, second), curve, family, low, span) for curve in found]
+    curves = [describe_curve((first, second), curve, family, low, span, share) for curve in found]
     return sorted(curves, key=lambda curve: -len(curve.points))
 
 
-def describe_curve(paths: tuple[str, str], curve: Curve, family: Family, low: Array, span: Array) -> BoundaryCurve:
-    """A curve in the numbers' units, with its resonance."""
+def describe_curve(
+    paths: tuple[str, str], curve: Curve, family: Family, low: Array, span: Array, share: float
+) -> BoundaryCurve:
+    """A curve in the numbers' units, with its resonance; share: the wanted distance, of the ranges."""
     inside = low + span * curve.inside
-    text, counted = describe_causes(family, inside), family.evaluations
+    text, evaluations = describe_causes(family, inside), family.evaluations
     place = (float(inside[0]), float(inside[1]))
-    error = curve.errors * float(span.max())
-    return BoundaryCurve(paths, low + span * curve.points, error, curve.closed, text, place, counted)
+    points, error, wanted = low + span * curve.points, curve.errors * float(span.max()), share * float(span.max())
+    status = describe_errors(paths, points, error, wanted)
+    return BoundaryCurve(paths, points, error, curve.closed, text, place, evaluations, status)
+
+
+def describe_errors(paths: tuple[str, str], points: Array, error: Array, wanted: float) -> str:
+    """Whether a curve is as near to the boundary as was asked, and what to do if it is not."""
+    worst, far = int(error.argmax()), int((error > wanted).sum())
+    if not far:
+        return f"every point lies within {error[worst]:.1e} of the boundary"
+    where = ", ".join(f"{path} = {value:.6g}" for path, value in zip(paths, points[worst], strict=True))
+    return (
+        f"{far} of {counted(len(points), 'point')} may lie further from the boundary than the {wanted:.1e} asked for, "
+        f"up to {error[worst]:.1e} at {where}; ask for narrower ranges around that place, or for a larger tol"
+    )

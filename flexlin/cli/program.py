@@ -32,6 +32,7 @@ from flexlin.cli.supervised import (
     PASSED_ON,
     Channel,
     is_supervised,
+    say_go_on,
     supervise,
     take_signals,
 )
@@ -62,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"flexlin: {NO_MEMORY}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        print(f"flexlin: {INTERRUPTED}", file=sys.stderr)
+        print(f"flexlin: {INTERRUPTED}{say_go_on(getattr(options, 'store', None))}", file=sys.stderr)
         return FAILED
 
 

@@ -155,7 +155,8 @@ OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "tol": option("--tol", "ERROR", "wanted error of every stage (default 1e-9, or as in the scene)", type=float),
     "seconds": option(
-        "--limit-seconds", "S", f"time that the whole command may take (default {SECONDS:g}, tune 600, or as in the scene)", type=float
+        "--limit-seconds", "S", f"time by the clock that all may take (default {SECONDS:g} of the processor, tune 600, or the scene's)",
+        type=float,
     ),
     "memory": option(
         "--limit-memory", "BYTES", f"memory that it may hold beside its libraries (default {LIMIT}, or as in the scene)", type=float

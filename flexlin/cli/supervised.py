@@ -90,7 +90,7 @@ def supervise(work: Sequence[str]) -> int:
         )
         return BAD_INPUT
     reader, writer = os.pipe()
-    watch = Watch(reader, begun=begun)
+    watch = Watch(reader, begun=begun, store=read_option(work, "--store"))
     if stated := read_limit(work):
         watch.seconds, watch.deadline = stated, begun + max(stated, ENDING)
     for number in PASSED_ON:
@@ -108,15 +108,26 @@ def supervise(work: Sequence[str]) -> int:
     return watch.wait()
 
 
+def read_option(words: Sequence[str], name: str) -> str:
+    """What a command line states for an option; empty where it states nothing."""
+    for word, after in zip(words, [*words[1:], ""], strict=True):
+        option, _, value = word.partition("=")
+        if option == name:
+            return value or after
+    return ""
+
+
 def read_limit(words: Sequence[str]) -> float:
     """The seconds that a command line states, which hold while the work is still being loaded; 0 where it states none."""
-    for word, after in zip(words, [*words[1:], ""], strict=True):
-        name, _, value = word.partition("=")
-        if name == "--limit-seconds":
-            with contextlib.suppress(ValueError):
-                stated = float(value or after)
-                return stated if 0 < stated < math.inf else 0.0
+    with contextlib.suppress(ValueError):
+        stated = float(read_option(words, "--limit-seconds"))
+        return stated if 0 < stated < math.inf else 0.0
     return 0.0
+
+
+def say_go_on(store: "Path | str | None") -> str:
+    """How to go on, where a store keeps what was found."""
+    return f"; the same command goes on from {store}" if store and os.path.exists(store) else ""
 
 
 def take_signals() -> None:
@@ -146,7 +157,7 @@ def end_with(parent: int) -> None:
 @dataclass
 class Watch:
     """The parent's side: `begun` and `deadline` by `time.perf_counter`, `seconds` and `memory` as the user knows them, the usual ones at
-    first; `code`: the exit code where the work has none of its own; `written`: what stands already."""
+    first; `code`: the exit code where the work has none of its own; `written`: what stands already; `store`: what keeps values."""
 
     reader: int
     work: "subprocess.Popen[bytes] | None" = None
@@ -158,6 +169,7 @@ class Watch:
     interrupted: bool = False
     code: int = FAILED
     written: str = ""
+    store: str = ""
 
     def pass_on(self, number: int, _: object) -> None:
         """Hand a request to end the program on to the work."""
@@ -226,5 +238,5 @@ class Watch:
             why = f"a library or the system ended the program ({how}); most often {NO_MEMORY}"
         if self.written:
             why += f"; what was known before stands in {self.written}"
-        print(f"flexlin: {why}", file=sys.stderr, flush=True)
+        print(f"flexlin: {why}{say_go_on(self.store)}", file=sys.stderr, flush=True)
         return self.code

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.about.law import Controller, Law
 from flexlin.checks import Array, at_times, real_array, whole
-from flexlin.errors import ArgumentError, DesignError, NotStable, ToleranceNotReached
+from flexlin.errors import ArgumentError, DesignError, NotStable, ToleranceNotReached, counted
 from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import Constant, combine
 from flexlin.periodic.floquet.exponents import floquet
@@ -161,7 +161,10 @@ class Design(Shown):
         t = self._times(257)
         K = self.K(t)
         series = tuple(Series(f"K[{i}, {j}]", t, K[:, i, j]) for i in range(K.shape[1]) for j in range(K.shape[2]))
-        facts = (f"{self.kind}, {K.shape[1]} inputs, {K.shape[2]} states, relative error {self.error:.0e}", self.status)
+        facts = (
+            f"{self.kind}, {counted(K.shape[1], 'input')}, {counted(K.shape[2], 'state')}, relative error {self.error:.0e}",
+            self.status,
+        )
         return View(self.name, "", facts, "time in s", "gains", series)
 
     @property

@@ -11,7 +11,7 @@ from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive, real_array
 from flexlin.control.designed_loop import running_cost
 from flexlin.control.periodic import periodic_lqr
-from flexlin.errors import ArgumentError, NotStabilizable, NotStable
+from flexlin.errors import ArgumentError, NotStabilizable, NotStable, counted
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, combine
 from flexlin.periodic.fourier import fourier_nodes
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
@@ -127,7 +127,7 @@ def output_lqr(
     output = as_matrix_function("C", C)
     p, columns = check_samples("C", output, system.period).shape[1:]
     if columns != system.n:
-        raise ArgumentError("C does not fit the system", got=f"{columns} columns", expected=str(system.n))
+        raise ArgumentError("C does not fit the system", got=f"{counted(columns, 'column')}", expected=str(system.n))
     problem = OutputProblem(system, posed, output)
     K, J, best = problem.begin(None if start is None else real_array("start", start, (system.m, p)))
     change = inf

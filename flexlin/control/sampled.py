@@ -9,7 +9,7 @@ from flexlin.about.law import Law
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.control.designed_loop import Design
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, counted
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow
 from flexlin.periodic.floquet.result import FloquetResult
@@ -116,7 +116,7 @@ class SampledDesign:
         Design
             With the gains, their error and the sample time.
         """
-        status = f"gains of {len(self.K)} samples, held for {self.sample_time:.6g} s each"
+        status = f"gains of {counted(len(self.K), 'sample')}, held for {self.sample_time:.6g} s each"
         law, plant = self.law, self.system
         return Design(name, "sampled-lqr", law.gain, plant, self.error, status, sample_time=self.sample_time)
 

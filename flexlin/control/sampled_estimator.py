@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.control.sampled import SampledDesign, find_round, resolve_beside, state_error
-from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
+from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, counted
 from flexlin.periodic.coefficients import Constant, MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
@@ -178,7 +178,7 @@ def sampled_estimator(
     output = as_matrix_function("C", C)
     p, columns = check_samples("C", output, system.period).shape[1:]
     if columns != n:
-        raise ArgumentError("C does not fit the system", got=f"{columns} columns", expected=str(n))
+        raise ArgumentError("C does not fit the system", got=f"{counted(columns, 'column')}", expected=str(n))
     measured = PeriodicSystem(np.zeros((n, n)), system.period, np.zeros((n, p)))
     posed = linear_quadratic(measured, W, V)
     t = system.period * turn.periods * np.arange(turn.samples) / turn.samples

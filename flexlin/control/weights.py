@@ -10,7 +10,7 @@ from flexlin.about.law import INTEGRAL, Controller
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
-from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, NumericalError
+from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, NumericalError, counted
 from flexlin.lapack import LAPACK
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.coefficients import Combined, Constant
@@ -226,7 +226,9 @@ def of_joint(lin: Linearization, key: str, value: Any, coordinate: Coordinate) -
     joints = list(dict.fromkeys(c.link for c in lin.coordinates if c.kind in TURNING))
     if len(value) != len(joints):
         raise ArgumentError(
-            f"weights.{key} does not fit the arm", got=f"{len(value)} sizes", expected=f"{len(joints)}, one a joint"
+            f"weights.{key} does not fit the arm",
+            got=f"{counted(len(value), 'size')}",
+            expected=f"{len(joints)}, one a joint",
         )
     return value[joints.index(coordinate.link)]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.checks import Array, real_array, whole
-from flexlin.errors import ArgumentError, TooLarge
+from flexlin.errors import ArgumentError, TooLarge, counted
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
 
@@ -197,7 +197,9 @@ def check_times(given: Array) -> Array:
         todo = "give a part of it, or thin it: every tenth row, after a low-pass filter"
         raise TooLarge("the log has too many samples", got=len(time), expected=f"{MOST} at most", todo=todo)
     if len(time) < FEWEST:
-        raise ArgumentError("the log is too short", got=f"{len(time)} samples", expected=f"{FEWEST} at the least")
+        raise ArgumentError(
+            "the log is too short", got=f"{counted(len(time), 'sample')}", expected=f"{FEWEST} at the least"
+        )
     late = np.flatnonzero(np.diff(time) <= 0)
     if len(late):
         row = int(late[0])

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
-from flexlin.errors import NumericalError
+from flexlin.errors import NumericalError, counted
 from flexlin.identification.equations import Logged
 from flexlin.identification.least_squares import Point, Problem, solve
 from flexlin.identification.log import Log
@@ -224,7 +224,9 @@ def name_missed(fit: dict[str, float], measured: dict[str, Array], predicted: di
 def describe(windows: Windows, kept: Array, settle: float, log: Log, missed: list[str]) -> str:
     """What the figures rest on, in words."""
     length = float((windows.ends - windows.starts).max())
-    said = [f"{windows.count} windows of {length:.3g} s, their starting states from their first {settle:.3g} s"]
+    said = [
+        f"{counted(windows.count, 'window')} of {length:.3g} s, their starting states from their first {settle:.3g} s"
+    ]
     if not kept.all():
         said.append(f"{int((~kept).sum())} diverge and are left out")
     if missed:

@@ -5,7 +5,7 @@ from typing import Any
 
 import casadi as ca
 
-from flexlin.errors import ModelError
+from flexlin.errors import ModelError, counted
 from flexlin.kronecker.symbolic import derivative
 from flexlin.mechanics.coordinates import Coordinate
 
@@ -82,13 +82,13 @@ def describe_driving(
     if B.size2() != len(moved):
         raise ModelError(
             "the inputs do not fit the joints",
-            got=f"{B.size2()} inputs for the coordinates {moved}",
+            got=f"{counted(B.size2(), 'input')} for the coordinates {moved}",
             expected="one input for each coordinate in joints",
             todo="name in joints= as many coordinates as there are inputs; the others rest at zero in the rigid motion",
         )
     symbols = tuple(names or (f"s{i + 1}" for i in range(n)))
     if len(symbols) != n:
-        raise ModelError("names do not fit the coordinates", got=f"{len(symbols)} names", expected=f"{n}")
+        raise ModelError("names do not fit the coordinates", got=f"{counted(len(symbols), 'name')}", expected=f"{n}")
     stated = list(units or ("rad" if i in moved else "m" for i in range(n)))
     if len(stated) != n or not set(stated) <= {"rad", "m"}:
         raise ModelError("units do not fit the coordinates", got=stated, expected=f"rad or m for each of {n}")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import MotionError
+from flexlin.errors import MotionError, counted
 from flexlin.motion.base import Angles, Motion, SampledMotion
 from flexlin.series.implicit import ImplicitMap
 
@@ -39,8 +39,8 @@ def through_loop(c: ImplicitMap, path: Motion, joints: Sequence[int], prescribed
     if path.joints != len(c.u0) or not set(joints) <= set(range(len(c.v0))):
         raise MotionError(
             "the path does not fit the loop",
-            got=f"{path.joints} coordinates, joints {list(joints)}",
-            expected=f"{len(c.u0)} coordinates, joints below {len(c.v0)}",
+            got=f"{counted(path.joints, 'coordinate')}, joints {list(joints)}",
+            expected=f"{counted(len(c.u0), 'coordinate')}, joints below {len(c.v0)}",
         )
     sample = LoopAngles(c, path, tuple(joints))
     drives = tuple(prescribed) or (False,) * len(joints)

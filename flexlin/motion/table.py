@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlin.bounds import IN_RANGE, LARGEST_TABLE, MOST_ROWS, printable, read_number
 from flexlin.checks import Array
-from flexlin.errors import MotionError
+from flexlin.errors import MotionError, counted
 from flexlin.files import read_text
 from flexlin.motion.base import MOST_HARMONICS, Angles, SampledMotion
 from flexlin.periodic.circle import count_turns
@@ -108,7 +108,7 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
     if len(rows) < FEWEST_ROWS or widths != {joints + 1}:
         raise MotionError(
             f"motion.file: {name} has the wrong shape",
-            got=f"{len(rows)} rows of {sorted(widths)} columns",
+            got=f"{counted(len(rows), 'row')} of {sorted(widths)} columns",
             expected=f"{FEWEST_ROWS} rows or more of {joints + 1} columns (t and one angle a joint)",
         )
     data = np.array(rows)
@@ -207,7 +207,7 @@ def read_log_motion(table: LogMotion, joints: int, prescribed: tuple[bool, ...])
     sampler = series_angles(c, period)
     remains = np.sqrt(np.mean((q[kept] - sampler(t[kept] - t[0])[0]) ** 2, axis=0)).max()
     origin = (
-        f"{cycles} {'cycle' if cycles == 1 else 'cycles'} of {period:.6g} s of the log, averaged; {len(c) - 1} harmonics kept, "
+        f"{counted(cycles, 'cycle')} of {period:.6g} s of the log, averaged; {len(c) - 1} harmonics kept, "
         f"{remains:.2g} RMS left out as noise (rad or m, the worst joint)"
     )
     origin += f"; {lost} of {lost + len(t)} rows left out, which hold no numbers" if lost else ""
@@ -291,6 +291,6 @@ def read_columns(path: Path, table: LogMotion, joints: int) -> tuple[Array, Arra
         raise MotionError(f"motion.file: the log {name} is not numeric", got=got, expected=expected)
     if known.sum() < 20 or np.any(np.diff(t[known]) <= 0):
         raise MotionError(
-            f"motion: the log {name} is too short, or its times do not increase", got=f"{known.sum()} rows"
+            f"motion: the log {name} is too short, or its times do not increase", got=f"{counted(known.sum(), 'row')}"
         )
     return t[known], q[known], int((~known).sum())

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, positive, whole
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, counted
 from flexlin.lazy import lazy
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import (
@@ -107,8 +107,11 @@ class PeriodicSystem(Shown):
     m: int = field(init=False)
 
     def __repr__(self) -> str:
-        named = [f"{len(at)} {what}" for what, at in (("breaks", self.breaks), ("features", self.features)) if at]
-        return f"PeriodicSystem({', '.join([f'{self.n} states, {self.m} inputs, period {self.period:.6g} s', *named])})"
+        sizes = {"state": self.n, "input": self.m, "break": len(self.breaks), "feature": len(self.features)}
+        states, inputs, *named = (
+            counted(size, what) for what, size in sizes.items() if size or what in ("state", "input")
+        )
+        return f"PeriodicSystem({', '.join([states, inputs, f'period {self.period:.6g} s', *named])})"
 
     @checked
     def __init__(

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
-from flexlin.errors import NumericalError
+from flexlin.errors import NumericalError, counted
 from flexlin.periodic.circle import assign
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
@@ -177,7 +177,7 @@ def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) ->
             if jumps(row):
                 raise NumericalError(
                     f"a derivative of output {i + 1} jumps before the input acts on it",
-                    got=f"{len(rows) - 1} derivatives",
+                    got=f"{counted(len(rows) - 1, 'derivative')}",
                     todo="smooth the coefficients",
                 )
             by_input = product(row, B)

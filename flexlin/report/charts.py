@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -25,7 +26,7 @@ from flexlin.checks import Array
 from flexlin.errors import InputError, TimeLimit
 from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.spectra import Effort
-from flexlin.report.figures.chart import draw_campbell, draw_chart, list_paths, thin
+from flexlin.report.figures.chart import describe_chart, draw_campbell, draw_chart, list_paths, thin
 from flexlin.report.figures.style import Picture
 from flexlin.report.wording import units_of_scene
 from flexlin.scene.loading import raw_tables, revise_scene
@@ -117,6 +118,17 @@ def draw_charts(
         return draw_with_units(scene, data, critical, curves)
 
 
+def say_without_picture(
+    scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve], why: object
+) -> list[Picture]:
+    """All that is known, where there is no picture."""
+    with units_of_scene(scene):
+        said = describe_chart(scene, data, critical, curves)
+    return [
+        Picture("chart", "Stability chart", f"{said}\nThe picture was not drawn ({why}); all numbers are written.", "")
+    ]
+
+
 def draw_with_units(
     scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve]
 ) -> list[Picture]:
@@ -187,14 +199,21 @@ def compute_chart(
     except (KeyboardInterrupt, TimeLimit) as error:
         if not jobs or not jobs[0].done.any():
             raise
-        return jobs[0].dataset(), say_what_is_missing(jobs[0], error, store)
+        data = jobs[0].dataset()
+        clock.steps[-1] = replace(
+            clock.steps[-1], problem="", reached=worst_error(data)
+        )  # it has an answer, if not all of it
+        return data, say_what_is_missing(jobs[0], error, store, accuracy.seconds)
 
 
-def say_what_is_missing(job: Job, error: BaseException, store: Path | None) -> str:
+def say_what_is_missing(job: Job, error: BaseException, store: Path | None, seconds: float) -> str:
     """Why a chart is not complete, and what to do."""
-    why = "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
-    todo = "with --store CHART.zarr it could go on" if store is None else "the same command goes on from here"
-    return f"{why}: {int(job.done.sum()):,} of {len(job.points):,} values are in the chart; {todo}"
+    late, longer = isinstance(error, TimeLimit), error.todo if isinstance(error, TimeLimit) else ""
+    why = f"stopped at the time limit of {seconds:g} s" if late else "interrupted"
+    known = f"the chart is not complete: {why}, with {int(job.done.sum()):,} of {len(job.points):,} values"
+    if store is not None:
+        return f"{known}; the same command goes on from {store}, also with another --limit-seconds"
+    return f"{known}; {longer}{', or ' if late else ''}add --store CHART.zarr, from which the same command goes on"
 
 
 LONG = 60.0

@@ -10,8 +10,8 @@ from flexlin.progress import listening
 
 PATIENCE = 2.0
 """Seconds of silence before progress is shown."""
-TICK, APART = 0.25, 5.0
-"""Seconds between two looks at the clock, and between two lines in a pipe."""
+TICK, APART, REPEATED = 0.25, 5.0, 60.0
+"""Seconds between two looks at the clock, between two lines in a pipe, and between two of the same step and share."""
 LEAST = 0.02
 """No time left is guessed before this share is done."""
 SLIP = 1.5
@@ -29,7 +29,7 @@ class Progress:
         self._status: Any = None
         self._over = threading.Event()
         self._listening = listening(self._advance)
-        self._start, self._written = time.perf_counter(), 0.0
+        self._start, self._written, self._said = time.perf_counter(), 0.0, ("", 0.0)
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
     def __call__(self, name: str) -> None:
@@ -85,7 +85,7 @@ class Progress:
         self._status.update(self.line)
 
     def _in_pipe(self) -> None:
-        now = time.perf_counter()
-        if now - self._written >= APART:
-            self._written = now
+        now, saying = time.perf_counter(), (self._name, self.share)
+        if now - self._written >= (REPEATED if saying == self._said else APART):
+            self._written, self._said = now, saying
             print(f"flexlin: {self.line}", file=sys.stderr, flush=True)

@@ -8,6 +8,7 @@ from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.answers.validity import ModelValidity
+from flexlin.errors import counted
 from flexlin.report.advice import advise
 from flexlin.report.margins import describe_margins, describe_nearest
 from flexlin.report.wording import (
@@ -98,7 +99,7 @@ def describe_reached(tol: float, steps: Sequence[Step]) -> str:
     reached = [step.reached for step in steps if step.reached is not None]
     worst = f", largest error {format_power(max(reached))}" if reached else ""
     met = sum(step.reached is not None and not step.missed for step in steps)
-    return f"tol {format_power(tol)} reached in {met} of {len(steps)} stage{'' if len(steps) == 1 else 's'}{worst}"
+    return f"tol {format_power(tol)} reached in {met} of {counted(len(steps), 'stage')}{worst}"
 
 
 def name_problem(step: Step) -> str:
@@ -150,7 +151,7 @@ def minimal_lines(audit: "Audit") -> list[str]:
 
     found = audit.minimal
     changes = [*(f"drop: {text}" for text in found.dropped), *(f"add: {text}" for text in found.added)]
-    size = f"{found.coordinates} coordinates in the place of {audit.base.coordinates}"
+    size = f"{counted(found.coordinates, 'coordinate')} in the place of {audit.base.coordinates}"
     return [
         f"minimal scene, {size}, error {describe_error(found.error)}",
         *(f"  {text}" for text in changes or ["nothing to drop"]),

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from flexlin.bounds import MOST_ITEMS, hint_at, printable
-from flexlin.errors import Problem
+from flexlin.errors import Problem, counted
 from flexlin.scene.control import Weights
 from flexlin.scene.effects import RawArm, RawTable, effect_contradictions, known_effects, tables_on
 from flexlin.scene.links import BASE
@@ -131,7 +131,9 @@ def control_contradictions(control: dict[str, Any], powered: int) -> Iterator[Pr
         values = tables.get(table, {}).get(key)
         if isinstance(values, list) and len(values) != powered:
             yield Problem(
-                f"control.{table}.{key}", f"{len(values)} numbers", f"{powered}, one for each torque-driven joint"
+                f"control.{table}.{key}",
+                f"{counted(len(values), 'number')}",
+                f"{powered}, one for each torque-driven joint",
             )
     feedback, filters = tables.get("feedback", {}), control.get("filters")
     if feedback.get("tracking_time") is not None and not tables.get("saturation"):
@@ -156,14 +158,18 @@ def control_contradictions(control: dict[str, Any], powered: int) -> Iterator[Pr
 def loop_contradictions(links: Sequence[RawTable], loops: Sequence[RawTable], model: Any) -> Iterator[Problem]:
     """List what does not fit in raw tables of links and loops."""
     if model is not None and loops:
-        yield Problem("loops", f"{len(loops)} tables beside model = {model!r}", "loops only beside [[links]]")
+        yield Problem(
+            "loops", f"{counted(len(loops), 'table')} beside model = {model!r}", "loops only beside [[links]]"
+        )
         return
     names = [link.get("name") for link in links]
     for i, link in enumerate(links):
         yield from _parent(f"links.{i}.parent", link, names, i)
         yield from _passive(f"links.{i}", link, bool(loops))
     if loops and not any(link.get("passive") is True for link in links):
-        yield Problem("loops", f"{len(loops)} tables", "links with passive = true, whose joints the loops move")
+        yield Problem(
+            "loops", f"{counted(len(loops), 'table')}", "links with passive = true, whose joints the loops move"
+        )
     for i, loop in enumerate(loops):
         for key in ("link", "to"):
             allowed = [*names, BASE] if key == "to" else names
@@ -218,7 +224,7 @@ def _links(raw: dict[str, Any]) -> Iterator[Problem]:
     if model is None and not links:
         yield Problem("links", "none", "at least one [[links]] table, or model = the name of a registered model")
     if model is not None and links:
-        yield Problem("links", f"{len(links)} tables beside model = {model!r}", "either links or a model")
+        yield Problem("links", f"{counted(len(links), 'table')} beside model = {model!r}", "either links or a model")
     if model is not None and raw.get("effects"):
         yield Problem(
             "effects", f"tables beside model = {model!r}", "no effects: a registered model has its own parameters"
@@ -273,7 +279,9 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
     moving = sum(driven(link) for link in links)
     if len(joints) not in ({0, moving} if motion.get("kind") in ("table", "tip-path") else {moving}):
         yield Problem(
-            "motion.joints", f"{len(joints)} tables", f"{moving}, one for each link's joint{_but_passive(links)}"
+            "motion.joints",
+            f"{counted(len(joints), 'table')}",
+            f"{moving}, one for each link's joint{_but_passive(links)}",
         )
         return
     default = motion.get("drive", "torque")
@@ -288,7 +296,9 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
         ):
             weights = design.get(key)
             if isinstance(weights, list) and len(weights) != wanted:
-                yield Problem(f"designs.{i}.{key}", f"{len(weights)} numbers", f"{wanted}, one for each {what}")
+                yield Problem(
+                    f"designs.{i}.{key}", f"{counted(len(weights), 'number')}", f"{wanted}, one for each {what}"
+                )
 
 
 def _but_passive(links: list[dict[str, Any]]) -> str:

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, SerializeAsAny, WrapValidator, create_model
 
-from flexlin.errors import Problem
+from flexlin.errors import Problem, counted
 from flexlin.scene.base import Table
 
 SHIPPED = "flexlin.mechanics.effects"
@@ -139,6 +139,6 @@ def tables_on(effects: Mapping[str, Any]) -> Iterator[tuple[str, type[EffectTabl
 
 def _list_length(key: str, lists: str | None, got: int, links: int) -> Iterator[Problem]:
     if lists == "first" and got > links:
-        yield Problem(key, f"{got} numbers", f"at most {links}, one for each link")
+        yield Problem(key, f"{counted(got, 'number')}", f"at most {links}, one for each link")
     if lists == "each" and got != links:
-        yield Problem(key, f"{got} numbers", f"{links}, one for each link, or a single number")
+        yield Problem(key, f"{counted(got, 'number')}", f"{links}, one for each link, or a single number")

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from flexlin.bounds import MOST_ITEMS, printable
-from flexlin.errors import ArgumentError, Problem
+from flexlin.errors import ArgumentError, Problem, counted
 from flexlin.plots.view import Shown, View
 from flexlin.resources import BYTES, PATIENCE, SECONDS
 from flexlin.scene.base import NonNegative, NotEndless, Number, Positive, Table, Text, Unit
@@ -297,7 +297,7 @@ class Scene(Shown, Table):
         arm = (
             f"model {self.model}"
             if self.model
-            else f"{len(self.links)} link{'s' * (len(self.links) > 1)}, modes {', '.join(map(str, modes))}"
+            else f"{counted(len(self.links), 'link')}, modes {', '.join(map(str, modes))}"
         )
         on = [
             name.replace("_", " ")

@@ -96,4 +96,4 @@ def test_numbers_are_written_where_a_picture_meets_a_limit(
         assert np.isfinite(found["exponents_re" if "exponents_re" in found else "exponents"]).all()
     said, page = capsys.readouterr().out, (tmp_path / "out/chart.html").read_text()
     for text in (said, page):
-        assert "The picture was not drawn: figures:" in text
+        assert "The picture was not drawn (figures:" in text

@@ -191,11 +191,23 @@ def test_an_incomplete_chart_goes_on_with_more_time(tmp_path, capsys, monkeypatc
     with monkeypatch.context() as patch:
         patch.setattr("flexlin.report.charts.choose_crew", lambda *_: interrupted)
         assert main(words) == 4
+        told, page = capsys.readouterr(), (tmp_path / "out" / "chart.html").read_text(encoding="utf-8")
+        for text in (told.out, told.err, page):
+            assert "is not complete: interrupted, with 96 of 200 values" in text
+            assert f"the same command goes on from {tmp_path / 'c.zarr'}" in text
+        assert "no answer" not in told.out
+
+        def stopped_at_once(*_, **__):
+            raise KeyboardInterrupt
+
+        patch.setattr("flexlin.report.charts.compute_chart", stopped_at_once)
+        assert main(words) == 1
+        assert f"goes on from {tmp_path / 'c.zarr'}" in capsys.readouterr().err
     assert main([*words, "--limit-seconds", "500", "--limit-memory", "9e8"]) == 0
     said = capsys.readouterr().err
     assert "--store" in (tmp_path / "out" / "chart.html").read_text(encoding="utf-8")
     assert "values are there already" in said
-    assert "another" not in said
+    assert "differs" not in said
 
 
 def test_what_is_no_store_is_refused(tmp_path):

@@ -37,7 +37,7 @@ from flexlin.answers.accuracy.scipy_methods import (
 from flexlin.answers.limits import time_limit
 from flexlin.arguments import checked, instance
 from flexlin.checks import SAMPLES, Array, positive
-from flexlin.errors import ArgumentError, FlexlinError
+from flexlin.errors import ArgumentError, FlexlinError, counted
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
@@ -111,14 +111,16 @@ def measure_transition_matrices(closed: Linearization, exact: Array, peers: bool
         for tol in TOLS:
             setting = choose_setting(system, tol, "auto", None, None)
             if setting.segments <= MOST_SEGMENTS:
-                name = f"{setting.segments} segments"
+                name = f"{counted(setting.segments, 'segment')}"
                 run = partial(multiply_period, system, setting)
                 yield Trial(f"{setting.method} {setting.order}", name, run, f"{tol:.0e}")
         for method, orders in METHODS.items():
             for order in orders:
                 for count in (k for k in RESOLUTIONS[1:] if k * order <= 2 * LARGEST):
                     setting = Setting(method, order, count, "")
-                    yield Trial(f"{method} {order}", f"{count} segments", partial(multiply_period, system, setting))
+                    yield Trial(
+                        f"{method} {order}", f"{counted(count, 'segment')}", partial(multiply_period, system, setting)
+                    )
 
     outside = try_scipy(closed, derive_transition_rate, multiply_up) if peers else ()
     return measure_trials("transition matrices", chain(trials(), outside), lambda P: compare_arrays(P, exact), seconds)

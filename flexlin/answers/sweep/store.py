@@ -251,7 +251,9 @@ def refuse_other(path: str, known: Any, maker: dict[str, str]) -> None:
         now = maker.get(key, "none")
         if known.get(key) != now:
             got, expected = shorten(str(known.get(key)), now), shorten(now, str(known.get(key)))
-            raise ArgumentError(f"{path} was made with another {key}", got=got, expected=expected, todo=REMOVE)
+            raise ArgumentError(
+                f"{path} was made by a sweep that differs in the {key}", got=got, expected=expected, todo=REMOVE
+            )
 
 
 def shorten(text: str, other: str) -> str:

@@ -60,7 +60,14 @@ def chart(options: argparse.Namespace) -> int:
 
         from flexlin.answers.clock import DRAWING
         from flexlin.answers.sweep import check_values
-        from flexlin.report.charts import chart_dataset, compute_chart, draw_charts, find_boundary, say_bending
+        from flexlin.report.charts import (
+            chart_dataset,
+            compute_chart,
+            draw_charts,
+            find_boundary,
+            say_bending,
+            say_without_picture,
+        )
         from flexlin.report.exports import storable
         from flexlin.report.figures.style import Picture
 
@@ -73,18 +80,17 @@ def chart(options: argparse.Namespace) -> int:
         how = {name: getattr(options, name) for name in ("loop", "workers", "scheduler", "store")}
         data, problem = compute_chart(scene, values, clock, work.progress, **how)
         ranges = {key: (low, high) for key, low, high, _ in spans}
-        data.attrs |= {"search": problem} if problem else {}
+        data.attrs |= {"incomplete": problem} if problem else {}
         found = ([], []) if problem else find_boundary(scene, ranges, data, clock, options.loop)
         data.attrs["bending"] = "" if problem else say_bending(scene, ranges, found[0], clock)
         numbers = storable(chart_dataset(scene, data, *found))
 
-        def without(why: object) -> list[Picture]:
-            return [Picture("chart", "Stability chart", f"The picture was not drawn: {why}.", "")]
+        without = partial(say_without_picture, scene, data, *found)
 
         def write(pictures: list[Picture]) -> list[Path]:
             return work.write_files("chart", {"chart.html": work.page(pictures)}, numbers)
 
-        send_written(write(without("the program was ended before")))
+        send_written(write(without("the program ended before")))
         try:
             draw = partial(draw_charts, scene, data, *found)
             pictures = clock.stage("figures", scene.accuracy, draw, share=DRAWING, last=True)

@@ -15,7 +15,7 @@ from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, check_size
 from flexlin.control.designed_loop import Design
 from flexlin.control.sampled import SampledGain
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, counted
 from flexlin.files import replacing
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import RATE
@@ -135,7 +135,7 @@ class Labels:
         """Those of the arm and of a design's controller, once they have been found to fit; without an arm, numbers."""
         labels = cls.numbered(states, inputs) if lin is None else cls.of(lin, controller)
         if (len(labels.states), len(labels.inputs)) != (states, inputs):
-            got = f"{len(labels.states)} states and {len(labels.inputs)} inputs"
+            got = f"{counted(len(labels.states), 'state')} and {counted(len(labels.inputs), 'input')}"
             raise ArgumentError("the arm does not fit what is exported", got=got, expected=f"{states} and {inputs}")
         return labels
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked, instance
 from flexlin.checks import Array, real_array
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, counted
 from flexlin.periodic.circle import assign, measure_distances
 from flexlin.periodic.floquet.decoupled import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
@@ -70,7 +70,7 @@ class FloquetModes(Shown):
 
     def __repr__(self) -> str:
         return (
-            f"FloquetModes({len(self.exponents)} modes at {len(self.times)} times of the period {self.period:.6g} s, "
+            f"FloquetModes({counted(len(self.exponents), 'mode')} at {counted(len(self.times), 'time')} of the period {self.period:.6g} s, "
             f"growth rates {self.exponents.real.min():.6g} to {self.exponents.real.max():.6g} 1/s)"
         )
 

@@ -20,7 +20,7 @@ class Resonance:
 
     kind: "principal" (2 w_a = k w), "sum" (w_a + w_b = k w), "difference" (w_a - w_b = k w), or "average" (one mode grows by itself, in
     the averaged system or by what the variation takes from its damping); order k; frequencies (w_a, w_b) of the averaged modes in rad/s;
-    detuning in rad/s; modes: their indices among the oscillations of the averaged system, slowest first; growth in 1/s.
+    detuning, and w = 2 pi / T, in rad/s.
     """
 
     exponent: complex
@@ -28,17 +28,21 @@ class Resonance:
     order: int
     frequencies: tuple[float, float]
     detuning: float
+    w: float
 
     def __str__(self) -> str:
-        a, b = self.frequencies
         growth = f"growth {self.exponent.real:.3g} 1/s"
         if self.kind == "average":
-            return f"{growth}: one mode is unstable by itself near {a:.4g} rad/s; no parametric resonance"
-        rule = {"principal": f"2 x {a:.4g}", "sum": f"{a:.4g} + {b:.4g}", "difference": f"{a:.4g} - {b:.4g}"}[self.kind]
+            return f"{growth}: one mode is unstable by itself near {self.frequencies[0]:.4g} rad/s; no parametric resonance"
         name = "parametric resonance" if self.kind == "principal" else f"{self.kind} combination resonance"
-        return (
-            f"{growth}: {name} of order {self.order}, {rule} rad/s = {self.order} w, detuning {self.detuning:.2g} rad/s"
-        )
+        return f"{growth}: {name} of order {self.order}, {self.condition}, detuning {self.detuning:.2g} rad/s"
+
+    @property
+    def condition(self) -> str:
+        """Which frequencies meet which multiple of the motion's, in words."""
+        a, b = self.frequencies
+        rule = {"principal": f"2 x {a:.4g}", "sum": f"{a:.4g} + {b:.4g}", "difference": f"{a:.4g} - {b:.4g}"}[self.kind]
+        return f"{rule} rad/s near {self.order} w, w = {self.w:.4g} rad/s = 2 pi / T"
 
 
 def find_resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonance]:
@@ -83,8 +87,8 @@ def identify_resonance(exponent: complex, share: Array, values: Array, w: float)
     if detuning > FAR * w:  # the one that oscillates as the Floquet mode does
         wa = min((wa, wb), key=lambda one: abs((one - exponent.imag + w / 2) % w - w / 2))
     if strongest[b] < MINOR * strongest[a] or order == 0 or max(abs(wa), abs(wb)) == 0 or detuning > FAR * w:
-        return Resonance(complex(exponent), "average", 0, (abs(wa), abs(wa)), 0.0)
+        return Resonance(complex(exponent), "average", 0, (abs(wa), abs(wa)), 0.0, w)
     conjugate = abs(values[a] - values[b].conjugate()) < 1e-9 * abs(values[a])
     kind = "difference" if wa * wb > 0 else "principal" if conjugate else "sum"
     high, low = max(abs(wa), abs(wb)), min(abs(wa), abs(wb))
-    return Resonance(complex(exponent), kind, abs(order), (high, low), float(detuning))
+    return Resonance(complex(exponent), kind, abs(order), (high, low), float(detuning), w)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.errors import counted
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.decoupling.coupling import Decoupled
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
@@ -149,7 +150,7 @@ class FloquetResult(Shown):
         upper = self.exponents[self.exponents.imag >= 0]
         places = Series("exponents", upper.real, upper.imag / (2 * np.pi), "dots")
         facts = [
-            f"growth rate {growth:.6g} ± {error:.0e} 1/s, {len(self.exponents)} exponents, period {self.period:.6g} s",
+            f"growth rate {growth:.6g} ± {error:.0e} 1/s, {counted(len(self.exponents), 'exponent')}, period {self.period:.6g} s",
             f"by {self.setting}",
             *([self.reason] if self.reason else []),
         ]
@@ -198,8 +199,8 @@ def judge(
     hidden = off.count(inf)
     if hidden:
         most = max((g + e for g, e in both if e != inf), default=inf)
-        bounded = f" and only known to lie below {most:.3g} 1/s" if hidden < len(off) else ""
-        advice += f"; {hidden} exponents belong to modes too fast to be resolved{bounded}"
+        bounded = f", only known to lie below {most:.3g} 1/s" if hidden < len(off) else ""
+        advice += f"; too fast to be resolved: {counted(hidden, 'exponent')}{bounded}"
     missed = any(e != inf and e > tol * max(1.0, abs(value)) for value, e in zip(values, off, strict=True))
     allows = "the resolution allows" if coarse else "rounding and the resolution allow"
     limit = f"; tol {tol:.0e} was not reached, the error above is what {allows}" if missed else ""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import SAMPLES, Array, positive
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, counted
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes
 from flexlin.periodic.grid import divide_segments
@@ -137,7 +137,7 @@ def check_ports(system: PeriodicSystem, C: MatrixFunction | ArrayLike) -> tuple[
     output = as_matrix_function("C", C)
     columns = check_samples("C", output, system.period).shape[2]
     if columns != system.n:
-        raise ArgumentError("C does not fit the system", got=f"{columns} columns", expected=str(system.n))
+        raise ArgumentError("C does not fit the system", got=f"{counted(columns, 'column')}", expected=str(system.n))
     return system.B, output
 
 

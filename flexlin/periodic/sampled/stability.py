@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, counted
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.floquet.result import FloquetResult, judge
 from flexlin.periodic.floquet.segmented import SAFETY
@@ -129,7 +129,7 @@ def sampled_floquet(
     best, *others = find_rounds(system.period, h)
     spectrum, time = solve_round(system, K, best, delay / h, tol, own), best.periods * system.period
     exponents, errors = spectrum.logs / time, spectrum.errors / time
-    reason = f"{best.samples} samples in {best.periods} periods"
+    reason = f"{counted(best.samples, 'sample')} in {counted(best.periods, 'period')}"
     for other in others:
         beside = solve_round(system, K, other, delay / h, tol, own).logs[0].real / (other.periods * system.period)
         errors = errors + SAFETY * abs(beside - exponents[0].real)
@@ -160,5 +160,7 @@ def solve_loops(loops: Array, better: Array) -> RoundSpectrum:
 def judge_samples(loops: Array, better: Array, turn: Round, period: float, tol: float) -> FloquetResult:
     """The verdict on the steps (N, r, r) of a round that is exact."""
     spectrum, time = solve_loops(loops, better), turn.periods * period
-    setting = Setting("sampled", 0, turn.samples, f"{turn.samples} samples in {turn.periods} periods")
+    setting = Setting(
+        "sampled", 0, turn.samples, f"{counted(turn.samples, 'sample')} in {counted(turn.periods, 'period')}"
+    )
     return judge(spectrum.logs / time, spectrum.errors / time, time, setting, tol)

@@ -8,6 +8,7 @@ import xarray
 from flexlin.answers.critical_values import CriticalValue
 from flexlin.answers.stability_boundary import BoundaryCurve
 from flexlin.checks import Array
+from flexlin.errors import counted
 from flexlin.periodic.circle import assign
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Symlog
@@ -29,24 +30,41 @@ def draw_chart(
 ) -> Picture:
     """The growth rates over one parameter as lines, the largest over two as a map with the boundary and its resonances."""
     paths = list_paths(data)
-    loop = name_drawn_loop(str(data.attrs.get("loop", "own")))
-    title = f"Stability chart of {loop}"
-    caption = write_caption(data["verdict"].to_numpy(), loop)
-    labels = [label_number(scene, path) for path in paths]
-    own = [float(get_value(scene, path)) for path in paths]
+    title = f"Stability chart of {name_drawn_loop(data)}"
+    said = describe_chart(scene, data, critical, curves)
+    labels, own = [label_number(scene, path) for path in paths], own_values(scene, paths)
+    if len(paths) == 1:
+        return make_picture("chart", title, said, [draw_line(labels[0], own[0], thin(data), critical)])
+    nearest = find_nearest(own, data, paths, curves)
+    return make_picture("chart", title, said, draw_map(labels, own, nearest, thin(data), curves))
+
+
+def describe_chart(
+    scene: Scene,
+    data: xarray.Dataset,
+    critical: Sequence[CriticalValue] = (),
+    curves: Sequence[BoundaryCurve] = (),
+) -> str:
+    """What is said below a chart, a line for each thing; it holds without the picture too."""
+    paths = list_paths(data)
+    caption = write_caption(data["verdict"].to_numpy(), name_drawn_loop(data))
     bending = [data.attrs["bending"]] if data.attrs.get("bending") else []
     if len(paths) == 1:
         found = [f"{describe_critical(scene, one)}." for one in critical] or say_none_was_found(data)
-        said = "\n".join([caption, *found, *bending])
-        return make_picture("chart", title, said, [draw_line(labels[0], own[0], thin(data), critical)])
+        return "\n".join([caption, *found, *bending])
+    own = own_values(scene, paths)
     nearest = find_nearest(own, data, paths, curves)
     inside = all(data[path].min() <= value <= data[path].max() for path, value in zip(paths, own, strict=True))
     said = "" if nearest is None else describe_distance(scene, paths, own, nearest, inside) + " "
     if nearest is None or data.attrs.get("search"):
         said += say_none_was_found(data)[0]
     shade = f"Stronger: faster growth or decay; lines of equal {in_unit('growth rate', '1/s')}; hatched: undecided."
-    panels = draw_map(labels, own, nearest, thin(data), curves)
-    return make_picture("chart", title, "\n".join([f"{caption} {shade}", said, *bending]), panels)
+    return "\n".join([f"{caption} {shade}", said, *bending])
+
+
+def own_values(scene: Scene, paths: Sequence[str]) -> list[float]:
+    """The scene's own numbers at dotted paths."""
+    return [float(get_value(scene, path)) for path in paths]
 
 
 def list_paths(data: xarray.Dataset) -> list[str]:
@@ -55,8 +73,9 @@ def list_paths(data: xarray.Dataset) -> list[str]:
     return [next(str(name) for name in data.coords)] if dims == ["value"] else dims
 
 
-def name_drawn_loop(loop: str) -> str:
+def name_drawn_loop(data: xarray.Dataset) -> str:
     """Which loop is drawn, in words."""
+    loop = str(data.attrs.get("loop", "own"))
     return LOOPS.get(loop, f"the loop with {loop}")
 
 
@@ -67,7 +86,7 @@ def write_caption(verdict: Array, loop: str) -> str:
         f"{int((verdict == name).sum())} {name}" for name in kinds if name not in kinds[3:] or name in verdict
     )
     return (
-        f"{loop[0].upper()}{loop[1:]} at {verdict.size} values: {counts}. "
+        f"{loop[0].upper()}{loop[1:]} at {counted(verdict.size, 'value')}: {counts}. "
         "Green: stable; red: unstable; amber: undecided, the growth rate is zero to within its error."
     )
 
@@ -94,7 +113,9 @@ def find_nearest(
 
 
 def say_none_was_found(data: xarray.Dataset) -> list[str]:
-    """Why there is no boundary, or no critical value: none is there, or the search has not come to its end."""
+    """Why there is no boundary, or no critical value: none is there, or the work has not come to its end."""
+    if data.attrs.get("incomplete"):
+        return [f"T{data.attrs['incomplete'][1:]}."]
     if data.attrs.get("search"):
         return [f"Where the verdict changes was not searched to the end ({data.attrs['search']})."]
     kinds = set(np.unique(data["verdict"].to_numpy())) - {"failed", "missing"}
