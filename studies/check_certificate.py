@@ -1,7 +1,7 @@
 """Does a Lyapunov certificate prove what it claims? Those of a report.json are checked with NumPy and json, without flexlin.
 
 X' + A' X + X A <= -margin X at samples of each panel, in coordinates U x; between them by |T_k''| <= k^2 (k^2 - 1) / 3.
-Run: python studies/check_certificate.py report.json
+Run: flexlin report single-link --out out && python studies/check_certificate.py out/report.json
 """
 
 import hashlib

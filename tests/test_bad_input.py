@@ -123,11 +123,23 @@ def test_all_mistakes_are_told_at_once(tmp_path: Path, capsys: pytest.CaptureFix
     ("content", "words"),
     [
         (None, ("no such file", "single-link")),
-        (b'schema = 1\ntitle = "open\n', ("line 2", "TOML")),
+        (b'schema = 1\ntitle = "open\n', ('got title = "open in line 2', "expected a closing quote")),
+        (b"schema = 1\n[motion\n", ("got [motion in line 2", "expected a closing bracket")),
+        (b"a = 1\na = 2", ("got a = 2 in line 2", "expected each key once")),
+        (b"[motion]\n", ('motion.kind: got nothing, expected one of "harmonic"',)),
         (b"\xff\xfe\x00", ("decode", "TOML")),
-        (b"", ("schema", "title", "motion", "links", "required")),
+        (
+            b"",
+            (
+                "schema: got nothing, expected 1:",
+                "title",
+                'table [motion] with kind = "harmonic" or',
+                "links",
+                "required",
+            ),
+        ),
     ],
-    ids=["missing", "broken", "binary", "empty"],
+    ids=["missing", "open text", "open heading", "twice", "no kind", "binary", "empty"],
 )
 def test_a_file_that_is_no_scene(
     content: bytes | None, words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]

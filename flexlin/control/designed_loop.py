@@ -160,12 +160,14 @@ class Design(Shown):
     def _view(self) -> View:
         t = self._times(257)
         K = self.K(t)
-        series = tuple(Series(f"K[{i}, {j}]", t, K[:, i, j]) for i in range(K.shape[1]) for j in range(K.shape[2]))
+        series = tuple(
+            Series(f"u{i + 1} per x{j + 1}", t, K[:, i, j]) for i in range(K.shape[1]) for j in range(K.shape[2])
+        )
         facts = (
             f"{self.kind}, {counted(K.shape[1], 'input')}, {counted(K.shape[2], 'state')}, relative error {self.error:.0e}",
             self.status,
         )
-        return View(self.name, "", facts, "time in s", "gains", series)
+        return View(self.name, "", facts, "time in s", "gains K, in the input's unit per the state's", series)
 
     @property
     def law(self) -> Law:

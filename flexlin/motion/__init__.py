@@ -6,7 +6,7 @@ from typing import Any
 import casadi as ca
 
 from flexlin.arguments import checked, instance
-from flexlin.errors import MotionError
+from flexlin.errors import ArgumentError, MotionError
 from flexlin.mechanics.coordinates import Parameters
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
@@ -40,7 +40,7 @@ __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]
 @checked
 def build_motion(
     table: AnyMotion | Mapping[str, Any],
-    joints: int,
+    joints: int | None = None,
     parameters: Parameters | None = None,
     arm: Manipulator | None = None,
 ) -> Motion:
@@ -50,8 +50,8 @@ def build_motion(
     ----------
     table : Harmonic, Rotation, Fourier, PointToPoint, TableMotion, LogMotion or TipPath, or a dict of its keys
         The scene's `motion`.
-    joints : int
-        Number of joints of the manipulator.
+    joints : int, optional
+        Number of joints of the manipulator; by default the arm's, or as many as the table has.
     parameters : Parameters, optional
         Free scene parameters: those below `motion.` become symbols of the motion.
     arm : Manipulator, optional
@@ -82,6 +82,12 @@ def build_motion(
         slides = {one.unit == "m" for one in arm.coordinates if one.kind == "joint"} if arm else {False}
         table = read_motion(table, None if len(slides) > 1 else True in slides)
     instance("table", table, MotionTable, "give scene.motion")
+    if joints is None:
+        joints = len(table.joints) if arm is None else arm.joints
+    if not joints:
+        raise ArgumentError(
+            "joints are not known", got=joints, expected="how many joints the arm has", todo="give joints= or arm="
+        )
     tables = table.joints or (None,) * joints
     if len(tables) != joints:
         raise MotionError("the motion has the wrong number of joints", got=len(tables), expected=str(joints))

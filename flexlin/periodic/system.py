@@ -165,10 +165,10 @@ class PeriodicSystem(Shown):
         A = self.A(t)
         moving = [(i, j) for i, j in np.ndindex(self.n, self.n) if np.ptp(A[:, i, j]) > 0]
         moving.sort(key=lambda at: -np.ptp(A[:, *at]))
-        series = tuple(Series(f"A[{i}, {j}]", t, A[:, i, j]) for i, j in moving)
+        series = tuple(Series(f"x{i + 1}' per x{j + 1}", t, A[:, i, j]) for i, j in moving)
         facts = (repr(self), f"{len(moving)} of {self.n**2} entries of A vary")
         title = "x' = A(t) x + B(t) u" if self.m else "x' = A(t) x"
-        return View(title, "", facts, "t in s", "entries of A that vary", series)
+        return View(title, "", facts, "t in s", "entries of A that vary, in the units of x' per x", series)
 
     @lazy
     def resolved(self) -> ResolvedMatrix | ResolvedCompanion:

@@ -19,7 +19,7 @@ from flexlin.scene.motion import AnyMotion
 from flexlin.scene.parameters import PARAMETERS, apply_overrides, get_value, whole_path
 from flexlin.scene.problems import schema_problems
 from flexlin.scene.scene import Scene, uncertainty_problems
-from flexlin.scene.toml import parse_toml
+from flexlin.scene.toml import explain_fault, parse_toml
 
 LONGEST_NAME = 4096
 ADDED = {"robot", "joints", "flexible"}
@@ -216,11 +216,16 @@ def _find(source: str | Path) -> Path:
 
 
 def _read(path: Path) -> dict[str, Any]:
+    text = ""
     try:
-        return parse_toml(read_text(path, LARGEST_SCENE))
+        text = read_text(path, LARGEST_SCENE)
+        return parse_toml(text)
     except RecursionError:
         raise SceneError(printable(path), [Problem("file", "tables in tables without end", SHALLOW)]) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+    except tomllib.TOMLDecodeError as error:
+        got, expected = explain_fault(text, error)
+        raise SceneError(printable(path), [Problem("file", printable(got), expected)]) from None
+    except (UnicodeDecodeError, OSError) as error:
         raise SceneError(printable(path), [Problem("file", printable(error), "a readable TOML file")]) from None
 
 

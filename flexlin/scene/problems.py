@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from math import isfinite
-from typing import Any, get_args
+from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -63,7 +63,6 @@ def name_units(units: str) -> str:
 
 
 WORDS = {
-    "missing": "a value: this key is required",
     "float_type": "a number",
     "int_type": "a whole number",
     "int_from_float": "a whole number",
@@ -127,14 +126,18 @@ def _problem(schema: type[BaseModel], entry: Any) -> Problem:
     key = printable(".".join(str(step) for step in entry["loc"] if not _is_branch(step))) or "scene"
     if kind == "extra_forbidden":
         return Problem(key, "an unknown key", _known_keys(schema, entry["loc"]))
+    if kind == "missing":
+        return Problem(key, "nothing", f"{_needed(schema, entry['loc'], key)}: this key is required")
     if kind == "union_tag_not_found":
-        return Problem(f"{key}.kind", "nothing", WORDS["missing"])
+        return Problem(
+            f"{key}.kind", "nothing", f"one of {', '.join(_kinds(schema, entry['loc']))}: this key is required"
+        )
     if kind == "union_tag_invalid":
         expected = context["expected_tags"]
         hint = hint_at(str(context["tag"])[:LONGEST], re.findall(r"'([^']*)'", expected))
         return Problem(f"{key}.kind", repr(context["tag"])[:LONGEST], f"one of {expected}{hint}")
-    got = "nothing" if kind == "missing" else repr(entry["input"])[:LONGEST]
-    hint = "" if kind == "missing" else suggest(kind, entry["input"], _unit_of(schema, entry["loc"]))
+    got = repr(entry["input"])[:LONGEST]
+    hint = suggest(kind, entry["input"], _unit_of(schema, entry["loc"]))
     if kind == "literal_error":
         hint = hint_at(str(entry["input"])[:LONGEST], re.findall(r"'([^']*)'", context["expected"]))
     return Problem(key, got, _expected(kind, context, entry["msg"]) + hint)
@@ -162,6 +165,27 @@ def _unit_of(schema: type[BaseModel], location: Sequence[Any]) -> str | None:
     return None
 
 
+def _needed(schema: type[BaseModel], location: Sequence[Any], key: str) -> str:
+    """What a key that is not there must hold."""
+    annotations = [_annotation(table, str(location[-1])) for table in _tables(schema, location)]
+    unit, kinds = _unit_of(schema, location), _kinds(schema, location)
+    if not any(model for annotation in annotations for model in _models(annotation)):
+        choices = [
+            str(one) for annotation in annotations if get_origin(annotation) is Literal for one in get_args(annotation)
+        ]
+        return " or ".join(choices) or (f"a value in {unit}" if unit else "a value")
+    if any(get_origin(annotation) is tuple for annotation in annotations):
+        return f"a list of tables, [[{key}]] or {key.rpartition('.')[2]} = [{{ ... }}]"
+    return f"a table [{key}]" + (f" with kind = {' or '.join(kinds)}" if kinds else "")
+
+
+def _kinds(schema: type[BaseModel], location: Sequence[Any]) -> list[str]:
+    """The kinds of the tables that the last key of a location may hold, in quotes."""
+    annotations = [_annotation(table, str(location[-1])) for table in _tables(schema, location)]
+    models = [model for annotation in annotations for model in _models(annotation) if "kind" in model.model_fields]
+    return [f'"{kind}"' for model in models for kind in get_args(model.model_fields["kind"].annotation)]
+
+
 def _known_keys(schema: type[BaseModel], location: Sequence[Any]) -> str:
     """The keys that a table may hold, the likeliest first."""
     tables = _tables(schema, location)
@@ -181,8 +205,8 @@ def _tables(schema: type[BaseModel], location: Sequence[Any]) -> list[type[BaseM
 
 
 def _annotation(table: type[BaseModel], key: str) -> Any:
-    field = table.model_fields.get(key)
-    return None if field is None else field.annotation
+    found = (field.annotation for name, field in table.model_fields.items() if key in (name, field.alias))
+    return next(found, None)
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -28,6 +28,35 @@ def parse_toml(text: str) -> dict[str, Any]:
     return tomllib.loads(text)
 
 
+FAULTS = {
+    "Illegal character '\\n'": "a closing quote",
+    "Unterminated string": "a closing quote",
+    'Expected "\'"': "a closing quote",
+    "Invalid value": "a number, a text in quotes, true, false, [ ] or { } behind =",
+    "Expected newline": "the end of the line behind one value; texts stand in quotes",
+    "Expected '='": "key = value",
+    "Expected ']": "a closing bracket",
+    "Unclosed array": "a comma, or a closing bracket before it",
+    "Unclosed inline table": "a comma, or a closing brace on the same line",
+    "Cannot overwrite": "each key once",
+    "Cannot declare": "each table once",
+}
+"""What is missing where Python's reader of TOML says so."""
+
+
+def explain_fault(text: str, error: tomllib.TOMLDecodeError) -> tuple[str, str]:
+    """Of a text that is no TOML: the line at fault, and what was expected there."""
+    said, lines = str(error), text.splitlines() or [""]
+    place = re.search(r"\(at line (\d+), column \d+\)$", said)
+    if place is None and "end of document" not in said:
+        return said, "a readable TOML file"
+    number = min(int(place[1]), len(lines)) if place else len(lines)
+    expected = next(
+        (words for start, words in FAULTS.items() if said.startswith(start)), f"TOML: {said.partition(' (')[0]}"
+    )
+    return f"{lines[number - 1].strip()} in line {number}", expected
+
+
 Note = Callable[[tuple[str, ...]], str]
 COLUMN = 36
 """Where comments begin."""

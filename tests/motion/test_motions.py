@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from flexlin.errors import MotionError
+from flexlin.errors import ArgumentError, MotionError
 from flexlin.mechanics import Parameters
 from flexlin.motion import PROFILES, build_motion
 from flexlin.scene import AnyMotion, parse_scene
@@ -167,3 +167,10 @@ def test_free_parameters_take_the_place_of_numbers(frequency, amplitude, phase):
     assert freed.period == fixed.period
     for a, b in zip(fixed.sample(t), freed.sample(t), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-12 * (1 + np.abs(a).max()))
+
+
+def test_the_number_of_joints_is_the_tables_or_the_arms():
+    two = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.1}, {"amplitude": 0.2}]}
+    assert build_motion(two).joints == 2
+    with pytest.raises(ArgumentError, match="joints are not known; got 0"):
+        build_motion({"kind": "log", "file": "log.csv", "columns": ["q"]})

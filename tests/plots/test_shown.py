@@ -42,6 +42,22 @@ def test_each_draws_into_axes_and_opens_a_figure_where_none_are_given(results):
         pyplot.close("all")
 
 
+def test_axes_of_own_systems_name_states_inputs_and_units():
+    system = fl.PeriodicSystem.from_second_order(
+        [[1.0]], [[0.1]], lambda t: 1 + 0.1 * np.cos(t)[:, None, None], 2 * np.pi, [[1.0]]
+    )
+    drawn = {
+        "in the input's unit per the state's": fl.periodic_lqr(system, np.eye(2), [[1.0]], tol=1e-4),
+        "each in its own unit": fl.forced_response(system, [0.0, 1.0], tol=1e-4),
+        "in the units of x' per x": system,
+    }
+    curves = [("u1 per x1", "u1 per x2"), ("x1", "x2"), ("x2' per x1",)]
+    for (words, result), names in zip(drawn.items(), curves, strict=True):
+        view = result._view()
+        assert words in view.y_label
+        assert tuple(series.name for series in view.series) == names
+
+
 def test_what_is_drawn_are_the_numbers(results):
     from matplotlib import pyplot
 

@@ -47,6 +47,19 @@ def test_planned_stages_share_the_work_alike() -> None:
     assert said[-1] <= 1.0
 
 
+def test_a_pipe_hears_of_a_step_without_news_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, seconds in {"PATIENCE": 0.01, "TICK": 0.01, "APART": 0.02}.items():
+        monkeypatch.setattr(shown, name, seconds)
+    pipe = io.StringIO()
+    monkeypatch.setattr("sys.stderr", pipe)
+    monkeypatch.setattr("sys.__stderr__", pipe)
+    with Progress() as progress:
+        for step in ("load", "solve"):
+            progress(step)
+            time.sleep(0.3)
+    assert [line.split()[1] for line in pipe.getvalue().splitlines()] == ["load", "solve"]
+
+
 @pytest.mark.parametrize(("patience", "words"), [(0.05, True), (60.0, False)])
 def test_a_pipe_gets_lines_with_percentage_and_time_left(
     monkeypatch: pytest.MonkeyPatch, patience: float, words: bool

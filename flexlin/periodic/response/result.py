@@ -116,7 +116,7 @@ class ForcedResponse(Shown):
             f"period {self.period:.6g} s, error {self.error:.0e}, amplification {self.amplification:.3g}",
             self.status,
         )
-        return View("periodic response", "", facts, "time in s", "states", series)
+        return View("periodic response", "", facts, "time in s", "states, each in its own unit", series)
 
 
 def label_states(count: int, names: Sequence[str], units: Sequence[str]) -> tuple[list[str], list[str]]:
