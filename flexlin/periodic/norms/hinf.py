@@ -154,13 +154,14 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
     largest = find_largest_gain(problem.B), find_largest_gain(problem.C)
     if 0 in largest:
         return HinfNorm(direct, tol * direct, 0.0)
-    search = PeakSearch(problem, largest)
-    peak, least = max(search.best[0], direct), search.least()
+    search = PeakSearch(problem, largest, direct)
+    peak, least = search.best[0], search.least()
     low, high, aside, hidden = direct, np.inf, tol / 2, list[float]()
     for _ in range(MOST):
-        unbounded, narrow = np.isinf(high), high - low <= 2 * tol * high or any(low < one < high for one in hidden)
-        if unbounded or (low == direct < peak * (1 - aside)):
-            level = peak * (1 + aside if unbounded else 1 - aside)
+        before, unbounded = (low, high), np.isinf(high)
+        narrow = high - low <= 2 * tol * high or any(low < one < high for one in hidden)
+        if unbounded or (low == direct < min(peak, high) * (1 - aside)):
+            level = peak * (1 + aside) if unbounded else min(peak, high) * (1 - aside)
         elif narrow:
             break
         else:
@@ -175,7 +176,7 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
             high = min(high, level + lost)
             if unbounded:
                 continue
-        else:
+        if (low, high) == before:
             hidden.append(level)
         aside = search.go_aside(aside, one.hidden)
     if np.isinf(high):

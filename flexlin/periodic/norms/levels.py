@@ -16,18 +16,24 @@ from flexlin.periodic.floquet.segmented import Factored
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, SAFETY
 from flexlin.periodic.product.spectrum import Unknown
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.response.frequency import STAGES, Collocated, Segments, condense
+from flexlin.periodic.response.frequency import Segments, condense, place_stages
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
-from flexlin.periodic.transition.setting import FEWER_SEGMENTS, METHODS, Setting, choose_setting, factor_twice
+from flexlin.periodic.transition.gauss import Tableau, sample_at
+from flexlin.periodic.transition.setting import (
+    FEWER_SEGMENTS,
+    METHODS,
+    Setting,
+    choose_setting,
+    factor_twice,
+    place_segments,
+)
 
 LEVEL_TOL = 1e-9
 """Wanted accuracy of the exponents that judge a level."""
 WIDER = 4.0
 """The least factor on the distance to the largest gain that was found, from a level whose side is hidden to the next."""
-WAVES, MOST_WAVES, STARTS, CLIMBS = 8, 48, 3, 3
-"""Harmonics of inputs beside those of the fastest mode, and the most; modes about whose frequencies the largest gain is sought; and steps
-to it."""
+WAVES, STARTS, CLIMBS = 8, 3, 3
+"""Harmonics of inputs that are tried, modes about whose frequencies the largest gain is sought, and steps to it."""
 
 
 @dataclass(frozen=True)
@@ -73,10 +79,24 @@ class BoundedReal:
             return PeriodicSystem(H(np.zeros(1))[0], self.system.period)
         return PeriodicSystem(H, self.system.period, breaks=self.breaks, complete=True)
 
+    def constant_gain(self, omega: float) -> float:
+        """|C (i omega - A)^-1 B + D|, where nothing depends on t."""
+        A, B, C, D = (one.mean() for one in (self.system.resolved, self.B, self.C, self.D))
+        return float(np.linalg.norm(C @ np.linalg.solve(1j * omega * np.eye(len(A)) - A, B) + D, 2))
+
     @lazy
-    def settings(self) -> list[Setting]:
-        """That of the first level, with which all begin, so that they share segments."""
+    def begun(self) -> list[Setting]:
+        """That of the level near which all others lie, with which all begin, so that they share segments."""
         return []
+
+    def begin(self, level: float) -> tuple[Array, Setting]:
+        """Choose the segments for all levels near one; those of the gains are the same, but where so many would be needed."""
+        system = self.hamiltonian(level)
+        setting = choose_setting(system, LEVEL_TOL, "auto", None, None)
+        self.begun.append(setting)
+        if setting.segments > FEWER_SEGMENTS:  # an L-stable method only knows the modes that it resolves
+            setting = choose_setting(self.system, LEVEL_TOL, "radau", None, None)
+        return place_segments(system, setting), setting
 
     @lazy
     def made(self) -> dict[tuple[bytes, bytes], Segments]:
@@ -87,7 +107,7 @@ class BoundedReal:
         """The system's own, which serve all levels; inputs and outputs so weighted that their squares add up to the integrals."""
         key = edges.tobytes(), rule.c.tobytes()
         if key not in self.made:
-            t, h = place_nodes(edges, rule.c), np.diff(edges)
+            t, h = place_stages(edges, rule), np.diff(edges)
             A, *ports = (sample_at(one, t) for one in (self.system.resolved, self.B, self.C, self.D))
             found = condense(A, ports, h, rule)
             p, m = ports[2].shape[-2:]
@@ -122,10 +142,8 @@ class BoundedReal:
 
     def find_exponents(self, system: PeriodicSystem, level: float) -> FloquetResult:
         """The exponents of H by segments that all levels share, where so few do."""
-        if not self.settings:
-            self.settings.append(choose_setting(system, LEVEL_TOL, "auto", None, None))
         try:
-            return answer_by_segments(system, self.settings[0], LEVEL_TOL, FEWER_SEGMENTS, partial(self.factor, level))
+            return answer_by_segments(system, self.begun[0], LEVEL_TOL, FEWER_SEGMENTS, partial(self.factor, level))
         except TooManySegments:
             return floquet(system, LEVEL_TOL)
 
@@ -173,10 +191,10 @@ class PeakSearch:
     best: the largest gain and its frequency; width: of the resonance there, in rad/s.
     """
 
-    def __init__(self, problem: BoundedReal, largest: tuple[float, float]):
+    def __init__(self, problem: BoundedReal, largest: tuple[float, float], direct: float):
         self.problem, system, found = problem, problem.system, problem.found
         rate = max(float(np.linalg.norm(system.resolved.mean(), 2)), 1 / system.period)
-        self.floor = EPS * largest[0] * largest[1] / rate  # what rounding makes of nothing
+        self.floor = max(direct, EPS * largest[0] * largest[1] / rate)  # what rounding makes of nothing
         modes = solve_floquet_modes(system, found, quick=True)
         ports = np.swapaxes(problem.B(modes.times), 1, 2), problem.C(modes.times)
         reached, seen = (
@@ -187,10 +205,10 @@ class PeakSearch:
         )
         self.exponents, self.period = modes.exponents, system.period
         self.shares = np.where(np.isfinite(modes.errors), reached * seen / np.abs(self.exponents.real), np.inf)
-        fastest = int(found.setting.rate * self.period / (2 * np.pi))
-        self.highest = 0 if problem.constant else min(WAVES + fastest, MOST_WAVES)
-        self.segments = max(1, self.highest // 2, found.setting.segments * found.setting.order // STAGES)
-        self.loop = Collocated(system, problem.C, problem.D, self.segments)
+        greatest = float(self.shares[np.isfinite(self.shares)].max(initial=0.0))
+        self.edges: Array | None = None
+        if not problem.constant:
+            self.edges, self.setting = problem.begin(max(greatest, 2 * self.floor))
         self.gains: dict[float, float] = {}
         first = self.exponents[np.argsort(-self.shares)].imag[: 2 * STARTS]
         for omega in (0.0, np.pi / self.period, *first.tolist()):
@@ -207,8 +225,21 @@ class PeakSearch:
         """The gain at a frequency, remembered for it folded into [0, pi/T]."""
         omega = abs(float(wrap_angle(np.array(omega * self.period)))) / self.period
         if omega not in self.gains:
-            self.gains[omega] = max(self.loop.gain(omega, self.highest), self.floor)
+            self.gains[omega] = self.measure(omega)
         return self.gains[omega]
+
+    def measure(self, omega: float, better: int = 0) -> float:
+        """The gain at a frequency by segments of an order that is so much better, sought from inputs of some harmonics."""
+        if self.edges is None:
+            return max(self.problem.constant_gain(omega), self.floor)
+        rule, orders = METHODS[self.setting.method](self.setting.order + better), np.arange(-WAVES, WAVES + 1)
+        t, m = place_stages(self.edges, rule), self.problem.system.m
+        waves = np.exp(1j * (omega + 2 * np.pi / self.period * orders) * t[..., None])
+        tried = np.einsum("ks,ksl,ij->ksilj", np.sqrt(np.diff(self.edges)[:, None] * rule.b), waves, np.eye(m))
+        found = self.problem.segments(self.edges, rule).largest_gain(
+            np.exp(1j * omega * self.period), tried.reshape(len(t), -1, m * len(orders))
+        )
+        return max(found, self.floor)
 
     def climb(self, omega: float) -> None:
         """Go to the largest gain near a frequency: about a resonance 1 / gain^2 is a parabola, as wide as the mode is damped."""
@@ -251,12 +282,7 @@ class PeakSearch:
         return WIDER * max(aside, min(wanted, MINOR / WIDER))
 
     def least(self) -> float:
-        """A little more than the least gain that was found, by a second resolution: half as fine, or twice where that says too little."""
-        omega, bound = min(self.gains, key=lambda one: self.gains[one]), np.inf
-        for count, highest in ((max(1, self.segments // 2), self.highest // 2), (2 * self.segments, 2 * self.highest)):
-            other = Collocated(self.problem.system, self.problem.C, self.problem.D, count)
-            again = other.gain(omega, highest)
-            bound = max(again, self.gains[omega]) + SAFETY * abs(again - self.gains[omega])
-            if bound < self.best[0]:
-                break
-        return float(bound)
+        """A little more than the least gain that was found, by two orders."""
+        omega = min(self.gains, key=lambda one: self.gains[one])
+        again = self.measure(omega, better=4)
+        return max(again, self.gains[omega]) + SAFETY * abs(again - self.gains[omega])

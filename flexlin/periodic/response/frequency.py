@@ -1,10 +1,10 @@
 """The harmonic frequency response of a periodic system: one frequency in, that frequency and its sidebands out."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg.blas import zherk
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
@@ -13,7 +13,7 @@ from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.grid import place_edges
-from flexlin.periodic.precision import EPS, SAFETY, TINY
+from flexlin.periodic.precision import CUBE, EPS, SAFETY, TINY
 from flexlin.periodic.product.cyclic import cyclic_system
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve_port
@@ -31,6 +31,8 @@ from flexlin.summary import represent
 
 STAGES, LARGEST, FARTHEST_ORDER = 8, 4000, 64
 """Radau stages of a segment, and segments that are tried first; the most; and harmonics of an answer at the most."""
+NOISY_STEPS, MOST_STEPS = 2, 24
+"""Steps to the largest gain from noise, and in all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ def frequency_response(
     output = resolve_port(given, system.period, system.breaks, system.features, system.complete)
     count, before = STAGES, np.zeros((len(frequencies), 1, *output.shape[:1], system.m), complex)
     while True:
-        found = Collocated(system, output, None, count).harmonics(frequencies, min(count, FARTHEST_ORDER))
+        found = Collocated(system, output, count).harmonics(frequencies, min(count, FARTHEST_ORDER))
         size = np.abs(found).max(axis=(1, 2, 3)) + TINY
         beyond = (found.shape[1] - before.shape[1]) // 2
         apart = found - np.pad(before, ((0, 0), (beyond, beyond), (0, 0), (0, 0)))
@@ -152,19 +154,15 @@ def frequency_response(
 
 
 class Collocated:
-    """x' = A x + B u, y = C x + D u under u = exp(i omega t) v(t), v periodic, on segments between all edges of the coefficients.
+    """x' = A x + B u, y = C x under u = exp(i omega t), on so many segments of a period, between all edges of the coefficients."""
 
-    Parameters: through: D, None for none; count: of segments in a period.
-    """
-
-    def __init__(self, system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix | None, count: int):
-        ports = [system.resolved_input, C, *([] if D is None else [D])]
+    def __init__(self, system: PeriodicSystem, C: ResolvedMatrix, count: int):
+        ports = [system.resolved_input, C]
         every = (system.resolved, *ports)
         least = max((-(-2 * one.degree // STAGES) for one in every if one.panels > 1), default=1)
         edges = place_edges(system.period, np.unique(np.concatenate([one.edges for one in every])), count, least)
         self.rule, self.h = radau(STAGES), np.diff(edges)
-        t = place_nodes(edges, self.rule.c)
-        t[:, -1] = np.nextafter(edges[1:], -np.inf)  # before a jump
+        t = place_stages(edges, self.rule)
         self.t, self.period, self.weights = t, system.period, self.h[:, None] * self.rule.b / system.period
         self.A, self.ports = sample_at(system.resolved, t), [sample_at(one, t) for one in ports]
 
@@ -173,27 +171,13 @@ class Collocated:
         A = self.A - 1j * shift * np.eye(self.A.shape[-1]) if shift else self.A
         return condense(A, self.ports, self.h, self.rule)
 
-    @lazy
-    def unshifted(self) -> "Segments":
-        """The segments for inputs of any frequency that they resolve."""
-        return self.condense(0.0)
-
     def harmonics(self, omega: Array, highest: int) -> Array:
         """H (W, 2 highest + 1, p, m)."""
         (K, s), p, m = self.t.shape, self.ports[1].shape[-2], self.ports[0].shape[-1]
         v = np.tile(np.eye(m), (s, 1))
         back = self.weights * self.waves(-np.arange(-highest, highest + 1))
-        answers = (self.condense(w).answer(v, 1.0).reshape(K, s, p, m) for w in omega.tolist())
+        answers = (self.condense(w).respond(1.0)(v).reshape(K, s, p, m) for w in omega.tolist())
         return np.array([np.tensordot(back, y, axes=((1, 2), (0, 1))) for y in answers])
-
-    def gain(self, omega: float, highest: int) -> float:
-        """The largest |y| / |u| in mean square, for inputs with so many harmonics; omega within what the segments resolve."""
-        m, orders = self.ports[0].shape[-1], np.arange(-highest, highest + 1)
-        u = np.exp(1j * omega * self.t) * self.waves(orders)
-        v = np.einsum("lks,ij->ksilj", u, np.eye(m)).reshape(len(self.h), -1, m * len(orders))
-        y = self.unshifted.answer(v, np.exp(1j * omega * self.period))
-        y = (np.repeat(np.sqrt(self.weights), y.shape[1] // STAGES, axis=1)[..., None] * y).reshape(-1, v.shape[-1])
-        return float(np.sqrt(np.linalg.eigvalsh(zherk(1.0, y.T), "U")[-1]))
 
     def waves(self, orders: Array) -> Array:
         """exp(2 pi i k t / T) at the stages, (k, K, s)."""
@@ -212,11 +196,49 @@ class Segments:
     seen: Array
     through: Array
 
-    def answer(self, u: Array, turn: complex) -> Array:
+    def respond(self, turn: complex) -> Callable[[Array], Array]:
         """The output at the stages (K, s p, r) for an input there (K, s m, r), where x(T) = turn x(0)."""
         back = np.where(np.arange(len(self.free)) < len(self.free) - 1, 1.0, 1 / turn)[:, None, None]
-        x = cyclic_system(back * self.free).solve(back * (self.pushed @ u))
-        return self.seen @ x + self.through @ u
+        cyclic = cyclic_system(back * self.free)
+        return lambda u: self.seen @ cyclic.solve(back * (self.pushed @ u)) + self.through @ u
+
+    @lazy
+    def adjoint(self) -> "Segments":
+        """l_0 = free' l_1 + seen' y, u = pushed' l_1 + through' y, from the last segment to the first."""
+        return Segments(*(np.swapaxes(one[::-1], 1, 2) for one in (self.free, self.seen, self.pushed, self.through)))
+
+    def largest_gain(self, turn: complex, tried: Array) -> float:
+        """The largest singular value of G: u -> y, where x(T) = turn x(0), |turn| = 1, from the best of some inputs (K, s m, r).
+
+        It is sought in the space of G'G's powers on noise, which hides nothing, and then on the best that is there; what is found
+        lies below it, and the residual |G'G u - g^2 u| is small where it is reached.
+        Source: Golub, Kahan, Calculating the singular values and pseudo-inverse of a matrix, SIAM J. Numer. Anal. 2 (1965) 205.
+        """
+        forth, back = self.respond(turn), self.adjoint.respond(np.conj(turn))
+        K, size, r = tried.shape
+        flat = np.linalg.qr(tried.reshape(K * size, r))[0]
+        answers = forth(flat.reshape(K, size, -1)).reshape(-1, flat.shape[1])
+        best = flat @ np.linalg.eigh(answers.conj().T @ answers)[1][:, -1]
+        noise = np.random.default_rng(0).standard_normal((len(flat), 2)) @ (1, 1j)
+        inputs = np.linalg.qr(np.column_stack([best, noise]))[0]
+        outputs, gains = forth(inputs.reshape(K, size, 2)).reshape(-1, 2), np.zeros(1)
+        for step in range(MOST_STEPS):
+            left, gains, right = np.linalg.svd(outputs, full_matrices=False)
+            answer = outputs[:, -1] if step < NOISY_STEPS else left[:, 0]
+            u = back(answer.reshape(K, -1, 1)[::-1])[::-1].ravel()
+            if step >= NOISY_STEPS and np.linalg.norm(u - gains[0] * inputs @ right[0].conj()) <= CUBE * gains[0]:
+                break
+            for _ in range(2):  # once more, for what rounding left
+                u = u - inputs @ (inputs.conj().T @ u)
+                u /= np.linalg.norm(u) + TINY
+            inputs = np.column_stack([inputs, u])
+            outputs = np.column_stack([outputs, forth(u.reshape(K, size, 1)).ravel()])
+        return float(gains[0])
+
+
+def place_stages(edges: Array, rule: Tableau) -> Array:
+    """The times (K, s) of the stages of all segments; one at an end stands before a jump there."""
+    return np.minimum(place_nodes(edges, rule.c), np.nextafter(edges[1:, None], -np.inf))
 
 
 def condense(A: Array, ports: list[Array], h: Array, rule: Tableau) -> Segments:

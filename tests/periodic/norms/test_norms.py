@@ -208,6 +208,15 @@ def test_no_norm_misses_by_more_than_its_error(case, period):
     assert found.error < 1e-6 * exact or damping * period < 1e-4
 
 
+def test_a_mode_that_turns_more_often_in_a_period_than_inputs_that_are_tried():
+    """Of 80 turns; inputs of at most 48 missed its gain, and the bracket was four times as wide as the norm."""
+    A = np.zeros((4, 4))
+    A[:2, :2], A[2:, 2:] = [[0.0, 1.0], [-1.0, -0.2]], [[0.0, 80.0], [-80.0, -0.016]]
+    B, C = np.array([[0.0, 1.0, 0.0, 1.0]]).T, np.array([[1.0, 0.0, 1.0, 0.0]])
+    found, exact = fl.hinf_norm(*rotated(A, B, C, speed=1.0)), constant_peak(A, B, C, 0.0)[0]
+    assert abs(found.value - exact) <= found.error <= 1e-6 * exact
+
+
 def hardly_damped(seed):
     """Oscillators of damping ratios 1e-6 to 0.1 in mixed coordinates that turn: refused, or stated too well, by steps of second order."""
     rng = np.random.default_rng(seed)
