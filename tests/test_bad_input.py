@@ -72,6 +72,7 @@ OVERRIDES = {
     "too many modes": ("links.0.modes=100", "links.0.modes", "100", "60"),
     "not a number": ("links.0.length=nan", "links.0.length", "nan", "finite"),
     "infinite": ("effects.payload.mass=inf", "effects.payload.mass", "inf", "finite"),
+    "a direction of no length": ("effects.gravity.direction=[0,1e-308,0]", "effects.gravity.direction", "1e-30"),
     "absurdly large": ("links.0.length=1e200", "links.0.length", "1e+200", "less than or equal to"),
     "an unknown effect": ("effects.magnetism={}", "effects.magnetism", "unknown", "geometric_stiffening"),
     "an unknown key": ("links.0.lenght=2.0", "links.0.lenght", "unknown", "did you mean 'length'"),

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, TypeAdapter, WrapValidator, model_validator
 
-from flexlin.bounds import MOST_ITEMS, printable
+from flexlin.bounds import MOST_ITEMS, SMALLEST, printable
 from flexlin.errors import Problem
 from flexlin.scene.base import NonNegative, Number, Positive, Table, Text, Unit
 from flexlin.scene.problems import read_table
@@ -135,8 +135,8 @@ ROUNDING = 1e-9
 
 
 def _not_zero(value: Vector) -> Vector:
-    if not any(value):
-        raise ValueError("three numbers, not all of them zero")
+    if max(map(abs, value)) < SMALLEST:
+        raise ValueError(f"three numbers, not all of them zero or smaller than {SMALLEST:g}")
     return value
 
 

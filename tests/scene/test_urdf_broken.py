@@ -66,6 +66,7 @@ BROKEN = {
     "negative inertia": ('iyy="0.64"', 'iyy="-0.64"'),
     "no inertia": ('ixy="-0.46"', 'ixy="-4.6"'),
     "no axis": ('<axis xyz="1 0 0"/>', '<axis xyz="0 0 0"/>'),
+    "an axis of hardly any length": ('<axis xyz="1 0 0"/>', '<axis xyz="1e-300 0 0"/>'),
     "unknown type": ('type="continuous"', 'type="screw"'),
     "floating": ('type="continuous"', 'type="floating"'),
     "same name": ('name="link_3"', 'name="link_2"'),

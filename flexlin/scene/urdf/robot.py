@@ -9,7 +9,7 @@ from xml.etree.ElementTree import ParseError
 from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser
 
-from flexlin.bounds import DEEPEST, LARGEST_ROBOT, MOST_ELEMENTS, hint_at, printable, read_number
+from flexlin.bounds import DEEPEST, LARGEST_ROBOT, MOST_ELEMENTS, SMALLEST, hint_at, printable, read_number
 from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
 
@@ -314,8 +314,8 @@ def read_joint(element: Element) -> UrdfJoint:
     parent, child = (read_end(element, tag) for tag in ("parent", "child"))
     axis, dynamics, limit, mimic = (element.one(tag) for tag in ("axis", "dynamics", "limit", "mimic"))
     direction = axis.numbers("xyz", 3) if axis is not None else (1.0, 0.0, 0.0)
-    if axis is not None and kind != "fixed" and not any(direction):
-        raise axis.refuse("an axis of no length", "three numbers, not all of them zero")
+    if axis is not None and kind != "fixed" and max(map(abs, direction)) < SMALLEST:
+        raise axis.refuse("an axis of no length", f"three numbers, not all of them zero or smaller than {SMALLEST:g}")
     damping, friction = (dynamics.number(key, 0.0) if dynamics is not None else 0.0 for key in ("damping", "friction"))
     if dynamics is not None and min(damping, friction) < 0:
         raise dynamics.refuse(f"{min(damping, friction):g}", "damping and friction of 0 or more")
