@@ -25,7 +25,8 @@ FACTORS = (0.25, 8.0)
 @dataclass(frozen=True)
 class Margin:
     """The critical values of one number between low and high, and the scene's own value; values: how many were tried; gap: the widest part
-    of the range in which a change may hide since the search had to end, 0 where it did not."""
+    of the range in which a change may hide since the search had to end, 0 where it did not; searched: ends of the part about its own value
+    in which none can."""
 
     path: str
     low: float
@@ -34,6 +35,7 @@ class Margin:
     values: int
     critical: tuple[CriticalValue, ...]
     gap: float = 0.0
+    searched: tuple[float, float] = (-inf, inf)
 
     __repr__ = represent
 
@@ -52,14 +54,15 @@ def find_margin(
     Parameters: known: the loop; where its equations keep the number free they are not derived again.
     Raises: what `make_family` raises; ArgumentError for what is no real number of the scene.
     """
-    effort, own = Effort(seconds), get_value(scene, path)
+    own = get_value(scene, path)
     if not isinstance(own, float):
         raise ArgumentError("this is no real number of the scene", got=path, expected="such as motion.frequency")
-    low, high = check_limits(path, limits)
+    (low, high), effort = check_limits(path, limits), Effort(seconds, own)
     kept = known if known is not None and path in known.arm.parameters.paths else None
     family = replace(make_family(scene, {path: (low, high)}, "own", kept), finest=FINE)
     found = search_family(family, path, low, high, TOL * (high - low), effort=effort)
-    return Margin(path, low, high, own, effort.values, tuple(found), effort.gap)
+    searched = max(low, effort.searched[0]), min(high, effort.searched[1])
+    return Margin(path, low, high, own, effort.values, tuple(found), effort.gap, searched)
 
 
 def choose_margins(scene: Scene) -> dict[str, tuple[float, float]]:

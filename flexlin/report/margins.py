@@ -32,7 +32,9 @@ def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mappin
     for change, words in (("onset", "becomes unstable"), ("recovery", "becomes stable")):
         said = [describe_place(scene, margin, one) for margin, one in met if one and leads_to(margin, one) == change]
         parts += [f"{words} {' and '.join(said)}"] if said else []
-    kept = [describe_range(scene, margin) for margin, one in met if one is None and not margin.gap]
+    kept = [
+        describe_range(scene, margin) for margin, one in met if one is None and margin.searched[0] < margin.searched[1]
+    ]
     parts += [f"keeps its verdict for {' and '.join(kept)}"] if kept else []
     parts += [describe_gap(scene, margin, one) for margin, one in met if margin.gap]
     left = [name_number(key.removeprefix(SEARCHED)) for key in problems or {} if key.startswith(SEARCHED)]
@@ -65,8 +67,9 @@ def describe_gap(scene: Scene, margin: Margin, one: CriticalValue | None) -> str
 
 
 def describe_range(scene: Scene, margin: Margin) -> str:
-    """A motion frequency from 0.1 to 2 Hz."""
-    ends = f"{format_decimal(margin.low, DIGITS)} to {format_decimal(margin.high, DIGITS)}"
+    """A motion frequency from 0.1 to 2 Hz: what was searched without gaps."""
+    low, high = max(margin.low, margin.searched[0]), min(margin.high, margin.searched[1])
+    ends = f"{format_decimal(low, DIGITS)} to {format_decimal(high, DIGITS)}"
     return f"a {name_number(margin.path)} from {ends} {show_unit(scene, margin.path)}".strip()
 
 

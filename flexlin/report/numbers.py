@@ -192,7 +192,7 @@ def record_load(a: Analysis, loop: Loop) -> dict[str, Any]:
 def record_margin(margin: Margin) -> dict[str, Any]:
     """One number's critical values as data that JSON can hold."""
     critical = [record_fields(one, "value error kind resonance distance slope touching") for one in margin.critical]
-    return record_fields(margin, "path low high own values gap") | {"critical": critical}
+    return record_fields(margin, "path low high own values gap searched") | {"critical": critical}
 
 
 def record_endured(found: Margins) -> dict[str, Any]:

@@ -79,10 +79,14 @@ def test_a_search_that_had_to_end_says_where_a_change_may_hide():
     scene = fl.load_scene("single-link")
     path, limits = "motion.frequency", (0.125, 4.0)
     onset = CriticalValue(path, 2.5, 0.25, "onset", "not looked for", 2.0, np.nan)
-    margin = Margin(path, *limits, 0.5, 9, (), 0.5)
-    assert describe_margins(scene, (margin,)) == (
-        "shows the same verdict at the 9 values of motion frequency from 0.125 to 4 Hz that time allowed, which leave gaps of up to 0.5 Hz"
+    margin = Margin(path, *limits, 0.5, 9, (), 0.5, (0.4, 0.9))
+    left = (
+        "shows the same verdict at the 9 values of motion frequency from 0.125 to 4 Hz that time allowed, "
+        "which leave gaps of up to 0.5 Hz"
     )
+    kept = "keeps its verdict for a motion frequency from 0.4 to 0.9 Hz"
+    assert describe_margins(scene, (margin,)) == f"{kept}; {left}"
+    assert describe_margins(scene, (replace(margin, searched=(0.6, 0.4)),)) == left
     said = describe_margins(scene, (replace(margin, critical=(onset,)),))
     assert said.startswith(
         "becomes unstable at a motion frequency between 2.25 and 2.75 Hz (now 0.5); shows no other change"
@@ -102,6 +106,9 @@ def test_critical_values_of_a_short_search_hold_those_of_the_long_one(seconds):
         assert abs(one.value - exact.value) <= one.error + exact.error
         assert one.kind == exact.kind
     assert short.critical or short.gap > 0
+    low, high = short.searched
+    assert (low, high) == (0.5, 3.0) or short.gap > 0
+    assert any(low < one.value < high for one in short.critical) or not low < exact.value < high
 
 
 HELD_LEVEL = {

@@ -106,7 +106,8 @@ def find_crossings(
 def scan_line(function: SpectraFunction, grid: Array, effort: Effort) -> tuple[Array, Spectra]:
     """Values of a rising grid and spectra there: all where a verdict could change, and fewer elsewhere, at least CELLS cells.
 
-    A cell is divided unless `settles` says that its verdict is one; what the effort leaves undivided is its gap.
+    A cell is divided unless `settles` says that its verdict is one. Where time does not do for all, those nearest to what is asked about
+    are; a change may hide in the others, and in the narrowest that are not settled.
     """
     last = len(grid) - 1
     chosen = np.array([0, last])
@@ -114,13 +115,19 @@ def scan_line(function: SpectraFunction, grid: Array, effort: Effort) -> tuple[A
     while True:
         if len(chosen) > last:
             return grid, found
-        wide = np.diff(chosen) > max(1, last // CELLS)
-        open_ = np.flatnonzero((np.diff(chosen) > 1) & (wide | ~settles(found)))
+        settled, widths = settles(found), np.diff(chosen)
+        open_ = np.flatnonzero((widths > 1) & ((widths > max(1, last // CELLS)) | ~settled))
         if not len(open_):
             return grid[chosen], found
-        if not effort.affords(len(open_), SCAN):
-            effort.gap = float(np.diff(grid[chosen])[open_].max())
+        ends = np.stack([grid[chosen[:-1]], grid[chosen[1:]]])
+        share = SCAN if np.ptp(found.verdicts) else (1 + SCAN) / 2
+        nearest = np.argsort(np.abs(ends[:, open_].mean(axis=0) - effort.about), kind="stable")
+        count = int(np.clip(effort.count(share), 0, len(open_)))
+        if count < 1:
+            settled[open_] = False
+            effort.leave(*ends[:, ~settled])
             return grid[chosen], found
+        open_ = open_[nearest[:count]]
         middles = (chosen[open_] + chosen[open_ + 1]) // 2
         chosen = np.concatenate([chosen, middles])
         order = np.argsort(chosen)

@@ -171,7 +171,7 @@ def climb_peaks(scan: Scan, accuracy: float, settled: Array, effort: Effort) -> 
         if not len(which):
             break
         if not effort.affords(len(which), (1 + SCAN) / 2):
-            effort.gap = max(effort.gap, float(np.ptp(x[:, which], axis=0).max()))
+            effort.leave(x[:, which].min(axis=0), x[:, which].max(axis=0))
             break
         new, width = place_top(x[:, which], f[:, which], slow[which]), np.ptp(x[:, which], axis=0)
         found = scan.at(line[which], new)

@@ -135,12 +135,31 @@ def measure_margins(spectra: Spectra, undamped: Array, angles: Array) -> tuple[A
 
 
 class Effort:
-    """Seconds of work for a search, by default without end; `gap`: the widest part of the range in which a change may hide, 0 where none
-    can but in what the search cannot see; `unfinished`: whether a place was not narrowed as far as was asked."""
+    """Seconds of work for a search, by default without end, which should know most `about` a value.
 
-    def __init__(self, seconds: float = float("inf")):
-        self.seconds, self.watch, self.gap, self.unfinished, self.values = seconds, Stopwatch(), 0.0, False, 0
+    left (K, 2): parts of the range in which a change may hide, none where none can but in what the search cannot see; `unfinished`:
+    whether a place was not narrowed as far as was asked.
+    """
+
+    def __init__(self, seconds: float = float("inf"), about: float = float("nan")):
+        self.seconds, self.about, self.watch = seconds, about, Stopwatch()
+        self.left, self.unfinished, self.values = np.empty((0, 2)), False, 0
         self._each = 0.0
+
+    @property
+    def gap(self) -> float:
+        """The widest part that is left, 0 where nothing is."""
+        return float(np.ptp(self.left, axis=1).max(initial=0.0))
+
+    @property
+    def searched(self) -> tuple[float, float]:
+        """The ends of what is known about the value, up to the parts that are left; they do not rise where it lies in one."""
+        low, high = self.left.T
+        return float(high[low < self.about].max(initial=-np.inf)), float(low[high > self.about].min(initial=np.inf))
+
+    def leave(self, low: Array, high: Array) -> None:
+        """Parts of the range (K,) in which a change may hide when the search ends."""
+        self.left = np.concatenate([self.left, np.stack([low, high], axis=1)])
 
     def counted(self, function: SpectraFunction) -> SpectraFunction:
         """The function, whose cost for each value is known from its latest call, but for the first one, which may prepare something."""
@@ -157,4 +176,11 @@ class Effort:
 
     def affords(self, values: int, share: float = 1.0) -> bool:
         """Whether so many values more are done within a share of the time."""
-        return self.watch.seconds + values * self._each <= share * self.seconds
+        return values <= self.count(share)
+
+    def count(self, share: float) -> float:
+        """How many values more are done within a share of the time; below 0 where it is over."""
+        left = share * self.seconds - self.watch.seconds
+        if left < 0:
+            return -float("inf")
+        return left / self._each if self._each else float("inf")

@@ -126,6 +126,26 @@ def test_a_search_that_ends_early_says_what_it_knows(monkeypatch, seconds):
         assert effort.unfinished or max(one.error for one in found) < 1e-8
 
 
+@pytest.mark.parametrize(("about", "seconds"), [(1.6, 110.0), (2.6, 75.0), (3.5, 75.0)])
+def test_a_search_that_ends_early_knows_most_about_the_value_that_is_asked_about(monkeypatch, about, seconds):
+    """It ended where the next halving of all cells took too long, and said nothing of the part without gaps."""
+    spectra, made = meissner(0.3, damping=0.1), []
+
+    def counted(x):
+        made.extend(x)
+        return spectra(x)
+
+    monkeypatch.setattr(Stopwatch, "seconds", property(lambda _: float(len(made))))
+    effort = Effort(seconds, about)
+    assert find_crossings(counted, counted, 0.8, 4.0, 1e-9, effort=effort) == []
+    low, high = effort.searched
+    assert low < about - 0.1 < about + 0.2 < high
+    assert effort.gap > 0.0
+    assert 0.7 * seconds <= len(made) <= seconds
+    between = np.linspace(max(low, 0.8), min(high, 4.0), 401)
+    assert (spectra(between).verdicts < 0).all()
+
+
 def test_a_scan_of_a_heavily_damped_system_is_short():
     spectra, values = meissner(0.3, damping=0.4), []
 
