@@ -50,6 +50,7 @@ nb_execution_in_temp = True
 nb_merge_streams = True
 
 autosummary_generate = True
+templates_path = ["templates"]
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
