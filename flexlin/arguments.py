@@ -39,8 +39,13 @@ def instance(name: str, value: object, kind: type | tuple[type, ...], todo: str 
     """Refuse a value that is not of the kind a public function works on."""
     if not isinstance(value, kind):
         kinds = kind if isinstance(kind, tuple) else (kind,)
-        expected = f"a {' or '.join(k.__name__ for k in kinds)}"
-        raise ArgumentError(f"{name} is of another kind", got=repr(value)[:80], expected=expected, todo=todo)
+        expected = " or ".join(name_kind(k) for k in kinds)
+        raise ArgumentError(f"{name} is of another kind", got=shown(value), expected=expected, todo=todo)
+
+
+def name_kind(kind: type) -> str:
+    """A class in a message, with its article."""
+    return f"{'an' if kind.__name__[0] in 'AEIO' or kind.__name__ in ('SX', 'MX') else 'a'} {kind.__name__}"
 
 
 def checked(function: Function) -> Function:
@@ -86,11 +91,11 @@ def hint(kind: Kind) -> str | None:
 
 
 def shown(value: Any) -> str:
-    """A value in a message."""
+    """A value in a message, on one line."""
     try:
-        return repr(value)[:80]
+        return " ".join(repr(value).split())[:80]
     except Exception:
-        return f"a {type(value).__name__}"
+        return name_kind(type(value))
 
 
 def resolved(annotation: Any, function: Callable[..., Any]) -> Any:
@@ -148,11 +153,11 @@ def plain_kind(annotation: Any, origin: Any, inside: tuple[Any, ...]) -> Kind | 
         return list_of(kind_of(inside[0]) if inside else None)
     if getattr(annotation, "_is_protocol", False):
         has = [name for name in (*vars(annotation), *annotation.__annotations__) if not name.startswith("_")]
-        return Kind(f"a {annotation.__name__}", lambda value: all(hasattr(value, name) for name in has))
+        return Kind(name_kind(annotation), lambda value: all(hasattr(value, name) for name in has))
     if getattr(annotation, "__name__", "") == SYSTEM and isinstance(annotation, type):
         return Kind(ANY_SYSTEM, lambda v: isinstance(v, annotation) or callable(getattr(v, MAKER, None)))
     if isinstance(annotation, type) and annotation not in (object, Any):
-        return Kind(f"a {annotation.__name__}", lambda value: isinstance(value, annotation))
+        return Kind(name_kind(annotation), lambda value: isinstance(value, annotation))
     return None
 
 

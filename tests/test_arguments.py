@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+import flexlin as fl
 from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
@@ -104,3 +105,10 @@ def test_calls_that_do_not_fit_are_python_s_own_matter() -> None:
     with pytest.raises(TypeError, match="unexpected keyword"):
         everything(nonsense=1)
     assert everything.__name__ == "everything"
+
+
+def test_a_message_about_a_kind_is_one_line_with_the_right_article():
+    with pytest.raises(
+        ArgumentError, match=r"^s is of another kind; got array\(\[\[1., 0.\], \[0., 1.\]\]\), expected an SX;"
+    ):
+        fl.Manipulator.from_lagrangian(np.eye(2), None, None, None)

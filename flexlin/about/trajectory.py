@@ -169,6 +169,7 @@ def differentiate(f: ca.Function, trajectory: Trajectory) -> ca.Function:
             "f does not fit the trajectory",
             got=f"inputs {', '.join(map(str, got)) or 'none'}; outputs {gives or 'none'}",
             expected=f"inputs ([t], {takes}), one output ({n}, 1)",
+            todo="give fl.Trajectory(x, u, ...) all states x and all inputs u of f",
         )
     t, x, u = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("u", m)
     named = {"t": t, "x": x, "u": u}

@@ -132,7 +132,10 @@ def test_a_finite_trajectory_is_a_horizon():
         ({"u": 0}, r"does not solve x' = f.*in x\[1\]"),
         ({"x": ca.DM([0, 0, 0])}, r"f does not fit the trajectory.*\(3, 1\)"),
         ({"u": ca.DM([0, 0])}, r"f does not fit the trajectory"),
-        ({"u": None}, r"f does not fit the trajectory"),
+        (
+            {"u": None},
+            r"f does not fit the trajectory.*give fl\.Trajectory\(x, u, \.\.\.\) all states x and all inputs u",
+        ),
         ({"t": None}, r"x holds symbols that are not known.*got t"),
         ({"x": ca.DM([[0, 0]])}, r"x is no column"),
         ({"breaks": (3.0,)}, r"a break lies outside the trajectory"),
