@@ -18,6 +18,8 @@ at the most.
 EXACT = 8.0
 """Points of the boundary are placed to this part of the wanted error; also how many times farther from a piece's middle each next look
 for the boundary goes."""
+NEAR = 0.25
+"""Of the wanted distance, how far a cubic may lie off: twice that, the chords and a vertex stay below it together."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,7 @@ def mean_angles(first: Array, second: Array) -> Array:
 def refine_pieces(
     vertices: Vertices, pairs: Array, function: SpectraFunction, tol: float, step: float
 ) -> tuple[Vertices, Array, Array]:
-    """Halve the pieces between pairs (P, 2) of vertices until each cubic lies within tol / 2 of the boundary at its middle and its quarter.
+    """Halve the pieces between pairs (P, 2) of vertices until each cubic lies within NEAR tol of the boundary at middle and quarter.
 
     Returns: all vertices; for each the one that follows it, -1 where none does, and how far the boundary lay off; inf: it was not met.
     """
@@ -136,10 +138,10 @@ def refine_pieces(
         found, off, slope = find_middles(first, second, function, tol / EXACT)
         length = np.linalg.norm(second.points - first.points, axis=1)
         short = length <= np.maximum(tol, EXACT * np.maximum(first.errors, second.errors))
-        near = np.flatnonzero((off <= tol / 2) & ~short)
+        near = np.flatnonzero((off <= NEAR * tol) & ~short)
         quarters = measure_quarters(first.at(near), second.at(near), found.at(near), slope[near], function)
         off[near] = np.maximum(off[near], quarters)
-        done = (off <= tol / 2) | short | ~np.isfinite(off)
+        done = (off <= NEAR * tol) | short | ~np.isfinite(off)
         follower[pairs[done, 0]] = pairs[done, 1]
         distance[pairs[done, 0]] = np.where(short, np.minimum(off, length), off)[done]
         new, halved = found.at(~done), pairs[~done]
