@@ -50,12 +50,16 @@ def test_axes_of_own_systems_name_states_inputs_and_units():
         "in the input's unit per the state's": fl.periodic_lqr(system, np.eye(2), [[1.0]], tol=1e-4),
         "each in its own unit": fl.forced_response(system, [0.0, 1.0], tol=1e-4),
         "in the units of x' per x": system,
+        "states, each": fl.respond(system, [0.0, 1.0], [1.0, 0.0]),
+        "in the output's unit per the input's": fl.frequency_response(system, [[1.0, 0.0]], [0.5, 0.7]),
     }
-    curves = [("u1 per x1", "u1 per x2"), ("x1", "x2"), ("x2' per x1",)]
+    curves = [("u1 per x1", "u1 per x2"), ("x1", "x2"), ("x2' per x1",), ("x1", "x2"), ("y1 per u1",)]
     for (words, result), names in zip(drawn.items(), curves, strict=True):
         view = result._view()
         assert words in view.y_label
         assert tuple(series.name for series in view.series) == names
+        assert result.summary()
+        assert result.to_xarray().sizes["time" if "omega" not in view.x_label else "omega"] > 1
 
 
 def test_what_is_drawn_are_the_numbers(results):

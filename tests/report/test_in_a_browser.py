@@ -26,7 +26,8 @@ for (const width of WIDTHS) {
       && element.scrollWidth > element.clientWidth + 1 && !["auto", "scroll"].includes(style(element).overflowX));
     const found = document.createElement("p");
     const root = page.documentElement, names = cut.map((element) => element.outerHTML.slice(0, 80));
-    found.textContent = "measured " + JSON.stringify({width, wide: root.scrollWidth, room: root.clientWidth, cut: names});
+    const feet = [...page.querySelectorAll(".panels:has(.probe) > .panel")].map((panel) => Math.round(panel.getBoundingClientRect().bottom));
+    found.textContent = "measured " + JSON.stringify({width, wide: root.scrollWidth, room: root.clientWidth, cut: names, feet});
     document.body.append(found);
   };
   document.body.append(frame);
@@ -81,6 +82,7 @@ def test_nothing_is_cut_at_any_width(pages, page):
     for found in measured:
         assert found["wide"] <= found["room"]
         assert found["cut"] == []
+        assert len(set(found["feet"])) == ("chart" in page)  # the bar of colours stands beside the map
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +28,11 @@ from flexlin.periodic.transition.gauss import (
     solve_stages,
     weigh_stages,
 )
+from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    import xarray
 
 STAGES, LARGEST, FARTHEST_ORDER = 8, 4000, 64
 """Radau stages of a segment, and segments that are tried first; the most; and harmonics of an answer at the most."""
@@ -36,7 +41,7 @@ NOISY_STEPS, MOST_STEPS = 2, 24
 
 
 @dataclass(frozen=True, eq=False)
-class FrequencyResponse:
+class FrequencyResponse(Shown):
     """What u = exp(i omega t) v does in the long run: y = sum over k of H_k exp(i (omega + 2 pi k / T) t) v.
 
     Attributes
@@ -72,6 +77,30 @@ class FrequencyResponse:
     def direct(self) -> Array:
         """H_0 (W, p, m): what comes out at the frequency that went in."""
         return self.H[:, len(self.orders) // 2]
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the harmonic transfer functions as a dataset.
+
+        Returns
+        -------
+        xarray.Dataset
+            `H` by omega, order, output and input; error and period as attributes.
+        """
+        import xarray
+
+        coords = {"omega": ("omega", self.omega, {"units": "rad/s"}), "order": self.orders}
+        attributes = {"error": self.error, "period": self.period}
+        return xarray.Dataset({"H": (("omega", "order", "output", "input"), self.H)}, coords=coords, attrs=attributes)
+
+    def _view(self) -> View:
+        sizes = np.abs(self.direct)
+        series = tuple(
+            Series(f"y{i + 1} per u{j + 1}", self.omega, sizes[:, i, j]) for i, j in np.ndindex(sizes.shape[1:])
+        )
+        facts = (f"orders up to {self.orders[-1]}, period {self.period:.6g} s, relative error {self.error:.0e}",)
+        return View(
+            "frequency response", "", facts, "omega in rad/s", "|H₀|, in the output's unit per the input's", series
+        )
 
 
 @checked

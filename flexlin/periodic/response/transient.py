@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +16,11 @@ from flexlin.periodic.related import edges_between
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, choose_gauss_step, measure_pace
+from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    import xarray
 
 STAGES = 6
 """Gauss stages of a step; two more show the error."""
@@ -23,7 +28,7 @@ Input = Callable[[Array], Array] | ArrayLike
 
 
 @dataclass(frozen=True, eq=False)
-class Transient:
+class Transient(Shown):
     """States from a time on, and how far noise spreads them.
 
     Attributes
@@ -51,6 +56,24 @@ class Transient:
     error: float
 
     __repr__ = represent
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the states and their covariance as a dataset.
+
+        Returns
+        -------
+        xarray.Dataset
+            `x` by time and state, `covariance` by time, state and other; error as attribute.
+        """
+        import xarray
+
+        series = {"x": (("time", "state"), self.x), "covariance": (("time", "state", "other"), self.covariance)}
+        return xarray.Dataset(series, coords={"time": ("time", self.t, {"units": "s"})}, attrs={"error": self.error})
+
+    def _view(self) -> View:
+        series = tuple(Series(f"x{i + 1}", self.t, x) for i, x in enumerate(self.x.T))
+        title = f"states from {self.t[0]:.4g} to {self.t[-1]:.4g} s"
+        return View(title, "", (f"error {self.error:.0e}",), "time in s", "states, each in its own unit", series)
 
 
 @checked
