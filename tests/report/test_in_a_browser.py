@@ -26,7 +26,8 @@ for (const width of WIDTHS) {
       && element.scrollWidth > element.clientWidth + 1 && !["auto", "scroll"].includes(style(element).overflowX));
     const found = document.createElement("p");
     const root = page.documentElement, names = cut.map((element) => element.outerHTML.slice(0, 80));
-    const feet = [...page.querySelectorAll(".panels:has(.probe) > .panel")].map((panel) => Math.round(panel.getBoundingClientRect().bottom));
+    const map = page.querySelectorAll(".panels:has(.probe) > .panel");
+    const feet = [...map].map((panel) => Math.round(panel.getBoundingClientRect().bottom));
     found.textContent = "measured " + JSON.stringify({width, wide: root.scrollWidth, room: root.clientWidth, cut: names, feet});
     document.body.append(found);
   };

@@ -168,7 +168,7 @@ def test_a_store_of_another_sweep_is_refused_with_what_differs(change, what, tmp
     fl.sweep(scene, values, store=tmp_path / "c.zarr")
     other = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control": {}, **change.get("scene", {})})
     monkeypatch.setattr("flexlin.__version__", change.get("version", fl.__version__))
-    with pytest.raises(ArgumentError, match=f"another {what}"):
+    with pytest.raises(ArgumentError, match=f"differs in the {what}"):
         fl.sweep(
             other,
             change.get("values", values),
