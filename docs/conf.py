@@ -7,6 +7,8 @@ import sysconfig
 import tempfile
 from pathlib import Path
 
+from pydantic import BaseModel
+
 import flexlin
 
 ROOT = Path(__file__).parents[1]
@@ -51,6 +53,7 @@ nb_merge_streams = True
 
 autosummary_generate = True
 templates_path = ["templates"]
+autosummary_context = {"foreign": dir(BaseModel)}
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
