@@ -36,7 +36,7 @@ PILOTS, EACH = (16, 256), 64
 """Values that are tried: one of so many, within limits. A trial of one costs as much as three of the values."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Needs:
     """What pilots (K, P) needed, as places in STARTS (K,); `spread`: of the logs of their moduli."""
 
@@ -53,6 +53,14 @@ class Needs:
             places = [np.interp(each, steps, np.arange(len(steps))) for each in (np.nan_to_num(x), known)]
             distances += (places[0][:, None] - places[1]) ** 2
         return np.asarray(self.rungs[np.argpartition(distances, near - 1, axis=1)[:, :near]].max(axis=1))
+
+    def learn(self, points: Array, segments: Array, misses: Array, logs: Array) -> None:
+        """Take one more pilot, the middle one of values (V, P) that met the tolerance on more segments (V,) than were predicted."""
+        needed = MARGIN * segments * np.clip(misses ** (1 / ORDER), 1 / STEPS[1], 1.0)
+        middle = np.argsort(needed)[len(needed) // 2]
+        self.pilots = np.vstack([self.pilots, points[middle]])
+        self.rungs = np.append(self.rungs, find_rungs(needed[[middle]]))
+        self.spread = max(self.spread, measure_spread(logs))
 
     @property
     def usual(self) -> int:
@@ -191,7 +199,7 @@ class Together:
         found = Found.empty(len(points), self.kernel.model.states)
         narrow = self.find_narrow(points)
 
-        def enter(which: Array, logs: Logs) -> Array:
+        def enter(which: Array, logs: Logs, _: int) -> Array:
             misses = logs.misses(self.tol)
             met, T = misses <= 1, logs.periods[:, None]
             found.put(which[met], (logs.logs / T)[met], (logs.errors / T)[met])
@@ -204,15 +212,15 @@ class Together:
             found.put_alone(i, partial(self.source.system_at, points[i]), self.tol)
         return found
 
-    def solve(self, points: Array, rest: Array, enter: Callable[[Array, Logs], Array]) -> Array:
-        """Compute values on more and more segments until `enter`, which takes them, says that errors are 1 or less; return the others."""
+    def solve(self, points: Array, rest: Array, enter: Callable[[Array, Logs, int], Array]) -> Array:
+        """Compute values on more and more segments until `enter`, which takes both, says that errors are 1 or less; return the others."""
         rungs, spread, levels, alone = self.needs.predict(points[rest]), SLACK * self.needs.spread, FEW, [rest[:0]]
         least = STEPS[0]
         while len(rest):
             misses, used = np.empty(len(rest)), np.empty(len(rest))
             for segments, which in pack(rungs):
                 given = (segments, self.scale, self.tol / 100, spread, self.tol, levels)
-                misses[which] = enter(rest[which], self.kernel.find_logs(points[rest[which]], *given))
+                misses[which] = enter(rest[which], self.kernel.find_logs(points[rest[which]], *given), segments)
                 used[which] = segments
             missed = misses > 1
             wanted = used * np.clip(misses ** (1 / ORDER), least, STEPS[1])
