@@ -70,3 +70,12 @@ def test_the_command_and_the_report_agree(tmp_path: Path, capsys: pytest.Capture
     assert 'id="effects"' in (tmp_path / "report.html").read_text()
     assert main(["effects", *scene, "--tolerance", "0"]) == 2
     capsys.readouterr()
+
+
+def test_where_nothing_was_tried_nothing_is_said_to_be_none():
+    """Its bars were drawn on an axis without names, below "may be dropped: none"."""
+    base = Measure(-1.0, 1e-9, "stable", np.array([5.0]), 0.01, 3, 100, 2.0)
+    picture = draw_effects(Audit(base, (), (), 0.01, problem="not tried in the time: gravity off"))
+    assert "may be dropped: not known" in picture.caption
+    assert "none" not in picture.caption
+    assert picture.svg == ""

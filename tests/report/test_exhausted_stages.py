@@ -1,12 +1,14 @@
 """A report in which one stage after the other meets its limit of time: the page says nothing that the full one does not say."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import flexlin as fl
-from flexlin.answers import Clock
+from flexlin.answers import Budget, Clock
+from flexlin.cli import main
 from flexlin.errors import TimeLimit
 from flexlin.report import write_report
 
@@ -62,3 +64,46 @@ def test_what_was_not_compared_or_not_searched_is_named(tmp_path, monkeypatch):
     assert "was not searched to the end over motion frequency, of which nothing is said" in page
     page, _ = report("spinning-link", tmp_path, monkeypatch, "cause of the instability")
     assert "What is behind it was not found: cause of the instability: stopped at the time limit" in page
+
+
+COMMANDS = {
+    "report": ["single-link", "--effects", "--sensitivity", "--loop-margins", "--margins", "motion.frequency=0.3:0.6"],
+    "report unstable": [
+        "spinning-link",
+        "--set",
+        "effects.gravity.acceleration=10",
+        "--margins",
+        "motion.joints.0.rate=3:4",
+    ],
+    "chart": ["single-link", "--over", "motion.frequency=0.3:3:9", "effects.payload.mass=0.01:0.5:9"],
+    "chart line": ["spinning-link", "--over", "motion.joints.0.rate=2:4:9"],
+    "tune": ["single-link", "--gain", "control.feedback.kp.0=1:9", "--vary", "effects.payload.mass=0.01:0.1"],
+    "cost": ["flexible-joint-link"],
+    "effects": ["single-link"],
+    "design": ["single-link"],
+    "respond": ["single-link", "--push", "tip 1 N 20 ms"],
+}
+NEEDED = "equations of motion", "linearization", "coefficients over a period", "exponents of all values", "figures"
+"""Stages without which there is no page."""
+WHOLE = NONE.pattern.replace("[^;<]*", "")
+SAID = re.compile(rf"{WHOLE}|noticed with the figures tried: none|(?:is|are) (?:stable|unstable|undecided)")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", COMMANDS)
+def test_what_is_made_in_a_hurry_says_nothing_that_the_full_answer_does_not(command, tmp_path, monkeypatch, capsys):
+    allow, arguments = Budget.allow, [command.split()[0], *COMMANDS[command], "--out"]
+
+    def hurried(self, name, *rest, **options):
+        allowed = allow(self, name, *rest, **options)
+        return allowed if name in NEEDED else replace(allowed, seconds=min(allowed.seconds, 0.05))
+
+    def statements(folder: Path) -> set[str]:
+        main([*arguments, str(folder)])
+        pages = [path.read_text(encoding="utf-8") for path in folder.rglob("*.html")]
+        text = re.sub(r"\s+", " ", " ".join([*capsys.readouterr(), *pages]))
+        return {re.sub(r"[\d.]+", "#", said) for said in SAID.findall(text)}
+
+    full = statements(tmp_path / "full")
+    monkeypatch.setattr(Budget, "allow", hurried)
+    assert statements(tmp_path / "hurried") <= full

@@ -38,7 +38,7 @@ def draw_effects(audit: Audit) -> Picture:
                 [LEAST, size, size, LEAST], [i - 0.3, i - 0.3, i + 0.3, i + 0.3], colour_need(row, audit.tolerance)
             )
     panel.line([audit.tolerance] * 2, [-0.5, len(rows) - 0.5], "ink", width=1.2, dash="4 3")
-    return make_picture("effects", "Which effects this scene needs", describe_findings(audit), [panel])
+    return make_picture("effects", "Which effects this scene needs", describe_findings(audit), [panel] if rows else [])
 
 
 def clip_significance(row: Row) -> float:
@@ -55,10 +55,11 @@ def colour_need(row: Row, tolerance: float) -> str:
 
 def describe_findings(audit: Audit) -> str:
     """How to read the bars, and the advice."""
+    nothing = "not known" if audit.problem else "none"
     findings = [
-        f"needed: {', '.join(audit.needed) or 'none'}",
-        f"may be dropped: {', '.join(audit.droppable) or 'none'}",
-        f"left out although it would be noticed with the figures tried: {', '.join(audit.missing) or 'none'}",
+        f"needed: {', '.join(audit.needed) or nothing}",
+        f"may be dropped: {', '.join(audit.droppable) or nothing}",
+        f"left out although it would be noticed with the figures tried: {', '.join(audit.missing) or nothing}",
     ]
     return (
         "Each effect switched on or off in turn, each link given a mode more or less: the largest relative change of margin, "
