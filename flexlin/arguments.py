@@ -190,7 +190,7 @@ def fixed_tuple(kinds: Sequence[Kind | None]) -> Kind:
         return fitting and all(kind is None or kind.fits(one) for kind, one in zip(kinds, value, strict=True))
 
     words = {kind.words for kind in kinds if kind is not None}
-    return Kind(f"{counted(len(kinds), 'entry')}" + (f", each {words.pop()}" if len(words) == 1 else ""), fits)
+    return Kind(counted(len(kinds), "entry") + (f", each {words.pop()}" if len(words) == 1 else ""), fits)
 
 
 def is_number(value: Any) -> bool:

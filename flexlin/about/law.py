@@ -193,7 +193,7 @@ def check_gains(control: Control, joints: int) -> None:
         if gains is not None and len(gains) != joints:
             raise ArgumentError(
                 f"{name} does not fit the arm",
-                got=f"{counted(len(gains), 'gain')}",
+                got=counted(len(gains), "gain"),
                 expected=f"{joints} torque-driven joints",
             )
     for i, one in enumerate(control.filters):

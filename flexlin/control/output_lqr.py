@@ -127,7 +127,7 @@ def output_lqr(
     output = as_matrix_function("C", C)
     p, columns = check_samples("C", output, system.period).shape[1:]
     if columns != system.n:
-        raise ArgumentError("C does not fit the system", got=f"{counted(columns, 'column')}", expected=str(system.n))
+        raise ArgumentError("C does not fit the system", got=counted(columns, "column"), expected=str(system.n))
     problem = OutputProblem(system, posed, output)
     K, J, best = problem.begin(None if start is None else real_array("start", start, (system.m, p)))
     change = inf

@@ -178,7 +178,7 @@ def sampled_estimator(
     output = as_matrix_function("C", C)
     p, columns = check_samples("C", output, system.period).shape[1:]
     if columns != n:
-        raise ArgumentError("C does not fit the system", got=f"{counted(columns, 'column')}", expected=str(n))
+        raise ArgumentError("C does not fit the system", got=counted(columns, "column"), expected=str(n))
     measured = PeriodicSystem(np.zeros((n, n)), system.period, np.zeros((n, p)))
     posed = linear_quadratic(measured, W, V)
     t = system.period * turn.periods * np.arange(turn.samples) / turn.samples

@@ -227,7 +227,7 @@ def of_joint(lin: Linearization, key: str, value: Any, coordinate: Coordinate) -
     if len(value) != len(joints):
         raise ArgumentError(
             f"weights.{key} does not fit the arm",
-            got=f"{counted(len(value), 'size')}",
+            got=counted(len(value), "size"),
             expected=f"{len(joints)}, one a joint",
         )
     return value[joints.index(coordinate.link)]

@@ -197,9 +197,7 @@ def check_times(given: Array) -> Array:
         todo = "give a part of it, or thin it: every tenth row, after a low-pass filter"
         raise TooLarge("the log has too many samples", got=len(time), expected=f"{MOST} at most", todo=todo)
     if len(time) < FEWEST:
-        raise ArgumentError(
-            "the log is too short", got=f"{counted(len(time), 'sample')}", expected=f"{FEWEST} at the least"
-        )
+        raise ArgumentError("the log is too short", got=counted(len(time), "sample"), expected=f"{FEWEST} at the least")
     late = np.flatnonzero(np.diff(time) <= 0)
     if len(late):
         row = int(late[0])

@@ -88,7 +88,7 @@ def describe_driving(
         )
     symbols = tuple(names or (f"s{i + 1}" for i in range(n)))
     if len(symbols) != n:
-        raise ModelError("names do not fit the coordinates", got=f"{counted(len(symbols), 'name')}", expected=f"{n}")
+        raise ModelError("names do not fit the coordinates", got=counted(len(symbols), "name"), expected=f"{n}")
     stated = list(units or ("rad" if i in moved else "m" for i in range(n)))
     if len(stated) != n or not set(stated) <= {"rad", "m"}:
         raise ModelError("units do not fit the coordinates", got=stated, expected=f"rad or m for each of {n}")

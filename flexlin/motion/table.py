@@ -291,6 +291,6 @@ def read_columns(path: Path, table: LogMotion, joints: int) -> tuple[Array, Arra
         raise MotionError(f"motion.file: the log {name} is not numeric", got=got, expected=expected)
     if known.sum() < 20 or np.any(np.diff(t[known]) <= 0):
         raise MotionError(
-            f"motion: the log {name} is too short, or its times do not increase", got=f"{counted(known.sum(), 'row')}"
+            f"motion: the log {name} is too short, or its times do not increase", got=counted(known.sum(), "row")
         )
     return t[known], q[known], int((~known).sum())

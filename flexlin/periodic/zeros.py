@@ -177,7 +177,7 @@ def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) ->
             if jumps(row):
                 raise NumericalError(
                     f"a derivative of output {i + 1} jumps before the input acts on it",
-                    got=f"{counted(len(rows) - 1, 'derivative')}",
+                    got=counted(len(rows) - 1, "derivative"),
                     todo="smooth the coefficients",
                 )
             by_input = product(row, B)

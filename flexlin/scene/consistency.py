@@ -132,7 +132,7 @@ def control_contradictions(control: dict[str, Any], powered: int) -> Iterator[Pr
         if isinstance(values, list) and len(values) != powered:
             yield Problem(
                 f"control.{table}.{key}",
-                f"{counted(len(values), 'number')}",
+                counted(len(values), "number"),
                 f"{powered}, one for each torque-driven joint",
             )
     feedback, filters = tables.get("feedback", {}), control.get("filters")
@@ -167,9 +167,7 @@ def loop_contradictions(links: Sequence[RawTable], loops: Sequence[RawTable], mo
         yield from _parent(f"links.{i}.parent", link, names, i)
         yield from _passive(f"links.{i}", link, bool(loops))
     if loops and not any(link.get("passive") is True for link in links):
-        yield Problem(
-            "loops", f"{counted(len(loops), 'table')}", "links with passive = true, whose joints the loops move"
-        )
+        yield Problem("loops", counted(len(loops), "table"), "links with passive = true, whose joints the loops move")
     for i, loop in enumerate(loops):
         for key in ("link", "to"):
             allowed = [*names, BASE] if key == "to" else names
@@ -280,7 +278,7 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
     if len(joints) not in ({0, moving} if motion.get("kind") in ("table", "tip-path") else {moving}):
         yield Problem(
             "motion.joints",
-            f"{counted(len(joints), 'table')}",
+            counted(len(joints), "table"),
             f"{moving}, one for each link's joint{_but_passive(links)}",
         )
         return
@@ -296,9 +294,7 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
         ):
             weights = design.get(key)
             if isinstance(weights, list) and len(weights) != wanted:
-                yield Problem(
-                    f"designs.{i}.{key}", f"{counted(len(weights), 'number')}", f"{wanted}, one for each {what}"
-                )
+                yield Problem(f"designs.{i}.{key}", counted(len(weights), "number"), f"{wanted}, one for each {what}")
 
 
 def _but_passive(links: list[dict[str, Any]]) -> str:

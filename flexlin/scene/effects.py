@@ -139,6 +139,6 @@ def tables_on(effects: Mapping[str, Any]) -> Iterator[tuple[str, type[EffectTabl
 
 def _list_length(key: str, lists: str | None, got: int, links: int) -> Iterator[Problem]:
     if lists == "first" and got > links:
-        yield Problem(key, f"{counted(got, 'number')}", f"at most {links}, one for each link")
+        yield Problem(key, counted(got, "number"), f"at most {links}, one for each link")
     if lists == "each" and got != links:
-        yield Problem(key, f"{counted(got, 'number')}", f"{links}, one for each link, or a single number")
+        yield Problem(key, counted(got, "number"), f"{links}, one for each link, or a single number")

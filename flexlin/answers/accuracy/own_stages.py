@@ -111,7 +111,7 @@ def measure_transition_matrices(closed: Linearization, exact: Array, peers: bool
         for tol in TOLS:
             setting = choose_setting(system, tol, "auto", None, None)
             if setting.segments <= MOST_SEGMENTS:
-                name = f"{counted(setting.segments, 'segment')}"
+                name = counted(setting.segments, "segment")
                 run = partial(multiply_period, system, setting)
                 yield Trial(f"{setting.method} {setting.order}", name, run, f"{tol:.0e}")
         for method, orders in METHODS.items():
@@ -119,7 +119,7 @@ def measure_transition_matrices(closed: Linearization, exact: Array, peers: bool
                 for count in (k for k in RESOLUTIONS[1:] if k * order <= 2 * LARGEST):
                     setting = Setting(method, order, count, "")
                     yield Trial(
-                        f"{method} {order}", f"{counted(count, 'segment')}", partial(multiply_period, system, setting)
+                        f"{method} {order}", counted(count, "segment"), partial(multiply_period, system, setting)
                     )
 
     outside = try_scipy(closed, derive_transition_rate, multiply_up) if peers else ()

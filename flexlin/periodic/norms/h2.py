@@ -137,7 +137,7 @@ def check_ports(system: PeriodicSystem, C: MatrixFunction | ArrayLike) -> tuple[
     output = as_matrix_function("C", C)
     columns = check_samples("C", output, system.period).shape[2]
     if columns != system.n:
-        raise ArgumentError("C does not fit the system", got=f"{counted(columns, 'column')}", expected=str(system.n))
+        raise ArgumentError("C does not fit the system", got=counted(columns, "column"), expected=str(system.n))
     return system.B, output
 
 
