@@ -45,19 +45,25 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Readings (W, N, outputs) to be met within sigma (outputs,), and bounds of the shared numbers; no bounds, no numbers are moved."""
+    """Readings (W, N, outputs) to be met within sigma (outputs,), and bounds of the shared numbers; no bounds, no numbers are moved.
+
+    `allows`: whether shared numbers go together; where they do not, the cost is infinite.
+    """
 
     shooting: Shooting
     readings: Array
     sigma: Array
     low: Array
     high: Array
+    allows: Callable[[Array], bool] = lambda p: True
 
     def at(self, start: Array, p: Array) -> Point:
         """Simulate from a point."""
         with np.errstate(all="ignore"):
             states = self.shooting.run(start, p)
             residual = self.weigh(self.readings - self.shooting.predict(states, p), p)
+        if not self.allows(p[: len(self.low)]):
+            residual = np.full_like(residual, np.inf)
         return Point(start, p, states, residual)
 
     def weigh(self, values: Array, p: Array) -> Array:

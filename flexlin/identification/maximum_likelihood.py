@@ -198,9 +198,10 @@ def identify(
         point, problem, settled = refine(scene, fitted, windows, paths, values, (low, high), late)
     evidence = (weigh_evidence if settled else leave_unknown)(problem, point, paths)
     known = {path: float(point.p[k]) for k, path in enumerate(paths) if path in evidence.known}
-    made = place_uncertainty(revise_scene(scene, known), evidence, (low, high), paths)
-    held = log.part(edge, log.time[-1]) if hold_back else log
-    reached = revise_scene(scene, dict(zip(paths, point.p[: len(paths)].tolist(), strict=True)))
+    held, raw = log.part(edge, log.time[-1]) if hold_back else log, raw_tables(scene)
+    reached = revise_scene(scene, dict(zip(paths, point.p.tolist(), strict=False)))
+    own = revise_scene(scene, known) if accepts(scene, known, raw) else reached
+    made = place_uncertainty(own, evidence, (low, high), paths)
     prediction = predict(reached, held, window)
     noise = np.where(np.isfinite(problem.readings).any(axis=(0, 1)), problem.sigma, np.nan)
     return Identification(
@@ -213,23 +214,26 @@ def identify(
 
 def find_limits(scene: Scene, paths: list[str]) -> tuple[Array, Array]:
     """The ends of what the scene's schema takes: 0 where it refuses a negative number, 1 where it refuses 2, else none."""
-    raw, low, high = raw_tables(scene), [], []
+    raw, low, high, large = raw_tables(scene), [], [], dict[str, float]()
     for path in paths:
         value = get_value(scene, path)
         if not isinstance(value, float):
             raise ArgumentError(f"{path} cannot be fitted", got=repr(value)[:60], expected="a real number of the scene")
-        size = max(abs(value), 1e-3)
+        large[path] = 1e3 * max(abs(value), 1.0)
+    for path in paths:
+        size = max(abs(get_value(scene, path)), 1e-3)
         low.append(
-            -np.inf if accepts(scene, path, -size, raw) else 0.0 if accepts(scene, path, 0.0, raw) else 1e-6 * size
+            -np.inf if accepts(scene, {path: -size}, raw) else 0.0 if accepts(scene, {path: 0.0}, raw) else 1e-6 * size
         )
-        high.append(np.inf if accepts(scene, path, 1e3 * max(size, 1.0), raw) else 1.0)
+        pairs = ({path: large[path], other: large[other]} for other in (path, *paths))  # one may bound the other
+        high.append(np.inf if any(accepts(scene, pair, raw) for pair in pairs) else 1.0)
     return np.array(low), np.array(high)
 
 
-def accepts(scene: Scene, path: str, value: float, raw: Any) -> bool:
-    """Whether a scene may have this number."""
+def accepts(scene: Scene, numbers: dict[str, float], raw: Any) -> bool:
+    """Whether a scene may have these numbers."""
     try:
-        revise_scene(scene, {path: value}, raw)
+        revise_scene(scene, numbers, raw)
     except SceneError:
         return False
     return True
@@ -240,8 +244,9 @@ def pose(
 ) -> Problem:
     """The least-squares problem of a scene's equations."""
     shooting = prepare(Logged.of(scene, log, paths), windows)
-    readings = shooting.windows.readings()
-    return Problem(shooting, readings, deviations(readings) if sigma is None else sigma, *limits)
+    readings, raw = shooting.windows.readings(), raw_tables(scene)
+    allows = lambda p: accepts(scene, dict(zip(paths, p.tolist(), strict=True)), raw)  # noqa: E731
+    return Problem(shooting, readings, deviations(readings) if sigma is None else sigma, *limits, allows)
 
 
 def choose_start(

@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.scene import get_value, revise_scene
@@ -155,3 +156,26 @@ def test_the_errors_are_those_of_repeated_logs():
     true = np.array([get_value(scene, path) for path in FREE])
     assert np.mean(np.abs(values - true) < 3 * errors) >= 0.95
     assert np.allclose(np.std(values, axis=0, ddof=1) / errors.mean(axis=0), 1.0, atol=0.6)
+
+
+@pytest.mark.parametrize(("sliding", "static"), [(0.9, 0.9), (1.4, 1.9)])
+def test_numbers_that_bound_each_other_are_found(sliding, static):
+    """Static friction is at least the sliding one: no step leads to a scene that is refused, and neither number has a bound of its own."""
+
+    def torque(t):
+        return sliding / 0.9 * (2.5 * np.sin(2.1 * t) + np.sin(5.3 * t + 1))
+
+    def motion(t, x):
+        friction = (sliding + (static - sliding) * np.exp(-((x[1] / 0.3) ** 2))) * np.tanh(x[1] / 0.05)
+        return [x[1], (torque(t) - friction) / 0.5]
+
+    t = np.arange(600) * 0.01
+    angle = solve_ivp(motion, (0, 6), [0, 0], t_eval=t, rtol=1e-8, atol=1e-10, method="LSODA").y[0]
+    friction = {"torque": 0.5, "static": 0.55, "stribeck": 0.3, "rate": 0.05}
+    effects = {"hub": {"inertia": 0.5}, "coulomb_friction": friction}
+    arm = {"links.0.modes": 0, "links.0.mass_per_length": 0.0, "effects": effects, "designs": [], "control": {}}
+    log = fl.Log(t, inputs={"q1": torque(t)}, outputs={"q1": angle + 1e-3 * np.random.default_rng(1).normal(size=600)})
+    free = ["effects.coulomb_friction.torque", "effects.coulomb_friction.static"]
+    found = fl.identify(fl.load_scene("single-link", arm), log, free, starts=1, hold_back=0)
+    np.testing.assert_allclose(list(found.values.values()), [sliding, static], rtol=0.02)
+    assert found.scene.effects.coulomb_friction.torque == found.values[free[0]]
