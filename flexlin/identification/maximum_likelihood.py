@@ -189,7 +189,7 @@ def identify(
     watch, most = Stopwatch(), np.inf if seconds is None else SEARCHED * positive("seconds", seconds)
     late = lambda: watch.clock >= most  # noqa: E731
     edge = log.time[-1] - hold_back * (log.time[-1] - log.time[0])
-    fitted = log if hold_back == 0 else log.part(log.time[0], edge)
+    fitted, held = (log.part(log.time[0], edge), log.part(edge, log.time[-1])) if hold_back else (log, log)
     low, high = find_limits(scene, paths)
     windows = Windows.of(fitted, positive("window", window))
     with part(0.0, 0.3):
@@ -198,9 +198,8 @@ def identify(
         point, problem, settled = refine(scene, fitted, windows, paths, values, (low, high), late)
     evidence = (weigh_evidence if settled else leave_unknown)(problem, point, paths)
     known = {path: float(point.p[k]) for k, path in enumerate(paths) if path in evidence.known}
-    held, raw = log.part(edge, log.time[-1]) if hold_back else log, raw_tables(scene)
     reached = revise_scene(scene, dict(zip(paths, point.p.tolist(), strict=False)))
-    own = revise_scene(scene, known) if accepts(scene, known, raw) else reached
+    own = revise_scene(scene, known) if accepts(scene, known, raw_tables(scene)) else reached
     made = place_uncertainty(own, evidence, (low, high), paths)
     prediction = predict(reached, held, window)
     noise = np.where(np.isfinite(problem.readings).any(axis=(0, 1)), problem.sigma, np.nan)

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
+from flexlin.errors import ArgumentError
 from flexlin.scene import get_value, revise_scene
 from tests.identification.logs import coordinate, simulated, swing, tip
 
@@ -179,3 +180,10 @@ def test_numbers_that_bound_each_other_are_found(sliding, static):
     found = fl.identify(fl.load_scene("single-link", arm), log, free, starts=1, hold_back=0)
     np.testing.assert_allclose(list(found.values.values()), [sliding, static], rtol=0.02)
     assert found.scene.effects.coulomb_friction.torque == found.values[free[0]]
+
+
+def test_a_part_too_short_to_be_kept_back_is_refused_before_the_search(monkeypatch):
+    scene, time, readings = clean()
+    monkeypatch.setattr("flexlin.identification.maximum_likelihood.choose_start", None)
+    with pytest.raises(ArgumentError, match="the log is too short; got 4 samples"):
+        fl.identify(scene, noisy(time, readings, [0.3 * swing(time)[0]], 0), FREE, hold_back=0.01)
