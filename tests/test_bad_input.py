@@ -128,7 +128,7 @@ def test_all_mistakes_are_told_at_once(tmp_path: Path, capsys: pytest.CaptureFix
         (b"schema = 1\n[motion\n", ("got [motion in line 2", "expected a closing bracket")),
         (b"a = 1\na = 2", ("got a = 2 in line 2", "expected each key once")),
         (b"[motion]\n", ('motion.kind: got nothing, expected one of "harmonic"',)),
-        (b"\xff\xfe\x00", ("decode", "TOML")),
+        (b"\xff\xfe\x00", ("no text in UTF-8, from byte 0 on", "a TOML file in UTF-8")),
         (
             b"",
             (

@@ -1,5 +1,6 @@
 """Critical values of scenes, against Mathieu's characteristic values and against bisection by `floquet`."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -159,3 +160,12 @@ def test_a_function_with_a_kink_in_its_number(bend):
     assert [value for value in found if value > 0.5] == pytest.approx(above, abs=2e-6)
     if bend is np.abs:
         assert found[0] == pytest.approx(-above[0], abs=2e-6)
+
+
+def test_a_tongue_that_begins_where_the_mean_is_unstable_is_still_a_parametric_resonance():
+    """y'' + (a - 2 cos 2t) y = 0 at a = b_1(1) < 0: the growing mode changes its sign each period, w / 2 = 1 rad/s."""
+    t, a = ca.SX.sym("t"), ca.SX.sym("a")
+    family = fl.PeriodicFamily(ca.blockcat([[0, 1], [-(a - 2 * ca.cos(2 * t)), 0]]), t, [a], np.pi)
+    onset = next(one for one in fl.critical_values(family, "a", (-1.0, 1.0)) if one.kind == "onset")
+    assert onset.value == pytest.approx(mathieu_b(1, 1.0), abs=1e-7)
+    assert onset.resonance.startswith("parametric resonance at w / 2 = 1 rad/s")

@@ -210,7 +210,5 @@ def describe_cause(cause: "Resonance") -> str:
     """The resonance condition in words."""
     if cause.kind == "average":
         still = abs(cause.exponent.imag) <= abs(cause.exponent) * 1e-6
-        return (
-            "divergence" if still else f"flutter near {cause.frequencies[0]:.4g} rad/s, by no resonance with the motion"
-        )
+        return "divergence" if still else cause.own_cause
     return f"{cause.kind} resonance of order {cause.order}: {cause.condition}"

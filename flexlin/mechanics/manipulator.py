@@ -250,7 +250,8 @@ class Manipulator(Expressions, Shown):
         damping : casadi.SX, shape (n, 1), optional
             Resisting forces d(s, s').
         joints : sequence of int, optional
-            Coordinates that follow the basic motion; by default those that B drives.
+            Coordinates that follow the basic motion; by default those that B drives. The others are zero along it: take such as are
+            relative to the joints, the twist of a spring and not the angle behind it.
         names : sequence of str, optional
             Names of the coordinates.
         points : casadi.SX, shape (2, k), optional
@@ -339,7 +340,8 @@ class Manipulator(Expressions, Shown):
         B : casadi.SX, shape (n, m), optional
             Input matrix, a column for each of `joints`; by default each has a force of its own.
         joints : sequence of int, optional
-            Coordinates that follow the basic motion; by default those that B drives.
+            Coordinates that follow the basic motion; by default those that B drives. The others are zero along it: take such as are
+            relative to the joints, the twist of a spring and not the angle behind it.
         names : sequence of str, optional
             Names of the coordinates.
         parameters : Parameters, optional

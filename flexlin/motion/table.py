@@ -207,7 +207,7 @@ def read_log_motion(table: LogMotion, joints: int, prescribed: tuple[bool, ...])
     sampler = series_angles(c, period)
     remains = np.sqrt(np.mean((q[kept] - sampler(t[kept] - t[0])[0]) ** 2, axis=0)).max()
     origin = (
-        f"{counted(cycles, 'cycle')} of {period:.6g} s of the log, averaged; {len(c) - 1} harmonics kept, "
+        f"{counted(cycles, 'cycle')} of {period:.6g} s of the log, averaged; {counted(len(c) - 1, 'harmonic')} kept, "
         f"{remains:.2g} RMS left out as noise (rad or m, the worst joint)"
     )
     origin += f"; {lost} of {lost + len(t)} rows left out, which hold no numbers" if lost else ""

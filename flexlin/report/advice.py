@@ -325,7 +325,7 @@ def holds(a: Analysis, simulation: Simulation) -> str:
         return (
             "beyond the linear model; reduce speed, payload or disturbance, or trust the simulation only"
             if apart
-            else "both rest on equations of small deflections, which this motion is not"
+            else "both rest on equations of small deflections, and these are large"
         )
     if a.linear_range is None:
         return "the linear model is close on this motion; how far it holds beside it is not known"

@@ -71,7 +71,7 @@ def find_boundary(
 def say_bending(
     scene: Scene, ranges: dict[str, tuple[float, float]], critical: Sequence[CriticalValue], clock: Clock
 ) -> str:
-    """Where, of the corners of a chart and the critical values, links bend further than linear equations hold; empty where they do not."""
+    """Where, of a chart's corners and critical values, links bend so far that linear equations may not hold; empty where none does."""
     problems = dict[str, str]()
     corners = [dict(zip(ranges, place, strict=True)) for place in product(*ranges.values())]
     places = [*({one.path: one.value} for one in critical[:CRITICAL_SHOWN]), *corners]
@@ -95,8 +95,8 @@ def say_bending(
     if not far:
         return ""
     return (
-        f"A link bends {'; '.join(far)}: further than linear equations hold. "
-        "There the chart speaks of the linear model alone; stiffen the link, or trust the simulation."
+        f"A link bends {'; '.join(far)}: so far that linear equations may not hold. "
+        "There the chart speaks of the linear model alone; stiffen the link, or compare with a simulation."
     )
 
 

@@ -178,7 +178,14 @@ def scene_text(source: str | Path) -> str:
     try:
         return read_text(path, LARGEST_SCENE)
     except (UnicodeDecodeError, OSError) as error:
-        raise SceneError(printable(path), [Problem("file", printable(error), "a readable TOML file")]) from None
+        raise SceneError(printable(path), [Problem("file", describe_unread(error), "a TOML file in UTF-8")]) from None
+
+
+def describe_unread(error: UnicodeDecodeError | OSError) -> str:
+    """Why a file could not be read as text."""
+    if isinstance(error, UnicodeDecodeError):
+        return f"bytes that are no text in UTF-8, from byte {error.start} on"
+    return printable(error.strerror or error)
 
 
 def checked_table(schema: type[AnyTable], raw: Mapping[str, Any], source: str, key: str) -> AnyTable:
@@ -226,7 +233,7 @@ def _read(path: Path) -> dict[str, Any]:
         got, expected = explain_fault(text, error)
         raise SceneError(printable(path), [Problem("file", printable(got), expected)]) from None
     except (UnicodeDecodeError, OSError) as error:
-        raise SceneError(printable(path), [Problem("file", printable(error), "a readable TOML file")]) from None
+        raise SceneError(printable(path), [Problem("file", describe_unread(error), "a TOML file in UTF-8")]) from None
 
 
 def scene_from_urdf(path: str | Path, base: str | None = None, tip: str | None = None) -> Scene:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 SHOWN = 5
 """Natural frequencies that are printed."""
-BEYOND = ": further than linear equations hold; stiffen the link, or trust the simulation alone"
+BEYOND = ": so far that linear equations may not hold; stiffen the link, or compare with the simulation"
 ABSURD, MISTAKEN = (
     10.0,
     ": no arm does; is a unit missing? Numbers are in m, kg, s and rad, others such as '1000 mm' or '30 deg' name theirs",

@@ -14,6 +14,10 @@ FAR = 1.0
 """Two modes further from the condition than so many w do not meet it: one drives the other, which follows at a frequency of its own."""
 
 
+LOCKED = 1e-6
+"""Of the motion's frequency: what is less far from its half is half of it."""
+
+
 @dataclass(frozen=True)
 class Resonance:
     """One unstable exponent and what drives it.
@@ -33,9 +37,16 @@ class Resonance:
     def __str__(self) -> str:
         growth = f"growth {self.exponent.real:.3g} 1/s"
         if self.kind == "average":
-            return f"{growth}: one mode is unstable by itself near {self.frequencies[0]:.4g} rad/s; no parametric resonance"
+            return f"{growth}: {self.own_cause}"
         name = "parametric resonance" if self.kind == "principal" else f"{self.kind} combination resonance"
         return f"{growth}: {name} of order {self.order}, {self.condition}, detuning {self.detuning:.2g} rad/s"
+
+    @property
+    def own_cause(self) -> str:
+        """Why one mode grows where no two averaged ones meet, in words: it may change its sign each period."""
+        if abs(self.exponent.imag % self.w - self.w / 2) <= LOCKED * self.w:
+            return f"parametric resonance at w / 2 = {self.w / 2:.4g} rad/s, far from the averaged frequencies"
+        return f"flutter near {self.frequencies[0]:.4g} rad/s, by no resonance with the motion"
 
     @property
     def condition(self) -> str:
