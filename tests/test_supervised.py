@@ -78,7 +78,7 @@ ENDS = {
         "limit(0.5, 1e9); sum(range(10**12))",
         4,
         "",
-        "of its time limit of 0.5 s: it did not end by itself in time; allow more time (--limit-seconds above 0.5,",
+        "with a time limit of 0.5 s: it did not end by itself in time; allow more time (--limit-seconds above 0.5,",
     ),
     "one endless call after the numbers": (
         "send_written([Path('out/report.json')]); limit(0.5, 1e9); sum(range(10**12))",
@@ -112,7 +112,7 @@ def test_a_limit_holds_before_the_work_has_sent_its_own(words: tuple[str, ...]) 
     run = start("time.sleep(60)", *words)
     _, said = run.communicate(timeout=300)
     assert run.returncode == 4
-    assert "of its time limit of 1 s: it did not end by itself in time" in said
+    assert "with a time limit of 1 s: it did not end by itself in time" in said
 
 
 @pytest.mark.parametrize("stated", ["nan", "-1", "inf", "four", ""])

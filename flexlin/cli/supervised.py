@@ -215,8 +215,8 @@ class Watch:
         if time.perf_counter() > self.deadline:
             self.code = NO_ANSWER
             return (
-                f"stopped by the clock after {time.perf_counter() - self.begun:.3g} s "
-                f"of its time limit of {self.seconds:g} s: it did not end by itself in time; "
+                f"stopped by the clock after {time.perf_counter() - self.begun:.3g} s, "
+                f"with a time limit of {self.seconds:g} s: it did not end by itself in time; "
                 f"allow more time (--limit-seconds above {self.seconds:g}, or seconds in the scene's [accuracy])"
             )
         if read_resident(work) > BEYOND * self.memory + LIBRARIES:

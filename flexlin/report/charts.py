@@ -210,7 +210,7 @@ def say_what_is_missing(job: Job, error: BaseException, store: Path | None, seco
     """Why a chart is not complete, and what to do."""
     late, longer = isinstance(error, TimeLimit), error.todo if isinstance(error, TimeLimit) else ""
     why = f"stopped at the time limit of {seconds:g} s" if late else "interrupted"
-    known = f"the chart is not complete: {why}, with {int(job.done.sum()):,} of {len(job.points):,} values"
+    known = f"The chart is not complete: {why}, with {int(job.done.sum()):,} of {len(job.points):,} values"
     if store is not None:
         return f"{known}; the same command goes on from {store}, also with another --limit-seconds"
     return f"{known}; {longer}{', or ' if late else ''}add --store CHART.zarr, from which the same command goes on"

@@ -6,6 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterable
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -141,8 +142,9 @@ def refuse_odd_files(path: Path, job: Job) -> None:
     n, lengths = job.found.exponents.shape[1], [len(axis) for axis in list_values(job).values()]
     largest = max(16 * n, LONGEST) * job.work.block + 8 * max(lengths) + LARGEST_MANIFEST
     for file in path.rglob("*"):
-        if not file.is_dir():
-            refuse_odd(file.stat(), largest)
+        with suppress(FileNotFoundError):  # what another writer has just renamed
+            if not file.is_dir():
+                refuse_odd(file.stat(), largest)
 
 
 def open_arrays(path: Path, names: list[str]) -> dict[str, Any]:

@@ -68,7 +68,7 @@ def find_crossings(
     effort: ends the search; places that are not narrowed by then have the width of their cells as their errors.
     """
     effort = effort or Effort()
-    rough, fine = effort.counted(rough), effort.counted(fine)
+    rough, fine = effort.timed(rough), effort.timed(fine)
     points, spectra = scan_line(rough, np.linspace(low, high, samples), effort)
     resting, touching = count_resting(spectra), list[Crossing]()
     if resting == spectra.logs.shape[1]:

@@ -161,7 +161,7 @@ class Effort:
         """Parts of the range (K,) in which a change may hide when the search ends."""
         self.left = np.concatenate([self.left, np.stack([low, high], axis=1)])
 
-    def counted(self, function: SpectraFunction) -> SpectraFunction:
+    def timed(self, function: SpectraFunction) -> SpectraFunction:
         """The function, whose cost for each value is known from its latest call, but for the first one, which may prepare something."""
 
         def compute(values: Array) -> Spectra:

@@ -43,10 +43,12 @@ class Resonance:
 
     @property
     def own_cause(self) -> str:
-        """Why one mode grows where no two averaged ones meet, in words: it may change its sign each period."""
-        if abs(self.exponent.imag % self.w - self.w / 2) <= LOCKED * self.w:
-            return f"parametric resonance at w / 2 = {self.w / 2:.4g} rad/s, far from the averaged frequencies"
-        return f"flutter near {self.frequencies[0]:.4g} rad/s, by no resonance with the motion"
+        """Why one mode grows where no two averaged ones meet, in words: it may turn by w / 2, which no average of its own does."""
+        own, half = self.frequencies[0], self.w / 2
+        locked, by_chance = (abs(one % self.w - half) <= LOCKED * self.w for one in (self.exponent.imag, own))
+        if locked and not by_chance:
+            return f"parametric resonance at w / 2 = {half:.4g} rad/s"
+        return f"flutter near {own:.4g} rad/s, by no resonance with the motion"
 
     @property
     def condition(self) -> str:
@@ -73,6 +75,10 @@ def find_resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonan
     for i, exponent in enumerate(modes.exponents):
         if exponent.real > modes.errors[i] and exponent.imag >= 0:
             share = measure_shares(modes, i, vectors, values)
+            if (
+                system.resolved.constant
+            ):  # nothing varies: modes that share a multiplier by chance do not drive each other
+                share[share < share.max()] = 0.0
             found.append(identify_resonance(exponent, share, values, 2 * np.pi / modes.period))
     return found
 

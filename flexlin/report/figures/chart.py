@@ -115,7 +115,7 @@ def find_nearest(
 def say_none_was_found(data: xarray.Dataset) -> list[str]:
     """Why there is no boundary, or no critical value: none is there, or the work has not come to its end."""
     if data.attrs.get("incomplete"):
-        return [f"T{data.attrs['incomplete'][1:]}."]
+        return [f"{data.attrs['incomplete']}."]
     if data.attrs.get("search"):
         return [f"Where the verdict changes was not searched to the end ({data.attrs['search']})."]
     kinds = set(np.unique(data["verdict"].to_numpy())) - {"failed", "missing"}

@@ -109,10 +109,13 @@ def test_resonances_are_named(frequency, coupling, kind, order, pair):
 
 
 def test_an_unstable_average_is_no_resonance():
-    system = fl.PeriodicSystem(np.array([[0, 1.0], [-4.0, 0.1]]), 1.0)
+    A = np.array([[0, 1.0], [-4.0, 0.1]])
+    system = fl.PeriodicSystem(A, 1.0)
     (found,) = find_resonances(system, floquet_modes(system))
     assert found.kind == "average"
     assert "by no resonance with the motion" in str(found)
+    half = fl.PeriodicSystem(A, np.pi / found.exponent.imag)  # it turns by w / 2 by chance
+    assert "flutter" in str(find_resonances(half, floquet_modes(half))[0])
 
 
 @pytest.mark.parametrize(
