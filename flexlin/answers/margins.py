@@ -12,8 +12,8 @@ from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
-EACH = 1.0
-"""Seconds of work for a number that nobody asked for."""
+UNASKED = 2.0
+"""Seconds of work for all numbers that nobody asked for."""
 TOL = 1e-6
 """Wanted error of a critical value, as a share of its range."""
 FINE = 1e-9

@@ -41,6 +41,9 @@ WIDE = 8
 PILOTS = 64
 """Points of the ranges at which it is learnt on how many segments spectra are computed together."""
 
+BREAK_EVEN = 1000
+"""Instructions of a loop's matrices for each spectrum that takes alone as long as it takes to prepare the kernel: delta has 58,000."""
+
 Source = Scene | PeriodicFamily | Callable[..., PeriodicSystem]
 """A scene, a family, or a function of one number for each parameter that returns a system."""
 
@@ -167,10 +170,14 @@ class SymbolicFamily(Family):
         return self.source.states >= WIDE and self.together is None
 
     def rough(self, points: Array) -> Spectra:
-        """Together, as a sweep computes them, where that is accurate enough; else one by one."""
+        """Together, as a sweep computes them, where that is accurate enough; else one by one, and while there are few."""
         if not len(points):
             return self.unknown(points, self.coarsest)
-        if self.together is None:
+        few = (
+            self.loop is not None
+            and BREAK_EVEN * (self.evaluations + len(points)) < self.loop.matrices.n_instructions()
+        )
+        if few or self.together is None:
             return super().rough(points)
         placed, states = self.place(points), self.together.kernel.model.states
         logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)

@@ -33,7 +33,7 @@ from flexlin.scene.loading import raw_tables, revise_scene
 from flexlin.scene.names import label_number, name_number, name_unit, show_unit
 from flexlin.scene.scene import Scene
 
-BOUNDARY_SHARE = 0.1
+BOUNDARY_SHARE = 0.15
 """Of a command's time: after it, no more tongues' tips are searched for; a strip with three modes has dozens of them."""
 BOUNDARY_TOL = 1e-4
 """Wanted error of a boundary that is drawn, as a share of its ranges: a tenth of what a picture shows."""

@@ -44,7 +44,7 @@ def write_report(
 
     Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins;
     with_audit, with_sensitivity: also find which effects and which numbers matter (some seconds each);
-    margins: numbers whose critical values are looked for, with their ranges; by default speed and payload, a second each;
+    margins: numbers whose critical values are looked for, with their ranges; by default speed and payload, two seconds for both;
     with_loop_margins: also find which gain, phase and delay each loop endures (some seconds a loop);
     watch: from when the limits of time count, by default now;
     written: called with the paths once the numbers stand: whatever becomes of the figures, they stay.
@@ -134,10 +134,11 @@ def write_why(scene: Scene, folder: Path, command: str, clock: Clock, error: Fle
 def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | None") -> "tuple[Margin, ...]":
     """The critical values of some numbers, or what is known of them at the end of their time; none of one that nobody chose and that cannot
     be free."""
-    from flexlin.answers.margins import EACH, choose_margins, find_margin
+    from flexlin.answers.margins import UNASKED, choose_margins, find_margin
 
-    scene, asked = a.scene, a.asked
+    scene, asked, watch = a.scene, a.asked, Stopwatch()
     ranges = choose_margins(scene) if chosen is None else dict(chosen)
+    unasked = UNASKED * max(1.0, asked.seconds / SECONDS)
     found: list[Margin | None] = []
     for left, (path, limits) in zip(range(len(ranges), 0, -1), ranges.items(), strict=True):
 
@@ -145,7 +146,7 @@ def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | Non
             if chosen is not None:
                 return find_margin(scene, path, limits, a.clock.budget.plan("", asked, SHARE) / left, a.closed)
             with suppress(InputError):
-                return find_margin(scene, path, limits, EACH * max(1.0, asked.seconds / SECONDS), a.closed)
+                return find_margin(scene, path, limits, (unasked - watch.seconds) / left, a.closed)
             return None
 
         at_most = inf if chosen is not None else USUAL

@@ -24,8 +24,10 @@ SAMPLES = 1025
 """Values of the scan: no interval of instability wider than 1/1024 of the range lies between two of them."""
 FINE = 4
 """Spectra that the last digits of a place take."""
-CELLS = 32
-"""Cells of the coarsest scan, and of the lattice on either side."""
+COARSE, CELLS = 8, 32
+"""Cells of a scan at the least, of one with the time for it, and of the lattice on either side."""
+AT_ONCE = 0.25
+"""Part of the values that time allows which are computed before it is looked where the next ones lie."""
 ROUNDS = 4
 """How often a peak is looked at more closely, at nine points of a square a third as large each time."""
 
@@ -104,10 +106,11 @@ def find_crossings(
 
 
 def scan_line(function: SpectraFunction, grid: Array, effort: Effort) -> tuple[Array, Spectra]:
-    """Values of a rising grid and spectra there: all where a verdict could change, and fewer elsewhere, at least CELLS cells.
+    """Values of a rising grid and spectra there: all where a verdict could change, and fewer elsewhere, COARSE cells at the least.
 
-    A cell is divided unless `settles` says that its verdict is one. Where time does not do for all, those nearest to what is asked about
-    are; a change may hide in the others, and in the narrowest that are not settled.
+    A cell is divided unless `settles` says that its verdict is one, however multipliers turn in it where it is one of fewer than CELLS;
+    these are divided at last, where time does. Where it does not do for all, a part of it goes to those nearest to what is asked about
+    each time, so that these are settled first; a change may hide in the others, and in the narrowest that are not.
     """
     last = len(grid) - 1
     chosen = np.array([0, last])
@@ -116,18 +119,21 @@ def scan_line(function: SpectraFunction, grid: Array, effort: Effort) -> tuple[A
         if len(chosen) > last:
             return grid, found
         settled, widths = settles(found), np.diff(chosen)
-        open_ = np.flatnonzero((widths > 1) & ((widths > max(1, last // CELLS)) | ~settled))
+        wide, widest = (widths > max(1, last // cells) for cells in (CELLS, COARSE))
+        sure = settled & ~widest & (~wide | settles(found, turning=True))
+        share = SCAN if np.ptp(found.verdicts) else (1 + SCAN) / 2
+        count, open_ = effort.count(share), np.flatnonzero((widths > 1) & ~sure)
+        if not len(open_) and wide.sum() <= count:
+            open_ = np.flatnonzero(wide)
         if not len(open_):
             return grid[chosen], found
         ends = np.stack([grid[chosen[:-1]], grid[chosen[1:]]])
-        share = SCAN if np.ptp(found.verdicts) else (1 + SCAN) / 2
-        nearest = np.argsort(np.abs(ends[:, open_].mean(axis=0) - effort.about), kind="stable")
-        count = int(np.clip(effort.count(share), 0, len(open_)))
         if count < 1:
             settled[open_] = False
             effort.leave(*ends[:, ~settled])
             return grid[chosen], found
-        open_ = open_[nearest[:count]]
+        nearest = np.argsort(np.abs(ends[:, open_].mean(axis=0) - effort.about), kind="stable")
+        open_ = open_[nearest[: int(min(np.ceil(AT_ONCE * count), len(open_)))]]
         middles = (chosen[open_] + chosen[open_ + 1]) // 2
         chosen = np.concatenate([chosen, middles])
         order = np.argsort(chosen)

@@ -86,16 +86,19 @@ class Zeros:
     slopes: Array
 
 
-def settles(scan: Spectra) -> Array:
+def settles(scan: Spectra, turning: bool = False) -> Array:
     """Between which neighbours of a scan (V,) the verdict cannot change, (V - 1,).
 
     Where both are stable: every log of a multiplier is further from the axis than it moves across the cell, by the factor REACH, as for
     peaks of a scan, and by MINOR, since one that decays less may meet others anywhere. Where both are unstable: one that grows is so.
     Where neither has an answer there is nothing to find.
+
+    Parameters: turning: multipliers may have turned by any angle across a cell, which a wide one does not show.
     """
     verdicts, known = scan.verdicts, scan.known
     logs = np.where(known[:, None], scan.felt, 0.0)
-    apart = measure_distances(logs[:-1].T, logs[1:].T)  # (n, n, V - 1)
+    seen, turn = (logs.real + 0j, np.pi) if turning else (logs, 0.0)
+    apart = np.hypot(measure_distances(seen[:-1].T, seen[1:].T), turn)  # (n, n, V - 1)
     there, back = REACH * apart.min(axis=1).T, REACH * apart.min(axis=0).T
     a, b = logs[:-1].real, logs[1:].real
     decays = np.all((-a > there + MINOR) & (-b > back + MINOR), axis=1)

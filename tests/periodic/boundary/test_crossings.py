@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flexlin.periodic import Effort, SignedEnds, find_crossings, solve_brackets
+from flexlin.periodic import Effort, SignedEnds, Spectra, find_crossings, solve_brackets
 from flexlin.resources import Stopwatch
 from tests.periodic.boundary.piecewise import meissner, piecewise
 from tests.thinned import thin
@@ -144,6 +144,23 @@ def test_a_search_that_ends_early_knows_most_about_the_value_that_is_asked_about
     assert 0.7 * seconds <= len(made) <= seconds
     between = np.linspace(max(low, 0.8), min(high, 4.0), 401)
     assert (spectra(between).verdicts < 0).all()
+
+
+@pytest.mark.parametrize(("decay", "shortened"), [(20.0, True), (4.0, False)])
+def test_a_short_scan_is_coarse_only_where_no_turn_of_a_multiplier_outweighs_its_decay(monkeypatch, decay, shortened):
+    """Multipliers turn seven times across 1/32 of the range, so that both ends of a cell look alike: that is no proof for a wide one."""
+    made = []
+
+    def spectra(x):
+        made.extend(x)
+        logs = -decay + 1j * np.pi * (0.3 + 14 * 32 * x)
+        return Spectra(np.stack([logs, logs.conj()], axis=1), np.full((len(x), 2), 1e-9))
+
+    monkeypatch.setattr(Stopwatch, "seconds", property(lambda _: float(len(made))))
+    effort = Effort(30.0, 0.4)
+    assert find_crossings(spectra, spectra, 0.0, 1.0, 1e-9, effort=effort) == []
+    assert (effort.gap == 0.0) == shortened
+    assert len(made) < 30
 
 
 def test_a_scan_of_a_heavily_damped_system_is_short():
