@@ -55,7 +55,9 @@ class Resonance:
         """Which frequencies meet which multiple of the motion's, in words."""
         a, b = self.frequencies
         rule = {"principal": f"2 x {a:.4g}", "sum": f"{a:.4g} + {b:.4g}", "difference": f"{a:.4g} - {b:.4g}"}[self.kind]
-        return f"{rule} rad/s near {self.order} w, w = {self.w:.4g} rad/s = 2 pi / T"
+        near = self.detuning <= MINOR * self.order * self.w
+        where = "near" if near else f"at {self.detuning:.2g} rad/s from"
+        return f"{rule} rad/s {where} {self.order} w, w = {self.w:.4g} rad/s = 2 pi / T"
 
 
 def find_resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonance]:

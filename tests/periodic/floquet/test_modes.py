@@ -108,6 +108,15 @@ def test_resonances_are_named(frequency, coupling, kind, order, pair):
         assert "order" in str(resonance)
 
 
+def test_a_wide_tongue_is_entered_far_from_its_condition_and_no_frequency_is_called_near():
+    """Mathieu's first tongue at a = 0.6, q = 0.6: 2 x 0.775 rad/s is 23 % below 2 rad/s."""
+    system = fl.PeriodicSystem.from_second_order(
+        [[1.0]], [[0.0]], lambda t: (0.6 - 1.2 * np.cos(2 * t))[:, None, None], np.pi
+    )
+    (found,) = find_resonances(system, floquet_modes(system))
+    assert found.condition == "2 x 0.7746 rad/s at 0.45 rad/s from 1 w, w = 2 rad/s = 2 pi / T"
+
+
 def test_an_unstable_average_is_no_resonance():
     A = np.array([[0, 1.0], [-4.0, 0.1]])
     system = fl.PeriodicSystem(A, 1.0)
