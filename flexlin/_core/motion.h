@@ -2,7 +2,7 @@
 #ifndef FLEXLIN_MOTION_H
 #define FLEXLIN_MOTION_H
 
-#include "product.h"
+#include "schur.h"
 
 /* Bounds |L left| size |right R| on couplings over each factor by what is not known, for left and right vectors at its beginning:
  * left (K, n, p) or none (1, and p = n), size (K, p, q), right (K, q, n) or none (1, and q = n). */

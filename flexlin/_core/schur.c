@@ -1,6 +1,6 @@
 /* The periodic Schur form of a long product: orthogonal iteration from its factors until only clusters of near moduli are left, then the
  * complex Schur form of each of these. Sources: Bojanczyk, Golub, Van Dooren, SPIE 1770 (1992); Watkins, SIAM Review 47 (2005). */
-#include "product.h"
+#include "schur.h"
 
 static const double CLEAN = 1e-14;  /* times n: coupling below a cut between groups of moduli */
 static const double SPREAD = 4.6;   /* of the logs of moduli inside one cluster, which is multiplied out: log 100, so two digits are lost */

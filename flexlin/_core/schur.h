@@ -1,6 +1,6 @@
 /* Long products of real matrices F_(K-1) ... F_0: their periodic Schur form, and what moves their eigenvalues. */
-#ifndef FLEXLIN_PRODUCT_H
-#define FLEXLIN_PRODUCT_H
+#ifndef FLEXLIN_SCHUR_H
+#define FLEXLIN_SCHUR_H
 
 #include "core.h"
 
