@@ -150,9 +150,8 @@ def need_numbers(scene: Scene, paths: Iterable[str]) -> None:
     for path in paths:
         value = get_value(scene, path)
         if not isinstance(value, float):
-            raise ArgumentError(
-                f"{path} cannot be left free", got=repr(value)[:80], expected="a real number of the scene"
-            )
+            expected = "a real number of the scene, such as motion.frequency or one of a list, effects.payload.mass.0"
+            raise ArgumentError(f"{path} cannot be left free", got=repr(value)[:80], expected=expected)
 
 
 def is_same_model(loop: ParametricLoop, rebuilt: RebuiltLoop) -> bool:

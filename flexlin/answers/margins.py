@@ -1,10 +1,12 @@
 """How far a scene's numbers are from the values at which its own loop changes its verdict."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
 
 from flexlin.about.linearization import Linearization
 from flexlin.answers.critical_values import CriticalValue, check_limits, search_family
+from flexlin.answers.loops import need_numbers
 from flexlin.answers.spectra import make_family
 from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.spectra import Effort
@@ -52,11 +54,10 @@ def find_margin(
     """The critical values of one number of a scene's own loop, or as much of them as so many seconds of work bring.
 
     Parameters: known: the loop; where its equations keep the number free they are not derived again.
-    Raises: what `make_family` raises; ArgumentError for what is no real number of the scene.
+    Raises: what `make_family` raises; ArgumentError for what is no real number of the scene (`need_numbers`).
     """
-    own = get_value(scene, path)
-    if not isinstance(own, float):
-        raise ArgumentError("this is no real number of the scene", got=path, expected="such as motion.frequency")
+    need_numbers(scene, (path,))
+    own = float(get_value(scene, path))
     (low, high), effort = check_limits(path, limits), Effort(seconds, own)
     kept = known if known is not None and path in known.arm.parameters.paths else None
     family = replace(make_family(scene, {path: (low, high)}, "own", kept), finest=FINE)
@@ -71,12 +72,20 @@ def choose_margins(scene: Scene) -> dict[str, tuple[float, float]]:
         "motion.frequency",
         "motion.move_time",
         "motion.joints.0.rate",
-        "effects.payload.mass",
+        last_number(scene, "effects.payload.mass"),
         "parameters.payload_mass",
     )
     known = {path: read_number(scene, path) for path in paths}
     ends = {path: sorted(factor * own for factor in FACTORS) for path, own in known.items() if own}
     return {path: (low, high) for path, (low, high) in ends.items()}
+
+
+def last_number(scene: Scene, path: str) -> str:
+    """The path of a list's last number, here that of the load at the tip; the path itself where it leads to one number."""
+    with suppress(ArgumentError):
+        value = get_value(scene, path)
+        return path if isinstance(value, float) else f"{path}.{len(value) - 1}"
+    return path
 
 
 def read_number(scene: Scene, path: str) -> float:

@@ -61,8 +61,10 @@ def write_report(
             from flexlin.answers.nearest import make_box, search_box
 
             box = make_box(scene)
+    from flexlin.answers.loops import need_numbers
     from flexlin.answers.margins import choose_margins
 
+    need_numbers(scene, margins or ())
     asked = scene.accuracy
     try:
         a = analyse(scene, clock, tuple(choose_margins(scene) if margins is None else margins))
