@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -225,11 +226,16 @@ class Logged:
         """s'' and z'' of state, inputs and free numbers."""
         accelerations, own = self.motion[2], self.arm.n
         bare = ca.substitute(self.left, accelerations, ca.SX.zeros(self.n))
-        arm = ca.ldl_solve(-bare[:own], *ca.ldl(self.arm.M, False))
+        arm = ca.ldl_solve(-bare[:own], *self.factors)
         if not self.filtered:
             return arm
         seen = ca.substitute(self.left[own:], accelerations, ca.vertcat(arm, ca.SX.zeros(self.n - own)))
         return ca.vertcat(arm, -seen)
+
+    @lazy
+    def factors(self) -> tuple[ca.SX, ca.SX, Any]:
+        """M = L D L' of the arm: D, L and the order of its rows."""
+        return ca.ldl(self.arm.M, False)
 
     @lazy
     def accelerate(self) -> Compiled:
@@ -237,10 +243,13 @@ class Logged:
 
     @lazy
     def slopes(self) -> Compiled:
-        """The slopes of the left side by accelerations (the mass matrix), coordinates, rates and p."""
-        at, rate, acceleration = self.motion
-        by = [ca.jacobian(self.left, one) for one in (acceleration, at, rate, self.arm.parameters.symbols)]
-        return Compiled.of([*self.given, acceleration], by)
+        """s'' and z'', (n, 1), and their slopes by coordinates, rates and p, (n, 2n + n_p): M ds'' = -d(left) with s'' held."""
+        (at, rate, acceleration), own = self.motion, self.arm.n
+        by = ca.jacobian(self.left, ca.vertcat(at, rate, self.arm.parameters.symbols))
+        arm = ca.ldl_solve(-by[:own, :], *self.factors)
+        behind = -by[own:, :] - ca.jacobian(self.left[own:], acceleration[:own]) @ arm
+        held = ca.substitute(ca.vertcat(arm, behind), acceleration, self.acceleration)
+        return Compiled.of(self.given, [self.acceleration, held])
 
     @lazy
     def readings(self) -> ca.SX:

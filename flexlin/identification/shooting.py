@@ -17,8 +17,8 @@ DECAYING = 2.0
 """Largest step times the fastest rate of decay, as that of joints that stick: the method damps up to 2.78."""
 FINEST = 64
 """Steps for one of the log's, at the most."""
-BLOCK = 2**14
-"""Nodes that are computed at once, and whose slopes are held."""
+BLOCK = 2**10
+"""Nodes that are computed at once, and whose slopes are held: a few MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,19 +226,9 @@ class Shooting:
         n = self.model.n
         zero = [np.zeros((1, n)), np.zeros((1, n)), *[np.zeros((1, len(self.model.inputs)))] * 2]
         given = [*zero, *self.around(p, 1)]
-        F = self.linear(given)[0][0][:, : 2 * n]
-        values = np.linalg.eigvals(F)
+        by = self.model.slopes(*given)[1][0][:, : 2 * n]
+        values = np.linalg.eigvals(np.concatenate([np.eye(n, 2 * n, n), by]))
         return float(np.maximum(np.abs(values.imag), np.abs(values) * FASTEST / DECAYING).max())
-
-    def linear(self, given: list[Array]) -> tuple[Array, Array]:
-        """Slopes of x' by x and p, (N, 2n, 2n + n_p), and s'', at N points."""
-        n, count = self.model.n, len(given[0])
-        a = self.model.accelerate(*given)[0][:, :, 0]
-        M, *by = self.model.slopes(*given, a)
-        F = np.zeros((count, 2 * n, 2 * n + by[2].shape[2]))
-        F[:, np.arange(n), n + np.arange(n)] = 1
-        F[:, n:] = -np.linalg.solve(M, np.concatenate(by, axis=2))
-        return F, a
 
     def stages(self, states: Array, u: Array, du: Array, p: Array) -> Array:
         """The slope of each step by x and p, (steps, W, 2n, 2n + n_p), by the chain of the four stages.
@@ -248,19 +238,21 @@ class Shooting:
         n, h, (nodes, count) = self.model.n, self.windows.h, states.shape[:2]
         points = (nodes - 1) * count
         x, around = states[:-1].reshape(points, 2 * n), self.around(p, points)
-        slope = total = np.zeros((1, 2 * n, 2 * n + len(p)))
+        own = np.eye(2 * n, 2 * n + len(p))
+        slope = total = np.zeros_like(own)[None]
         rate = np.zeros_like(x)
         for c, phase, weight in ((0.0, 0, 1.0), (0.5, 1, 2.0), (0.5, 1, 2.0), (1.0, 2, 1.0)):
             at = x + c * h * rate
             end = len(u) - 2 + phase
             inputs = [one[phase:end:2].reshape(points, -1) for one in (u, du)]
-            F, a = self.linear([at[:, :n], at[:, n:], *inputs, *around])
-            rate = np.concatenate([at[:, n:], a], axis=1)
-            before = np.eye(2 * n, F.shape[2]) + c * h * slope
-            slope = F[:, :, : 2 * n] @ before
-            slope[:, :, 2 * n :] += F[:, :, 2 * n :]
+            a, by = self.model.slopes(at[:, :n], at[:, n:], *inputs, *around)
+            rate = np.concatenate([at[:, n:], a[:, :, 0]], axis=1)
+            before = own + c * h * slope
+            faster = by[:, :, : 2 * n] @ before
+            faster[:, :, 2 * n :] += by[:, :, 2 * n :]
+            slope = np.concatenate([np.broadcast_to(before[:, n:], faster.shape), faster], axis=1)
             total = total + weight * slope
-        made = np.eye(2 * n, total.shape[2]) + h / 6 * total
+        made = own + h / 6 * total
         return made.reshape(nodes - 1, count, *made.shape[1:])
 
     def sensitivities(self, states: Array, p: Array) -> Array:
@@ -291,15 +283,15 @@ class Shooting:
         inputs = [one[::2].reshape(nodes * count, -1) for one in (u, du)]
         given = [flat[:, :n], flat[:, n:], *inputs, *self.around(p, len(flat))]
         if self.model.accelerated:
-            F, a = self.linear(given)
+            a, by = self.model.slopes(*given)
         else:
-            F, a = None, np.zeros((len(flat), n))
-        by_s, by_rate, by_a, by_p = self.model.reading_slopes(*given, a)
+            a, by = np.zeros((len(flat), n, 1)), None
+        by_s, by_rate, by_a, by_p = self.model.reading_slopes(*given, a[:, :, 0])
         made = by_s @ S[:, :n] + by_rate @ S[:, n:]
         made[:, :, 2 * n :] += by_p
-        if F is not None:
-            moved = F[:, n:, : 2 * n] @ S
-            moved[:, :, 2 * n :] += F[:, n:, 2 * n :]
+        if by is not None:
+            moved = by[:, :, : 2 * n] @ S
+            moved[:, :, 2 * n :] += by[:, :, 2 * n :]
             made += by_a @ moved
         return made.reshape(nodes, count, *made.shape[1:])
 
