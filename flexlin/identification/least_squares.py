@@ -29,12 +29,16 @@ BLOCKS = 4
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Starting states (W, 2n), shared numbers (n_p,), and what they leave: residuals over their standard deviations, (W, N, outputs)."""
+    """Starting states (W, 2n), shared numbers (n_p,), and what they leave: residuals over their standard deviations, (W, N, outputs).
+
+    damping: of the next step.
+    """
 
     start: Array
     p: Array
     states: Array
     residual: Array
+    damping: float = 1e-3
 
     @property
     def costs(self) -> Array:
@@ -89,28 +93,28 @@ def solve(
     iterations: int = 30,
     tol: float = 1e-6,
     late: Callable[[], bool] = bool,
+    damping: float = Point.damping,
 ) -> Point:
     """The least sum of squares that damped Gauss-Newton steps find from here until it is late; without shared numbers each window goes
     its own way."""
-    point = problem.at(start, p)
-    damping = np.full(len(start), 1e-3)
+    point, dampings = problem.at(start, p), np.full(len(start), damping)
     for _ in range(iterations):
         if late() or not np.isfinite(point.costs).any():
             break
         slopes = problem.slopes(point)
         gained = np.zeros(len(start))
         for _ in range(8):
-            trial = problem.at(*take_step(problem, point, slopes, damping))
+            trial = problem.at(*take_step(problem, point, slopes, dampings))
             with np.errstate(invalid="ignore"):
                 gain = together(problem, point.costs - trial.costs)
             better = gain > 0
             point, gained = choose(point, trial, better), np.where(better, gain, gained)
-            damping = np.where(better, damping / 5, damping * 5)
+            dampings = np.where(better, dampings / 5, dampings * 5)
             if better.any() or late():
                 break
         if np.all(gained <= tol * together(problem, point.costs)):
             break
-    return point
+    return replace(point, damping=float(dampings.max()))
 
 
 def together(problem: Problem, costs: Array) -> Array:
@@ -174,7 +178,10 @@ def take_step(problem: Problem, point: Point, slopes: Array, damping: Array) -> 
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """The numbers that are known, their errors, covariance (k, k) and large correlations; groups of numbers that are not; numbers at a
-    limit; the correlation of neighbouring residuals of each column, and whether that is colour."""
+    limit; the correlation of neighbouring residuals of each column, and whether that is colour.
+
+    ahead: the standard errors by which one more step, undamped, would move a number.
+    """
 
     known: tuple[str, ...]
     errors: dict[str, float]
@@ -184,13 +191,14 @@ class Evidence:
     limited: tuple[str, ...]
     colour: Array
     coloured: bool
+    ahead: float = 0.0
 
 
 def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence:
     """Covariance (J' J)^-1 of the numbers with the starting states taken out; C S C of coloured residuals, S from sums over blocks."""
     size, windows = point.start.shape[1], len(point.start)
     slopes, residual = problem.slopes(point), point.residual.reshape(windows, -1)
-    rest = eliminate(slopes, residual, size, np.full(windows, 1e-12))[3][:, : residual.shape[1], :-1]
+    rest = eliminate(slopes, residual, size, np.full(windows, 1e-12))[3][:, : residual.shape[1]]
     at_limit = (point.p <= problem.low + 1e-9) | (point.p >= problem.high - 1e-9)
     inside = np.flatnonzero(~at_limit)
     scale = np.where(point.p != 0, np.abs(point.p), 1.0)[inside]
@@ -201,12 +209,14 @@ def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence
     groups = group_directions(np.abs(V[:, lost]) > SHARE)
     out = sorted({i for group in groups for i in group})
     C = (V[:, ~lost] / values[~lost]) @ V[:, ~lost].T
+    ahead = scale * (C @ np.einsum("wri,wr->i", J, rest[:, :, -1]))
     colour, coloured = find_colour(problem, point)
     if coloured:
         C = with_colour(C, J, residual, point.residual.shape)
     kept = [i for i in range(len(inside)) if i not in out]
     C = C[np.ix_(kept, kept)] * np.outer(scale[kept], scale[kept])
     errors = {paths[inside[i]]: float(np.sqrt(C[k, k])) for k, i in enumerate(kept)}
+    far = max((abs(float(ahead[i])) / errors[paths[inside[i]]] for i in kept), default=0.0)
     unknown = tuple(tuple(paths[inside[i]] for i in group) for group in groups)
     limited = tuple(paths[k] for k in np.flatnonzero(at_limit))
     known = tuple(path for path in paths if path in errors or path in limited)
@@ -214,7 +224,7 @@ def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence
     places = [known.index(path) for path in errors]
     whole[np.ix_(places, places)] = C
     every = {path: errors.get(path, float("nan")) for path in known}
-    return Evidence(known, every, whole, name_correlations(list(errors), C), unknown, limited, colour, coloured)
+    return Evidence(known, every, whole, name_correlations(list(errors), C), unknown, limited, colour, coloured, far)
 
 
 def leave_unknown(problem: Problem, point: Point, paths: list[str]) -> Evidence:

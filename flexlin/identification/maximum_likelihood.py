@@ -25,14 +25,26 @@ from flexlin.summary import represent
 if TYPE_CHECKING:
     import xarray
 
-ROUNDS = 6
+ROUNDS = 20
 """Times that noise, and shapes of links that carry fitted masses, are found anew."""
-UNEXPLAINED = 0.2
+STEPS = 4
+"""Gauss-Newton steps of a round behind the first, which comes near the minimum: noise that is found far from there misleads."""
+UNEXPLAINED = 0.05
 """Share of the readings' deviations below which a start is good, and no other is tried."""
+HEAD = 0.25
+"""Share of a window that is its head."""
 FAR = 10.0
 """A number that changes by more, where residuals are coloured, may make up for a column's wrong sign or unit."""
 SETTLED = 0.02
 """Relative change of the noise below which it is known."""
+BLOCKED = 1.0
+"""Standard errors that one more undamped step promises, from which on its not being taken is worth a word."""
+NEAR = 1e-3
+"""Share of the cost that a step of the first round still gains where it goes on."""
+FREED = 0.1
+"""Largest damping with which a round begins: one that came to a halt tries larger steps again."""
+STILL = 0.1
+"""Standard errors by which a round may still move a number of a search that has settled."""
 SCREENED = 4
 """Windows, and Gauss-Newton steps, by which starting values are compared."""
 SEARCHED = 0.6
@@ -150,8 +162,8 @@ def identify(
     hold_back : float
         Share of the log, at its end, that is not fitted but predicted.
     starts : int
-        Sets of values tried at the most: the scene's own, then, while a fifth of the readings stays unexplained, others
-        within a factor of about two.
+        Sets of values tried at the most: the scene's own, then, while a twentieth of the readings stays unexplained or a number is
+        at its end, its own again and others within a factor of about two, over a quarter of each window first.
     seconds : float
         Time after which the most likely numbers so far are handed back, by default as long as it takes.
 
@@ -195,10 +207,12 @@ def identify(
     with part(0.0, 0.3):
         values = choose_start(scene, fitted, windows, paths, (low, high), whole("starts", starts), late)
     with part(0.3, 0.9):
-        point, problem, settled = refine(scene, fitted, windows, paths, values, (low, high), late)
-    evidence = (weigh_evidence if settled else leave_unknown)(problem, point, paths)
+        point, problem, evidence = refine(scene, fitted, windows, paths, values, (low, high), late)
+    settled = evidence is not None
+    evidence = leave_unknown(problem, point, paths) if evidence is None else evidence
     known = {path: float(point.p[k]) for k, path in enumerate(paths) if path in evidence.known}
-    reached = revise_scene(scene, dict(zip(paths, point.p.tolist(), strict=False)))
+    found = dict(zip(paths, point.p.tolist(), strict=False))
+    reached = revise_scene(scene, found)
     own = revise_scene(scene, known) if accepts(scene, known, raw_tables(scene)) else reached
     made = place_uncertainty(own, evidence, (low, high), paths)
     prediction = predict(reached, held, window)
@@ -207,7 +221,7 @@ def identify(
         made, known, evidence.errors, evidence.unknown, evidence.covariance, evidence.correlations, prediction.fit,
         dict(zip(prediction.fit, noise.tolist(), strict=True)),
         dict(zip(prediction.fit, evidence.colour.tolist(), strict=True)),
-        prediction, settled, describe(evidence, prediction, hold_back, settled, find_far(scene, known), log.notes),
+        prediction, settled, describe(evidence, prediction, hold_back, settled, find_far(scene, found), log.notes),
     )  # fmt: skip
 
 
@@ -257,7 +271,10 @@ def choose_start(
     starts: int,
     late: Callable[[], bool],
 ) -> Array:
-    """The values, of several sets, from which a few windows are best met after a few steps; no set is tried when it is late."""
+    """The values, of several sets, from which a few windows are best met after a few steps; no set is tried when it is late.
+
+    All but the first try have met the windows' heads before: over so short a time no vibration slips by a cycle.
+    """
     own = np.array([float(get_value(scene, path)) for path in paths])
     if starts == 1:
         return own
@@ -265,10 +282,14 @@ def choose_start(
     problem = pose(scene, log, some, paths, limits, None)
     rng, tried = np.random.default_rng(0), []
     for k in range(starts):
-        values = own * (np.exp(rng.normal(0, 0.5, len(own))) if k else 1.0)
-        point = solve(problem, start_states(problem, values), np.clip(values, *limits), SCREENED, late=late)
+        values = np.clip(own * (np.exp(rng.normal(0, 0.5, len(own))) if k > 1 else 1.0), *limits)
+        if k:
+            short = pose(scene, log, some.head(HEAD * float((some.ends - some.starts).max())), paths, limits, None)
+            values = solve(short, start_states(short, values), values, SCREENED, late=late).p
+        point = solve(problem, start_states(problem, values), values, SCREENED, late=late)
         tried.append((float(point.costs.sum()), k, point.p))
-        if late() or tried[-1][0] < 0.5 * UNEXPLAINED**2 * np.count_nonzero(point.residual):
+        inside = np.all((point.p > limits[0] + 1e-9) & (point.p < limits[1] - 1e-9))
+        if late() or (inside and tried[-1][0] < 0.5 * UNEXPLAINED**2 * np.count_nonzero(point.residual)):
             break
     cost, _, values = min(tried, key=lambda one: one[:2])
     if not np.isfinite(cost):
@@ -292,16 +313,19 @@ def refine(
     values: Array,
     limits: tuple[Array, Array],
     late: Callable[[], bool],
-) -> tuple[Point, Problem, bool]:
-    """The maximum of the likelihood: noise and shapes of links are found anew until neither changes; whether it came so far before it was
-    late."""
-    sigma, start = None, None
+) -> tuple[Point, Problem, Evidence | None]:
+    """The maximum of the likelihood: noise and shapes of links are found anew until noise and numbers stay.
+
+    No evidence where it was late.
+    """
+    sigma, start, damping = None, None, Point.damping
     for k in range(ROUNDS):
         with part(k / ROUNDS, (k + 1) / ROUNDS):
             found = revise_scene(scene, dict(zip(paths, values.tolist(), strict=True)))
             problem = pose(found, log, windows, paths, limits, sigma)
             start = start_states(problem, values) if start is None else start
-            point = solve(problem, start, values, late=late)
+            most, gain = (30, NEAR) if sigma is None else (STEPS, 1e-6)
+            point = solve(problem, start, values, most, gain, late, damping)
         if not np.isfinite(point.costs).any():
             got = "; ".join(log.notes) or None
             raise NumericalError(
@@ -310,12 +334,15 @@ def refine(
         seen = np.count_nonzero(problem.weigh(np.ones_like(point.residual), point.p), axis=(0, 1))
         ratio = np.sum(point.residual**2, axis=(0, 1)) / np.maximum(seen, 1)
         size = problem.sigma * np.sqrt(np.where(seen > 0, ratio, 1.0))
-        moved = np.abs(point.p - values) > 1e-3 * np.abs(values)
-        settled = sigma is not None and bool(np.all(np.abs(size / sigma - 1) < SETTLED)) and not moved.any()
+        evidence = weigh_evidence(problem, point, paths)
+        unsure = np.nan_to_num([evidence.errors.get(path, 0.0) for path in paths])
+        still = np.abs(point.p - values) <= np.maximum(STILL * unsure, 1e-3 * np.abs(values))
+        settled = sigma is not None and bool(np.all(np.abs(size / sigma - 1) < SETTLED) and still.all())
         sigma, values, start = np.maximum(size, 1e-9 * deviations(problem.readings)), point.p, point.start
+        damping = min(point.damping, FREED)
         if settled or late():
             break
-    return point, problem, settled or not late()
+    return point, problem, evidence if settled or not late() else None
 
 
 def place_uncertainty(scene: Scene, evidence: Evidence, limits: tuple[Array, Array], paths: list[str]) -> Scene:
@@ -331,10 +358,10 @@ def place_uncertainty(scene: Scene, evidence: Evidence, limits: tuple[Array, Arr
     return parse_scene(raw_tables(scene), scene.title, {"uncertainty": table}) if table else scene
 
 
-def find_far(scene: Scene, known: dict[str, float]) -> list[str]:
+def find_far(scene: Scene, found: dict[str, float]) -> list[str]:
     """The numbers that are more than ten times what the scene had, or less than a tenth."""
-    before = {path: float(get_value(scene, path)) for path in known if not path.startswith("log.")}
-    sizes = {path: sorted((abs(value), abs(known[path]))) for path, value in before.items()}
+    before = {path: float(get_value(scene, path)) for path in found if not path.startswith("log.")}
+    sizes = {path: sorted((abs(value), abs(found[path]))) for path, value in before.items()}
     return [path for path, (small, large) in sizes.items() if large > FAR * small > 0]
 
 
@@ -354,6 +381,11 @@ def describe(
     if evidence.coloured:
         said.append(
             "residuals are coloured, so something is missing in the equations or the noise; the errors allow for it"
+        )
+    if evidence.ahead > BLOCKED:
+        said.append(
+            "the search ends where no step gains, as it may where joints stick, though slopes promise one of "
+            f"{evidence.ahead:.1f} standard errors: errors are larger than stated; fit fewer numbers, or begin elsewhere"
         )
     if evidence.coloured and far:
         said.append(f"{', '.join(far)} went far from the scene's: check signs, units and gains of the log's columns")

@@ -53,6 +53,7 @@ def test_three_numbers_are_found_within_their_errors():
     assert found.unknown == ()
     assert all(found.noise[name] == pytest.approx(NOISE[name], rel=0.1) for name in NOISE)
     assert "coloured" not in found.status
+    assert "no step gains" not in found.status
 
 
 @pytest.mark.slow
@@ -69,6 +70,19 @@ def test_numbers_are_handed_back_when_the_time_ends_first():
     assert found.scene.uncertainty == {}
     assert found.fit["q1"] > 0
     assert found.fit == pytest.approx(fl.predict(found.scene, log, window=1.0).fit)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_search_that_cannot_step_does_not_pass_for_settled(monkeypatch, seed):
+    """Numbers that stay because no step gains are not those of the minimum: it is said, or their errors are as large as they are off."""
+    from flexlin.identification import maximum_likelihood
+
+    scene, time, readings = clean()
+    log = noisy(time, readings, [0.3 * swing(time)[0]], 3)
+    monkeypatch.setattr(maximum_likelihood, "solve", lambda problem, start, p, *rest, **more: problem.at(start, p))
+    stuck = fl.identify(beside(scene, FREE, seed), log, FREE, window=1.0, starts=1)
+    off = [abs(stuck.values[path] - get_value(scene, path)) / stuck.errors[path] for path in stuck.values]
+    assert "no step gains" in stuck.status or max(off, default=0.0) < 3
 
 
 @pytest.mark.slow
