@@ -29,7 +29,7 @@ ROUNDS = 20
 """Times that noise, and shapes of links that carry fitted masses, are found anew."""
 STEPS = 4
 """Gauss-Newton steps of a round behind the first, which comes near the minimum: noise that is found far from there misleads."""
-UNEXPLAINED = 0.05
+UNEXPLAINED = 0.02
 """Share of the readings' deviations below which a start is good, and no other is tried."""
 HEAD = 0.25
 """Share of a window that is its head."""
@@ -162,7 +162,7 @@ def identify(
     hold_back : float
         Share of the log, at its end, that is not fitted but predicted.
     starts : int
-        Sets of values tried at the most: the scene's own, then, while a twentieth of the readings stays unexplained or a number is
+        Sets of values tried at the most: the scene's own, then, while a fiftieth of the readings stays unexplained or a number is
         at its end, its own again and others within a factor of about two, over a quarter of each window first.
     seconds : float
         Time after which the most likely numbers so far are handed back, by default as long as it takes.
