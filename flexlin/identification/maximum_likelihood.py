@@ -221,7 +221,8 @@ def identify(
         made, known, evidence.errors, evidence.unknown, evidence.covariance, evidence.correlations, prediction.fit,
         dict(zip(prediction.fit, noise.tolist(), strict=True)),
         dict(zip(prediction.fit, evidence.colour.tolist(), strict=True)),
-        prediction, settled, describe(evidence, prediction, hold_back, settled, find_far(scene, found), log.notes),
+        prediction, settled,
+        describe(evidence, prediction, hold_back, settled, find_far(scene, found), (*name_unseen(problem, point.p), *log.notes)),
     )  # fmt: skip
 
 
@@ -363,6 +364,16 @@ def find_far(scene: Scene, found: dict[str, float]) -> list[str]:
     before = {path: float(get_value(scene, path)) for path in found if not path.startswith("log.")}
     sizes = {path: sorted((abs(value), abs(found[path]))) for path, value in before.items()}
     return [path for path, (small, large) in sizes.items() if large > FAR * small > 0]
+
+
+def name_unseen(problem: Problem, p: Array) -> list[str]:
+    """A vibration that samples take for a slower one: free starting states then make noise into evidence."""
+    fastest = np.abs(problem.shooting.rates(p).imag).max() / (2 * np.pi)
+    rate = 1 / problem.shooting.windows.log.step
+    if fastest <= 0.5 * rate:
+        return []
+    said = f"a vibration of {fastest:.3g} Hz is faster than half of the log's {rate:.3g} samples a second"
+    return [f"{said}, so errors may be larger than stated: take fewer modes, or log faster"]
 
 
 def describe(

@@ -221,13 +221,17 @@ class Shooting:
         value, slope = (np.einsum("wni,wni...->wn...", one, taken) for one in kinds)
         return value, slope
 
-    def fastest(self, p: Array) -> float:
-        """The rate of the equations at rest and in the middle of what was measured that steps have to follow, in 1/s."""
+    def rates(self, p: Array) -> Array:
+        """Eigenvalues of the equations at rest, in 1/s."""
         n = self.model.n
         zero = [np.zeros((1, n)), np.zeros((1, n)), *[np.zeros((1, len(self.model.inputs)))] * 2]
         given = [*zero, *self.around(p, 1)]
         by = self.model.slopes(*given)[1][0][:, : 2 * n]
-        values = np.linalg.eigvals(np.concatenate([np.eye(n, 2 * n, n), by]))
+        return np.asarray(np.linalg.eigvals(np.concatenate([np.eye(n, 2 * n, n), by])))
+
+    def fastest(self, p: Array) -> float:
+        """The rate that steps have to follow, in 1/s."""
+        values = self.rates(p)
         return float(np.maximum(np.abs(values.imag), np.abs(values) * FASTEST / DECAYING).max())
 
     def stages(self, states: Array, u: Array, du: Array, p: Array) -> Array:

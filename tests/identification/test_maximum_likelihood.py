@@ -203,6 +203,14 @@ def test_a_part_too_short_to_be_kept_back_is_refused_before_the_search(monkeypat
         fl.identify(scene, noisy(time, readings, [0.3 * swing(time)[0]], 0), FREE, hold_back=0.01)
 
 
+@pytest.mark.parametrize(("every", "seen"), [(1, True), (10, False)])
+def test_a_vibration_faster_than_half_of_the_sampling_is_named(every, seen):
+    scene, time, readings = clean()
+    some = {name: values[::every] for name, values in readings.items()}
+    log = noisy(time[::every], some, [0.3 * swing(time)[0][::every]], 3)
+    assert ("faster than half" in fl.identify(scene, log, FREE[:1], starts=1).status) is not seen
+
+
 @pytest.mark.slow
 def test_a_start_whose_vibrations_slip_by_a_cycle_is_left():
     """Over whole windows the own numbers lead to another minimum, which meets the readings within a tenth; over their heads they do not."""
