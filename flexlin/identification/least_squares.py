@@ -79,6 +79,10 @@ class Problem:
         weights = (seen / self.sigma).reshape(*seen.shape, *extra)
         return np.where(weights > 0, values * weights, 0.0)
 
+    def limited(self, p: Array) -> Array:
+        """Which numbers are at a bound."""
+        return (p <= self.low + 1e-9) | (p >= self.high - 1e-9)
+
     def slopes(self, point: Point) -> Array:
         """Of the weighted readings by start and p, (W, N outputs, 2n + n_p)."""
         found = self.weigh(self.shooting.jacobian(point.states, point.p), point.p)
@@ -199,7 +203,7 @@ def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence
     size, windows = point.start.shape[1], len(point.start)
     slopes, residual = problem.slopes(point), point.residual.reshape(windows, -1)
     rest = eliminate(slopes, residual, size, np.full(windows, 1e-12))[3][:, : residual.shape[1]]
-    at_limit = (point.p <= problem.low + 1e-9) | (point.p >= problem.high - 1e-9)
+    at_limit = problem.limited(point.p)
     inside = np.flatnonzero(~at_limit)
     scale = np.where(point.p != 0, np.abs(point.p), 1.0)[inside]
     J = rest[:, :, inside] * scale

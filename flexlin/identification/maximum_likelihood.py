@@ -76,7 +76,7 @@ class Identification(Shown):
     prediction : Prediction
         Of the part that `fit` is about.
     settled : bool
-        Whether the search ended before its time did.
+        Whether noise and numbers stayed where they were before time or rounds ended.
     status : str
         What was found, and what to do.
 
@@ -281,15 +281,16 @@ def choose_start(
         return own
     some = windows.chosen(np.unique(np.linspace(0, windows.count - 1, SCREENED).astype(int)))
     problem = pose(scene, log, some, paths, limits, None)
-    rng, tried = np.random.default_rng(0), []
+    short, rng, tried = None, np.random.default_rng(0), []
     for k in range(starts):
         values = np.clip(own * (np.exp(rng.normal(0, 0.5, len(own))) if k > 1 else 1.0), *limits)
         if k:
-            short = pose(scene, log, some.head(HEAD * float((some.ends - some.starts).max())), paths, limits, None)
+            heads = some.head(HEAD * float((some.ends - some.starts).max()))
+            short = short or pose(scene, log, heads, paths, limits, None)
             values = solve(short, start_states(short, values), values, SCREENED, late=late).p
         point = solve(problem, start_states(problem, values), values, SCREENED, late=late)
         tried.append((float(point.costs.sum()), k, point.p))
-        inside = np.all((point.p > limits[0] + 1e-9) & (point.p < limits[1] - 1e-9))
+        inside = not problem.limited(point.p).any()
         if late() or (inside and tried[-1][0] < 0.5 * UNEXPLAINED**2 * np.count_nonzero(point.residual)):
             break
     cost, _, values = min(tried, key=lambda one: one[:2])
@@ -317,7 +318,7 @@ def refine(
 ) -> tuple[Point, Problem, Evidence | None]:
     """The maximum of the likelihood: noise and shapes of links are found anew until noise and numbers stay.
 
-    No evidence where it was late.
+    No evidence where time or rounds ended first.
     """
     sigma, start, damping = None, None, Point.damping
     for k in range(ROUNDS):
@@ -336,14 +337,15 @@ def refine(
         ratio = np.sum(point.residual**2, axis=(0, 1)) / np.maximum(seen, 1)
         size = problem.sigma * np.sqrt(np.where(seen > 0, ratio, 1.0))
         evidence = weigh_evidence(problem, point, paths)
+        size = np.maximum(size, 1e-9 * deviations(problem.readings))
         unsure = np.nan_to_num([evidence.errors.get(path, 0.0) for path in paths])
         still = np.abs(point.p - values) <= np.maximum(STILL * unsure, 1e-3 * np.abs(values))
         settled = sigma is not None and bool(np.all(np.abs(size / sigma - 1) < SETTLED) and still.all())
-        sigma, values, start = np.maximum(size, 1e-9 * deviations(problem.readings)), point.p, point.start
+        sigma, values, start = size, point.p, point.start
         damping = min(point.damping, FREED)
         if settled or late():
             break
-    return point, problem, evidence if settled or not late() else None
+    return point, problem, evidence if settled else None
 
 
 def place_uncertainty(scene: Scene, evidence: Evidence, limits: tuple[Array, Array], paths: list[str]) -> Scene:
@@ -380,7 +382,10 @@ def describe(
     evidence: Evidence, prediction: Prediction, hold_back: float, settled: bool, far: list[str], notes: Iterable[str]
 ) -> str:
     """What was found, and what to do."""
-    said = [] if settled else ["the time ended before the search had settled, so errors are not known: allow more"]
+    unsettled = (
+        "time or rounds ended before the search had settled, so errors are not known: allow more, or begin elsewhere"
+    )
+    said = [] if settled else [unsettled]
     for group in evidence.unknown:
         names = " and ".join(group)
         if len(group) == 1:

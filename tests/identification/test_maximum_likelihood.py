@@ -82,7 +82,20 @@ def test_a_search_that_cannot_step_does_not_pass_for_settled(monkeypatch, seed):
     monkeypatch.setattr(maximum_likelihood, "solve", lambda problem, start, p, *rest, **more: problem.at(start, p))
     stuck = fl.identify(beside(scene, FREE, seed), log, FREE, window=1.0, starts=1)
     off = [abs(stuck.values[path] - get_value(scene, path)) / stuck.errors[path] for path in stuck.values]
-    assert "no step gains" in stuck.status or max(off, default=0.0) < 3
+    assert off
+    assert "no step gains" in stuck.status or max(off) < 3
+
+
+def test_rounds_that_end_before_the_numbers_stay_are_no_settled_search(monkeypatch):
+    from flexlin.identification import maximum_likelihood
+
+    scene, time, readings = clean()
+    log = noisy(time, readings, [0.3 * swing(time)[0]], 3)
+    monkeypatch.setattr(maximum_likelihood, "ROUNDS", 1)
+    found = fl.identify(beside(scene, FREE), log, FREE, window=1.0, starts=1)
+    assert not found.settled
+    assert "rounds ended before the search had settled" in found.status
+    assert np.isnan(list(found.errors.values())).all()
 
 
 @pytest.mark.slow
