@@ -1,7 +1,7 @@
 """Spectra of many small systems at once: each on the same parts of its own period, by two rules that share neither node nor edge."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,17 +10,17 @@ from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.grid import golden, place_edges
-from flexlin.periodic.precision import EPS, SAFETY
+from flexlin.periodic.precision import EPS, ROOT, SAFETY
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import factor_accelerations, factor_states
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss, place_nodes
 
-STAGES = 4
+STAGES = 5
 """Gauss stages of the rule that shows how wrong the one with a stage more may be."""
-SEGMENTS = tuple(NODES // 4 << k for k in range(5))
+SEGMENTS = tuple(NODES // 4 << k for k in range(6))
 """Of a period; systems that miss tol on the first are tried on the next."""
-CHECKS, FEWEST_POINTS, MOST_POINTS = 15, 17, 129
+CHECKS, FEWEST_POINTS, MOST_POINTS = 15, 17, 257
 """Values between the points of an interpolant at which it is checked, and its points."""
 
 
@@ -74,12 +74,16 @@ def find_together(
 @dataclass(frozen=True)
 class Interpolant:
     """The transition matrix of the period as a polynomial in a parameter through Chebyshev's extreme points of a range; its error is that
-    of the points and what it misses at points that it does not go through."""
+    of the points and what it misses at points that it does not go through.
+
+    inverse: a polynomial in 1/parameter, as where it is the motion's frequency: then P(T) turns as fast at all periods T.
+    """
 
     low: float
     high: float
     known: Products
     missed: Array
+    inverse: bool = False
 
     @classmethod
     def fit(
@@ -88,11 +92,16 @@ class Interpolant:
         """The interpolant on as few points as serve, none where MOST_POINTS do not; `products_at` values, from a number of segments on."""
         between = low + (high - low) * golden(np.arange(1, CHECKS + 1))
         sure = products_at(between, 0)
-        missed, known = np.zeros(sure.P.shape[1:]), products_at(cls.place(low, high, FEWEST_POINTS), sure.enough)
+        scaled = sure.periods * between
+        inverse = bool(low > 0 and np.ptp(scaled) < ROOT * scaled[0])
+        missed, known = (
+            np.zeros(sure.P.shape[1:]),
+            products_at(cls.place(low, high, FEWEST_POINTS, inverse), sure.enough),
+        )
         while True:
-            found = cls(low, high, known, missed)
+            found = cls(low, high, known, missed, inverse)
             here = found.at(between)
-            found = cls(low, high, known, SAFETY * np.abs(here.P - sure.P).max(axis=0))
+            found = replace(found, missed=SAFETY * np.abs(here.P - sure.P).max(axis=0))
             if not np.isfinite(found.missed).all():
                 return None
             if found.at(between).meets(tol).all():
@@ -100,18 +109,21 @@ class Interpolant:
             count = 2 * len(known.P) - 1
             if count > MOST_POINTS:
                 return None
-            more = products_at(cls.place(low, high, count)[1::2], known.enough)
+            more = products_at(cls.place(low, high, count, inverse)[1::2], known.enough)
             P, moved, periods = (weave(getattr(known, name), getattr(more, name)) for name in ("P", "moved", "periods"))
             known = Products(P, moved, periods, more.enough)
 
     @staticmethod
-    def place(low: float, high: float, count: int) -> Array:
+    def place(low: float, high: float, count: int, inverse: bool) -> Array:
         """Chebyshev's extreme points, every other one of which are those of half the degree."""
-        return low + (high - low) * (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
+        share = (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
+        return 1 / (1 / low + (1 / high - 1 / low) * share) if inverse else low + (high - low) * share
 
     def at(self, values: Array) -> Products:
         """Products at values (V,). Source: Berrut, Trefethen, Barycentric Lagrange interpolation, SIAM Rev. 46 (2004) 501."""
-        points = self.place(self.low, self.high, len(self.known.P))
+        points = self.place(self.low, self.high, len(self.known.P), self.inverse)
+        if self.inverse:
+            points, values = 1 / points, 1 / values
         weights = (-1.0) ** np.arange(len(points))
         weights[[0, -1]] /= 2
         gaps = values[:, None] - points
@@ -186,15 +198,17 @@ def sample_either(system: PeriodicSystem, t: Array, twice: bool) -> Array:
 
 
 def multiply_up(factors: Array) -> tuple[Array, Array]:
-    """F_(K-1) ... F_0 of factors (V, K, n, n), and a bound on its rounding, entry by entry."""
-    n, size = factors.shape[-1], np.abs(factors)
-    rounding = 8 * n * EPS * size
+    """F_(K-1) ... F_0 of factors (V, K, n, n), and 4 standard deviations of its rounding, taken as random, for each entry.
+
+    Source: Higham, Mary, A new approach to probabilistic rounding error analysis, SIAM J. Sci. Comput. 41 (2019) A2815.
+    """
+    n = factors.shape[-1]
+    variance = (2 * n * EPS * factors) ** 2
     while factors.shape[1] > 1:
         pairs = factors.shape[1] // 2 * 2
-        first, second = slice(0, pairs, 2), slice(1, pairs, 2)
-        product, both = factors[:, second] @ factors[:, first], size[:, second] @ size[:, first]
-        moved = rounding[:, second] @ size[:, first] + size[:, second] @ rounding[:, first] + n * EPS * both
+        first, second, size = slice(0, pairs, 2), slice(1, pairs, 2), factors**2
+        product = factors[:, second] @ factors[:, first]
+        moved = variance[:, second] @ size[:, first] + size[:, second] @ (variance + EPS**2 * size)[:, first]
         factors = np.concatenate([product, factors[:, pairs:]], axis=1)
-        rounding = np.concatenate([moved, rounding[:, pairs:]], axis=1)
-        size = np.abs(factors)
-    return factors[:, 0], rounding[:, 0]
+        variance = np.concatenate([moved, variance[:, pairs:]], axis=1)
+    return factors[:, 0], 4 * np.sqrt(variance[:, 0])
