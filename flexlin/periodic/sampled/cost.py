@@ -207,9 +207,9 @@ def double_round(whole: Segment) -> Array:
 
 
 def bound_rounding(problem: SampledProblem, X: Array, K: Array) -> float:
-    """What the rounding of one step of the equation, carried along the loop, makes of X, relative to its largest entry."""
+    """What rounding of one step of the equation and its matrices, carried along the loop, makes of X, relative to its largest entry."""
     loop = problem.F - problem.G @ K
     size = float(np.abs(X).max()) or 1.0
-    weight = np.broadcast_to(np.eye(loop.shape[1]), loop.shape) * EPS * len(loop[0]) * size
+    weight = np.broadcast_to(np.eye(loop.shape[1]), loop.shape) * 8 * EPS * len(loop[0]) * size
     levels = combine_in_tree(Segment(loop, np.zeros_like(loop), weight))
     return float(np.abs(carry_costs_down(levels, double_round(levels[-1][0]))).max()) / size
