@@ -23,6 +23,7 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.setting import measure_pace
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 
@@ -35,6 +36,9 @@ ROUGH, FINE = 1e-8, 1e-12
 """Wanted errors of the exponents, in 1/s: of the scan, and of the values that are reported."""
 LOOSE = 3e-5
 """A log of a multiplier this uncertain still serves where two meet, as their squared distance is known well."""
+STIFF = 3000.0
+"""Decay of the fastest mode over a period, as a logarithm, beyond which loose spectra of what changes fast are found by a method that only
+bounds such a mode: where joints stick."""
 
 WIDE = 8
 """A scan one by one of systems with so many states or more leaves out what it can."""
@@ -73,7 +77,7 @@ class Family:
         found = self.one_by_one(points, LOOSE)
         rough = found.errors > MINOR * np.abs(found.logs.real)
         doubtful = (rough & np.isfinite(found.errors)).any(axis=1) | (found.verdicts >= 0)
-        doubtful &= (found.errors > self.coarsest * np.abs(found.logs)).any(axis=1)
+        doubtful &= ~(found.errors <= self.coarsest * np.abs(found.logs)).all(axis=1)
         if doubtful.any():
             again = self.one_by_one(points[doubtful], self.coarsest)
             found.logs[doubtful], found.errors[doubtful] = again.logs, again.errors
@@ -98,7 +102,10 @@ class Family:
     def try_at(self, point: Array, tol: float) -> FloquetResult | None:
         """The exponents at one point, none where the equations break."""
         try:
-            return floquet(self.system_at(point), tol)
+            system = self.system_at(point)
+            pace = measure_pace(system)
+            stiff = tol >= LOOSE and len(pace.length) > 1 and pace.length @ pace.spread > STIFF
+            return floquet(system, tol, method="radau" if stiff else "auto")
         except TimeLimit:
             raise
         except (FlexlinError, np.linalg.LinAlgError):

@@ -8,6 +8,8 @@ import numpy as np
 
 from flexlin.checks import Array
 
+Rates = Callable[[Array], tuple[Array, Array]]
+"""Times -> q' and q'' of a joint."""
 Features = tuple[tuple[float, float], ...]
 """Pairs (time, half-width) in s, times in [0, T)."""
 SAMPLES = 8192
@@ -47,22 +49,9 @@ def slow_passages(motion: Moving, joint: int, rate: float) -> Features:
     Parameters: rate in rad/s, or m/s.
     Returns: features narrower than T / 20, by rising time; those that another beside them covers are left out.
     """
-    T, edges = motion.period, np.unique(np.array(motion.breaks, dtype=float))
-
-    def of(t: Array) -> tuple[Array, Array]:
-        if not t.size:
-            return t, t
-        _, speed, acceleration = motion.sample(np.mod(t.ravel(), T))
-        return speed[:, joint].reshape(t.shape), acceleration[:, joint].reshape(t.shape)
-
-    t = np.union1d(T * np.arange(-1, SAMPLES + 1) / SAMPLES, edges)
-    speed, acceleration = of(t)
-    touching = minima(of, t, speed, acceleration)
-    t = np.union1d(t, touching)
-    speed, _ = of(t)
-    still = np.union1d(touching, edges)
-    still = still[np.abs(of(still)[0]) <= SATURATED * rate]
-    turns = np.union1d(crossings(lambda s: of(s)[0], t, speed), still)
+    T, (of, t, speed, turning, touching) = motion.period, turn_rounds(motion, joint)
+    still = touching[np.abs(of(touching)[0]) <= SATURATED * rate]
+    turns = np.union1d(turning, still)
     leaving = crossings(lambda s: np.abs(of(s)[0]) - rate, t, np.abs(speed) - rate)
     with np.errstate(divide="ignore"):
         passing = rate / np.abs(of(leaving)[1])
@@ -73,6 +62,24 @@ def slow_passages(motion: Moving, joint: int, rate: float) -> Features:
         if 0 < width < WIDE * T
     ]
     return uncovered(narrow, T)
+
+
+@lru_cache(maxsize=8)
+def turn_rounds(motion: Moving, joint: int) -> tuple[Rates, Array, Array, Array, Array]:
+    """q' and q'' of a joint as a function, times of a period with q' there, its sign changes, and where it may touch zero."""
+    T, edges = motion.period, np.unique(np.array(motion.breaks, dtype=float))
+
+    def of(t: Array) -> tuple[Array, Array]:
+        if not t.size:
+            return t, t
+        _, speed, acceleration = motion.sample(np.mod(t.ravel(), T))
+        return speed[:, joint].reshape(t.shape), acceleration[:, joint].reshape(t.shape)
+
+    t = np.union1d(T * np.arange(-1, SAMPLES + 1) / SAMPLES, edges)
+    touching = minima(of, t, *of(t))
+    t = np.union1d(t, touching)
+    speed = of(t)[0]
+    return of, t, speed, crossings(lambda s: of(s)[0], t, speed), np.union1d(touching, edges)
 
 
 def crossings(f: Callable[[Array], Array], t: Array, values: Array) -> Array:
@@ -94,7 +101,7 @@ def pin_down(before: Callable[[Array], Array], low: Array, high: Array, rounds: 
     return low, high
 
 
-def minima(of: Callable[[Array], tuple[Array, Array]], t: Array, speed: Array, acceleration: Array) -> Array:
+def minima(of: Rates, t: Array, speed: Array, acceleration: Array) -> Array:
     """Times of the minima of |q'| that are no zeros of q' on the grid: there q'' changes its sign between neighbours."""
     size = np.abs(speed)
     low = np.concatenate(
@@ -107,7 +114,7 @@ def minima(of: Callable[[Array], tuple[Array, Array]], t: Array, speed: Array, a
     return np.union1d(0.5 * (first + last), t[:-1][low[:-1] & (acceleration[:-1] == 0) & (speed[:-1] != 0)])
 
 
-def widths(of: Callable[[Array], tuple[Array, Array]], centres: Array, rate: float, period: float) -> Array:
+def widths(of: Rates, centres: Array, rate: float, period: float) -> Array:
     """The time in which q' changes by `rate` from its value at each centre, on the faster side; T/2 where it never does."""
     best = np.full(len(centres), period / 2)
     if not len(centres):

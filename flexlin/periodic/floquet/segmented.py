@@ -151,14 +151,16 @@ def hidden_growth(system: PeriodicSystem, grid: Array) -> float:
     later = CUBE * system.period
     values, right = np.linalg.eig(system.resolved(t))
     turning = np.abs(values) * h[:, None] > TURNED
-    if not turning.any():
+    some = turning.any(axis=1)
+    if not some.any():
         return -np.inf
-    after, turned = np.linalg.eig(system.resolved(t + later))
-    partner = np.abs(values[:, :, None] - after[:, None]).argmin(axis=2)
+    after, turned = np.linalg.eig(system.resolved(t[some] + later))
+    partner = np.abs(values[some, :, None] - after[:, None]).argmin(axis=2)
     same = np.take_along_axis(turned, partner[:, None], axis=2)
+    growth = np.full(len(t), -np.inf)
     with np.errstate(divide="ignore"):
-        change = np.log(np.abs(np.einsum("tij,tji->ti", np.linalg.pinv(right), same))) / later
-    growth = np.where(turning, values.real - change, -np.inf).max(axis=1)
+        change = np.log(np.abs(np.einsum("tij,tji->ti", np.linalg.pinv(right[some]), same))) / later
+    growth[some] = np.where(turning[some], values[some].real - change, -np.inf).max(axis=1)
     means = [float(part[np.isfinite(part)].mean()) for part in (growth[::2], growth[1::2]) if np.isfinite(part).any()]
     return max(means) + (max(means) - min(means))
 
