@@ -8,6 +8,7 @@ import flexlin as fl
 from flexlin.answers import make_family
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.periodic import find_directions
+from flexlin.scene import revise_scene
 from tests.test_critical_values import clamped_constants
 
 
@@ -87,7 +88,7 @@ def test_a_curve_says_whether_it_is_as_near_as_was_asked():
             stiffness = lambda t: (a - 2 * q * np.cos(2 * t))[:, None, None]  # noqa: E731
             return fl.PeriodicSystem.from_second_order([[1.0]], [[damping]], stiffness, np.pi)
 
-        return fl.stability_boundary(mathieu, ranges, tol, cells=4)
+        return fl.stability_boundary(mathieu, ranges, tol, cells=6)
 
     ranges = {"a": (0.9, 1.3), "q": (0.15, 0.3)}
     for curve in find(0.2, ranges, 1e-5):
@@ -98,3 +99,41 @@ def test_a_curve_says_whether_it_is_as_near_as_was_asked():
         assert far
         assert curve.status.startswith(f"{far} of {len(curve.points)} points may lie further")
         assert f"4.0e-11 asked for, up to {curve.error.max():.1e} at a = {a:.6g}, q = {q:.6g}; ask for" in curve.status
+
+
+STRIP = {
+    "links.0.modes": 3,
+    "effects.geometric_stiffening": "off",
+    "links.0.length": 1.0,
+    "links.0.mass_per_length": 0.162,
+    "links.0.bending_stiffness": 1.4,
+    "effects.hub": {"inertia": 0.05},
+    "effects.payload": {"mass": 0.1},
+    "effects.modal_damping": {"ratio": 0.005},
+    "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}]},
+    "control": {"feedback": {"kind": "pd", "kp": [20], "kd": [2]}},
+    "designs": [],
+}
+RANGES = {"motion.frequency": (0.5, 12.0), "effects.payload.mass": (0.0, 2.0)}
+
+
+def test_no_tongue_of_a_strip_is_lost_between_lattice_lines(monkeypatch):
+    """In a cell of 0.36 Hz multipliers turn several times round; critical values along other lines are those of the curves."""
+    scene = fl.load_scene("single-link", STRIP)
+    curves = fl.stability_boundary(scene, RANGES, tol=1e-4)
+    assert not any(len(curve.lost) for curve in curves)
+    for mass in (0.17, 0.21, 0.23, 0.32):
+        exact = fl.critical_values(revise_scene(scene, {"effects.payload.mass": mass}), "motion.frequency", (0.5, 12.0))
+        found = [crossed for curve in curves for crossed in cross(curve.points, mass)]
+        np.testing.assert_allclose(sorted(found), [one.value for one in exact], atol=5e-3)
+    monkeypatch.setattr("flexlin.periodic.boundary.lines.HALVED", 0)
+    broken = [curve for curve in fl.stability_boundary(scene, RANGES, tol=1e-4) if len(curve.lost)]
+    assert broken
+    assert all("it was lost at motion.frequency = " in curve.status for curve in broken)
+
+
+def cross(points, height):
+    """Where a polyline crosses a level of its second coordinate."""
+    above = points[:, 1] - height
+    k = np.flatnonzero(above[1:] * above[:-1] < 0)
+    return points[k, 0] + (points[k + 1, 0] - points[k, 0]) * above[k] / (above[k] - above[k + 1])

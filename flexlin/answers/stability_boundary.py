@@ -11,7 +11,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError, counted
 from flexlin.periodic.boundary.crossings import CELLS
-from flexlin.periodic.boundary.curves import Curve, find_curves
+from flexlin.periodic.boundary.curves import Curve, find_curves, find_lost_ends
 from flexlin.periodic.boundary.spectra import Effort, Spectra
 from flexlin.periodic.precision import MINOR
 from flexlin.summary import represent
@@ -37,6 +37,8 @@ class BoundaryCurve:
         An unstable point beside the curve's middle.
     evaluations : int
         Spectra that the search for all curves took.
+    lost : array, shape (K, 2)
+        Ends inside the ranges: the boundary goes on there, and was not found; none where all of it was.
     status : str
         Whether every point is as near to the boundary as was asked, and if not, how far off, where, and what to do.
 
@@ -57,6 +59,7 @@ class BoundaryCurve:
     resonance: str
     inside: tuple[float, float]
     evaluations: int
+    lost: Array
     status: str
 
     __repr__ = represent
@@ -146,12 +149,15 @@ def search_boundary(
 
     found = find_curves(rough, share, cells, family.is_constant(low + span / 2), effort)
     first, second = ranges
-    curves = [describe_curve((first, second), curve, family, low, span, share) for curve in found]
+    curves = [
+        describe_curve((first, second), curve, low + span * lost, family, low, span, share)
+        for curve, lost in zip(found, find_lost_ends(found), strict=True)
+    ]
     return sorted(curves, key=lambda curve: -len(curve.points))
 
 
 def describe_curve(
-    paths: tuple[str, str], curve: Curve, family: Family, low: Array, span: Array, share: float
+    paths: tuple[str, str], curve: Curve, lost: Array, family: Family, low: Array, span: Array, share: float
 ) -> BoundaryCurve:
     """A curve in the numbers' units, with its resonance; share: the wanted distance, of the ranges."""
     inside = low + span * curve.inside
@@ -159,7 +165,9 @@ def describe_curve(
     place = (float(inside[0]), float(inside[1]))
     points, error, wanted = low + span * curve.points, curve.errors * float(span.max()), share * float(span.max())
     status = describe_errors(paths, points, error, wanted)
-    return BoundaryCurve(paths, points, error, curve.closed, text, place, evaluations, status)
+    if len(lost):
+        status += f"; it was lost at {name_place(paths, lost[0])}: ask for narrower ranges around that place"
+    return BoundaryCurve(paths, points, error, curve.closed, text, place, evaluations, lost, status)
 
 
 def describe_errors(paths: tuple[str, str], points: Array, error: Array, wanted: float) -> str:
@@ -167,8 +175,13 @@ def describe_errors(paths: tuple[str, str], points: Array, error: Array, wanted:
     worst, far = int(error.argmax()), int((error > wanted).sum())
     if not far:
         return f"every point lies within {error[worst]:.1e} of the boundary"
-    where = ", ".join(f"{path} = {value:.6g}" for path, value in zip(paths, points[worst], strict=True))
+    where = name_place(paths, points[worst])
     return (
         f"{far} of {counted(len(points), 'point')} may lie further from the boundary than the {wanted:.1e} asked for, "
         f"up to {error[worst]:.1e} at {where}; ask for narrower ranges around that place, or for a larger tol"
     )
+
+
+def name_place(paths: tuple[str, str], point: Array) -> str:
+    """Both numbers at a point."""
+    return ", ".join(f"{path} = {value:.6g}" for path, value in zip(paths, point, strict=True))

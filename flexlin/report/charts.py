@@ -63,8 +63,11 @@ def find_boundary(
     follow = partial(search_boundary, scene, ranges, BOUNDARY_TOL * max(1.0, span), loop, CELLS, effort)
     curves = clock.attempt(problems, "boundary", "boundary of stability", asked, follow) or []
     if effort.unfinished:
-        problems["boundary"] = f"some tips of tongues were left open after {effort.seconds:.3g} s"
-    data.attrs["search"] = " ".join(problems.values())
+        problems["boundary"] = f"the boundary was not followed to its end in {effort.seconds:.3g} s"
+    if lost := [place for curve in curves for place in curve.lost]:
+        where = ", ".join(label_value(scene, path, value) for path, value in zip(ranges, lost[0], strict=True))
+        problems["lost"] = f"the boundary was lost at {where}: ask for narrower ranges around that place"
+    data.attrs["search"] = "; ".join(problems.values())
     return [], curves
 
 

@@ -13,6 +13,7 @@ from flexlin.periodic.boundary.lines import (
     Scan,
     add_quiet_strips,
     add_tongues,
+    divide_unsettled,
     list_changes,
     settles,
     solve_changes,
@@ -222,7 +223,8 @@ def find_nodes(
     )
     known = spectra.at(np.concatenate([index.T.ravel(), index.ravel()]))
     values = np.concatenate([np.tile(xs, shape[1]), np.tile(ys, shape[0])])
-    scan = add_quiet_strips(Scan(line, values, known, lambda k, x: function(place(k, x))), accuracy)
+    scan = Scan(line, values, known, lambda k, x: function(place(k, x)))
+    scan = add_quiet_strips(divide_unsettled(scan) if narrow else scan, accuracy)
     found = list_changes(add_tongues(scan, accuracy)[0] if narrow else scan)
     zeros = solve_changes(found, scan.at, accuracy)
     points, inside = place(found.line, zeros.values), place(found.line, found.unstable)

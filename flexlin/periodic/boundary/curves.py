@@ -96,7 +96,7 @@ class Tracer:
         following = link_nodes(nodes, entered, left)
         linked = np.flatnonzero(following >= 0)
         pairs = np.stack([linked, following[linked]], axis=1)
-        trace = Trace(*refine_pieces(nodes, pairs, self.function, self.tol, step))
+        trace = Trace(*refine_pieces(nodes, pairs, self.function, self.tol, step, self.effort))
         broken = [node for node, last in pairs.tolist() if not trace.is_followed(node, last)]
         for i, j in np.unique(entered[broken], axis=0) if broken else ():
             if not self.effort.affords(0):
@@ -149,6 +149,16 @@ def find_curves(
     trace = Tracer(moving, tol, not constant, effort or Effort()).trace(np.zeros(2), np.ones(2), cells)
     curves = [draw_curve(chain, trace, tol) for chain in list_chains(trace.follower)]
     return [curve for curve in curves if np.ptp(curve.points, axis=0).max() > SMALLEST]
+
+
+def find_lost_ends(curves: list[Curve]) -> list[Array]:
+    """Ends (K, 2) of each curve inside the unit square where no other one goes on: the boundary does, and was not met there."""
+    ends = np.array([curve.points[k] for curve in curves for k in (0, -1)]).reshape(-1, 2)
+    apart = np.linalg.norm(ends[:, None] - ends, axis=2)
+    apart[np.diag_indices(len(ends))] = np.inf
+    inside = np.minimum(ends, 1 - ends).min(axis=1) > CUBE
+    lost = (inside & (apart.min(axis=1, initial=np.inf) > SMALLEST)).reshape(-1, 2)
+    return [ends[2 * k : 2 * k + 2][lost[k]] for k in range(len(curves))]
 
 
 def join_through(trace: Trace, pairs: Array, tip: Tip) -> Trace:

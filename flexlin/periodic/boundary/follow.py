@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.spectra import SpectraFunction, measure_margins
+from flexlin.periodic.boundary.spectra import Effort, SpectraFunction, measure_margins
 from flexlin.periodic.precision import ROOT, TINY
 from flexlin.periodic.roots import SignedEnds, solve_uncertain
 
@@ -126,9 +126,10 @@ def mean_angles(first: Array, second: Array) -> Array:
 
 
 def refine_pieces(
-    vertices: Vertices, pairs: Array, function: SpectraFunction, tol: float, step: float
+    vertices: Vertices, pairs: Array, function: SpectraFunction, tol: float, step: float, effort: Effort
 ) -> tuple[Vertices, Array, Array]:
-    """Halve the pieces between pairs (P, 2) of vertices until each cubic lies within NEAR tol of the boundary at middle and quarter.
+    """Halve the pieces between pairs (P, 2) of vertices until each cubic lies within NEAR tol of the boundary at middle and quarter, or the
+    effort ends.
 
     Returns: all vertices; for each the one that follows it, -1 where none does, and how far the boundary lay off; inf: it was not met.
     """
@@ -142,6 +143,10 @@ def refine_pieces(
         quarters = measure_quarters(first.at(near), second.at(near), found.at(near), slope[near], function)
         off[near] = np.maximum(off[near], quarters)
         done = (off <= NEAR * tol) | short | ~np.isfinite(off)
+        if not effort.affords(0):
+            effort.unfinished |= not done.all()
+            off = np.where(done, off, EXACT * off)  # between an end and the middle of such a piece nobody looked
+            done = np.full(len(pairs), True)
         follower[pairs[done, 0]] = pairs[done, 1]
         distance[pairs[done, 0]] = np.where(short, np.minimum(off, length), off)[done]
         new, halved = found.at(~done), pairs[~done]

@@ -13,6 +13,8 @@ from flexlin.periodic.roots import MOST, SignedEnds, solve_brackets, solve_uncer
 
 REACH = 2.0
 """A pair whose decay over a period exceeds its motion across a cell by this factor is not lifted to growth inside the cell alone."""
+HALVED, UNEVEN = 4, 0.1
+"""How often cells of a lattice's lines are halved at the most, and how unevenly multipliers turn where they are halved again."""
 UNLIKE = 0.5
 """Angles of multipliers that differ by more belong to different tongues."""
 
@@ -112,6 +114,24 @@ def add_tongues(scan: Scan, accuracy: float, effort: Effort | None = None) -> tu
     scan = scan.with_values(*list_end_peaks(scan, settles(scan.spectra)))
     peaks = climb_peaks(scan, accuracy, settles(scan.spectra), effort or Effort())
     return scan.with_values(peaks.line[peaks.unstable], peaks.values[peaks.unstable]), peaks
+
+
+def divide_unsettled(scan: Scan) -> Scan:
+    """The scan with its unsettled cells halved, and again where multipliers turn so far that tongues inside may not show beside them."""
+    cell = np.flatnonzero(scan.joined & ~settles(scan.spectra))
+    for _ in range(HALVED):
+        scan = scan.with_values(scan.line[cell], (scan.values[cell] + scan.values[cell + 1]) / 2)
+        first = cell + np.arange(len(cell))
+        first = first[turns_unevenly(*(scan.spectra.at(first + k).logs for k in range(3)))]
+        halves = np.sort(np.concatenate([first, first + 1]))
+        cell = halves[~settles(scan.spectra)[halves]]
+    return scan
+
+
+def turns_unevenly(left: Array, middle: Array, right: Array) -> Array:
+    """Where logs (V, n) do not come half as far to the middle as to the right: they turned farther than both ends show."""
+    near, far = (measure_distances(left.T, other.T).min(axis=1) for other in (middle, right))
+    return np.asarray((np.abs(near - far / 2) > UNEVEN).any(axis=0))
 
 
 def measure_heights(spectra: Spectra) -> Array:

@@ -52,7 +52,7 @@ class Meissner:
 def test_meissners_boundary_is_met_everywhere_at_a_small_part_of_a_fine_grid(damping):
     family = Meissner(damping)
     curves = find_curves(family, 1e-7)
-    assert family.asked < 30_000  # 3 % of 1000 x 1000
+    assert family.asked < 40_000  # 4 % of 1000 x 1000
     for curve in curves:
         between = (curve.points[1:] + curve.points[:-1]) / 2
         for points in (curve.points, between):

@@ -92,7 +92,7 @@ def test_meissners_tongues_are_followed_into_their_tips(monkeypatch, lowest):
     monkeypatch.setattr(meissner, "SPAN", span)
     family = meissner.Meissner(0.0)
     curves = find_curves(family, 1e-7)
-    assert family.asked < 30_000  # 3 % of 1000 x 1000
+    assert family.asked < 40_000  # 4 % of 1000 x 1000
     (a, q), h = (low + span * np.concatenate([curve.points for curve in curves])).T, 1e-6
     slopes = np.hypot(sides(a + h, q) - sides(a - h, q), sides(a, q + h) - sides(a, q - h)) / (2 * h)
     assert np.min(np.abs(sides(a, q)) / slopes, axis=0).max() < 1e-6
@@ -119,4 +119,5 @@ def test_an_effort_that_ends_leaves_tips_open_and_knows_it(monkeypatch):
     a, q = (meissner.LOW + meissner.SPAN * np.concatenate([one.points for one in curves])).T
     h = 1e-6
     slopes = np.hypot(sides(a + h, q) - sides(a - h, q), sides(a, q + h) - sides(a, q - h)) / (2 * h)
-    assert np.min(np.abs(sides(a, q)) / slopes, axis=0).max() < 1e-4
+    off = np.min(np.abs(sides(a, q)) / slopes, axis=0)
+    assert np.all(off <= meissner.SPAN.max() * np.concatenate([one.errors for one in curves]))
