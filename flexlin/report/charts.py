@@ -90,15 +90,16 @@ def say_bending(
     shares = clock.attempt(problems, "bending", "bending of the links", scene.accuracy, work, at_most=seconds)
     if shares is None:
         return f"How far the links bend was not found ({' '.join(problems.values())})."
-    far = [
-        f"{say_share(share)} at {', '.join(label_value(scene, *number) for number in place.items())}"
-        for place, share in zip(places, shares, strict=True)
-        if share > SMALL
-    ]
+    far = dict[str, list[str]]()
+    for place, share in zip(places, shares, strict=True):
+        if share > SMALL:
+            where = ", ".join(label_value(scene, *number) for number in place.items())
+            far.setdefault(say_share(share), []).append(where)
     if not far:
         return ""
+    bends = "; ".join(f"{size} at {' and at '.join(where)}" for size, where in far.items())
     return (
-        f"A link bends {'; '.join(far)}: so far that linear equations may not hold. "
+        f"A link bends {bends}: so far that linear equations may not hold. "
         "There the chart speaks of the linear model alone; stiffen the link, or compare with a simulation."
     )
 
