@@ -182,6 +182,8 @@ def find_islands(xs: Array, ys: Array, spectra: Spectra, function: SpectraFuncti
         best = np.nanargmax(way[:, None] * result.logs.real.max(axis=1).reshape(len(at), -1), axis=1)
         places = np.where(found[:, None], places, tried[every, best])
         found |= result.verdicts.reshape(len(at), -1)[every, best] == way
+    if not found.any():
+        return xs, ys, spectra
     wide, tall = np.union1d(xs, places[found, 0]), np.union1d(ys, places[found, 1])
     known = (np.isin(wide, xs)[:, None] & np.isin(tall, ys)).ravel()
     every = np.empty(len(known), dtype=int)

@@ -122,3 +122,20 @@ def test_a_boundary_through_a_corner_of_the_range_and_none_at_all():
         curve.points[[0, -1]], [[0.0, 0.0], [1.0, 1.0]], atol=1e-8
     )
     assert find_curves(lambda unit: island(unit, np.array([3.0, 3.0]), 1.0), 1e-6, cells=4) == []
+
+
+def test_a_peak_that_is_no_island_adds_no_line():
+    """Four states whose growth rate peaks at a lattice point beside nothing unstable: the square that climbs it adds no value."""
+    import flexlin as fl
+
+    def oscillators(p, q):
+        def stiffness(t):
+            return (
+                np.array([[2.0, 0.1], [0.1, 5.0]])
+                + q * np.array([[0.3, 0.2], [0.2, -0.1]]) * np.cos(p * t)[:, None, None]
+            )
+
+        return fl.PeriodicSystem.from_second_order(np.eye(2), 0.5 * np.eye(2), stiffness, 2 * np.pi / p)
+
+    ranges = {"p": (0.8, 6.0), "q": (0.05, 3.0)}
+    assert isinstance(fl.stability_boundary(oscillators, ranges, tol=1e-2, cells=6), list)
