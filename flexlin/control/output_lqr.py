@@ -176,7 +176,7 @@ class OutputProblem:
         B, C = self.problem.B(t), self.C(t)
         pulled = (transpose(B) @ X @ P @ transpose(C)).mean(axis=0)
         seen = (C @ P @ transpose(C)).mean(axis=0)
-        wanted = np.linalg.solve(self.problem.R(t[:1])[0], np.linalg.solve(seen, pulled.T).T)
+        wanted = np.linalg.solve(self.problem.R(t[:1])[0], pulled @ np.linalg.pinv(seen, hermitian=True))
         return float(np.trace(X, axis1=1, axis2=2).mean()), wanted
 
     def begin(self, start: Array | None) -> tuple[Array, float, Array]:

@@ -64,3 +64,13 @@ def test_an_unstable_plant_begins_at_a_state_feedback_or_is_refused():
         fl.output_lqr(system, [[1.0, 0.0]], np.eye(2), np.eye(1))
     with pytest.raises(ArgumentError, match="C does not fit"):
         fl.output_lqr(system, [[1.0]], np.eye(2), np.eye(1))
+
+
+def test_a_sensor_that_tells_nothing_new_changes_nothing():
+    """Dead, or twice the same: the gains of both together are those of the one."""
+    system = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -0.2]], 1.0, B=[[0.0], [1.0]])
+    alone = fl.output_lqr(system, [[0.0, 1.0]], np.eye(2), np.eye(1))
+    dead = fl.output_lqr(system, [[0.0, 1.0], [0.0, 0.0]], np.eye(2), np.eye(1))
+    twice = fl.output_lqr(system, [[0.0, 1.0], [0.0, 1.0]], np.eye(2), np.eye(1))
+    np.testing.assert_allclose(dead.K, [[alone.K[0, 0], 0.0]], atol=1e-9)
+    np.testing.assert_allclose(twice.K, [[alone.K[0, 0] / 2] * 2], rtol=1e-6)

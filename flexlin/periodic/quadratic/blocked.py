@@ -75,7 +75,7 @@ def find_blocked(unreached: bool, problem: LinearQuadratic, loop: PeriodicSystem
     same, found = find_coinciding(loop.period * modes.exponents), []
     for i in np.flatnonzero(modes.exponents.real >= -np.maximum(ROOT, modes.errors)):
         p = modes.right[:, :, same[i]]
-        p = p @ np.linalg.svd((weight @ p).reshape(-1, p.shape[2]))[2][-1].conj()
+        p = p @ np.linalg.svd(np.linalg.qr((weight @ p).reshape(-1, p.shape[2]), mode="r"))[2][-1].conj()
         length = np.linalg.norm(p, axis=1)
         share = float((np.linalg.norm((weight @ p[:, :, None])[:, :, 0], axis=1) / length).max())
         condition = float((np.linalg.norm(modes.left[:, :, i], axis=1) * length).max())

@@ -152,6 +152,24 @@ def narrow_feedthrough(t):
     return (1 + 5 * np.exp(-(((t - 0.3017) / 2e-4) ** 2)))[:, None, None]
 
 
+def test_an_unstable_system_that_jumps_is_refused_within_little_memory():
+    """What no input reaches is sought at thousands of nodes of the growing mode: 1.6 GB were taken for a basis that nothing uses."""
+    import tracemalloc
+
+    def A(t):
+        return np.diag([0.3, -1.0, -2.0, -3.0]) + 0.2 * np.sign(np.sin(t + 1e-9))[:, None, None] * np.triu(
+            np.ones((4, 4)), 1
+        )
+
+    system = fl.PeriodicSystem(A, 2 * np.pi, B=np.ones((4, 1)), breaks=(0.0, np.pi))
+    tracemalloc.start()
+    with pytest.raises(fl.errors.NotStable):
+        fl.h2_norm(system, np.ones((1, 4)))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 3e8
+
+
 def test_the_peak_of_a_narrow_feedthrough_is_found():
     assert find_largest_gain(resolve(narrow_feedthrough, 1.0)) == pytest.approx(6.0, rel=1e-12)
 
