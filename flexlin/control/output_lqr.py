@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import partial
-from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +13,7 @@ from flexlin.control.periodic import periodic_lqr
 from flexlin.errors import ArgumentError, NotStabilizable, NotStable, counted
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, combine
 from flexlin.periodic.fourier import fourier_nodes
+from flexlin.periodic.precision import ROOT, SLIGHT
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.scattering import transpose
@@ -21,8 +21,8 @@ from flexlin.periodic.related import dual_system
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.summary import represent
 
-ROUNDS, HALVINGS = 300, 30
-"""Times of a period in the means; steps at the most, and how often one is halved."""
+ROUNDS, BARRIER = 300, 1e2
+"""Steps at the most, and the logarithm of the cost, above that of the first gain, where a loop is not stable."""
 
 
 def measured_gain(K: Array, C: MatrixFunction) -> MatrixFunction:
@@ -78,9 +78,10 @@ def output_lqr(
     """Design the constant gain on measurements that minimises a quadratic cost, u = -K C(t) x.
 
         J = mean over t of trace X,   -X' = Ac' X + X Ac + Q + C' K' R K C,   Ac = A - B K C
-        K <- K + a (R^-1 [B' X P C'] [C P C']^-1 - K),   P' = Ac P + P Ac' + I,   [.] the mean over t
+        dJ/dK = 2 R K [C P C'] - 2 [B' X P C'],   P' = Ac P + P Ac' + I,   [.] the mean over t
 
-    Each step goes downhill, and is halved until it lowers J. What is found is a local optimum: another start may lead to another one.
+    log J is lowered by the quasi-Newton method of Broyden, Fletcher, Goldfarb and Shanno. What is found is a local optimum: another start
+    may lead to another one.
 
     Parameters
     ----------
@@ -111,7 +112,8 @@ def output_lqr(
 
     References
     ----------
-    Moerder, Calise, Convergence of a numerical algorithm for calculating optimal output feedback gains, IEEE TAC 30 (1985) 900.
+    Moerder, Calise, Convergence of a numerical algorithm for calculating optimal output feedback gains, IEEE TAC 30 (1985) 900;
+    Rautert, Sachs, Computational design of optimal output feedback controllers, SIAM J. Optim. 7 (1997) 837.
 
     Examples
     --------
@@ -129,27 +131,25 @@ def output_lqr(
     if columns != system.n:
         raise ArgumentError("C does not fit the system", got=counted(columns, "column"), expected=str(system.n))
     problem = OutputProblem(system, posed, output)
-    K, J, best = problem.begin(None if start is None else real_array("start", start, (system.m, p)))
-    change = inf
-    for _ in range(ROUNDS):
-        step, share = best - K, 1.0
-        change = float(np.abs(step).max() / (np.abs(best).max() or 1.0))
-        if change <= tol:
-            break
-        for _ in range(HALVINGS):
-            lower = problem.judge(K + share * step)
-            if lower is not None and lower[0] < J:
-                K, (J, best) = K + share * step, lower
-                break
-            share /= 2
-        else:
-            break
+    K, J, best = problem.descend(
+        *problem.begin(None if start is None else real_array("start", start, (system.m, p))), tol
+    )
+    change = float(np.abs(best - K).max() / (np.abs(best).max() or 1.0))
     status = (
         "converged to a local optimum"
         if change <= tol
         else f"not converged: the next step would change K by {change:.1g} of it"
     )
     return OutputDesign(K, system.feedback(measured_gain(K, output)), J, change, status)
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """J of a gain, the gain R^-1 [B' X P C'] [C P C']^-1 that its gramians ask for, and [C P C']."""
+
+    cost: float
+    wanted: Array
+    seen: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,11 +160,11 @@ class OutputProblem:
     problem: LinearQuadratic
     C: MatrixFunction
 
-    def judge(self, K: Array) -> tuple[float, Array] | None:
-        """J and R^-1 [B' X P C'] [C P C']^-1; none where the loop is not stable."""
+    def judge(self, K: Array) -> Judged | None:
+        """The cost of an output gain; none where the loop is not stable."""
         return self.improve(measured_gain(K, self.C))
 
-    def improve(self, gain: MatrixFunction) -> tuple[float, Array] | None:
+    def improve(self, gain: MatrixFunction) -> Judged | None:
         """The same of a loop with any gain on the states."""
         system, t = self.system, fourier_nodes(SAMPLES, self.system.period)
         loop = system.feedback(gain)
@@ -176,19 +176,53 @@ class OutputProblem:
         B, C = self.problem.B(t), self.C(t)
         pulled = (transpose(B) @ X @ P @ transpose(C)).mean(axis=0)
         seen = (C @ P @ transpose(C)).mean(axis=0)
-        wanted = np.linalg.solve(self.problem.R(t[:1])[0], pulled @ np.linalg.pinv(seen, hermitian=True))
-        return float(np.trace(X, axis1=1, axis2=2).mean()), wanted
+        wanted = np.linalg.solve(self.R, pulled @ np.linalg.pinv(seen, hermitian=True))
+        return Judged(float(np.trace(X, axis1=1, axis2=2).mean()), wanted, seen)
 
-    def begin(self, start: Array | None) -> tuple[Array, float, Array]:
-        """A gain that stabilises, with its cost and the gain that its gramians ask for. Raises: NotStabilizable."""
+    @property
+    def R(self) -> Array:
+        """The weight of the inputs."""
+        return self.problem.R(np.zeros(1))[0]
+
+    def descend(self, start: Array, first: Judged, tol: float) -> tuple[Array, float, Array]:
+        """A gain of least cost near `start`, its cost and the gain that its gramians ask for.
+
+        K = start + R^(-1/2) Z [C P C']^(-1/2) at the start, so that Z = 0 is left along (best - K); what no sensor tells apart stays.
+        """
+        from scipy.optimize import minimize
+
+        sizes, V = np.linalg.eigh(first.seen)
+        kept = sizes > ROOT * sizes[-1]
+        left, right = np.linalg.inv(np.linalg.cholesky(self.R)).T, (V[:, kept] / np.sqrt(sizes[kept])).T
+        if not right.size:
+            return start, first.cost, start
+
+        def gain(z: Array) -> Array:
+            return start + left @ z.reshape(len(left), -1) @ right
+
+        def value(z: Array) -> tuple[float, Array]:
+            K = gain(z)
+            found = self.judge(K)
+            if found is None:
+                return float(np.log(first.cost)) + BARRIER, np.zeros_like(z)
+            slope = 2 * self.R @ (K - found.wanted) @ found.seen / found.cost
+            return float(np.log(found.cost)), (left.T @ slope @ right.T).ravel()
+
+        zero = np.zeros(left.shape[0] * right.shape[0])
+        K = gain(minimize(value, zero, jac=True, method="BFGS", options={"gtol": SLIGHT * tol, "maxiter": ROUNDS}).x)
+        last = self.judge(K)
+        return (start, first.cost, first.wanted) if last is None else (K, last.cost, last.wanted)
+
+    def begin(self, start: Array | None) -> tuple[Array, Judged]:
+        """A gain that stabilises, with its cost. Raises: NotStabilizable."""
         m, p = self.system.m, self.C(np.zeros(1)).shape[1]
         K = np.zeros((m, p)) if start is None else start
         if (found := self.judge(K)) is not None:
-            return K, *found
+            return K, found
         if start is None:
             full = self.improve(periodic_lqr(self.system, self.problem.Q, self.problem.R).K)
-            if full is not None and (found := self.judge(full[1])) is not None:
-                return full[1], *found
+            if full is not None and (found := self.judge(full.wanted)) is not None:
+                return full.wanted, found
         raise NotStabilizable(
             "no gain on these measurements was found that stabilises",
             got="none at all and the nearest to a state feedback" if start is None else "the given start",
