@@ -11,7 +11,7 @@ import scipy.io
 import flexlin as fl
 from flexlin.answers.analysis import analyse
 from flexlin.control import design, gain_source, save
-from flexlin.errors import ArgumentError, SceneError
+from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.report import record
 from flexlin.simulation import Drive, simulate
 
@@ -96,3 +96,11 @@ def test_what_is_not_known_of_held_torques_is_refused(scene, plant):
         design(plant, with_design(sample_time=1 / np.pi).designs[0])
     with pytest.raises(ArgumentError, match="continuous designs alone"):
         fl.sweep(scene, {"motion.frequency": [0.5, 1.0]}, loop="digital")
+
+
+@pytest.mark.parametrize("growth", [3.0, 8.0])
+def test_growth_within_a_sample_that_leaves_no_digits_is_named(growth):
+    """e^(6 growth) from sample to sample: no actuator would help."""
+    system = fl.PeriodicSystem([[growth, 1.0], [0.0, -2.0]], 24.0, B=[[1.1, 0.1], [0.1, 1.1]])
+    with pytest.raises(NumericalError, match="within a sample; sample faster"):
+        fl.sampled_lqr(system, np.eye(2), np.eye(2), 6.0, delay=2.5)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import NotDetectable, NotStabilizable
-from flexlin.periodic.precision import EPS
+from flexlin.errors import IllPosedSegment, NotDetectable, NotStabilizable, NumericalError
+from flexlin.periodic.precision import EPS, MINOR, ROOT
 from flexlin.periodic.quadratic.linear_quadratic import assemble_hamiltonian
 from flexlin.periodic.quadratic.scattering import (
     MAX_DOUBLINGS,
@@ -152,10 +152,23 @@ def solve_samples(problem: SampledProblem) -> tuple[Array, Array]:
 
     Each sample in scattering form without its cross term, a tree of star products over the round, then the round doubled. The cost of
     the gains themselves gives back the digits that growth within a round takes: a tenth of the error is left.
-    Raises: NotStabilizable, NotDetectable where doubling does not settle.
+    Raises: NotStabilizable, NotDetectable where doubling does not settle; NumericalError where growth within a sample leaves no digits.
     Source: Anderson, Int. J. Control 28 (1978) 295; Hewer, IEEE Trans. Automat. Control 16 (1971) 382; Bittanti, Colaneri, Periodic
     Systems (2009), ch. 6.
     """
+    try:
+        return solve_by_tree(problem)
+    except (np.linalg.LinAlgError, IllPosedSegment, NotStabilizable) as reason:
+        grown = float(np.abs(problem.F).max())
+        if isinstance(reason, NotStabilizable) and grown * ROOT < MINOR:
+            raise
+        raise NumericalError(
+            "the gains are lost to rounding", got=f"growth by {grown:.1g} within a sample", todo="sample faster"
+        ) from None
+
+
+def solve_by_tree(problem: SampledProblem) -> tuple[Array, Array]:
+    """What `solve_samples` finds."""
     by_effort = np.linalg.solve(problem.R, np.concatenate([transpose(problem.G), transpose(problem.N)], axis=2))
     r = problem.F.shape[1]
     to_input, cross = by_effort[:, :, :r], by_effort[:, :, r:]
