@@ -187,7 +187,8 @@ class OutputProblem:
     def descend(self, start: Array, first: Judged, tol: float) -> tuple[Array, float, Array]:
         """A gain of least cost near `start`, its cost and the gain that its gramians ask for.
 
-        K = start + R^(-1/2) Z [C P C']^(-1/2) at the start, so that Z = 0 is left along (best - K); what no sensor tells apart stays.
+        K = start + R^(-1/2) Z [C P C']^(-1/2), P that of the start: steepest descent in Z then goes along best - K. Sensors that read
+        alike share a gain.
         """
         from scipy.optimize import minimize
 
