@@ -403,7 +403,7 @@ def describe(
             "the search ends where no step gains, as it may where joints stick, though slopes promise one of "
             f"{evidence.ahead:.1f} standard errors: errors are larger than stated; fit fewer numbers, or begin elsewhere"
         )
-    if evidence.coloured and far:
+    if far and (evidence.coloured or not settled):
         said.append(f"{', '.join(far)} went far from the scene's: check signs, units and gains of the log's columns")
     missed = name_missed(prediction.fit, prediction.measured, prediction.outputs)
     if missed:
