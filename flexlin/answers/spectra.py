@@ -103,9 +103,7 @@ class Family:
         """The exponents at one point, none where the equations break."""
         try:
             system = self.system_at(point)
-            pace = measure_pace(system)
-            stiff = tol >= LOOSE and len(pace.length) > 1 and pace.length @ pace.spread > STIFF
-            return floquet(system, tol, method="radau" if stiff else "auto")
+            return floquet(system, tol, method="radau" if tol >= LOOSE and is_stiff(system) else "auto")
         except TimeLimit:
             raise
         except (FlexlinError, np.linalg.LinAlgError):
@@ -218,6 +216,12 @@ class SymbolicFamily(Family):
         system = loop.linearization.periodic_system()
         modes = solve_floquet_modes(system, floquet(system, self.finest), quick=True)
         return modes.exponents, modes.errors, integrate_derivatives(loop, modes)[self.places]
+
+
+def is_stiff(system: PeriodicSystem) -> bool:
+    """Whether a mode decays very fast where coefficients change fast."""
+    pace = measure_pace(system)
+    return len(pace.length) > 1 and float(pace.length @ pace.spread) > STIFF
 
 
 def serves(found: "Logs", tol: float) -> Array:

@@ -160,7 +160,7 @@ def solve_samples(problem: SampledProblem) -> tuple[Array, Array]:
         return solve_by_tree(problem)
     except (np.linalg.LinAlgError, IllPosedSegment, NotStabilizable) as reason:
         grown = float(np.abs(problem.F).max())
-        if isinstance(reason, NotStabilizable) and grown * ROOT < MINOR:
+        if not isinstance(reason, np.linalg.LinAlgError) and grown * ROOT < MINOR:
             raise
         raise NumericalError(
             "the gains are lost to rounding", got=f"growth by {grown:.1g} within a sample", todo="sample faster"
