@@ -13,7 +13,7 @@ from flexlin.periodic.grid import golden, place_edges
 from flexlin.periodic.precision import EPS, ROOT, SAFETY
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.factors import factor_accelerations, factor_states
+from flexlin.periodic.transition.factors import factor
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss, place_nodes
 
 STAGES = 5
@@ -161,7 +161,7 @@ def multiply_on(
             values = np.array([one[first : first + segments * stages] for one in sampled])
             values = values.reshape(count * segments, stages, *values.shape[2:])
             lengths = (periods[:, None] * np.diff(grid)).ravel()
-            factors = (factor_accelerations if twice else factor_states)(values, lengths, rule)
+            factors = factor(values, lengths, rule)
             products.append(multiply_up(factors.reshape(count, segments, n, n)))
     (coarse, _), (P, rounding) = products
     return P, np.where(np.isfinite(P) & np.isfinite(coarse), np.abs(P - coarse) + rounding, np.inf)

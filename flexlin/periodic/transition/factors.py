@@ -48,7 +48,7 @@ def factor_segments(resolved: Resolved, edges: Array, rule: Tableau) -> Array:
     """
     h = np.diff(edges)
     parts = [
-        factor(resolved, staged, h[part], rule) for part, (staged,), _ in sample_segments(resolved, edges, (rule,))
+        factor(staged, h[part], rule) for part, (staged,), _ in sample_segments(resolved, edges, (rule,))
     ]
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
@@ -69,7 +69,7 @@ def measure_segments(
     for part, staged, starts in sample_segments(resolved, edges, rules, True):
         lengths = h[part, None, None]
         size = lengths * (EPS * np.abs(starts) + error[part])
-        factors = [factor(resolved, values, h[part], rule) for values, rule in zip(staged, rules, strict=True)]
+        factors = [factor(values, h[part], rule) for values, rule in zip(staged, rules, strict=True)]
         if not isinstance(resolved, ResolvedCompanion):
             made.append((*factors, lengths * starts, size))
             continue
@@ -108,11 +108,12 @@ def sample_segments(
         yield slice(i, i + size), split[: len(rules)], split[-1][:, 0]
 
 
-def factor(resolved: Resolved, values: Array, h: Array, rule: Tableau) -> Array:
-    """Transition matrices (K, n, n) from the coefficients at the stages (K, s, rows, columns) and lengths h (K,)."""
-    if isinstance(resolved, ResolvedCompanion):
+def factor(values: Array, h: Array, rule: Tableau) -> Array:
+    """Transition matrices (K, n, n) from A or [M D K] at the stages (K, s, rows, columns) and lengths h (K,)."""
+    rows, columns = values.shape[-2:]
+    if columns == 3 * rows:
         return factor_accelerations(values, h, rule)
-    m, odd = divmod(values.shape[-1], 2)
+    m, odd = divmod(columns, 2)
     if odd or rule.c[-1] == 1.0 or np.any(values[..., :m, :] != np.eye(m, 2 * m, m)):
         return factor_states(values, h, rule)
     blocks = np.empty((*values.shape[:2], m, 3 * m))  # x = [y; y']: half the unknowns
