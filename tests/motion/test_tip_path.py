@@ -185,11 +185,13 @@ def test_a_five_bar_follows_a_circle_as_its_taylor_map_does():
     joints = [{"posture": 2.2}, {"posture": 0.95}]
     motion, _, _ = lead("five-bar", circle((0.075, 0.39, 0.0), 0.04), joints)
     loop = five_bar(0.15, (0.2, 0.3), (0.2, 0.3))
-    q = motion.sample(np.linspace(0, T, 5))[0]
-    for row, angle in zip(q, np.linspace(0, 2 * np.pi, 5), strict=True):
-        at = [*row, 0.075 + 0.04 * np.cos(angle), 0.39 + 0.04 * np.sin(angle)]
-        closed = loop.close([at[0], -1.3, at[1], 1.3, at[2], at[3]], (4, 5))
-        assert_allclose(closed[[0, 2]], row, atol=1e-12)
+    start = loop.close([2.2, -1.3, 0.95, 1.3, 0.075, 0.39], (4, 5))
+    t, w = np.linspace(0, T, 9), 2 * np.pi / T
+    cos, sin = 0.04 * np.cos(w * t), 0.04 * np.sin(w * t)
+    tip = np.stack([[cos, sin], [-w * sin, w * cos], [-w * w * cos, -w * w * sin]]).transpose(0, 2, 1)
+    tip[0] += start[4:]
+    for own, mapped in zip(motion.sample(t), loop.taylor(start, (4, 5), 4).rates(*tip), strict=True):
+        assert_allclose(own, mapped[:, [0, 2]], atol=1e-11)
 
 
 @pytest.mark.slow
