@@ -1,9 +1,8 @@
 """The integrals of the shapes that the energies of a link need, computed once, before any expression graph is built."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,33 +43,26 @@ class Profile:
 UNIFORM = Profile(np.ones_like)
 
 
-class Shapes(Protocol):
+class Shapes:
     """Assumed modes X_1 ... X_n of a link, dimensionless, over xi = x/l.
 
-    Attributes: n modes; beta (n,), the roots beta*l (omega = beta^2 sqrt(EI/(rhoA l^4)) for the beam the shapes belong to);
-    breaks: places in (0, 1) where a derivative of the shapes jumps, at which a quadrature must be split;
+    Attributes: n modes; beta (n,), the roots beta*l (omega = beta^2 sqrt(EI/(rhoA l^4)) for the beam the shapes belong to), which a basis
+    does not have; breaks: places in (0, 1) where a derivative of the shapes jumps, at which a quadrature must be split;
     order: number of Gauss nodes between two breaks that integrates products of two shapes to rounding.
     """
 
-    @property
-    def n(self) -> int: ...
-
-    @property
-    def beta(self) -> Array: ...
-
-    @property
-    def breaks(self) -> tuple[float, ...]: ...
-
-    @property
-    def order(self) -> int: ...
+    n: int
+    order: int
+    beta: Array
+    breaks: tuple[float, ...] = ()
 
     def values(self, xi: Array, derivative: int = 0) -> Array:
         """Return X or its derivative (0 to 3) with respect to xi: (N,) -> (n, N)."""
-        ...
+        raise NotImplementedError
 
     def rotation(self, xi: Array, derivative: int = 0) -> Array:
         """Return the section's rotation psi or its derivative: (N,) -> (n, N); psi = X' where nothing shears."""
-        ...
+        return self.values(xi, derivative + 1)
 
 
 @dataclass(frozen=True)
@@ -80,8 +72,7 @@ class ShapeIntegrals:
         Gamma(xi) = int_0^xi X' X'^T,   psi: the section's rotation, X' where nothing shears
 
     All are dimensionless; the chain scales them: int rhoA X dx = rhoA l mode, int EI X''^2 dx = EI / l^3 bending,
-    int rhoA Gamma dx = rhoA shortening, and so on. Shapes: n = number of modes. `error` is the largest difference to a
-    second quadrature rule, relative to the largest entry of each field.
+    int rhoA Gamma dx = rhoA shortening, and so on. Shapes: n = number of modes.
     """
 
     mass: float
@@ -101,7 +92,6 @@ class ShapeIntegrals:
     rotation: Array
     rotations: Array
     shear: Array
-    error: float = 0.0
 
     @property
     def n(self) -> int:
@@ -125,7 +115,7 @@ def shape_integrals(
         gram = int mu X X^T,  bending = int eps psi' psi'^T,  shortening = int mu Gamma,  shortening_moment = int mu xi Gamma,
         section = int eps,  rotation = int eps psi,  rotations = int eps psi psi^T,  shear = int mu (X' - psi) (X' - psi)^T
 
-    Assumes shapes and profiles smooth between their breaks, and the profiles resolved by 8 nodes more than the shapes need: see `error`.
+    Assumes shapes and profiles smooth between their breaks, and the profiles resolved by 8 nodes more than the shapes need.
 
     Parameters: profiles relative to the link's own mass per length (and section's area) and stiffness (and second moment of area);
     None is 1 everywhere.
@@ -134,38 +124,32 @@ def shape_integrals(
     mu, eps = mass_profile or UNIFORM, stiffness_profile or UNIFORM
     edges = np.unique([0.0, *shapes.breaks, *mu.breaks, *eps.breaks, 1.0])
     order = shapes.order + 8
-    first = integrate(shapes, mu, eps, edges, order)
-    return ShapeIntegrals(**first, error=difference(first, integrate(shapes, mu, eps, edges, order + 15)))
-
-
-def integrate(shapes: Shapes, mu: Profile, eps: Profile, edges: Array, order: int) -> dict[str, Any]:
-    """Compute all fields with one rule; int mu Gamma = int X' X'^T (int_xi^1 mu), by parts."""
     xi, weight = panels(edges, order)
-    outer, outer_first = remaining(mu, edges, order)
+    outer, outer_first = remaining(mu, edges, order)  # int mu Gamma = int X' X'^T (int_xi^1 mu), by parts
     X, slope = shapes.values(xi), shapes.values(xi, 1)
     psi, curvature = shapes.rotation(xi), shapes.rotation(xi, 1)
     ends = np.array([0.0, 1.0])
     at_ends, turns = shapes.values(ends), shapes.rotation(ends)
     load, second = weight * mu(xi), weight * eps(xi)
-    return {
-        "mass": float(load.sum()),
-        "first": float(load @ xi),
-        "second": float(load @ xi**2),
-        "mode": X @ load,
-        "mode_moment": X @ (load * xi),
-        "gram": orthogonal((X * load) @ X.T),
-        "bending": orthogonal((curvature * second) @ curvature.T),
-        "shortening": (slope * weight * outer) @ slope.T,
-        "shortening_moment": (slope * weight * outer_first) @ slope.T,
-        "tip": at_ends[:, 1],
-        "tip_slope": turns[:, 1],
-        "tip_shortening": (slope * weight) @ slope.T,
-        "base_slope": turns[:, 0],
-        "section": float(second.sum()),
-        "rotation": psi @ second,
-        "rotations": (psi * second) @ psi.T,
-        "shear": ((slope - psi) * load) @ (slope - psi).T,
-    }
+    return ShapeIntegrals(
+        mass=float(load.sum()),
+        first=float(load @ xi),
+        second=float(load @ xi**2),
+        mode=X @ load,
+        mode_moment=X @ (load * xi),
+        gram=orthogonal((X * load) @ X.T),
+        bending=orthogonal((curvature * second) @ curvature.T),
+        shortening=(slope * weight * outer) @ slope.T,
+        shortening_moment=(slope * weight * outer_first) @ slope.T,
+        tip=at_ends[:, 1],
+        tip_slope=turns[:, 1],
+        tip_shortening=(slope * weight) @ slope.T,
+        base_slope=turns[:, 0],
+        section=float(second.sum()),
+        rotation=psi @ second,
+        rotations=(psi * second) @ psi.T,
+        shear=((slope - psi) * load) @ (slope - psi).T,
+    )
 
 
 def orthogonal(products: Array) -> Array:
@@ -201,15 +185,6 @@ def remaining(mu: Profile, edges: Array, order: int) -> tuple[Array, Array]:
         np.append(np.cumsum(panel.sum(axis=1)[::-1])[::-1][1:], 0.0) for panel in (whole, whole * xi.reshape(-1, order))
     ]
     return load.sum(axis=1) + np.repeat(beyond[0], order), (load * inner).sum(axis=1) + np.repeat(beyond[1], order)
-
-
-def difference(first: dict[str, Any], second: dict[str, Any]) -> float:
-    """Return the largest difference of two sets of integrals, relative to the size of each field (a field of zeros against 1e-9)."""
-    return max(
-        float(np.max(np.abs(first[f.name] - second[f.name])) / max(float(np.max(np.abs(second[f.name]))), 1e-9))
-        for f in fields(ShapeIntegrals)
-        if f.name in first and np.size(first[f.name])
-    )
 
 
 @dataclass(frozen=True)

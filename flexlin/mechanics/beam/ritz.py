@@ -1,6 +1,6 @@
 """Modes of any beam as combinations of a basis: tapered links by polynomials, or cubic finite elements reduced by modes."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -11,57 +11,51 @@ from flexlin.errors import ArgumentError
 from flexlin.mechanics.beam.integrals import Profile, ShapeIntegrals, Shapes, shape_integrals
 
 
-@dataclass(frozen=True)
-class Polynomials:
+class Polynomials(Shapes):
     """The basis phi_k'' = sqrt(2k + 1) P_k(2 xi - 1), phi_k(0) = phi_k'(0) = 0: orthonormal in bending on a uniform beam."""
 
-    n: int
-    breaks: tuple[float, ...] = ()
-
-    @property
-    def beta(self) -> Array:
-        """Not modes: no roots."""
-        return np.full(self.n, np.nan)
-
-    @property
-    def order(self) -> int:
-        """Exact for products of two."""
-        return self.n + 4
+    def __init__(self, n: int):
+        self.n, self.order = n, n + 4
 
     def values(self, xi: Array, derivative: int = 0) -> Array:
         """Return phi or its derivative with respect to xi: (N,) -> (n, N)."""
         return legendre_series(self.n, derivative - 2, xi)
 
+
+class TwistPolynomials(Polynomials):
+    """The basis Phi_k' = sqrt(2k + 1) P_k(2 xi - 1), Phi_k(0) = 0: orthonormal in torsion on a uniform shaft."""
+
+    def values(self, xi: Array, derivative: int = 0) -> Array:
+        """Return Phi or its derivative with respect to xi: (N,) -> (n, N)."""
+        return legendre_series(self.n, derivative - 1, xi)
+
     def rotation(self, xi: Array, derivative: int = 0) -> Array:
-        """Return X', the section's rotation, or its derivative: (N,) -> (n, N)."""
-        return self.values(xi, derivative + 1)
+        """Return the section's rotation, Phi itself, or its derivative: (N,) -> (n, N)."""
+        return self.values(xi, derivative)
 
 
-@dataclass(frozen=True)
-class HermiteElements:
+class ShearedPolynomials(Shapes):
+    """The polynomials phi, that bend and turn the sections, and Y_k' = sqrt(2k + 1) P_k(2 xi - 1), Y_k(0) = 0, that shear alone."""
+
+    def __init__(self, degree: int):
+        self.degree, self.n, self.order = degree, 2 * degree, degree + 4
+
+    def values(self, xi: Array, derivative: int = 0) -> Array:
+        """Return the deflections or their derivative with respect to xi: (N,) -> (n, N)."""
+        return np.concatenate([legendre_series(self.degree, derivative - below, xi) for below in (2, 1)])
+
+    def rotation(self, xi: Array, derivative: int = 0) -> Array:
+        """Return phi' above zeros, or its derivative: (N,) -> (n, N)."""
+        bending = legendre_series(self.degree, derivative - 1, xi)
+        return np.concatenate([bending, np.zeros_like(bending)])
+
+
+class HermiteElements(Shapes):
     """The cubic Hermite basis on equal elements, clamped at xi = 0: deflection and slope (times the element's length) at each node."""
 
-    elements: int
-
-    @property
-    def n(self) -> int:
-        """Two functions a node."""
-        return 2 * self.elements
-
-    @property
-    def beta(self) -> Array:
-        """Not modes: no roots."""
-        return np.full(self.n, np.nan)
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """The nodes between elements."""
-        return tuple((np.arange(1, self.elements) / self.elements).tolist())
-
-    @property
-    def order(self) -> int:
-        """Exact for products of two cubics."""
-        return 4
+    def __init__(self, elements: int):
+        self.elements, self.n, self.order = elements, 2 * elements, 4
+        self.breaks = tuple((np.arange(1, elements) / elements).tolist())
 
     def values(self, xi: Array, derivative: int = 0) -> Array:
         """Return phi or its derivative with respect to xi: (N,) -> (n, N)."""
@@ -74,42 +68,6 @@ class HermiteElements:
         whole = np.zeros((self.n + 2, len(place)))
         whole[2 * element + np.arange(4)[:, None], np.arange(len(place))] = local
         return whole[2:] * float(self.elements) ** derivative
-
-    def rotation(self, xi: Array, derivative: int = 0) -> Array:
-        """Return X', the section's rotation, or its derivative: (N,) -> (n, N)."""
-        return self.values(xi, derivative + 1)
-
-
-@dataclass(frozen=True)
-class ShearedPolynomials:
-    """The polynomials phi, that bend and turn the sections, and Y_k' = sqrt(2k + 1) P_k(2 xi - 1), Y_k(0) = 0, that shear alone."""
-
-    degree: int
-    breaks: tuple[float, ...] = ()
-
-    @property
-    def n(self) -> int:
-        """As many of one kind as of the other."""
-        return 2 * self.degree
-
-    @property
-    def beta(self) -> Array:
-        """Not modes: no roots."""
-        return np.full(self.n, np.nan)
-
-    @property
-    def order(self) -> int:
-        """Exact for products of two."""
-        return self.degree + 4
-
-    def values(self, xi: Array, derivative: int = 0) -> Array:
-        """Return the deflections or their derivative with respect to xi: (N,) -> (n, N)."""
-        return np.concatenate([legendre_series(self.degree, derivative - below, xi) for below in (2, 1)])
-
-    def rotation(self, xi: Array, derivative: int = 0) -> Array:
-        """Return phi' above zeros, or its derivative: (N,) -> (n, N)."""
-        bending = legendre_series(self.degree, derivative - 1, xi)
-        return np.concatenate([bending, np.zeros_like(bending)])
 
 
 def legendre_series(n: int, derivative: int, xi: Array) -> Array:
@@ -140,29 +98,12 @@ class Section:
     gyration: float = 0.0
 
 
-@dataclass(frozen=True)
-class ReducedShapes:
+class ReducedShapes(Shapes):
     """X = coefficients phi - turn xi: modes in a clamped basis phi, turned back by the rigid rotation where the base is pinned."""
 
-    beta: Array
-    basis: Shapes
-    coefficients: Array
-    turn: Array
-
-    @property
-    def n(self) -> int:
-        """The number of modes."""
-        return len(self.beta)
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Those of the basis."""
-        return self.basis.breaks
-
-    @property
-    def order(self) -> int:
-        """That of the basis."""
-        return self.basis.order
+    def __init__(self, beta: Array, basis: Shapes, coefficients: Array, turn: Array):
+        self.beta, self.basis, self.coefficients, self.turn = beta, basis, coefficients, turn
+        self.n, self.order, self.breaks = len(beta), basis.order, basis.breaks
 
     def values(self, xi: Array, derivative: int = 0) -> Array:
         """Return X or its derivative with respect to xi: (N,) -> (n, N)."""
@@ -247,18 +188,6 @@ def mass_products(k: ShapeIntegrals, ends: Ends, gyration: float) -> tuple[Array
     return basis, coupling + gyration**2 * k.rotation, rigid + gyration**2 * k.section
 
 
-class TwistPolynomials(Polynomials):
-    """The basis Phi_k' = sqrt(2k + 1) P_k(2 xi - 1), Phi_k(0) = 0: orthonormal in torsion on a uniform shaft."""
-
-    def values(self, xi: Array, derivative: int = 0) -> Array:
-        """Return Phi or its derivative with respect to xi: (N,) -> (n, N)."""
-        return legendre_series(self.n, derivative - 1, xi)
-
-    def rotation(self, xi: Array, derivative: int = 0) -> Array:
-        """Return the section's rotation, Phi itself, or its derivative: (N,) -> (n, N)."""
-        return self.values(xi, derivative)
-
-
 def twisted(n: int, stiffness: Profile | None = None, tip_inertia: float = 0.0) -> ReducedShapes:
     """Return n shapes of twist: modes of a clamped shaft within the polynomials of degree n.
 
@@ -277,4 +206,4 @@ def twisted(n: int, stiffness: Profile | None = None, tip_inertia: float = 0.0) 
     c = c / np.sqrt(np.einsum("ij,jk,ik->i", c, k.rotations, c))[:, None]
     shapes = ReducedShapes(np.maximum(squares, 0.0) ** 0.25, basis, c, np.zeros(n))
     sign = np.where(shapes.rotation(np.zeros(1), 1)[:, 0] < 0, -1.0, 1.0)
-    return replace(shapes, coefficients=c * sign[:, None])
+    return ReducedShapes(shapes.beta, basis, c * sign[:, None], shapes.turn)

@@ -6,48 +6,30 @@ The two exponentials decay from the two ends, so nothing overflows and no cosh -
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, ToleranceNotReached
-from flexlin.mechanics.beam.integrals import gauss_legendre
+from flexlin.mechanics.beam.integrals import Shapes, gauss_legendre
 
 Boundary = Callable[[Array, Array, Array], Array]
 """Boundary conditions: (beta, basis at xi = 0, basis at xi = 1) -> (N, 4, 4); a basis is (N, derivative, function)."""
 
 STEP = 0.02
 """Width of the scan for roots; roots of a uniform beam lie near pi apart."""
-LAST_BITS = 2 * float(np.finfo(float).eps)
-"""A root that moves by less than this, relative to itself, is found."""
 
 
-@dataclass(frozen=True)
-class UniformShapes:
+class UniformShapes(Shapes):
     """Modes of a uniform beam from roots beta (n,) and coefficients (n, 4) in the stable basis."""
 
-    beta: Array
-    coefficients: Array
-    breaks: tuple[float, ...] = ()
-
-    @property
-    def n(self) -> int:
-        """The number of modes."""
-        return len(self.beta)
-
-    @property
-    def order(self) -> int:
-        """Nodes that resolve cos(2 beta xi) and the boundary layers."""
-        return 40 + 3 * self.n
+    def __init__(self, beta: Array, coefficients: Array):
+        self.beta, self.coefficients, self.n = beta, coefficients, len(beta)
+        self.order = 40 + 3 * self.n  # resolves cos(2 beta xi) and the boundary layers
 
     def values(self, xi: Array, derivative: int = 0) -> Array:
         """Return X or its derivative with respect to xi: (N,) -> (n, N)."""
         return np.einsum("nb,nNb->nN", self.coefficients, basis(self.beta[:, None], np.asarray(xi), derivative))
-
-    def rotation(self, xi: Array, derivative: int = 0) -> Array:
-        """Return X', the section's rotation, or its derivative: (N,) -> (n, N)."""
-        return self.values(xi, derivative + 1)
 
 
 def basis(beta: Array, xi: Array, derivative: int) -> Array:
@@ -94,30 +76,19 @@ def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShap
     brackets = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)[:n]
     if len(brackets) < n:
         raise ToleranceNotReached("not all roots of the beam were found", got=len(brackets), expected=f"{n} roots")
-    beta = narrow(determinant, grid[brackets], grid[brackets + 1], values[brackets], values[brackets + 1])
+    beta = narrow(determinant, grid[brackets], grid[brackets + 1], values[brackets])
     null = np.linalg.svd(boundary_matrix(beta, boundary))[2][:, -1, :]
     return normalised(UniformShapes(beta, null))
 
 
-def narrow(function: Callable[[Array], Array], low: Array, high: Array, at_low: Array, at_high: Array) -> Array:
-    """The root in each bracket (n,), by Ridders' method for all together; `at_low` and `at_high` are the function's values at its ends.
-
-    Each step at least halves the bracket, and near a simple root doubles the digits.
-    Source: Ridders, A new algorithm for computing a single root of a real continuous function, IEEE Trans. Circuits Syst. 26 (1979).
-    """
-    last = high
+def narrow(function: Callable[[Array], Array], low: Array, high: Array, at_low: Array) -> Array:
+    """The root in each bracket (n,), by bisection of all together to the last bit; `at_low`: the function's values where they begin."""
     while True:
         middle = (low + high) / 2
-        at_middle = function(middle)
-        size = np.sqrt(at_middle**2 - at_low * at_high) + np.finfo(float).tiny
-        root = middle + (middle - low) * np.sign(at_low - at_high) * at_middle / size
-        if (np.abs(root - last) <= LAST_BITS * root).all():
-            return root
-        last, at_root = root, function(root)
-        inside, below = (np.sign(value) != np.sign(at_root) for value in (at_middle, at_low))
-        low = np.where(inside, middle, np.where(below, low, high))
-        at_low = np.where(inside, at_middle, np.where(below, at_low, at_high))
-        high, at_high = root, at_root
+        if ((middle <= low) | (middle >= high)).all():
+            return middle
+        before = np.sign(function(middle)) == np.sign(at_low)
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
 
 
 def normalised(shapes: UniformShapes) -> UniformShapes:

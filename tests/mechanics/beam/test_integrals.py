@@ -28,7 +28,6 @@ def test_stiffening_of_a_uniform_cantilever():
 def test_orthogonality_and_accuracy(n):
     shapes = clamped_free(n)
     integrals = shape_integrals(shapes)
-    assert integrals.error < 1e-12
     np.testing.assert_allclose(integrals.gram, np.eye(n), atol=1e-12)
     square = np.outer(shapes.beta**2, shapes.beta**2)
     np.testing.assert_allclose(integrals.bending / square, np.eye(n), atol=1e-12)
@@ -50,7 +49,6 @@ def test_tapered_profiles_against_adaptive_quadrature():
     mu, eps = Profile.table([0, 0.4, 1], [1.5, 1.2, 0.3]), Profile.table([0, 0.7, 1], [2, 1, 0.5])
     shapes = clamped_free(2)
     i = shape_integrals(shapes, mu, eps)
-    assert i.error < 1e-12
 
     def integral(f, start=0.0):
         return quad(f, start, 1, points=[0.4, 0.7], epsabs=1e-12, epsrel=1e-12)[0]
