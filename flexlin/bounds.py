@@ -6,13 +6,17 @@ from contextlib import suppress
 from typing import Any
 from unicodedata import category
 
-LARGEST_SCENE, LARGEST_ROBOT, LARGEST_TABLE, LARGEST_MANIFEST, LARGEST_LOG = 2**20, 2**22, 2**26, 2**24, 2**30
-"""Bytes of a scene, a URDF file, a table of a motion, a list of results, and a log."""
+LARGEST_SCENE, LARGEST_ROBOT, LARGEST_LOG = 2**20, 2**22, 2**30
+"""Bytes of a scene, a URDF file, and a log."""
+LARGEST_TABLE = LARGEST_MANIFEST = 2**26
+"""Bytes of a table of a motion, and of a list of results."""
 MOST_ROWS, MOST_COLUMNS, MOST_ELEMENTS, MOST_ITEMS = 2**18, 1000, 50_000, 200
 """Rows of a table, columns of a log, elements of a URDF file, and links, or designs, of one scene."""
 DEEPEST = 32
 """Tables, lists or elements in each other; a scene needs five."""
 SHALLOW = f"at most {DEEPEST} tables and lists in each other"
+LONGEST_SHOWN, MOST_NAMED = 60, 4
+"""Characters of a value that are repeated in a message, and keys that it names."""
 LONGEST_NUMBER = 400
 """Characters of a number; Python itself refuses whole numbers of more than 4,300 digits, and takes time by the square of these."""
 WHOLE_NUMBERS = 2**63

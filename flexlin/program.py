@@ -16,6 +16,8 @@ from flexlin._core import addresses, declare
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 
+WORDS = 4
+"""Whole numbers of a step: Step of program.h."""
 TOGETHER = 32
 """Points that go through an operation together: WIDE of program.h."""
 CONST, INPUT, OUTPUT = ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT
@@ -23,21 +25,28 @@ T = TypeVar("T")
 
 NUMBER_VALUES = declare(
     "long number_values(long steps, Step *code, long mask, int *found, int *value)",
-    lambda steps, code, mask, *_: ((steps, 4), mask + 1, None),
+    lambda steps, code, mask, *_: ((steps, WORDS), mask + 1, None),
 )
 FIND_NEEDS = declare(
     "void find_needs(long steps, const Step *code, const int *kinds, int *needs)",
-    lambda steps, *_: ((steps, 4), None, steps),
+    lambda steps, *_: ((steps, WORDS), None, steps),
 )
 LAY_OUT = declare(
     "long lay_out(long steps, const Step *code, const int *wanted, char *live, int *slot, int first, int *last, int *empty, "
     "Step *placed, int *slots)",
-    lambda steps, *_: ((steps, 4), None, steps, steps, steps, steps, (steps, 4), 1),
+    lambda steps, *_: ((steps, WORDS), None, steps, steps, steps, steps, (steps, WORDS), 1),
 )
 MARCH_PROGRAM = declare(
     "long march_program(long steps, const Step *code, long points, long times, long inputs, const double **in, const long *rows, "
     "const long *ahead, long outputs, double **out, const long *sizes, const long *beyond, double *work)",
-    lambda steps, *given: ((steps, 4), given[3], given[3], given[7], given[7], None),
+    lambda steps, code, points, times, inputs, read, rows, ahead, outputs, *_: (
+        (steps, WORDS),
+        inputs,
+        inputs,
+        outputs,
+        outputs,
+        None,
+    ),
 )
 
 
@@ -67,7 +76,7 @@ class Program:
                 "an expression has free symbols", got=function.get_free(), expected="only the variables"
             )
         every = range(function.n_instructions())
-        steps = np.zeros((len(every), 4), dtype=np.int32)
+        steps = np.zeros((len(every), WORDS), dtype=np.int32)
         steps[:, 0] = list(map(function.instruction_id, every))
         if ca.OP_CALL in steps[:, 0]:
             raise ArgumentError(
@@ -146,7 +155,7 @@ class Program:
         quotients = np.flatnonzero(code == ca.OP_DIV)
         quotients = quotients[needs[below[quotients]] != needs[quotients]]
         place = np.arange(len(code)) + np.searchsorted(quotients, np.arange(len(code)), side="right")
-        steps = np.empty((len(code) + len(quotients), 4), dtype=np.int32)
+        steps = np.empty((len(code) + len(quotients), WORDS), dtype=np.int32)
         values = code != OUTPUT
         moved = self.steps.copy()
         moved[values, 1] = place[values]

@@ -5,9 +5,8 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 
 from flexlin.mechanics.body import Frame, is_same
-from flexlin.mechanics.deflection import PLACES
 from flexlin.mechanics.effects.base import Chain
-from flexlin.mechanics.links import BentLink
+from flexlin.mechanics.links import PLACES, BentLink
 from flexlin.scene.links import NO_LINK
 
 ALONG = ca.DM(PLACES).T

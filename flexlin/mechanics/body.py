@@ -79,7 +79,7 @@ def column(*entries: Any) -> ca.SX:
 
 NOTHING = ca.SX(0, 1)
 """Makes numbers that are put beside it expressions."""
-X, Y, Z = column(1, 0, 0), column(0, 1, 0), column(0, 0, 1)
+X, Y, Z = ca.horzsplit(ca.SX.eye(3))
 
 
 def cross_matrix(a: ca.SX) -> ca.SX:

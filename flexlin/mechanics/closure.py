@@ -150,7 +150,7 @@ class Closure:
         return V
 
 
-Z = (0.0, 0.0, 1.0)
+Z = np.eye(3)[2]
 
 
 def planar_arm(base: ArrayLike, lengths: ArrayLike) -> tuple[OpenChain, Array]:
@@ -199,7 +199,7 @@ def rssr(crank: float, coupler: float, rocker: float, base: ArrayLike, axis: Arr
     base = real_array("base", base, (3,))
     ball = (crank, 0.0, 0.0)
     arm = OpenChain([revolute(Z, (0, 0, 0)), revolute(Z, ball), revolute((0, 1, 0), ball)])
-    across = np.cross(real_array("axis", axis, (3,)), np.array(Z))
+    across = np.cross(real_array("axis", axis, (3,)), Z)
     end = base + rocker * across / np.linalg.norm(across)
     space = np.eye(3)
     branches = (

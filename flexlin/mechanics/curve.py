@@ -28,8 +28,7 @@ from flexlin.lazy import lazy
 from flexlin.mechanics.beam import Profile, Shapes
 from flexlin.mechanics.beam.integrals import UNIFORM, gauss_legendre, panels
 from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, tensor
-from flexlin.mechanics.deflection import PLACES
-from flexlin.mechanics.links import BentLink, split_rotation
+from flexlin.mechanics.links import PLACES, BentLink, split_rotation
 
 MOST = 40
 """Most Gauss nodes of a rule between two breaks."""

@@ -1,7 +1,5 @@
 """Which assumed modes a link has: from its table, and from the bodies that its ends carry."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from flexlin.checks import Array
@@ -22,9 +20,8 @@ from flexlin.mechanics.beam import (
 from flexlin.mechanics.beam.integrals import couple_shapes
 from flexlin.mechanics.body import RigidMass
 from flexlin.mechanics.curve import CurveRule, make_rule
-from flexlin.mechanics.deflection import PLACES, Basis
 from flexlin.mechanics.effects import effects_of
-from flexlin.mechanics.links import LinkBasis
+from flexlin.mechanics.links import PLACES, Basis, LinkBasis
 from flexlin.scene.links import DIRECTIONS, Direction, Inertia, Link, list_parents
 from flexlin.scene.scene import Scene
 
@@ -136,22 +133,8 @@ def read_ends(scene: Scene, index: int, direction: Direction = "y") -> Ends:
     return Ends()
 
 
-AXES: dict[Direction, int] = {"torsion": 0, "z": 1, "y": 2}
+AXES = {direction: axis for axis, direction in enumerate(reversed(DIRECTIONS))}
 """The axis about which the tip turns when the link deflects."""
-
-
-@dataclass
-class Load:
-    """Mass (kg) and inertia about a link's tip (3, 3) of bodies that are added one by one, in the tip's axes."""
-
-    mass: float = 0.0
-    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
-
-    def add(self, mass: float, inertia: Array, rotation: Array, centre: Array) -> None:
-        """Add a body with its inertia about its centre in axes of its own."""
-        shifted = np.dot(centre, centre) * np.eye(3) - np.outer(centre, centre)
-        self.mass += mass
-        self.inertia = self.inertia + rotation @ inertia @ rotation.T + mass * shifted
 
 
 def sum_carried(scene: Scene, index: int, direction: Direction = "y") -> tuple[float, float]:
@@ -162,15 +145,15 @@ def sum_carried(scene: Scene, index: int, direction: Direction = "y") -> tuple[f
     Assumes the arm rigid beyond the tip, with all joints at zero and without mounts' angles about z: stretched out.
     Source: De Luca, Siciliano (1991), section IV, at q2 = 0.
     """
-    effects, load, parents = effects_of(scene.effects), Load(), list_parents(scene.links)
+    from flexlin.scene.urdf.convert import Mass, rotation_of
+
+    effects, load, parents = effects_of(scene.effects), Mass(), list_parents(scene.links)
     tips = {index: (np.eye(3), np.zeros(3))}
     for body in find_bodies_at_tip(scene, index):
         load.add(body.mass, read_tensor(body), np.eye(3), place(body))
     for k in range(index + 1, len(scene.links)):
         if parents[k] not in tips:
             continue
-        from flexlin.scene.urdf.convert import rotation_of
-
         link, (R, p) = scene.links[k], tips[parents[k]]
         p, R = p + R @ np.array(link.mount.xyz), R @ rotation_of(link.mount.rpy)
         for body in find_bodies_on_joint(scene, k):
@@ -184,7 +167,7 @@ def sum_carried(scene: Scene, index: int, direction: Direction = "y") -> tuple[f
             load.add(body.mass, read_tensor(body), R, p + R @ place(body))
         tips[k] = (R, p)
     axis = AXES[direction]
-    return load.mass, float(load.inertia[axis, axis])
+    return load.mass, float(load.second[axis, axis])
 
 
 def list_parts(link: Link) -> list[tuple[float, Array, Array]]:

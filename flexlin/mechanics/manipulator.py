@@ -1,6 +1,6 @@
 """The equations of motion of a manipulator, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,6 @@ from flexlin.expressions import Expressions, substituted
 from flexlin.lazy import lazy
 from flexlin.mechanics.coordinates import ClosedLoops, Coordinate, Parameters, parameters_at_hand
 from flexlin.mechanics.lagrange import derive_coriolis, derive_lagrange_equations, describe_driving, place_inputs
-from flexlin.mechanics.named_functions import NamedFunctions
 from flexlin.mechanics.validation import check_coordinates, check_shapes, check_symbols, need_quadratic, validate
 from flexlin.plots.view import Series, Shown, View
 from flexlin.scene.effects import Effects
@@ -21,6 +20,25 @@ from flexlin.symbolic import as_expression
 
 if TYPE_CHECKING:
     import control
+
+
+class NamedFunctions(Mapping[str, ca.Function]):
+    """CasADi functions by name, from (named inputs, maker of the output), each built at its first use."""
+
+    def __init__(self, table: dict[str, tuple[dict[str, ca.SX], Callable[[], ca.SX]]]):
+        self._table, self._built = table, dict[str, ca.Function]()
+
+    def __getitem__(self, name: str) -> ca.Function:
+        if name not in self._built:
+            inputs, output = self._table[name]
+            self._built[name] = ca.Function(name, list(inputs.values()), [ca.densify(output())], list(inputs), [name])
+        return self._built[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._table)
+
+    def __len__(self) -> int:
+        return len(self._table)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from flexlin import symbolic
-from flexlin.checks import Array
+from flexlin.checks import ROUNDING, Array
 from flexlin.errors import MotionError
 from flexlin.expressions import Expressions
 from flexlin.lazy import lazy
@@ -17,9 +17,6 @@ from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.smooth import make_step
 from flexlin.scene.motion import AnyPath, Circle, Polyline
 from flexlin.series.tracking import find_lowest
-
-SAME = 1e-9
-"""Breaks that are nearer, as phases, are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +64,8 @@ def make_polyline(table: Polyline) -> PosePath:
     moves = np.roll(points, -1, axis=0) - points
     position = ca.DM(points[0]) + sum((ca.DM(moves[i - 1]) * rise for i, rise in enumerate(rises)), ca.SX(3, 1))
     ends = sorted({t + extra for t in starts for extra in (0.0, table.move_time)})
-    breaks = [t / period for t in ends if -SAME * period < t < period * (1 - SAME)]
-    breaks = [max(at, 0.0) for k, at in enumerate(breaks) if k == 0 or at - breaks[k - 1] > SAME]
+    breaks = [t / period for t in ends if -ROUNDING * period < t < period * (1 - ROUNDING)]
+    breaks = [max(at, 0.0) for k, at in enumerate(breaks) if k == 0 or at - breaks[k - 1] > ROUNDING]
     rotation = turn_between(table.rpy, rises) if table.rpy else None
     return PosePath(phase, position, rotation, period, tuple(breaks))
 

@@ -23,10 +23,8 @@ SOLVED = 1e-11
 """Newton's method has found the joints once its step is this small, relative to the largest of them beyond 1 rad or m."""
 TRIES = 24
 """Postures beside the given one from which the path's beginning is sought."""
-SAME = 1e-6
-"""Two beginnings are one where no joint's direction differs by more, in rad."""
-ROUNDING = 1e-7
-"""By how much joints may miss where they began, in rad or m."""
+SAME = 1e-7
+"""Two beginnings are one, and joints come back to theirs, where no joint differs by more, in rad or m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +166,7 @@ def follow_path(equations: TipEquations, begun: Array, period: float, start: Arr
     gap = z[-1][: equations.joints] - z[0][: equations.joints]
     turns = 2 * np.pi * count_turns(gap) if not equations.redundant else np.zeros(len(gap))
     worst = int(np.abs(gap - turns).argmax())
-    if np.abs(gap - turns).max() > ROUNDING:
+    if np.abs(gap - turns).max() > SAME:
         raise MotionError(
             "the joints do not come back after a period of the path",
             got=f"joint {worst + 1} ends {gap[worst]:.3g} from where it began",

@@ -4,14 +4,11 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from flexlin.bounds import MOST_ITEMS, hint_at, printable
+from flexlin.bounds import MOST_ITEMS, MOST_NAMED, hint_at, printable
 from flexlin.errors import Problem, counted
 from flexlin.scene.control import Weights
 from flexlin.scene.effects import RawArm, RawTable, effect_contradictions, known_effects, tables_on
 from flexlin.scene.links import BASE
-
-MOST_NAMED = 4
-"""Keys that a message names."""
 
 
 def link_contradictions(arm: RawArm) -> Iterator[Problem]:

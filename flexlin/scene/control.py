@@ -56,12 +56,14 @@ class Weights(Table):
         return dict(self.__pydantic_extra__ or {})
 
 
-Frequency = Annotated[
-    Positive,
-    BeforeValidator(lambda value: in_si(value, "Hz") if isinstance(value, str) else value),
-    WithJsonSchema(NUMBER_OR_TEXT),
-    Unit("Hz"),
-]
+def _in(unit: str) -> BeforeValidator:
+    """Reads a text with a unit behind it."""
+    return BeforeValidator(lambda value: in_si(value, unit) if isinstance(value, str) else value)
+
+
+Frequency = Annotated[Positive, _in("Hz"), WithJsonSchema(NUMBER_OR_TEXT), Unit("Hz")]
+Curvature = Annotated[Positive, _in("1/m"), WithJsonSchema(NUMBER_OR_TEXT), Unit("1/m")]
+Duration = Annotated[Positive, _in("s"), WithJsonSchema(NUMBER_OR_TEXT), Unit("s")]
 
 
 class Filter(Table):
@@ -100,21 +102,6 @@ class Notch(Filter):
 AnyFilter = Annotated[LowPass | Notch, Field(discriminator="kind")]
 
 
-Curvature = Annotated[
-    Positive, BeforeValidator(lambda value: _in(value, "1/m")), WithJsonSchema(NUMBER_OR_TEXT), Unit("1/m")
-]
-Duration = Annotated[
-    Positive, BeforeValidator(lambda value: _in(value, "s")), WithJsonSchema(NUMBER_OR_TEXT), Unit("s")
-]
-AnyAngle = Annotated[Any, PlainValidator(kept_quantities("rad", "m")), WithJsonSchema(ONE_OR_MORE)]
-AnyTurn = Annotated[Any, PlainValidator(kept_quantities("rad/s", "m/s")), WithJsonSchema(ONE_OR_MORE)]
-AnyNoise = Annotated[Any, PlainValidator(kept_quantities("N m", "N", "V")), WithJsonSchema(ONE_OR_MORE)]
-
-
-def _in(value: Any, unit: str) -> Any:
-    return in_si(value, unit) if isinstance(value, str) else value
-
-
 class Gauge(Table):
     """A strain gauge: the curvature of a link at a place."""
 
@@ -132,15 +119,15 @@ class EstimatorTable(Table):
     V = sigma^2 sample_time for each measurement, W = B sigma^2 sample_time B' for the torques: the intensities of white noise.
     """
 
-    encoders: Annotated[AnyAngle | None, Unit("rad or m")] = None
+    encoders: Annotated[AnyDisplacement | None, Unit("rad or m")] = None
     """Noise of the motors' encoders, or a list of one each."""
-    gyroscopes: Annotated[AnyTurn | None, Unit("rad/s or m/s")] = None
+    gyroscopes: Annotated[AnyRate | None, Unit("rad/s or m/s")] = None
     """Noise of the joints' rates, or a list of one each."""
     strain: tuple[Gauge, ...] = ()
     """Strain gauges."""
     tip: Annotated[Positive | None, Unit("m")] = None
     """Noise of a camera that sees the tip, along each axis."""
-    torque: Annotated[AnyNoise, Unit("N m, N or V")]
+    torque: Annotated[AnyInput, Unit("N m, N or V")]
     """Noise of the torques, or a list of one each: what the model leaves out."""
     sample_time: Duration = 1e-3
     """Time between two samples of the noise."""
@@ -272,7 +259,6 @@ class DesignTable(Table):
 
 
 AnyTorque = Annotated[Any, PlainValidator(kept_quantities("N m", "N")), WithJsonSchema(ONE_OR_MORE)]
-AnySpeed = Annotated[Any, PlainValidator(kept_quantities("rad/s", "m/s")), WithJsonSchema(ONE_OR_MORE)]
 AnyCurrent = Annotated[Any, PlainValidator(kept_quantities("A")), WithJsonSchema(ONE_OR_MORE)]
 AnyPower = Annotated[Any, PlainValidator(kept_quantities("W")), WithJsonSchema(ONE_OR_MORE)]
 AnyConstant = Annotated[Any, PlainValidator(kept_quantities("N m/A", "N/A")), WithJsonSchema(ONE_OR_MORE)]
@@ -304,7 +290,7 @@ class Drives(Table):
 
     torque: TorqueLimits = TorqueLimits()
     """Limits of the torque."""
-    speed: Annotated[AnySpeed | None, Unit("rad/s or m/s")] = None
+    speed: Annotated[AnyRate | None, Unit("rad/s or m/s")] = None
     """Largest speed of the joint, rad/s (m/s)."""
     power: Annotated[AnyPower | None, Unit("W")] = None
     """Largest power at the joint, W."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from flexlin.bounds import DEEPEST, SHALLOW, hint_at, printable
+from flexlin.bounds import DEEPEST, MOST_NAMED, SHALLOW, hint_at, printable
 from flexlin.errors import ArgumentError, Problem
 from flexlin.scene.effects import known_effects
 from flexlin.scene.toml import parse_toml
@@ -105,8 +105,6 @@ def _names(node: Any) -> list[str]:
 
 
 OFF = "off"
-MOST = 4
-"""Keys that a message names."""
 
 
 def _too_deep(steps: int) -> tuple[str, str]:
@@ -161,7 +159,7 @@ def _list_keys(raw: dict[str, Any], last: str) -> str:
             whole = f"{path}.{step}" if path else str(step)
             found += [whole] if step == last else []
             level += [(whole, child)] if isinstance(child, (dict, list)) else []
-    return f"a key of the scene, such as {' or '.join(found[:MOST])}" if found else "a key of the scene"
+    return f"a key of the scene, such as {' or '.join(found[:MOST_NAMED])}" if found else "a key of the scene"
 
 
 def _place(tree: Any, path: list[str], value: Any) -> tuple[str, str] | None:

@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from flexlin.bounds import hint_at, printable
+from flexlin.bounds import LONGEST_NUMBER, LONGEST_SHOWN, hint_at, printable
 from flexlin.errors import Problem
 from flexlin.scene.base import Table
 from flexlin.scene.effects import Effects, effects_table
@@ -15,8 +15,6 @@ from flexlin.scene.units import NAMES, read_quantity
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 NUMBERS = re.compile(rf"\s*[\[(]?\s*({NUMBER}(?:[\s,;]+{NUMBER})*)\s*[,;]?\s*[\])]?\s*")
-LONGEST_GUESSED = 200
-"""Characters of a text that is looked at."""
 
 
 def suggest(kind: str, value: Any, unit: str | None) -> str:
@@ -26,7 +24,7 @@ def suggest(kind: str, value: Any, unit: str | None) -> str:
     """
     if kind == "tuple_type":
         return ", each under a heading in two brackets, [[ ]]" if isinstance(value, dict) else suggest_list(value)
-    if kind in ("float_type", "int_type") and isinstance(value, str) and len(value) <= LONGEST_GUESSED:
+    if kind in ("float_type", "int_type") and isinstance(value, str) and len(value) <= LONGEST_NUMBER:
         return suggest_number(value, unit)
     if kind in ("float_type", "int_type") and isinstance(value, list | tuple) and len(value) == 1:
         return f"; did you mean {value[0]!r}?" if isinstance(value[0], int | float) else ""
@@ -37,7 +35,7 @@ def suggest_list(value: Any) -> str:
     """A list of the numbers in a text or of a single number: 5,2 may mean [5, 2]."""
     if isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value):
         return f"; did you mean [{value}]?"
-    found = NUMBERS.fullmatch(value) if isinstance(value, str) and len(value) <= LONGEST_GUESSED else None
+    found = NUMBERS.fullmatch(value) if isinstance(value, str) and len(value) <= LONGEST_NUMBER else None
     if found is None:
         return ""
     numbers = re.findall(NUMBER, found.group(1))
@@ -75,8 +73,6 @@ WORDS = {
 }
 MOST = 200
 """Mistakes of one scene that are described: each may ask for a search among all known keys."""
-LONGEST = 60
-"""Characters of a value that are repeated in a message."""
 
 
 def schema_problems(schema: type[BaseModel], error: ValidationError) -> list[Problem]:
@@ -134,12 +130,12 @@ def _problem(schema: type[BaseModel], entry: Any) -> Problem:
         )
     if kind == "union_tag_invalid":
         expected = context["expected_tags"]
-        hint = hint_at(str(context["tag"])[:LONGEST], re.findall(r"'([^']*)'", expected))
-        return Problem(f"{key}.kind", repr(context["tag"])[:LONGEST], f"one of {expected}{hint}")
-    got = repr(entry["input"])[:LONGEST]
+        hint = hint_at(str(context["tag"])[:LONGEST_SHOWN], re.findall(r"'([^']*)'", expected))
+        return Problem(f"{key}.kind", repr(context["tag"])[:LONGEST_SHOWN], f"one of {expected}{hint}")
+    got = repr(entry["input"])[:LONGEST_SHOWN]
     hint = suggest(kind, entry["input"], _unit_of(schema, entry["loc"]))
     if kind == "literal_error":
-        hint = hint_at(str(entry["input"])[:LONGEST], re.findall(r"'([^']*)'", context["expected"]))
+        hint = hint_at(str(entry["input"])[:LONGEST_SHOWN], re.findall(r"'([^']*)'", context["expected"]))
     return Problem(key, got, _expected(kind, context, entry["msg"]) + hint)
 
 

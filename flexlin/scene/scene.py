@@ -288,7 +288,7 @@ class Scene(Shown, Table):
         return View(self.title, "", self._facts(), "", "", ())
 
     def _drawn(self) -> View:
-        view: View = import_module("flexlin.motion.shown").view_motion(self)  # it stands above this room
+        view: View = import_module("flexlin.motion").view_motion(self)  # it stands above this room
         return view
 
     def _facts(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import flexlin as fl
 from flexlin.mechanics.axes import COLUMNS
-from flexlin.mechanics.deflection import PLACES
+from flexlin.mechanics.links import PLACES
 from flexlin.report.figures.arm import trace_arm
 from flexlin.scene import parse_scene
 

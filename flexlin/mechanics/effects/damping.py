@@ -19,8 +19,7 @@ from flexlin.mechanics.effects.base import SMALL, Chain, Effect, Scale, per_join
 from flexlin.scene.base import NonNegative, PerLink, Unit
 
 if TYPE_CHECKING:
-    from flexlin.mechanics.deflection import Deflection
-    from flexlin.mechanics.links import BentLink
+    from flexlin.mechanics.links import BentLink, Deflection
 
 
 class ModalDamping(Effect):

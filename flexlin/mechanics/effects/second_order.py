@@ -27,8 +27,8 @@ from typing import TYPE_CHECKING, Optional
 import casadi as ca
 
 from flexlin.mechanics.body import Moments, column, tensor
-from flexlin.mechanics.deflection import product
 from flexlin.mechanics.effects.base import Effect, Scale
+from flexlin.mechanics.links import product
 
 if TYPE_CHECKING:
     from flexlin.mechanics.links import BentLink

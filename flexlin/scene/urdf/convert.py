@@ -26,17 +26,12 @@ class Mass:
     first: Array = field(default_factory=lambda: np.zeros(3))
     second: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
-    def add(self, link: UrdfLink, rotation: Array, place: Array) -> None:
-        """Add a link whose frame lies at `place`, turned by `rotation`."""
-        turn = rotation @ rotation_of(link.rpy)
-        c = place + rotation @ np.array(link.centre)
-        own = np.zeros((3, 3))
-        for key, (i, j) in ENTRIES.items():
-            own[i, j] = own[j, i] = link.inertia.get(key, 0.0)
-        check_inertia(link, own)
-        self.mass += link.mass
-        self.first = self.first + link.mass * c
-        self.second = self.second + turn @ own @ turn.T + link.mass * (c @ c * np.eye(3) - np.outer(c, c))
+    def add(self, mass: float, inertia: Array, rotation: Array, centre: Array) -> None:
+        """Add a body with its centre, and its inertia about it in axes turned by `rotation`."""
+        shifted = centre @ centre * np.eye(3) - np.outer(centre, centre)
+        self.mass += mass
+        self.first = self.first + mass * centre
+        self.second = self.second + rotation @ inertia @ rotation.T + mass * shifted
 
     def table(self) -> dict[str, Any]:
         """The body as a table of a scene's link."""
@@ -46,6 +41,15 @@ class Mass:
         inertia = {key: tidy(J[place], size) for key, place in ENTRIES.items()}
         inertia |= {key: max(inertia[key], 0.0) for key in ("xx", "yy", "zz")}
         return {"mass": self.mass, "centre": as_numbers(c), "inertia": inertia}
+
+
+def add_link(mass: Mass, link: UrdfLink, rotation: Array, place: Array) -> None:
+    """Add a link whose frame lies at `place`, turned by `rotation`."""
+    own = np.zeros((3, 3))
+    for key, (i, j) in ENTRIES.items():
+        own[i, j] = own[j, i] = link.inertia.get(key, 0.0)
+    check_inertia(link, own)
+    mass.add(link.mass, own, rotation @ rotation_of(link.rpy), place + rotation @ np.array(link.centre))
 
 
 def check_inertia(link: UrdfLink, own: Array) -> None:
@@ -319,7 +323,7 @@ def add_rigid(robot: Robot, link: UrdfLink, mass: Mass | None, along: set[str], 
     while waiting:
         link, R, p = waiting.pop()
         if mass is not None:
-            mass.add(link, R, p)
+            add_link(mass, link, R, p)
         for joint in robot.joints.values():
             if joint.parent == link.name and joint.name not in along:
                 if joint.kind == "fixed":

@@ -9,12 +9,18 @@ from xml.etree.ElementTree import ParseError
 from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser
 
-from flexlin.bounds import DEEPEST, LARGEST_ROBOT, MOST_ELEMENTS, SMALLEST, hint_at, printable, read_number
+from flexlin.bounds import (
+    DEEPEST,
+    LARGEST_ROBOT,
+    LONGEST_SHOWN,
+    MOST_ELEMENTS,
+    SMALLEST,
+    hint_at,
+    printable,
+    read_number,
+)
 from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
-
-LONGEST = 60
-"""Characters of a value that are repeated in a message."""
 
 
 @dataclass
@@ -30,7 +36,9 @@ class Element:
 
     def refuse(self, got: str, expected: str) -> SceneError:
         """The error that this element is the cause of."""
-        return SceneError(self.source, [Problem(f"line {self.line}, <{printable(self.tag)[:LONGEST]}>", got, expected)])
+        return SceneError(
+            self.source, [Problem(f"line {self.line}, <{printable(self.tag)[:LONGEST_SHOWN]}>", got, expected)]
+        )
 
     def all(self, tag: str) -> list["Element"]:
         """The children of one kind."""
@@ -50,7 +58,7 @@ class Element:
             raise self.refuse(f"no {name}", f'{name}="..."')
         if "${" in value or "$(" in value:
             raise self.refuse(
-                f"{name}={printable(repr(value))[:LONGEST]}", "a name; a xacro file must be expanded first"
+                f"{name}={printable(repr(value))[:LONGEST_SHOWN]}", "a name; a xacro file must be expanded first"
             )
         return printable(value)[:200]
 
@@ -66,7 +74,7 @@ class Element:
         except ValueError:
             values = ()
         if len(values) != count:
-            got = f"{name}={printable(repr(self.attributes[name]))[:LONGEST]}"
+            got = f"{name}={printable(repr(self.attributes[name]))[:LONGEST_SHOWN]}"
             raise self.refuse(got, f"{count} finite number{'s' if count > 1 else ''}")
         return values
 
@@ -174,7 +182,7 @@ def check_spelling(element: Element) -> None:
     if element.words is not None:
         line, words = element.words
         raise element.refuse(
-            f"the text {printable(repr(words))[:LONGEST]} on line {line}", "elements and comments only"
+            f"the text {printable(repr(words))[:LONGEST_SHOWN]} on line {line}", "elements and comments only"
         )
     expected = CHILDREN.get(element.tag, ())
     for child in element.children:
@@ -183,10 +191,10 @@ def check_spelling(element: Element) -> None:
         if child.tag in expected:
             check_spelling(child)
         else:
-            check_word(child, f"<{printable(child.tag)[:LONGEST]}>", child.tag, expected, element.tag)
+            check_word(child, f"<{printable(child.tag)[:LONGEST_SHOWN]}>", child.tag, expected, element.tag)
     for name in element.attributes:
         if name not in ATTRIBUTES[element.tag]:
-            check_word(element, f"{printable(name)[:LONGEST]}=", name, ATTRIBUTES[element.tag], element.tag)
+            check_word(element, f"{printable(name)[:LONGEST_SHOWN]}=", name, ATTRIBUTES[element.tag], element.tag)
 
 
 def check_word(element: Element, got: str, word: str, known: Iterable[str], inside: str) -> None:
