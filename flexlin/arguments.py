@@ -19,12 +19,12 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 SYSTEM, MAKER = "PeriodicSystem", "periodic_system"
 ANY_SYSTEM = f"a {SYSTEM}, or what has one"
+"""Where a system is meant, a linearization serves that makes one."""
 HINTS = {
     "a Scene": "load one: fl.load_scene(name or path)",
     ANY_SYSTEM: f"make one of A(t) and its period: fl.{SYSTEM}(A, period)",
 }
-"""What to do where a value of another kind was given."""
-"""Where a system is meant, a linearization serves that makes one."""
+"""What to do where a scene or a system is missing, which most often means that its name, or A(t) itself, was given."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,6 @@ def checked(function: Function) -> Function:
     Raises: ArgumentError naming the argument.
     """
     signature = inspect.signature(function)
-    plain = not any(one.kind in SEVERAL for one in signature.parameters.values())
-    order = [name for name, one in signature.parameters.items() if one.kind is not inspect.Parameter.KEYWORD_ONLY]
 
     @cache
     def kinds() -> dict[str, Kind]:
@@ -66,28 +64,21 @@ def checked(function: Function) -> Function:
 
     @wraps(function)
     def begin(*given: Any, **named: Any) -> Any:
-        if plain and len(given) <= len(
-            order
-        ):  # an argument given twice, or one unknown, is named by Python when it calls
-            bound = dict(zip(order, given, strict=False)) | named
-        else:
-            try:
-                bound = signature.bind(*given, **named).arguments
-            except TypeError:  # too many or unknown arguments: Python says it best
-                return function(*given, **named)
+        try:
+            bound = signature.bind_partial(*given, **named).arguments
+        except TypeError:  # too many or unknown arguments: Python says it best
+            return function(*given, **named)
         for name, kind in kinds().items():
             if name in bound and not kind.fits(bound[name]):
                 raise ArgumentError(
-                    f"{name} is of another kind", got=shown(bound[name]), expected=kind.words, todo=hint(kind)
+                    f"{name} is of another kind",
+                    got=shown(bound[name]),
+                    expected=kind.words,
+                    todo=HINTS.get(kind.words),
                 )
         return function(*given, **named)
 
     return begin  # type: ignore[return-value]
-
-
-def hint(kind: Kind) -> str | None:
-    """What to do where a scene or a system is missing, which most often means that its name, or A(t) itself, was given."""
-    return HINTS.get(kind.words)
 
 
 def shown(value: Any) -> str:
@@ -120,8 +111,8 @@ def kind_of(annotation: Any) -> Kind | None:
         return Kind(" or ".join(map(repr, inside)), lambda value: isinstance(value, str) and value in inside)
     parts = inside if origin in (Union, types.UnionType) else (annotation,)
     if any(is_of_numpy(one) for one in parts):
-        functions = origin in (Union, types.UnionType) and any(is_callable(one) for one in inside)
-        return either([NUMBERS, FUNCTION, *[NONE] * (type(None) in inside)]) if functions else optional(NUMBERS, inside)
+        functions, none = any(is_callable(one) for one in parts), type(None) in parts
+        return either([NUMBERS, *[FUNCTION] * functions, *[NONE] * none])
     if origin in (Union, types.UnionType):
         kinds = [kind_of(one) for one in inside]
         return None if None in kinds else either([kind for kind in kinds if kind is not None])
@@ -132,11 +123,6 @@ def is_of_numpy(annotation: Any) -> bool:
     """Whether an annotation asks for an array, or for what NumPy makes one of."""
     module = getattr(get_origin(annotation) or annotation, "__module__", "")
     return module.startswith("numpy") and "dtype" not in repr(get_origin(annotation) or annotation)
-
-
-def optional(kind: Kind, inside: tuple[Any, ...]) -> Kind:
-    """The kind, or None where a union says so."""
-    return either([kind, NONE]) if type(None) in inside else kind
 
 
 def plain_kind(annotation: Any, origin: Any, inside: tuple[Any, ...]) -> Kind | None:

@@ -30,7 +30,6 @@ def close_loop(
     independent: Sequence[int],
     motors: Sequence[int],
     posture: ArrayLike,
-    order: int | None = None,
     start: ca.SX | None = None,
 ) -> Manipulator:
     """Return a manipulator whose loops are closed, in independent coordinates u.
@@ -42,8 +41,8 @@ def close_loop(
 
     Assumes V = D_v f regular along the motion and what the motors move among the independent coordinates; passive joints bear no input.
     Parameters: closure f (nv, 1) of arm.s; independent: indices of u in s; motors: joints (columns of arm.B) that stay
-    driven; posture: s near which the Taylor polynomial is made; it chooses the assembly; order: of the polynomial, by default as high
-    as 4 while it stays short; start: v(u) that nearly close the loops, from which Newton's steps go on instead.
+    driven; posture: s near which the Taylor polynomial is made; it chooses the assembly; start: v(u) that nearly close the loops, from
+    which Newton's steps go on instead.
     Raises: ModelError when numbers do not fit; ToleranceNotReached, SingularClosure when the posture cannot be closed.
     Source: de Jong et al. (2018), Eqs (14)-(25), corrected.
     """
@@ -59,7 +58,7 @@ def close_loop(
     u_dot, u_ddot = ca.SX.sym("u_dot", u.numel()), ca.SX.sym("u_ddot", u.numel())
     s = real_array("posture", posture, (n,))
     p = arm.parameters
-    near = approximate(closure, u, v, s[independent], s[dependent], p, order) if start is None else start
+    near = approximate(closure, u, v, s[independent], s[dependent], p) if start is None else start
     solution = refine(closure, u, v, near, p.symbols)
     K, K_dot = reduction(closure, u, v, u_dot, [*dependent, *independent])
     parts = {
@@ -120,9 +119,7 @@ def refine(f: ca.SX, u: ca.SX, v: ca.SX, near: ca.SX, p: ca.SX) -> ca.SX:
     return ca.if_else(gap(u, near, p) < CLOSED**2, near, np.nan)
 
 
-def approximate(
-    f: ca.SX, u: ca.SX, v: ca.SX, u0: np.ndarray, guess: np.ndarray, parameters: Parameters, order: int | None
-) -> ca.SX:
+def approximate(f: ca.SX, u: ca.SX, v: ca.SX, u0: np.ndarray, guess: np.ndarray, parameters: Parameters) -> ca.SX:
     """Return v(u) as an expression: a Taylor polynomial, from which Newton's steps lead on.
 
     Equations of which a step is short are followed over several places on the way from the posture to u, so that u may lie far away.
@@ -134,7 +131,7 @@ def approximate(
     within, start = u[held], u0[held]
     numbers = ca.substitute(f, p, ca.DM(parameters.values))
     v0 = solve_implicit(numbers, within, v, start, guess)
-    order = choose_order(len(held), v.numel()) if order is None else order
+    order = choose_order(len(held), v.numel())
     taylor = implicit_taylor(numbers, within, v, start, v0, order).function()
     step = ca.Function("step", [within, v, p], [v - ca.solve(ca.jacobian(f, v), f)])
     places = min(max(MOST_INSTRUCTIONS // (FOLLOWING * step.n_instructions()), 1), MOST_PLACES)

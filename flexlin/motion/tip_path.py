@@ -10,7 +10,13 @@ from flexlin.checks import Array
 from flexlin.errors import MotionError, ToleranceNotReached
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.base import Angles, SampledMotion
-from flexlin.motion.tip_equations import TipEquations, make_pose_path, make_tip_equations, refuse_unreachable
+from flexlin.motion.tip_equations import (
+    TipEquations,
+    make_pose_path,
+    make_tip_equations,
+    refuse_unreachable,
+    solve_or_infinite,
+)
 from flexlin.periodic.circle import count_turns
 from flexlin.scene.motion import TipJoint, TipPath
 from flexlin.series.tracking import SHORTEST, find_singular, newton_from, track
@@ -138,10 +144,7 @@ def begin(equations: TipEquations, start: Array) -> Array | None:
 
     def step(share: float, z: Array) -> Array:
         F, slope, _ = (x.full() for x in equations.first(z, 0.0))
-        try:
-            return np.asarray(np.linalg.solve(slope, F[:, 0] - (1 - share) * away))
-        except np.linalg.LinAlgError:
-            return np.full(len(z), np.inf)
+        return solve_or_infinite(slope, F[:, 0] - (1 - share) * away)
 
     z, _ = track(step, start, 0.0, 1.0, 1e-6)
     z = newton_from(equations.newton_step, 0.0, z) if z is not None else None

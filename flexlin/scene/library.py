@@ -136,20 +136,22 @@ def place_motion_file(data: dict[str, Any], folders: Sequence[Path]) -> list[Pro
     motion = data.get("motion")
     if not isinstance(motion, dict) or not isinstance(motion.get("file"), str):
         return []
-    name = motion["file"]
-    try:
-        below = [path for folder in folders if (path := place_below(folder.resolve(), name)) is not None]
-        found = next((path for path in below if path.exists()), below[0] if below else None)
-    except (OSError, ValueError, RuntimeError):  # a null character, a loop of links
-        return [Problem("motion.file", printable(repr(name)), "the name of a CSV file")]
+    found = place_below(motion["file"], folders)
     if found is None:
         expected = "a file below the scene's folder, or below a folder that you name (--data DIR)"
-        return [Problem("motion.file", printable(repr(name)), expected)]
+        return [Problem("motion.file", printable(repr(motion["file"])), expected)]
     motion["file"] = str(found)
     return []
 
 
-def place_below(folder: Path, name: str) -> Path | None:
-    """The place of a file, links followed; None where it is not below the folder."""
-    path = (folder / name).resolve()
-    return path if folder in path.parents else None
+def place_below(name: str, folders: Sequence[Path]) -> Path | None:
+    """The place of a file below the first of the folders that has it, links followed, or below the first of them all.
+
+    None where the name leads out of all of them, or is none that a file can have.
+    """
+    try:
+        places = [(folder.resolve(), (folder / name).resolve()) for folder in folders]
+        below = [path for folder, path in places if folder in path.parents]
+        return next((path for path in below if path.exists()), below[0] if below else None)
+    except (OSError, ValueError, RuntimeError):  # a null character, a loop of links
+        return None

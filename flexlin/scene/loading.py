@@ -17,7 +17,7 @@ from flexlin.scene.library import builtin_scenes, place_motion_file, registered_
 from flexlin.scene.links import expand_sections
 from flexlin.scene.motion import AnyMotion
 from flexlin.scene.parameters import PARAMETERS, apply_overrides, get_value, whole_path
-from flexlin.scene.problems import schema_problems
+from flexlin.scene.problems import read_table, schema_problems
 from flexlin.scene.scene import Scene, uncertainty_problems
 from flexlin.scene.toml import explain_fault, parse_toml
 
@@ -190,11 +190,11 @@ def describe_unread(error: UnicodeDecodeError | OSError) -> str:
 
 def checked_table(schema: type[AnyTable], raw: Mapping[str, Any], source: str, key: str) -> AnyTable:
     """Check one raw table by its schema; raises SceneError with all problems, their keys below `key`."""
-    try:
-        return schema.model_validate(dict(raw))
-    except ValidationError as error:
-        problems = [Problem(f"{key}.{p.key}", p.got, p.expected) for p in schema_problems(schema, error)]
-        raise SceneError(source, problems) from None
+    problems: list[Problem] = []
+    table: AnyTable = read_table(schema, dict(raw), key, problems)
+    if problems:
+        raise SceneError(source, problems)
+    return table
 
 
 def _explains(known: Problem, other: Problem) -> bool:

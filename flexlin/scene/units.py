@@ -20,8 +20,7 @@ _WITH_PREFIXES = """
 """
 _PREFIXES = "k 1e3; m 1e-3; u 1e-6; µ 1e-6; μ 1e-6; n 1e-9"
 _ALONE = f"""
-    cm 1e-2 m; MPa 1e6 Pa; GPa 1e9 Pa; deg {math.pi / 180} rad; ° {math.pi / 180} rad;
-    rev {2 * math.pi} rad; rpm {2 * math.pi / 60} rad/s; min 60 s
+    cm 1e-2 m; MPa 1e6 Pa; GPa 1e9 Pa; deg {math.radians(1)} rad; ° 1 deg; rev {math.tau} rad; min 60 s; rpm 1 rev/min
 """
 UNITS: dict[str, tuple[float, Dimension]] = {}
 """Every unit that may be written, with its size in SI units."""

@@ -24,9 +24,6 @@ from flexlin.mechanics.body import Z
 from flexlin.mechanics.effects.base import PART, SMALL, Chain, Effect, Scale, per_joint, per_motor
 from flexlin.scene.base import AllPositive, Number, PerLink, Unit
 
-RATIO = 100.0
-"""A gear's ratio where an audit tries the effect."""
-
 
 class Motor(Effect):
     """A direct-current motor behind a gear, whose input is its voltage; one number for every joint or one a joint."""
@@ -79,7 +76,7 @@ class RotorSpin(Effect):
     @classmethod
     def tried_with(cls, scale: Scale) -> "RotorSpin":
         """Rotors as heavy, seen through their gears, as those that other effects are tried with."""
-        return cls(inertia=scale.of_inertias(PART / RATIO**2), gear_ratio=RATIO)
+        return cls(inertia=scale.of_inertias(PART * SMALL**2), gear_ratio=1 / SMALL)
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
         """T = sum N J (a.w) theta' over the joints that turn."""

@@ -110,8 +110,8 @@ class OpenChain:
             H(q), or H(q) times the body.
         """
         moved: Any = self.home if body is None else self.home @ body
-        for first, last in reversed(parallel_runs(self.screws)):
-            moved = turn(self.screws[first:last], q[first:last], moved)
+        for t, q_k in zip(self.screws[::-1], q[::-1], strict=True):
+            moved = exponential(t, q_k, moved)
         return moved
 
     def adjoint(self, q: ArrayLike) -> Array:
@@ -245,35 +245,3 @@ class OpenChain:
         for matrix, order in zip(matrices, orders, strict=True):
             product = product @ np.linalg.matrix_power(matrix, int(order))
         return product
-
-
-def parallel_runs(screws: Array) -> list[tuple[int, int]]:
-    """Return the runs [first, last) of neighbouring joints that are hinges with one direction of axis, or single joints."""
-    runs: list[tuple[int, int]] = []
-    for i, t in enumerate(screws):
-        before = screws[i - 1]
-        hinges = all(np.any(s[:3]) and abs(s[:3] @ s[3:]) < 1e-15 for s in (t, before))
-        if runs and hinges and np.array_equal(t[:3], before[:3]):
-            runs[-1] = (runs[-1][0], i + 1)
-        else:
-            runs.append((i, i + 1))
-    return runs
-
-
-def turn(screws: Array, q: Sequence[Any], body: Any) -> Any:
-    """Return the motion of a run of joints times a matrix; parallel hinges turn by the sums of their angles.
-
-    x -> c_1 + R(q_1)(c_2 - c_1) + ... + R(q_1 + ... + q_m)(x - c_m),   c_k on the axis of hinge k
-    """
-    if len(screws) == 1:
-        return exponential(screws[0], q[0], body)
-    rotation = np.concatenate([screws[0, :3], np.zeros(3)])
-    centres = np.zeros((len(screws), 4, 1))
-    centres[:, :3, 0] = np.cross(screws[:, :3], screws[:, 3:]) / (rotation @ rotation)
-    weight = body[3:4, :]
-    moved, angle = centres[0] @ weight, 0
-    for k, q_k in enumerate(q):
-        angle = angle + q_k
-        end = centres[k + 1] @ weight if k + 1 < len(q) else body
-        moved = moved + exponential(rotation, angle, end - centres[k] @ weight)
-    return moved

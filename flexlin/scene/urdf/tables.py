@@ -65,17 +65,11 @@ def pairs(tables: Any, key: str, problems: list[Problem]) -> list[tuple[str, Any
 
 def find_file(name: str, folders: Sequence[Path], problems: list[Problem]) -> Path | None:
     """The first file of that name below one of the folders."""
-    try:
-        below = [path for folder in folders if (path := place_below(folder.resolve(), name)) is not None]
-        found = next((path for path in below if path.is_file()), None)
-    except (OSError, ValueError, RuntimeError):
-        found = None
-    if found is None:
-        problems.append(
-            Problem(
-                "robot.urdf", printable(repr(name))[:80], "a URDF file below the scene's folder, or below --data DIR"
-            )
-        )
+    found = place_below(name, folders)
+    if found is None or not found.is_file():
+        expected = "a URDF file below the scene's folder, or below --data DIR"
+        problems.append(Problem("robot.urdf", printable(repr(name))[:80], expected))
+        return None
     return found
 
 
