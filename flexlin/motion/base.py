@@ -16,8 +16,8 @@ from flexlin.summary import represent
 Angles = tuple[Array, Array, Array]
 MOST_HARMONICS, MOST_TURNS = 60, 15.0
 """Harmonics of the angles, and turns of all joints in a period at their fastest, that leave nothing narrower than T/200."""
-PROBES = 512
-"""Times of a period at which the fastest turning is looked for."""
+NODES = 512
+"""Times of a period at which a motion is looked at, or kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class Motion:
         """
         if self.harmonics is None or self.harmonics > MOST_HARMONICS:
             return False
-        rates = np.abs(self.sample(self.period * np.arange(PROBES) / PROBES)[1]).max(axis=0, initial=0.0)
+        rates = np.abs(self.sample(self.period * np.arange(NODES) / NODES)[1]).max(axis=0, initial=0.0)
         return bool(rates.sum() * self.period <= 2 * np.pi * MOST_TURNS)
 
 

@@ -78,21 +78,12 @@ def resolution(t: Array) -> tuple[int, tuple[tuple[float, float], ...]]:
 
 def _read(path: Path, joints: int) -> tuple[Array, Array]:
     """Times (N,) and angles (N, joints) of a CSV file with or without a line of names."""
-    name = printable(path)
-    try:
-        text = read_text(path, LARGEST_TABLE)
-    except (OSError, ValueError) as error:
-        raise MotionError(
-            f"motion.file: the table {name} cannot be read",
-            got="no text in UTF-8" if isinstance(error, UnicodeError) else printable(error),
-            expected="a CSV file of t, q1, q2 ...",
-        ) from None
+    name, text = printable(path), read_commas(path)
     if text.count("\n") > MOST_ROWS:
         got, expected = f"{text.count(chr(10))} rows", f"at most {MOST_ROWS}"
         raise MotionError(
             f"motion.file: the table {name} is too long", got=got, expected=expected, todo="take fewer samples"
         )
-    need_commas(text, name)
     rows = []
     for number, line in enumerate((line for line in text.splitlines() if line.strip()), start=1):
         cells = line.split(",")
@@ -119,12 +110,22 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
     return data[:, 0], data[:, 1:]
 
 
-def need_commas(text: str, name: str) -> None:
-    """Refuse a table whose cells are separated otherwise."""
+def read_commas(path: Path) -> str:
+    """The text of a table whose cells are separated by commas. Raises: MotionError where it is none."""
+    name = printable(path)
+    try:
+        text = read_text(path, LARGEST_TABLE)
+    except (OSError, ValueError) as error:
+        raise MotionError(
+            f"motion.file: the table {name} cannot be read",
+            got="no text in UTF-8" if isinstance(error, UnicodeError) else printable(error),
+            expected="a CSV file",
+        ) from None
     first = text.partition("\n")[0]
     if "," not in first and (";" in first or "\t" in first):
         got = "semicolons" if ";" in first else "tabs"
         raise MotionError(f"motion.file: {name} does not separate its columns by commas", got=got, expected="a,b,c")
+    return text
 
 
 def is_number(cell: str) -> bool:
@@ -271,13 +272,10 @@ def read_columns(path: Path, table: LogMotion, joints: int) -> tuple[Array, Arra
     name = printable(path)
     if len(table.columns) != joints:
         raise MotionError("motion.columns: one name a joint", got=len(table.columns), expected=str(joints))
+    text = read_commas(path)
     try:
-        text = read_text(path, LARGEST_TABLE)
-        need_commas(text, name)
         data = np.genfromtxt(io.StringIO(text), delimiter=",", names=True, deletechars="")
-    except MotionError:
-        raise
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise MotionError(f"motion.file: the log {name} cannot be read", got=printable(error)[:120]) from None
     missing = [column for column in (table.time, *table.columns) if column not in (data.dtype.names or ())]
     if missing:

@@ -9,7 +9,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import MotionError, ToleranceNotReached
 from flexlin.mechanics.manipulator import Manipulator
-from flexlin.motion.base import Angles, SampledMotion
+from flexlin.motion.base import NODES, Angles, SampledMotion
 from flexlin.motion.tip_equations import (
     TipEquations,
     make_pose_path,
@@ -21,8 +21,6 @@ from flexlin.periodic.circle import count_turns
 from flexlin.scene.motion import TipJoint, TipPath
 from flexlin.series.tracking import SHORTEST, find_singular, newton_from, track
 
-NODES = 512
-"""Phases of a period at which the solution is kept; between them it is found again from their cubic."""
 SINGULAR = 1e-6
 """A place is singular below this reciprocal condition number."""
 SOLVED = 1e-11
@@ -37,7 +35,8 @@ SAME = 1e-7
 class TipAngles:
     """q, q', q'' at any time: the solution from the cubic between two nodes, refined; its rates are exact derivatives.
 
-    nodes: phases (N + 1,); z, rate: solutions there and their slopes by the phase, (N + 1, k).
+    nodes: phases (N + 1,), between which the solution is found again from its cubic; z, rate: solutions there and their slopes by the
+    phase, (N + 1, k).
     """
 
     equations: TipEquations

@@ -156,3 +156,32 @@ def test_a_chart_over_what_no_arm_has_is_refused_by_its_key(over, key, tmp_path,
     message = capsys.readouterr().err
     assert f"{key}: got " in message
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("number", ["0x" + "f" * 300, "0x" + "f" * 5000, "-" + "7" * 40, "1_0" * 400])
+def test_a_number_without_end_in_a_file_is_a_mistake_of_the_file(number, tmp_path):
+    (tmp_path / "scene.toml").write_text(re.sub("(?m)^length = .*", f"length = {number}", TEXT), encoding="utf-8")
+    with pytest.raises(SceneError, match=r"64 bits|400 characters"):
+        fl.load_scene(tmp_path / "scene.toml")
+
+
+@pytest.mark.parametrize("number", [10**400, -(10**5000), 2**63], ids=["large", "endless", "65 bits"])
+def test_so_it_is_in_python(number):
+    with pytest.raises(SceneError, match=r"links\.0\.length: got a whole number beyond 64 bits"):
+        fl.load_scene("single-link", {"links.0.length": number})
+    with pytest.raises(SceneError, match=r"control\.feedback\.kp\.0"):
+        fl.load_scene("single-link", {"control.feedback.kp": [number]})
+
+
+def test_digits_in_texts_and_keys_are_no_numbers(tmp_path):
+    (tmp_path / "scene.toml").write_text(f"{TEXT}# {'9' * 5000}\n", encoding="utf-8")
+    assert fl.load_scene(tmp_path / "scene.toml", {"source": "1" * 500}).source == "1" * 500
+    with pytest.raises(SceneError, match="title"):
+        fl.load_scene("single-link", {"title": "x" * 900_000})
+
+
+def test_many_mistakes_are_counted_not_described():
+    with pytest.raises(SceneError) as found:
+        fl.load_scene("single-link", {f"wrong{k}": 1 for k in range(5000)})
+    assert len(found.value.problems) < 300
+    assert "4800 further mistakes" in found.value.problems[-1].got

@@ -159,3 +159,11 @@ def test_a_folder_whose_name_is_not_utf_8_takes_results(tmp_path):
     assert run.returncode == 0, run.stderr
     assert [path.name for path in tmp_path.iterdir()] == [os.path.basename(out)]
     assert (Path(out) / "c" / "linearization.h").read_text().startswith("/*")
+
+
+def test_places_that_cannot_be_written_are_named(tmp_path, capsys):
+    (tmp_path / "a").symlink_to(tmp_path / "b")
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    for place in (tmp_path / "a", tmp_path / "a" / "deeper", tmp_path / ("x" * 300)):
+        assert main(["linearize", "single-link", "--out", str(place)]) == 2
+        assert "cannot be the output folder" in capsys.readouterr().err

@@ -43,7 +43,7 @@ def with_change(path, value):
 @pytest.mark.parametrize("name", sorted(builtin_scenes()))
 def test_shipped_scenes_load(name):
     scene = fl.load_scene(name)
-    assert scene.title
+    assert scene.title == fl.scenes()[name]
     assert scene.source
 
 

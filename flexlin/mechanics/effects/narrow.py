@@ -16,7 +16,7 @@ SAMPLES = 8192
 """Times of a period among which turn-arounds are bracketed; two that are closer are found as a minimum of |q'| between them."""
 SATURATED = 20.0
 """Rates over the saturating one at which nothing is left: sech^2(20) is 2e-17."""
-WIDE = 1 / 20
+WIDE = 0.05
 """Of the period: what is wider is not narrow."""
 COVERED = 4.5
 """Where q' leaves zero as t^p, it passes the rate after p times the half-width there; p is at most 4 in the shipped motions."""

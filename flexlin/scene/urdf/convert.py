@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlin.errors import Problem, SceneError
-from flexlin.scene.urdf.robot import POINT, Robot, UrdfJoint, UrdfLink
+from flexlin.scene.urdf.robot import POINT, Robot, Rule, UrdfJoint, UrdfLink
 
 Array = NDArray[np.float64]
 ENTRIES = {
@@ -142,27 +142,14 @@ def choose(key: str, given: str | None, possible: list[str], robot: Robot) -> st
     return given
 
 
-@dataclass(frozen=True)
-class Rule:
-    """q = multiplier * q of the joint `leader` + offset."""
-
-    leader: str
-    multiplier: float = 1.0
-    offset: float = 0.0
-
-    def behind(self, other: "Rule") -> "Rule":
-        """The rule of a joint whose leader follows `other`'s."""
-        return Rule(other.leader, self.multiplier * other.multiplier, self.multiplier * other.offset + self.offset)
-
-
 def trace_rule(robot: Robot, joint: UrdfJoint) -> Rule:
     """The rule by which a joint follows one that follows no other. Raises: SceneError for joints that follow each other."""
     rule, seen = Rule(joint.name), {joint.name}
     while (mimic := robot.joints[rule.leader].mimic) is not None:
-        if mimic.joint in seen:
+        if mimic.leader in seen:
             raise joint.element.refuse("joints that mimic each other in a circle", "one that follows no other")
-        seen.add(mimic.joint)
-        rule = rule.behind(Rule(mimic.joint, mimic.multiplier, mimic.offset))
+        seen.add(mimic.leader)
+        rule = rule.behind(mimic)
     return rule
 
 

@@ -225,12 +225,16 @@ class UrdfLink:
 
 
 @dataclass(frozen=True)
-class UrdfMimic:
-    """q = multiplier * q of another joint + offset."""
+class Rule:
+    """q = multiplier * q of the joint `leader` + offset."""
 
-    joint: str
-    multiplier: float
-    offset: float
+    leader: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+    def behind(self, other: "Rule") -> "Rule":
+        """The rule of a joint whose leader follows `other`'s."""
+        return Rule(other.leader, self.multiplier * other.multiplier, self.multiplier * other.offset + self.offset)
 
 
 @dataclass(frozen=True)
@@ -248,7 +252,7 @@ class UrdfJoint:
     damping: float
     friction: float
     limits: dict[str, float]
-    mimic: UrdfMimic | None
+    mimic: Rule | None
 
 
 @dataclass(frozen=True)
@@ -342,9 +346,9 @@ def read_limits(limit: Element) -> dict[str, float]:
     return limits
 
 
-def read_mimic(mimic: Element) -> UrdfMimic:
+def read_mimic(mimic: Element) -> Rule:
     """The rule of a <mimic>."""
-    return UrdfMimic(mimic.text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0))
+    return Rule(mimic.text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0))
 
 
 def read_end(element: Element, tag: str) -> str:
@@ -367,8 +371,8 @@ def check_tree(links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> None
                 f"link {joint.child!r} behind a second joint", "a tree, each link behind one joint"
             )
         behind[joint.child] = joint
-        if joint.mimic is not None and (joint.mimic.joint not in joints or joint.mimic.joint == joint.name):
-            raise joint.element.refuse(f"mimic of {joint.mimic.joint!r}", "another joint of the file")
+        if joint.mimic is not None and (joint.mimic.leader not in joints or joint.mimic.leader == joint.name):
+            raise joint.element.refuse(f"mimic of {joint.mimic.leader!r}", "another joint of the file")
     for name in links:
         seen = {name}
         while name in behind:
