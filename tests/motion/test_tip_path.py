@@ -9,7 +9,9 @@ from scipy.optimize import brentq, minimize
 from scipy.spatial.transform import Rotation, Slerp
 
 import flexlin as fl
-from flexlin.errors import MotionError, SceneError
+from flexlin.errors import MotionError, SceneError, ToleranceNotReached
+from flexlin.mechanics import five_bar
+from flexlin.motion.closed_loop import through_loop
 
 BAR = {"mass_per_length": 1.0}
 T = 2.0
@@ -180,18 +182,23 @@ def test_a_delta_follows_a_circle_by_its_closed_form():
 
 
 def test_a_five_bar_follows_a_circle_as_its_taylor_map_does():
-    from flexlin.mechanics import five_bar
-
     joints = [{"posture": 2.2}, {"posture": 0.95}]
     motion, _, _ = lead("five-bar", circle((0.075, 0.39, 0.0), 0.04), joints)
     loop = five_bar(0.15, (0.2, 0.3), (0.2, 0.3))
     start = loop.close([2.2, -1.3, 0.95, 1.3, 0.075, 0.39], (4, 5))
-    t, w = np.linspace(0, T, 9), 2 * np.pi / T
-    cos, sin = 0.04 * np.cos(w * t), 0.04 * np.sin(w * t)
-    tip = np.stack([[cos, sin], [-w * sin, w * cos], [-w * w * cos, -w * w * sin]]).transpose(0, 2, 1)
-    tip[0] += start[4:]
-    for own, mapped in zip(motion.sample(t), loop.taylor(start, (4, 5), 4).rates(*tip), strict=True):
-        assert_allclose(own, mapped[:, [0, 2]], atol=1e-11)
+    taylor, t = loop.taylor(start, (4, 5), 4), np.linspace(0, T, 9)
+
+    def tip_circle(radius):
+        phases = ((0.075, np.pi / 2), (0.39, 0.0))
+        swings = [{"mean": mean, "amplitude": radius, "phase": phase} for mean, phase in phases]
+        return fl.build_motion({"kind": "harmonic", "frequency": 1 / T, "joints": swings})
+
+    for own, mapped in zip(motion.sample(t), through_loop(taylor, tip_circle(0.04), (0, 2)).sample(t), strict=True):
+        assert_allclose(own, mapped, atol=1e-11)
+    with pytest.raises(ToleranceNotReached, match="du = "):
+        through_loop(taylor, tip_circle(0.5), (0, 2))
+    with pytest.raises(MotionError, match="does not fit"):
+        through_loop(taylor, tip_circle(0.04), (0, 7))
 
 
 @pytest.mark.slow
