@@ -21,7 +21,7 @@ __getattr__ = load_lazily(
         "mechanics.manipulator": "Manipulator",
     },
     within={
-        "mechanics.beam": "clamped_free clamped_with_tip Ends finite_elements pinned_free pinned_with_hub Profile shape_integrals tapered",
+        "mechanics.beam": "clamped_free clamped_with_tip Ends finite_elements pinned_with_hub Profile shape_integrals tapered",
         "mechanics.link_shapes": "make_shapes sum_carried",
         "mechanics.closed_loop": "close_loop",
         "mechanics.coordinates": "Coordinate Parameters",

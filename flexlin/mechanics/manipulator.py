@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -445,7 +446,7 @@ class FlexibleManipulator(Manipulator):
         self.__init__(state["near"])  # type: ignore[misc]
 
 
-AT_LARGE = (
+AT_LARGE = [
     "residual",
     "M",
     "g",
@@ -459,7 +460,7 @@ AT_LARGE = (
     "loops",
     "C",
     "functions",
-)
+]
 """What differs at large deflections."""
 for _name in AT_LARGE:
     setattr(FlexibleManipulator, _name, property(attrgetter(f"near.at_large.{_name}")))
@@ -478,14 +479,9 @@ def name_functions(arm: Manipulator) -> NamedFunctions:
         "damping": (loaded, lambda: arm.damping),
         "residual": (accelerated, lambda: arm.residual),
     }
-    if arm.energy is not None:
-        table["energy"] = (moving, lambda: arm.energy)
-    if arm.points is not None:
-        table["points"] = (at, lambda: arm.points)
-    if arm.axes is not None:
-        table["axes"] = (at, lambda: arm.axes)
-    if arm.rotation is not None:
-        table["rotation"] = (at, lambda: arm.rotation)
+    for name, inputs in (("energy", moving), ("points", at), ("axes", at), ("rotation", at)):
+        if getattr(arm, name) is not None:
+            table[name] = (inputs, partial(getattr, arm, name))
     if arm.loops is not None:
         loops, following = arm.loops, {"s": arm.s, "v": arm.loops.v, "p": p}
         table["followers"] = (at, lambda: loops.followers)

@@ -15,7 +15,7 @@ from flexlin.lazy import lazy
 from flexlin.mechanics.body import rotation_about
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.smooth import make_step
-from flexlin.scene.motion import AnyPath, Circle, Polyline
+from flexlin.scene.motion import Circle, Polyline
 from flexlin.series.tracking import find_lowest
 
 
@@ -28,11 +28,6 @@ class PosePath(Expressions):
     rotation: ca.SX | None
     period: float
     breaks: tuple[float, ...] = ()
-
-
-def make_pose_path(table: AnyPath) -> PosePath:
-    """The path that a table describes."""
-    return make_circle(table) if isinstance(table, Circle) else make_polyline(table)
 
 
 def make_circle(table: Circle) -> PosePath:

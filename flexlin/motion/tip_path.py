@@ -12,13 +12,14 @@ from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.base import NODES, Angles, SampledMotion
 from flexlin.motion.tip_equations import (
     TipEquations,
-    make_pose_path,
+    make_circle,
+    make_polyline,
     make_tip_equations,
     refuse_unreachable,
     solve_or_infinite,
 )
 from flexlin.periodic.circle import count_turns
-from flexlin.scene.motion import TipJoint, TipPath
+from flexlin.scene.motion import Circle, TipJoint, TipPath
 from flexlin.series.tracking import SHORTEST, find_singular, newton_from, track
 
 SINGULAR = 1e-6
@@ -76,7 +77,7 @@ def make_tip_path(table: TipPath, arm: Manipulator, prescribed: tuple[bool, ...]
     Raises: MotionError, with the time, where the path is out of reach, passes a singular place or a joint's limit, or the joints do
     not come back.
     """
-    path = make_pose_path(table.path)
+    path = make_circle(table.path) if isinstance(table.path, Circle) else make_polyline(table.path)
     joints = table.joints or (TipJoint(),) * arm.joints
     posture = np.array([joint.posture for joint in joints])
     equations = make_tip_equations(arm, path, table.follow, posture)

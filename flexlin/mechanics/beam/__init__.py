@@ -2,7 +2,7 @@
 
 from flexlin.mechanics.beam.integrals import Profile, ShapeIntegrals, Shapes, shape_integrals
 from flexlin.mechanics.beam.ritz import Ends, Section, finite_elements, tapered, twisted
-from flexlin.mechanics.beam.uniform import clamped_free, clamped_with_tip, pinned_free, pinned_with_hub
+from flexlin.mechanics.beam.uniform import clamped_free, clamped_with_tip, pinned_with_hub
 
 __all__ = [
     "Ends",
@@ -13,7 +13,6 @@ __all__ = [
     "clamped_free",
     "clamped_with_tip",
     "finite_elements",
-    "pinned_free",
     "pinned_with_hub",
     "shape_integrals",
     "tapered",

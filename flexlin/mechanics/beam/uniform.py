@@ -141,13 +141,8 @@ def clamped_with_tip(n: int, mass: float = 0.0, inertia: float = 0.0, moment: fl
     return solve_modes(n, boundary)
 
 
-def pinned_free(n: int) -> UniformShapes:
-    """Return the n lowest elastic modes of a uniform beam pinned at its base: tan(beta) = tanh(beta)."""
-    return pinned_with_hub(n)
-
-
 def pinned_with_hub(n: int, hub_inertia: float = 0.0) -> UniformShapes:
-    """Return the n lowest elastic modes of a uniform beam on a hub that turns freely.
+    """Return the n lowest elastic modes of a uniform beam on a hub that turns freely; without inertia tan(beta) = tanh(beta).
 
         X(0) = 0,   X''(0) = -hub_inertia beta^4 X'(0),   X''(1) = X'''(1) = 0
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from flexlin.errors import ArgumentError
-from flexlin.mechanics import clamped_free, clamped_with_tip, pinned_free, pinned_with_hub
+from flexlin.mechanics import clamped_free, clamped_with_tip, pinned_with_hub
 
 ENDS = np.array([0.0, 1.0])
 KINDS = {
     "clamped-free": clamped_free,
     "clamped with tip": lambda n: clamped_with_tip(n, 1.0, 0.1, 0.2),
-    "pinned-free": pinned_free,
+    "pinned-free": pinned_with_hub,
     "pinned with hub": lambda n: pinned_with_hub(n, 0.3),
 }
 
@@ -19,7 +19,7 @@ KINDS = {
     ("shapes", "beta"),
     [
         (clamped_free(3), [1.87510407, 4.69409113, 7.85475744]),  # Blevins (1979), Table 8-1
-        (pinned_free(3), [3.9266023, 7.0685827, 10.2101761]),  # Blevins (1979), Table 8-1
+        (pinned_with_hub(3), [3.9266023, 7.0685827, 10.2101761]),  # Blevins (1979), Table 8-1
         (clamped_with_tip(3, 1.0), [1.24792, 4.03114, 7.13413]),  # Laura, Pombo, Susemihl (1974)
         (clamped_with_tip(3, 1.0, 0.1), [1.19567, 2.50506, 4.97510]),  # mpmath, 30 digits, of the frequency equation
     ],
