@@ -77,7 +77,7 @@ def column(*entries: Any) -> ca.SX:
     return ca.sparsify(ca.vertcat(NOTHING, *entries))
 
 
-NOTHING = ca.SX(0, 1)
+NOTHING = ca.SX()
 """Makes numbers that are put beside it expressions."""
 X, Y, Z = ca.horzsplit(ca.SX.eye(3))
 

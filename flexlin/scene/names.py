@@ -1,6 +1,5 @@
 """Plain names and units of a scene's numbers, for axes and sentences."""
 
-import re
 from itertools import pairwise
 
 from flexlin.scene.base import Table
@@ -18,9 +17,9 @@ def name_number(path: str) -> str:
     """A dotted path in plain words: motion.frequency -> motion frequency, links.0.length -> length of link 1."""
     steps = path.split(".")
     if steps[0] == "motion" and len(steps) == 2:
-        return f"motion {plain(steps[1])}"
+        return f"motion {steps[1].replace('_', ' ')}"
     place = "".join(f" of {'link' if table == 'links' else 'joint'} {int(index) + 1}" for table, index in placed(steps))
-    kept = [WORDS.get(step, plain(step)) for step in steps if step not in TABLES and not step.isdigit()]
+    kept = [WORDS.get(step, step.replace("_", " ")) for step in steps if step not in TABLES and not step.isdigit()]
     alone = steps[-1].isdigit() and not place
     return " ".join(kept or [path]) + place + (f" of joint {int(steps[-1]) + 1}" if alone else "")
 
@@ -28,11 +27,6 @@ def name_number(path: str) -> str:
 def placed(steps: list[str]) -> list[tuple[str, str]]:
     """The lists of a path with the places in them."""
     return [(table, index) for table, index in pairwise(steps) if table in ("links", "joints") and index.isdigit()]
-
-
-def plain(step: str) -> str:
-    """A key as words."""
-    return re.sub(r"_", " ", step)
 
 
 def name_unit(scene: Scene, path: str) -> str:
