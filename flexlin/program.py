@@ -89,7 +89,8 @@ class Program:
         results = np.flatnonzero(steps[:, 0] == OUTPUT)
         steps[results, 3] = [targets[k][1] for k in results]
         numbers = np.flatnonzero(steps[:, 0] == CONST)
-        steps[numbers, 2:] = to_words(np.array([function.instruction_constant(k) for k in numbers.tolist()]))
+        constants = np.array([function.instruction_constant(k) for k in numbers.tolist()], dtype=float)
+        steps[numbers, 2:] = constants.view(np.int32).reshape(-1, 2)  # the eight bytes of each
         rows = np.array([function.nnz_in(i) for i in range(function.n_in())], dtype=np.int64)
         sizes = np.array([function.nnz_out(i) for i in range(function.n_out())], dtype=np.int64)
         return cls(share_values(steps, function.sz_w()), rows, sizes)
@@ -228,11 +229,6 @@ def share_values(steps: Array, slots: int) -> Array:
     table = 2 ** (2 * count).bit_length()
     found, value = np.full(table, -1, dtype=np.int32), np.zeros(max(1, slots), dtype=np.int32)
     return shared[: NUMBER_VALUES(count, shared, table - 1, found, value)].copy()
-
-
-def to_words(numbers: Array) -> Array:
-    """The eight bytes of each number as two whole numbers, (N, 2)."""
-    return numbers.astype(float).view(np.int32).reshape(-1, 2)
 
 
 def name_of(operation: int) -> str:

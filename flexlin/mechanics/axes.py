@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
-from flexlin.mechanics.body import Frame, is_same
+from flexlin.mechanics.body import is_same
 from flexlin.mechanics.effects.base import Chain
-from flexlin.mechanics.links import PLACES, BentLink
+from flexlin.mechanics.links import PLACES
 from flexlin.scene.links import NO_LINK
 
 ALONG = ca.DM(PLACES).T
@@ -17,23 +17,16 @@ COLUMNS = len(PLACES) + 1
 def list_axes(chain: Chain) -> ca.SX:
     """World positions (3, COLUMNS links) of points on the links' axes, each link behind where the one that carries it ends.
 
-    Links that stand on the ground, or slide as a loop lets them, begin at their own joint.
+    What effects add at a link's tip is added in proportion to x. Links that stand on the ground, or slide as a loop lets them, begin at
+    their own joint.
     """
     curves = []
     for i, (link, tip) in enumerate(zip(chain.links, chain.tips, strict=True)):
         slides = link.table.passive and link.table.joint == "prismatic"
         before = chain.joints[i] if slides or chain.parents[i] == NO_LINK else chain.tips[chain.parents[i]]
-        curves += [before.position, trace_axis(link, tip)]
+        own = link.axis()
+        curves += [before.position, own + (tip.position - own[:, -1]) @ ALONG]
     return ca.densify(ca.horzcat(*curves))
-
-
-def trace_axis(link: BentLink, tip: Frame) -> ca.SX:
-    """The bent axis of a link, (3, places), in world axes.
-
-    The link's own, and in proportion to x what effects add at the tip.
-    """
-    own = link.axis()
-    return own + (tip.position - own[:, -1]) @ ALONG
 
 
 Place = tuple[int, bool]

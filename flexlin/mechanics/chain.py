@@ -16,7 +16,6 @@ from flexlin.mechanics.body import (
     Body,
     Frame,
     InertiaForm,
-    Moments,
     X,
     Y,
     Z,
@@ -38,7 +37,7 @@ from flexlin.mechanics.link_shapes import choose_basis, choose_rule
 from flexlin.mechanics.links import BentLink, LinkBasis, split_rotation, turned_sections
 from flexlin.mechanics.manipulator import FlexibleManipulator, Manipulator
 from flexlin.scene.library import registered_model
-from flexlin.scene.links import BASE, NO_LINK, Link, Loop, RigidPart, list_parents
+from flexlin.scene.links import BASE, NO_LINK, Link, Loop, list_parents
 from flexlin.scene.loading import checked_table
 from flexlin.scene.parameters import PARAMETERS
 from flexlin.scene.scene import Scene
@@ -268,7 +267,9 @@ def pass_joint(frame: Frame, link: Link, axis: ca.SX, q: ca.SX, q_rate: ca.SX, g
 def _list_bodies(link: BentLink, effects: tuple[Effect, ...]) -> list[Body]:
     """The link's mass as moments in its base frame, and its sections as bodies of their own where it bends far in space."""
     extra = [effect.link_moments(link) for effect in effects]
-    own = link.moments() if link.table.body is None else link.moments() + _read_body(link.table.body)
+    own, body = link.moments(), link.table.body
+    if body is not None:
+        own = own + rigid_moments(body.mass, tensor(**body.inertia.entries()), column(*body.centre))
     J, sections = _sum_sections(link, effects), list[Body]()
     if J is not None and isinstance(link, CurvedLink) and not link.in_plane:
         sections = link.sections(J)
@@ -283,11 +284,6 @@ def _sum_sections(link: BentLink, effects: tuple[Effect, ...]) -> tuple[Any, Any
     if link.table.polar_inertia is not None:
         J.append((link.table.polar_inertia * link.table.length, 0.0, 0.0))
     return (sum(j[0] for j in J), sum(j[1] for j in J), sum(j[2] for j in J)) if J else None
-
-
-def _read_body(part: RigidPart) -> Moments:
-    """The rigid body where a link begins."""
-    return rigid_moments(part.mass, tensor(**part.inertia.entries()), column(*part.centre))
 
 
 def _sum_energies(chain: Chain, effects: tuple[Effect, ...]) -> tuple[ca.SX, ca.SX, ca.SX]:

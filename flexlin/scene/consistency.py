@@ -230,11 +230,9 @@ def _links(raw: dict[str, Any]) -> Iterator[Problem]:
         )
     last = max((i for i, link in enumerate(links) if moves(link)), default=0)
     if links and not any(_has_mass(link, raw) for link in links[last:]):
-        yield Problem(
-            f"links.{len(links) - 1}.mass_per_length",
-            "0",
-            f"a positive number, or an effect that gives the last link inertia ({_bodies()})",
-        )
+        bodies = " or ".join(name for name, effect in known_effects().items() if effect.inertia_keys)
+        expected = f"a positive number, or an effect that gives the last link inertia ({bodies})"
+        yield Problem(f"links.{len(links) - 1}.mass_per_length", "0", expected)
     arm = RawArm(links, _motion_joints(raw, links))
     yield from link_contradictions(arm)
     yield from loop_contradictions(links, _tables(raw.get("loops")), model)
@@ -243,11 +241,6 @@ def _links(raw: dict[str, Any]) -> Iterator[Problem]:
 
 def _effects(raw: dict[str, Any]) -> dict[str, Any]:
     return raw["effects"] if isinstance(raw.get("effects"), dict) else {}
-
-
-def _bodies() -> str:
-    """The effects that can give a link inertia."""
-    return " or ".join(name for name, effect in known_effects().items() if effect.inertia_keys)
 
 
 def _motion_joints(raw: dict[str, Any], links: list[dict[str, Any]]) -> list[Any]:
@@ -273,11 +266,8 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
         return
     moving = sum(driven(link) for link in links)
     if len(joints) not in ({0, moving} if motion.get("kind") in ("table", "tip-path") else {moving}):
-        yield Problem(
-            "motion.joints",
-            counted(len(joints), "table"),
-            f"{moving}, one for each link's joint{_but_passive(links)}",
-        )
+        but = " that is not passive" if any(link.get("passive") is True for link in links) else ""
+        yield Problem("motion.joints", counted(len(joints), "table"), f"{moving}, one for each link's joint{but}")
         return
     default = motion.get("drive", "torque")
     powered = sum(joint.get("drive", default) == "torque" for joint in _tables(joints))
@@ -292,11 +282,6 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
             weights = design.get(key)
             if isinstance(weights, list) and len(weights) != wanted:
                 yield Problem(f"designs.{i}.{key}", counted(len(weights), "number"), f"{wanted}, one for each {what}")
-
-
-def _but_passive(links: list[dict[str, Any]]) -> str:
-    """Which joints need no motion, where there are any."""
-    return " that is not passive" if any(link.get("passive") is True for link in links) else ""
 
 
 def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:

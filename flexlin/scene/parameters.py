@@ -107,10 +107,6 @@ def _names(node: Any) -> list[str]:
 OFF = "off"
 
 
-def _too_deep(steps: int) -> tuple[str, str]:
-    return f"a key of {steps} steps", SHALLOW
-
-
 def parse_assignment(text: str) -> tuple[str, Any]:
     """Read `key=value`; the value is a TOML value, or else a bare string.
 
@@ -142,7 +138,7 @@ def apply_overrides(raw: dict[str, Any], overrides: Mapping[str, Any]) -> tuple[
     result, problems = copy.deepcopy(raw), []
     for key, value in overrides.items():
         path = whole_path(key, result, result.get(PARAMETERS)).split(".")
-        problem = _place(result, path, value) if len(path) <= DEEPEST else _too_deep(len(path))
+        problem = _place(result, path, value) if len(path) <= DEEPEST else (f"a key of {len(path)} steps", SHALLOW)
         if problem:
             problems.append(Problem(printable(key), *problem))
     return result, problems

@@ -116,13 +116,13 @@ class BearingCompliance(Effect):
         return cls(stiffness=scale.of_inertias(fast**2), inertia=scale.of_inertias(PART), damping=losses)
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
+        """J (E - a a^T) of what turns in the bearings."""
         turning = [i for i in chain.moving if chain.links[i].table.joint == "revolute"]
-        return tuple(rigid_body(chain.joints[i], 0.0, self._across(chain, i)) for i in turning)
-
-    def _across(self, chain: Chain, joint: int) -> ca.SX:
-        """J (E - a a^T), (3, 3)."""
-        inertia = per_joint(self.inertia, joint)
-        return ca.sparsify(ca.SX(inertia) * ca.SX.eye(3) - about(chain.axes[joint], inertia))
+        inertias = [per_joint(self.inertia, i) for i in turning]
+        across = [
+            ca.sparsify(J * ca.SX.eye(3) - about(chain.axes[i], J)) for i, J in zip(turning, inertias, strict=True)
+        ]
+        return tuple(rigid_body(chain.joints[i], 0.0, J) for i, J in zip(turning, across, strict=True))
 
     def potential_energy(self, chain: Chain) -> ca.SX:
         energies = [per_joint(self.stiffness, i) / 2 * ca.sumsqr(chain.bearings[i]) for i in chain.moving]

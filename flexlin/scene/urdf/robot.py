@@ -333,7 +333,9 @@ def read_joint(element: Element) -> UrdfJoint:
         raise dynamics.refuse(f"{min(damping, friction):g}", "damping and friction of 0 or more")
     xyz, rpy = read_origin(element.one("origin"))
     limits = {} if limit is None else read_limits(limit)
-    follows = None if mimic is None else read_mimic(mimic)
+    follows = None
+    if mimic is not None:
+        follows = Rule(mimic.text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0))
     return UrdfJoint(name, element, kind, parent, child, xyz, rpy, direction, damping, friction, limits, follows)
 
 
@@ -344,11 +346,6 @@ def read_limits(limit: Element) -> dict[str, float]:
     if limits.get("lower", 0.0) > limits.get("upper", 0.0):
         raise limit.refuse(f"lower {limits.get('lower', 0.0):g} above upper", "lower below upper")
     return limits
-
-
-def read_mimic(mimic: Element) -> Rule:
-    """The rule of a <mimic>."""
-    return Rule(mimic.text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0))
 
 
 def read_end(element: Element, tag: str) -> str:
