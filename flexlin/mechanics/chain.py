@@ -215,7 +215,7 @@ def _build_chain(
         base = frame.moved(column(radius, 0, 0), ca.SX(3, 1))
         link = BentLink.of(i, table, basis[i], base, at.modes[i], rate.modes[i], coupled)
         if rules and link.bending:
-            link = CurvedLink.bending_far(link, rules[i])
+            link = CurvedLink(**vars(link), rule=rules[i])
         joints.append(frame.turned(Z, *link.base_turn))
         links.append(link)
         moved = [(*effect.tip_displacement(link), *effect.tip_turn(link)) for effect in of_links]

@@ -110,11 +110,6 @@ class CurvedLink(BentLink):
 
     rule: CurveRule = field(kw_only=True)
 
-    @classmethod
-    def bending_far(cls, link: BentLink, rule: CurveRule) -> "CurvedLink":
-        """The same link at any deflection."""
-        return cls(**vars(link), rule=rule)
-
     @lazy
     def coordinates(self) -> tuple[ca.SX, ca.SX]:
         """The elastic coordinates of the link and their rates."""

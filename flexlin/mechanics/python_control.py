@@ -1,7 +1,7 @@
 """A manipulator as a system of python-control: x = [s; s'], s'' = M^-1 (B u - (C s' + g + d))."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -15,18 +15,7 @@ if TYPE_CHECKING:
     import control
 
 
-class Arm(Equations, Protocol):
-    """The parts of a manipulator from which its rates follow."""
-
-    @property
-    def s_ddot(self) -> ca.SX: ...
-    @property
-    def residual(self) -> ca.SX: ...
-    @property
-    def phase(self) -> ca.SX | None: ...
-
-
-def nonlinear_system(arm: Arm, name: str, period: float | None) -> "control.NonlinearIOSystem":
+def nonlinear_system(arm: Equations, name: str, period: float | None) -> "control.NonlinearIOSystem":
     """The arm with inputs named by what they drive, and states that are its outputs; `period`: in s, of a load that is periodic.
 
     Raises: ArgumentError where such a load has no period.

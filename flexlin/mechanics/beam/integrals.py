@@ -228,7 +228,9 @@ def couple_shapes(
     turn = [shapes.rotation(xi) for shapes in (y, z)]
     curvature = [shapes.rotation(xi, 1) for shapes in (y, z)]
     phi, slope = twist.rotation(xi), twist.rotation(xi, 1)
-    levers = [beyond - xi * before for before, beyond in zip(*_outer_moments(mu, edges, order), strict=True)]
+    plain, first = remaining(mu, edges, order)  # int_xi^1 mu s^k ds
+    second = remaining(Profile(lambda s: s * mu(s), mu.breaks), edges, order)[1]
+    levers = first - xi * plain, second - xi * first
 
     def twisted(i: int) -> Twisted:
         return Twisted(
@@ -251,10 +253,3 @@ def couple_shapes(
         y=twisted(0),
         z=twisted(1),
     )
-
-
-def _outer_moments(mu: Profile, edges: Array, order: int) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """int_xi^1 mu s^k ds for k = 0, 1, and for k = 1, 2."""
-    plain, first = remaining(mu, edges, order)
-    second = remaining(Profile(lambda s: s * mu(s), mu.breaks), edges, order)[1]
-    return (plain, first), (first, second)
