@@ -26,7 +26,7 @@ __getattr__ = load_lazily(
         "mechanics.closed_loop": "close_loop",
         "mechanics.coordinates": "Coordinate Parameters",
         "mechanics.effects": "Chain Scale",
-        "mechanics.effects.friction": "CoulombFriction",
+        "mechanics.effects.coulomb_friction": "CoulombFriction",
         "mechanics.body": "directions_across unit",
         "mechanics.closure": "five_bar four_bar rssr",
     },

@@ -31,7 +31,7 @@ from flexlin.mechanics.coordinates import Parameters, Symbols, given_to_model, l
 from flexlin.mechanics.curve import CurvedLink, CurveRule
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.base import Chain
-from flexlin.mechanics.effects.second_order import BendingTorsionCoupling
+from flexlin.mechanics.effects.bending_torsion_coupling import BendingTorsionCoupling
 from flexlin.mechanics.lagrange import derive_inertia
 from flexlin.mechanics.link_shapes import choose_basis, choose_rule
 from flexlin.mechanics.links import BentLink, LinkBasis, split_rotation, turned_sections

@@ -1,7 +1,7 @@
 """The effects' tables: an effect is on when its table is present, off when it is not.
 
-Which effects there are is not said here. Each is a class in `flexlin.mechanics.effects`, which registers them when it is imported;
-the scene asks this registry, and has the package imported when it first needs to know.
+Which effects there are is not said here. Each is one file of `flexlin.mechanics.effects`, which registers itself when that package is
+imported; the scene asks this registry, and has the package imported when it first needs to know.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,37 +1,31 @@
-"""The effects that are shipped, by the tables of a scene that switch them on. Importing this package registers them."""
+"""One file an effect; a scene's table switches it on. Importing this package registers the shipped effects."""
+
+from importlib import import_module
 
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.effects.base import Chain, Effect, Scale
-from flexlin.mechanics.effects.bodies import Hub, Payload
-from flexlin.mechanics.effects.damping import KelvinVoigtDamping, ModalDamping, RayleighDamping
-from flexlin.mechanics.effects.friction import CoulombFriction, ViscousFriction
-from flexlin.mechanics.effects.joints import BearingCompliance, JointFlexibility
-from flexlin.mechanics.effects.loads import Gravity, TipForce
-from flexlin.mechanics.effects.motors import Motor, RotorSpin
-from flexlin.mechanics.effects.second_order import BendingTorsionCoupling, GeometricStiffening
-from flexlin.mechanics.effects.sections import RotaryInertia, Shear
 from flexlin.scene.effects import Effects, add_effect, known_effects
 
-SHIPPED: dict[str, type[Effect]] = {
-    "gravity": Gravity,
-    "payload": Payload,
-    "hub": Hub,
-    "geometric_stiffening": GeometricStiffening,
-    "bending_torsion_coupling": BendingTorsionCoupling,
-    "rotary_inertia": RotaryInertia,
-    "shear": Shear,
-    "modal_damping": ModalDamping,
-    "rayleigh_damping": RayleighDamping,
-    "kelvin_voigt_damping": KelvinVoigtDamping,
-    "joint_flexibility": JointFlexibility,
-    "bearing_compliance": BearingCompliance,
-    "viscous_friction": ViscousFriction,
-    "coulomb_friction": CoulombFriction,
-    "motor": Motor,
-    "rotor_spin": RotorSpin,
-    "tip_force": TipForce,
-}
-"""Each effect by its table in a scene, in the order of reports."""
+SHIPPED = (
+    "gravity",
+    "payload",
+    "hub",
+    "geometric_stiffening",
+    "bending_torsion_coupling",
+    "rotary_inertia",
+    "shear",
+    "modal_damping",
+    "rayleigh_damping",
+    "kelvin_voigt_damping",
+    "joint_flexibility",
+    "bearing_compliance",
+    "viscous_friction",
+    "coulomb_friction",
+    "motor",
+    "rotor_spin",
+    "tip_force",
+)
+"""The file, and the scene's table, of each effect, in the order of reports; the class is the same name in capitals."""
 
 
 def effects_of(tables: Effects) -> tuple[Effect, ...]:
@@ -75,7 +69,7 @@ def register_effect(name: str, effect: type[Effect]) -> None:
     add_effect(name, effect)
 
 
-for _name, _effect in SHIPPED.items():
-    add_effect(_name, _effect)
+for _name in SHIPPED:
+    add_effect(_name, getattr(import_module(f"{__name__}.{_name}"), _name.title().replace("_", "")))
 
 __all__ = ["Chain", "Effect", "Effects", "Scale", "effects_of", "register_effect"]

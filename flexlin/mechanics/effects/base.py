@@ -1,23 +1,25 @@
-"""What an effect may add to joints and links, and to the chain of them; each method's default adds nothing."""
+"""What an effect may add to a chain and to its parts; each method's default adds nothing."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Optional
 
 import casadi as ca
 
-from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, RigidMass
+from flexlin.mechanics.body import Body, Frame, InertiaForm
 from flexlin.mechanics.effects.narrow import Features, Moving
-from flexlin.scene.effects import EffectTable
+from flexlin.mechanics.effects.parts import PartsEffect
 from flexlin.scene.links import Link
 
 if TYPE_CHECKING:
     from flexlin.mechanics.links import BentLink
 
 
+SLENDERNESS = 0.01
+"""Radius of gyration of a section, relative to the link's length."""
 PART = 0.1
 """A body that the scene leaves out, relative to the inertia that is there."""
-SMALL = 0.01
-"""Damping ratios, friction relative to the inertia forces of the motion, a section's radius of gyration relative to the link's length."""
+LOSS = 0.01
+"""Damping ratios, and friction relative to the inertia forces of the motion."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ class Chain:
     phase: ca.SX = field(default_factory=lambda: ca.SX.sym("phase"))
 
 
-class Effect(EffectTable):
+class Effect(PartsEffect):
     """One physical effect: its keys in the scene, and what it adds to the chain when its table is there.
 
     The first sentence of a class says in reports what the effect is; a key's unit stands beside its type. A key's value may be a
@@ -117,177 +119,6 @@ class Effect(EffectTable):
         -------
         Effect or None
             None where it has nothing to act on, or nothing is known of its size.
-        """
-        return None
-
-    def frees_motor(self, joint: int) -> bool:
-        """Return whether the effect gives a joint's motor a coordinate of its own.
-
-        Parameters
-        ----------
-        joint : int
-            Number of the joint, from 0.
-
-        Returns
-        -------
-        bool
-            By default what the class says of all.
-        """
-        return self.frees_motors
-
-    def frees_bearing(self, joint: int) -> bool:
-        """Return whether the effect lets a joint's bearing give across its direction, by two coordinates.
-
-        Parameters
-        ----------
-        joint : int
-            Number of the joint, from 0.
-
-        Returns
-        -------
-        bool
-            By default what the class says of all.
-        """
-        return self.frees_bearings
-
-    def joint_radius(self, joint: int) -> Any:
-        """Return the distance from a joint's axis to where its link begins.
-
-        Parameters
-        ----------
-        joint : int
-            Number of the joint, from 0.
-
-        Returns
-        -------
-        float or casadi.SX
-            The distance, in m.
-        """
-        return 0.0
-
-    def joint_body(self, joint: int) -> RigidMass | None:
-        """Return the rigid body that the effect puts on a joint.
-
-        Parameters
-        ----------
-        joint : int
-            Number of the joint, from 0.
-
-        Returns
-        -------
-        RigidMass or None
-            Mass in kg, inertia in kg m^2 and place in m.
-        """
-        return None
-
-    def tip_body(self, link: int, links: int) -> RigidMass | None:
-        """Return the rigid body that the effect puts on the tip of a link.
-
-        Parameters
-        ----------
-        link : int
-            Number of the link, from 0.
-        links : int
-            How many links there are.
-
-        Returns
-        -------
-        RigidMass or None
-            Mass in kg, inertia in kg m^2 and place in m.
-        """
-        return None
-
-    def section_shear(self, link: int) -> Any:
-        """Return the shear stiffness kappa G A of a link's sections.
-
-        Parameters
-        ----------
-        link : int
-            Number of the link, from 0.
-
-        Returns
-        -------
-        float, profile or None
-            The stiffness in N; None when the effect does not let the sections shear.
-        """
-        return None
-
-    def section_gyration(self, link: int) -> Any:
-        """Return the radius of gyration of a link's sections.
-
-        Parameters
-        ----------
-        link : int
-            Number of the link, from 0.
-
-        Returns
-        -------
-        float or profile
-            The radius, in m.
-        """
-        return 0.0
-
-    def section_inertia(self, link: "BentLink") -> tuple[Any, Any, Any] | None:
-        """Return the inertia of a link's sections about their principal axes x, y and z.
-
-        Parameters
-        ----------
-        link : BentLink
-            The link.
-
-        Returns
-        -------
-        tuple of float or casadi.SX, or None
-            Of the whole link, in kg m^2.
-        """
-        return None
-
-    def tip_displacement(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
-        """Return the displacement of a link's tip beside that of its modes.
-
-        Parameters
-        ----------
-        link : BentLink
-            The link with its elastic coordinates.
-
-        Returns
-        -------
-        displacement : casadi.SX, shape (3, 1)
-            In the link's axes, in m.
-        rate : casadi.SX, shape (3, 1)
-            Its rate, in m/s.
-        """
-        return ca.SX(3, 1), ca.SX(3, 1)
-
-    def tip_turn(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
-        """Return the rotation of a link's tip beside that of its modes.
-
-        Parameters
-        ----------
-        link : BentLink
-            The link with its elastic coordinates.
-
-        Returns
-        -------
-        rotation : casadi.SX, shape (3, 1)
-            Rotation vector in the link's axes, in rad.
-        rate : casadi.SX, shape (3, 1)
-            Its rate, in rad/s.
-        """
-        return ca.SX(3, 1), ca.SX(3, 1)
-
-    def link_moments(self, link: "BentLink") -> Moments | None:
-        """Return what is added to the moments of a link.
-
-        Parameters
-        ----------
-        link : BentLink
-            The link with its elastic coordinates.
-
-        Returns
-        -------
-        Moments or None
-            Mass, first and second moment with their rates.
         """
         return None
 
@@ -427,7 +258,7 @@ class Effect(EffectTable):
         return None
 
 
-def per_joint(value: Any, joint: int, *, single: str = "every") -> Any:
+def per_joint(value: Any, joint: int, *, single: str) -> Any:
     """Read a table's value for one joint: a tuple by index; a single number stands for the `"first"` joint or for `"every"` one."""
     if isinstance(value, tuple):
         return value[joint] if joint < len(value) else 0.0
@@ -444,5 +275,5 @@ def at_tip(value: Any, link: int, links: int) -> Any:
 def per_motor(value: Any, chain: Chain) -> ca.SX:
     """Read a table's value for each joint that moves, (joints, 1): zero for a passive joint, which has no motor."""
     links = chain.links
-    found = [0.0 if links[i].table.passive else per_joint(value, i) for i in chain.moving]
+    found = [0.0 if links[i].table.passive else per_joint(value, i, single="every") for i in chain.moving]
     return ca.vertcat(ca.SX(0, 1), *found)

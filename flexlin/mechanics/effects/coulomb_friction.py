@@ -1,13 +1,4 @@
-"""Friction of joints and motors.
-
-Viscous joint friction: a torque -c q' on each joint, or -c theta' on each motor, R = 1/2 sum c q'^2.
-
-With `exponent` n the torque is -c q' (q'^2 + eps^2)^((n - 1)/2), R = c / (n + 1) (q'^2 + eps^2)^((n + 1)/2): grease thins as it is sheared
-(n < 1), beside Coulomb friction Herschel and Bulkley's law. Below eps, `rate`, it is a damper.
-Source: Cousseau, Graca, Campos, Seabra, Tribology International 44 (2011) 1885 (grease); Taghirad, Belanger, Modeling and parameter
-identification of harmonic drive systems, J. Dynamic Systems, Measurement, and Control 120 (1998) 439.
-
-Coulomb joint friction: a torque -c tanh(q' / eps) on each joint; eps is the rate below which it counts as sticking.
+"""Coulomb joint friction: a torque -c tanh(q' / eps) on each joint; eps is the rate below which it counts as sticking.
 
 The linearization takes its slope c / eps (1 - tanh^2(q' / eps)) into D_L: near rest that is a stiff damper, in fast motion nothing. It says
 what a small disturbance feels while the joint slides; where the basic motion turns round the slope changes within |q'| of a few eps, and
@@ -24,47 +15,9 @@ from typing import Annotated, Any, Literal
 import casadi as ca
 from pydantic import model_validator
 
-from flexlin.mechanics.effects.base import SMALL, Chain, Effect, Scale, per_joint
+from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_joint
 from flexlin.mechanics.effects.narrow import Features, Moving, slow_passages
-from flexlin.scene.base import AllPositive, NonNegative, PerLink, Positive, Unit
-
-
-class ViscousFriction(Effect):
-    """A torque -c q' on each joint; one number for every joint or one a joint."""
-
-    smooth = True
-    lists = "each"
-    coefficient: Annotated[Positive | tuple[NonNegative, ...], Unit("N m s/rad")]
-    """Torque per rate of each joint; at 1 rad/s where an exponent is given."""
-    exponent: Annotated[AllPositive | None, Unit("")] = None
-    """Power of the rate to which the torque grows, such as 0.5 of grease in a harmonic drive; 1 where none is given."""
-    rate: Annotated[AllPositive, Unit("rad/s")] = 0.01
-    """Rate below which an exponent no longer counts."""
-    at: Literal["joint", "motor"] = "joint"
-    """Whether the bearing behind a flexible joint's spring rubs, or the motor before it with its gear."""
-
-    @classmethod
-    def tried_with(cls, scale: Scale) -> "ViscousFriction":
-        return cls(coefficient=scale.of_inertias(2 * SMALL * scale.motion))
-
-    def features(self, motion: Moving) -> Features:
-        """Where a joint turns round, an exponent's slope lasts while |q'| is a few eps."""
-        if self.exponent is None:
-            return ()
-        numbers = [[per_joint(one, i) for one in (self.exponent, self.rate)] for i in range(motion.joints)]
-        return tuple(
-            found for i, (power, rate) in enumerate(numbers) if power != 1 for found in slow_passages(motion, i, rate)
-        )
-
-    def dissipation(self, chain: Chain) -> ca.SX:
-        rates = chain.motor_rate if self.at == "motor" else chain.q_rate
-        coefficients, powers, slow = (
-            ca.vertcat(*[per_joint(value, i) for i in chain.moving])
-            for value in (self.coefficient, 1.0 if self.exponent is None else self.exponent, self.rate)
-        )
-        if self.exponent is None:
-            return ca.dot(coefficients, rates**2) / 2
-        return ca.dot(coefficients / (powers + 1), (rates**2 + slow**2) ** ((powers + 1) / 2))
+from flexlin.scene.base import AllPositive, PerLink, Unit
 
 
 class CoulombFriction(Effect):
@@ -95,30 +48,30 @@ class CoulombFriction(Effect):
             raise ValueError("no static friction at motors: only joints stick")
         if self.static is not None:
             count = max(len(one) if isinstance(one, tuple) else 1 for one in (self.torque, self.static))
-            pairs = [[per_joint(one, i) for one in (self.torque, self.static)] for i in range(count)]
+            pairs = [[per_joint(one, i, single="every") for one in (self.torque, self.static)] for i in range(count)]
             if any(static < sliding for sliding, static in pairs):
                 raise ValueError("static of at least torque for each joint, since rest holds more than sliding brakes")
         return self
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "CoulombFriction":
-        return cls(torque=scale.of_inertias(SMALL * scale.motion**2), rate=0.1 * scale.motion)
+        return cls(torque=scale.of_inertias(LOSS * scale.motion**2), rate=0.1 * scale.motion)
 
     def features(self, motion: Moving) -> Features:
         """Where a joint turns round: the slope c / eps lasts while |q'| is a few eps."""
         found: list[tuple[float, float]] = []
         for i in range(motion.joints):
             if self.sliding(i, 0.0) > 0:
-                found += slow_passages(motion, i, per_joint(self.rate, i))
+                found += slow_passages(motion, i, per_joint(self.rate, i, single="every"))
         return tuple(found)
 
     def sliding(self, joint: int, rate: Any) -> Any:
         """Friction of a joint that slides at a rate, without its sign."""
-        torque = per_joint(self.torque, joint)
+        torque = per_joint(self.torque, joint, single="every")
         if self.stribeck is None or self.static is None:
             return torque
-        falls = rate / per_joint(self.stribeck, joint)
-        return torque + (per_joint(self.static, joint) - torque) * ca.exp(-(falls**2))
+        falls = rate / per_joint(self.stribeck, joint, single="every")
+        return torque + (per_joint(self.static, joint, single="every") - torque) * ca.exp(-(falls**2))
 
     def joint_resistance(self, chain: Chain) -> ca.SX:
         return self._slide(chain, chain.q_rate) if self.at == "joint" else super().joint_resistance(chain)
@@ -127,6 +80,6 @@ class CoulombFriction(Effect):
         return self._slide(chain, chain.motor_rate) if self.at == "motor" else super().motor_resistance(chain)
 
     def _slide(self, chain: Chain, rates: ca.SX) -> ca.SX:
-        slopes = [per_joint(self.rate, i) for i in chain.moving]
+        slopes = [per_joint(self.rate, i, single="every") for i in chain.moving]
         level = [self.sliding(i, rates[k]) for k, i in enumerate(chain.moving)]
         return ca.vertcat(*level) * ca.tanh(rates / ca.vertcat(*slopes))

@@ -1,10 +1,4 @@
-"""Forces from outside: gravity, and loads at the tip.
-
-Gravity: V = -g int (direction . r) dm over links, payload and hubs.
-
-Source: Khang, Dat, Tuan (2019), Eq. (55), where it makes g(s).
-
-Tip force: a force and a torque at the tip of the last link: their power is P = v . F + w . T, and the generalized forces are dP/ds'.
+"""A force and a torque at the tip of the last link: their power is P = v . F + w . T, and the generalized forces are dP/ds'.
 
 Constant in the world's axes (a dead load), or in the tip's, with which they turn (a follower, such as a jet); or times a harmonic
 cos(2 pi k t/T + phase) of the basic motion. A column buckles under them only with `geometric_stiffening`: the shortening of the bent link
@@ -19,29 +13,10 @@ from typing import Annotated, Literal
 import casadi as ca
 from pydantic import Field, model_validator
 
-from flexlin.mechanics.body import column, unit
-from flexlin.mechanics.effects.base import Chain, Effect, Scale
+from flexlin.mechanics.body import column
+from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.scene.base import Number, Unit
-from flexlin.scene.links import Axis, Vector
-
-
-class Gravity(Effect):
-    """Gravity, along -y of the world unless another direction is given."""
-
-    smooth = True
-    acceleration: Annotated[Number, Unit("m/s^2")] = 9.81
-    """Acceleration of gravity."""
-    direction: Axis = (0.0, -1.0, 0.0)
-    """Where it points, in the world's frame."""
-
-    @classmethod
-    def tried_with(cls, scale: Scale) -> "Gravity":
-        return cls()
-
-    def potential_energy(self, chain: Chain) -> ca.SX:
-        """V = -g direction . sum_bodies int r dm."""
-        moments = [body.mass_moment() for body in chain.bodies] + [mass.mass_moment() for mass in chain.masses]
-        return self.acceleration * ca.dot(-unit(self.direction), sum(moments, ca.SX(3, 1)))
+from flexlin.scene.links import Vector
 
 
 class TipForce(Effect):

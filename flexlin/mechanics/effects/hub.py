@@ -1,0 +1,58 @@
+"""Hub: T = 1/2 m v^2 + 1/2 J1 (w . axis)^2 of a rigid body on each joint; its radius moves the link out, x -> x + r.
+
+Source: Khang, Dat, Tuan (2019), Eq. (68) (J1).
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+from flexlin.errors import Problem
+from flexlin.mechanics.body import Body, RigidMass, about, rigid_body
+from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, per_joint
+from flexlin.scene.base import PerLink, Unit
+from flexlin.scene.consistency import pinned
+from flexlin.scene.effects import RawArm, RawTable
+
+
+class Hub(Effect):
+    """A rigid body that turns with each link about its joint; a single number stands for the first joint only."""
+
+    smooth = True
+    lists = "first"
+    inertia_keys = ("mass", "inertia")
+    inertia: Annotated[PerLink, Unit("kg m^2")] = 0.0
+    """Inertia about the joint."""
+    mass: Annotated[PerLink, Unit("kg")] = 0.0
+    """Mass at the joint."""
+    radius: Annotated[PerLink, Unit("m")] = 0.0
+    """Distance from the joint at which the link begins."""
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> "Hub":
+        return cls(inertia=scale.of_inertias(PART))
+
+    @classmethod
+    def contradictions(cls, raw: RawTable, arm: RawArm) -> Iterator[Problem]:
+        """A hub that pinned shapes turn has no radius."""
+        radius = raw.get("radius", 0)
+        of = radius if isinstance(radius, list) else [radius]
+        for i, (own, link) in enumerate(zip(of, arm.links, strict=False)):
+            if own and pinned(link):
+                yield Problem(
+                    "effects.hub.radius", f"{own} on joint {i + 1}", "0 on a joint whose link has pinned shapes"
+                )
+
+    def joint_radius(self, joint: int) -> Any:
+        return per_joint(self.radius, joint, single="first")
+
+    def joint_body(self, joint: int) -> RigidMass:
+        mass, inertia = (per_joint(value, joint, single="first") for value in (self.mass, self.inertia))
+        return RigidMass(mass, inertia)
+
+    def bodies(self, chain: Chain) -> tuple[Body, ...]:
+        on = [self.joint_body(joint) for joint in range(len(chain.joints))]
+        return tuple(
+            rigid_body(frame, body.mass, about(axis, body.inertia))
+            for frame, axis, body in zip(chain.joints, chain.axes, on, strict=True)
+            if not body.is_nothing
+        )

@@ -1,0 +1,38 @@
+"""Kelvin-Voigt damping: the material resists the rate of bending, sigma = E (eps + eta eps'), so R = 1/2 eta EI int (w''_t)^2.
+
+Source: Banks, Inman (1991), On damping mechanisms in beams, Eq. (2.2).
+"""
+
+from typing import TYPE_CHECKING, Annotated, Optional
+
+import casadi as ca
+
+from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_joint
+from flexlin.scene.base import PerLink, Unit
+
+if TYPE_CHECKING:
+    from flexlin.mechanics.links import BentLink
+
+
+class KelvinVoigtDamping(Effect):
+    """The links' material resists the rate of bending; one retardation time for every link or one a link."""
+
+    smooth = True
+    lists = "each"
+    retardation_time: Annotated[PerLink, Unit("s")]
+    """Resistance to the rate of bending over the stiffness."""
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> Optional["KelvinVoigtDamping"]:
+        return None if scale.bending is None else cls(retardation_time=2 * LOSS / scale.bending)
+
+    def dissipation(self, chain: Chain) -> ca.SX:
+        return sum((self._of_link(link) for link in chain.links), ca.SX(0))
+
+    def _of_link(self, link: "BentLink") -> ca.SX:
+        eta = per_joint(self.retardation_time, link.index, single="every")
+        forms = [
+            part.rigidity * ca.bilin(ca.DM(part.integrals.bending), part.w_rate, part.w_rate)
+            for part in link.deflections
+        ]
+        return eta / 2 * sum(forms, ca.SX(0))

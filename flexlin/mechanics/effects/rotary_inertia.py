@@ -1,0 +1,36 @@
+"""Rotary inertia: the sections of a link turn, in the plane T = 1/2 int rho I (q' + psi')^2, psi = w'_x without shear.
+
+With the radius of gyration r about z, rho I_z = rho A r^2; a section's inertia about y is what its polar inertia leaves. Sections that
+turn out of the plane of rotation are pulled back into it: the propeller moment. Source: Rayleigh, Theory of Sound (1877), section 186.
+"""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from flexlin.mechanics.effects.base import SLENDERNESS, Effect, Scale, per_joint
+from flexlin.scene.base import PerLink, Unit
+
+if TYPE_CHECKING:
+    from flexlin.mechanics.links import BentLink
+
+
+class RotaryInertia(Effect):
+    """The inertia of the links' sections, by their radius of gyration sqrt(I/A); one number for every link or one a link."""
+
+    smooth = True
+    lists = "each"
+    radius_of_gyration: Annotated[PerLink, Unit("m")]
+    """Radius of gyration sqrt(I/A) of the sections."""
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> "RotaryInertia":
+        return cls(radius_of_gyration=tuple(SLENDERNESS * link.length for link in scale.links))
+
+    def section_gyration(self, link: int) -> Any:
+        return per_joint(self.radius_of_gyration, link, single="every")
+
+    def section_inertia(self, link: "BentLink") -> tuple[Any, Any, Any]:
+        """About z as given; about y what the polar inertia leaves, where the link has one."""
+        about_z = link.mass * per_joint(self.radius_of_gyration, link.index, single="every") ** 2
+        polar = link.table.polar_inertia
+        about_y = 0.0 if polar is None else polar * link.table.length - about_z
+        return 0.0, about_y, about_z
