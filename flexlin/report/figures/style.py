@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
-from flexlin.plots.panel import Mark, Panel
+from flexlin.plots.panel import Mark, Panel, draw
 from flexlin.plots.scales import Linear
-from flexlin.plots.svg import draw
 from flexlin.plots.view import COLOURS
 from flexlin.report.wording import time_label
 
