@@ -12,7 +12,8 @@ from flexlin.checks import Array
 from flexlin.control.slow_motions import slow_motions
 from flexlin.control.tracking import arm_positions
 from flexlin.errors import ArgumentError, FlexlinError
-from flexlin.report.figures.arm import STRAIGHT, SWING, trace_arm
+from flexlin.periodic.precision import ROOT
+from flexlin.report.figures.arm import SWING, trace_arm
 from flexlin.report.page import load_template
 from flexlin.scene.scene import Scene
 from flexlin.simulation.result import Simulation
@@ -41,7 +42,7 @@ def frames_of(lin: Linearization, t: Array, states: Array, magnify: float = 1.0)
 def fixed_points(points: Array) -> list[int]:
     """Which points never move: there the arm stands on the ground; the last one is the tip."""
     moved = np.ptp(points, axis=0).max(axis=0)
-    return [int(i) for i in np.flatnonzero(moved <= STRAIGHT * max(float(np.ptp(points)), 1e-300))]
+    return [int(i) for i in np.flatnonzero(moved <= ROOT * max(float(np.ptp(points)), 1e-300))]
 
 
 def list_grounds(points: Array) -> list[int]:
@@ -49,7 +50,7 @@ def list_grounds(points: Array) -> list[int]:
     turns."""
     fixed = fixed_points(points)
     grounds = [i for i in fixed if points.shape[1] == 2 or i - 1 not in fixed]
-    near = STRAIGHT * max(float(np.ptp(points)), 1e-300)
+    near = ROOT * max(float(np.ptp(points)), 1e-300)
     return [
         i for k, i in enumerate(grounds) if all(np.ptp(points[0][:, [i, j]], axis=1).max() > near for j in grounds[:k])
     ]
@@ -58,7 +59,7 @@ def list_grounds(points: Array) -> list[int]:
 def moving_links(links: list[list[Array]]) -> list[int]:
     """Which of the links [time][link] move: one that never does is ground, one without length is a carriage."""
     each = [np.stack(curves) for curves in zip(*links, strict=True)]
-    still = STRAIGHT * max((float(np.ptp(curves)) for curves in each), default=0.0)
+    still = ROOT * max((float(np.ptp(curves)) for curves in each), default=0.0)
     moved = [np.ptp(curves, axis=0).max() > still and np.ptp(curves, axis=2).max() > still for curves in each]
     return [i for i, found in enumerate(moved) if found]
 

@@ -11,16 +11,17 @@ import flexlin
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
-from flexlin.report.advice import advise, name_condition
-from flexlin.report.figures.coefficients import list_entries, name_entry
+from flexlin.report.advice import advise, drive_cells, name_condition
+from flexlin.report.figures.over_period import list_entries, name_entry
 from flexlin.report.figures.style import Picture
-from flexlin.report.margins import describe_endured, describe_margins, describe_nearest
 from flexlin.report.wording import (
     colour,
     describe_controller,
+    describe_endured,
+    describe_margins,
+    describe_nearest,
     describe_pace,
     doubt,
-    drive_cells,
     format_decimal,
     format_duration,
     format_largest_multiplier,

@@ -18,7 +18,7 @@ from flexlin.answers.judging import Loop
 from flexlin.answers.steady import find_response
 from flexlin.plots import SMALL, Linear, Logarithmic, Panel, Symlog, draw, measure_text
 from flexlin.report.figures.chart import follow_lines
-from flexlin.report.figures.coefficients import choose_shown, shift_and_scale
+from flexlin.report.figures.over_period import choose_shown, shift_and_scale
 from flexlin.report.figures.style import choose_colour
 
 SCENE = """

@@ -138,9 +138,8 @@ def effects(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
         from flexlin.answers.audit.comparison import audit
-        from flexlin.report.minimal import minimal_text
+        from flexlin.report.audit import audit_lines, minimal_text
         from flexlin.report.numbers import audit_block, to_json
-        from flexlin.report.terminal import audit_lines
 
         compare = partial(audit, work.scene, options.tolerance, work.progress, work.scene.accuracy.tol)
         result = clock.stage("audit of the effects", work.scene.accuracy, compare)

@@ -12,11 +12,10 @@ from flexlin.identification.maximum_likelihood import Identification
 from flexlin.identification.prediction import Prediction
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear
-from flexlin.report.advice import agreement, sentence
-from flexlin.report.figures.style import Picture, choose_colour, make_period_panel, make_picture, resize
+from flexlin.report.advice import agreement, describe_demand, sentence
+from flexlin.report.figures.style import POINTS, Picture, choose_colour, make_period_panel, make_picture, resize
 from flexlin.report.numbers import record_fields, record_numbers
 from flexlin.report.wording import (
-    describe_demand,
     format_decimal,
     format_duration,
     format_quantity,
@@ -127,10 +126,6 @@ def describe_noise(a: NoiseAnswer) -> str:
         return f"{a.words}: the first coordinate moves by up to {a.states[:, 0].max():.3g}, root mean square, by the linear equations."
     low, high = (format_quantity(float(v), "m") for v in (a.tip.min(), a.tip.max()))
     return f"{a.words}: the tip moves by {low} to {high} across the last link, root mean square over the period, by the linear equations."
-
-
-POINTS = 1500
-"""Points of a curve."""
 
 
 def draw_prediction(found: Prediction) -> Picture:

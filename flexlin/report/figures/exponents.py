@@ -10,14 +10,13 @@ from flexlin.periodic.precision import SLIGHT
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic, Symlog
 from flexlin.report.figures.style import (
-    HALF,
-    QUARTER,
     SHAPES,
     Picture,
     choose_colour,
     make_period_panel,
     make_picture,
     resize,
+    share_width,
 )
 from flexlin.report.wording import colour, format_largest_multiplier, format_modulus, in_unit, with_unit
 
@@ -29,11 +28,11 @@ FROZEN = (
 
 def draw_exponents(a: Analysis) -> Picture:
     """The complex plane on the left, frozen frequencies over the period on the right; these alone where there are no exponents."""
-    panels = resize([draw_frozen(a)], 190.0, (HALF,))
+    panels = resize([draw_frozen(a)], 190.0, (share_width(2),))
     if all(loop.floquet is None for loop in a.loops):
         caption = f"{FROZEN[0].upper()}{FROZEN[1:]}"
         return make_picture("exponents", "Frequencies", caption, panels)
-    panels = resize([draw_plane(a), *panels], 190.0, (HALF,))
+    panels = resize([draw_plane(a), *panels], 190.0, (share_width(2),))
     return make_picture("exponents", "Exponents and frequencies", write_caption(1 / a.plant.period), panels)
 
 
@@ -108,7 +107,7 @@ def draw_multipliers(a: Analysis) -> Picture | None:
     """A unit circle for each loop; none for a motion that ends."""
     if not a.plant.motion.periodic:
         return None
-    panels = resize([draw_circle(a, loop) for loop in a.loops], 165.0, (QUARTER,))
+    panels = resize([draw_circle(a, loop) for loop in a.loops], 165.0, (share_width(4),))
     return make_picture("multipliers", "Multipliers on the unit circle", CIRCLE, panels)
 
 
