@@ -39,8 +39,6 @@ BOUNDARY_TOL = 1e-4
 """Wanted error of a boundary that is drawn, as a share of its ranges: a tenth of what a picture shows."""
 CRITICAL_TOL = 1e-8
 """Wanted error of a critical value, as a share of its range."""
-CRITICAL_SHOWN = 3
-"""Critical values at which it is asked how far the links bend."""
 
 
 def find_boundary(
@@ -77,7 +75,7 @@ def say_bending(
     """Where, of a chart's corners and critical values, links bend so far that linear equations may not hold; empty where none does."""
     problems = dict[str, str]()
     corners = [dict(zip(ranges, place, strict=True)) for place in product(*ranges.values())]
-    places = [*({one.path: one.value} for one in critical[:CRITICAL_SHOWN]), *corners]
+    places = [*({one.path: one.value} for one in critical), *corners]
 
     def work() -> list[float]:
         raw, shares = raw_tables(scene), np.zeros(len(places))
@@ -119,7 +117,14 @@ def draw_charts(
 ) -> list[Picture]:
     """The chart, and over one number the Campbell diagram."""
     with units_of_scene(scene):
-        return draw_with_units(scene, data, critical, curves)
+        pictures, paths = [draw_chart(scene, data, critical, curves)], list_paths(data)
+        if len(paths) == 1:
+            shown = thin(data)
+            unfolded = unfold_frequencies(scene, paths[0], shown, str(data.attrs.get("loop", "own")))
+            if unfolded is not None:
+                error = float(np.nan_to_num(data["error"].to_numpy(), posinf=0.0).max(initial=0.0))
+                pictures.append(draw_campbell(label_number(scene, paths[0]), unfolded, error))
+        return pictures
 
 
 def say_without_picture(
@@ -131,20 +136,6 @@ def say_without_picture(
     return [
         Picture("chart", "Stability chart", f"{said}\nThe picture was not drawn ({why}); all numbers are written.", "")
     ]
-
-
-def draw_with_units(
-    scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve]
-) -> list[Picture]:
-    """The pictures, in the scene's units."""
-    pictures, paths = [draw_chart(scene, data, critical, curves)], list_paths(data)
-    if len(paths) == 1:
-        shown = thin(data)
-        unfolded = unfold_frequencies(scene, paths[0], shown, str(data.attrs.get("loop", "own")))
-        if unfolded is not None:
-            error = float(np.nan_to_num(data["error"].to_numpy(), posinf=0.0).max(initial=0.0))
-            pictures.append(draw_campbell(label_number(scene, paths[0]), unfolded, error))
-    return pictures
 
 
 def chart_dataset(
@@ -220,21 +211,14 @@ def say_what_is_missing(job: Job, error: BaseException, store: Path | None, seco
     return f"{known}; {longer}{', or ' if late else ''}add --store CHART.zarr, from which the same command goes on"
 
 
-LONG = 60.0
-"""Seconds of work that are announced when it begins."""
-SOON = 0.5
-"""Seconds after which the whole time is estimated."""
-
-
 class Counting:
     """Counts finished values, each block by a call; `show` takes the line."""
 
     def __init__(self, values: int, done: int, show: Callable[[str], None]):
-        self._values, self._first, self._show = values, done, show
+        self._show, self._start = show, time.monotonic()
         self._counts = np.zeros(len(VERDICTS), dtype=int)
-        self._start, self._announced = time.monotonic(), False
         if done:
-            announce(f"{done:,} of {values:,} values are there already")
+            print(f"flexlin: {done:,} of {values:,} values are there already", file=sys.stderr, flush=True)
 
     def __call__(self, start: int, block: Found) -> None:
         """Count a block, and show what is known."""
@@ -242,13 +226,3 @@ class Counting:
         elapsed, done = time.monotonic() - self._start, int(self._counts.sum())
         counts = ", ".join(f"{n:,} {word}" for n, word in zip(self._counts, VERDICTS, strict=True) if n)
         self._show(f"exponents of all values, {done / max(elapsed, 1e-9):,.0f} a second: {counts}")
-        if not self._announced and elapsed > SOON:
-            self._announced = True
-            whole = elapsed * (self._values - self._first) / done
-            if whole > LONG:
-                announce(f"{self._values - self._first:,} values will take about {whole / 60:.0f} min")
-
-
-def announce(line: str) -> None:
-    """One line on stderr."""
-    print(f"flexlin: {line}", file=sys.stderr, flush=True)

@@ -32,6 +32,7 @@ from flexlin.report.wording import (
     format_with_prefix,
     is_dimensionless,
     reason,
+    took,
     typeset,
     units_of,
     without_units,
@@ -44,36 +45,31 @@ from flexlin.scene.scene import Accuracy, Scene
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
     """Fill the page's template: verdict first, then what to do, figures, and everything that went in."""
     with units_of(analysis):
-        return fill_page(analysis, data, pictures, command)
-
-
-def fill_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
-    """The page, in the units of the analysis."""
-    model = analysis.validity(analysis.own)
-    return load_template("page").render(
-        analysis=analysis,
-        own=analysis.own,
-        under=name_condition(analysis.own),
-        doubt=doubt(analysis.own, analysis.plant.period, model),
-        reason=reason(model),
-        pace=describe_pace(analysis.own, analysis.plant.period),
-        facts=list_facts(analysis),
-        margins=describe_margins(analysis.scene, analysis.margins, analysis.problems),
-        nearest=describe_nearest(analysis.scene, analysis.nearest),
-        steps=advise(analysis),
-        loops=[describe_loop(analysis, loop) for loop in analysis.loops],
-        endured=bool(analysis.endured),
-        exponents=[list_exponents(loop) for loop in analysis.loops if loop.floquet is not None],
-        pictures=pictures,
-        dimensionless=is_dimensionless(),
-        constants=list_constants(analysis),
-        inputs=list_inputs(analysis.scene, data["scene"]),
-        effects=data["effects"],
-        versions=data["versions"],
-        command=command,
-        asked=asked_for(analysis.scene.accuracy),
-        took=[step_row(step) for step in (*analysis.steps, together(analysis.steps))],
-    )
+        model = analysis.validity(analysis.own)
+        return load_template("page").render(
+            analysis=analysis,
+            own=analysis.own,
+            under=name_condition(analysis.own),
+            doubt=doubt(analysis.own, analysis.plant.period, model),
+            reason=reason(model),
+            pace=describe_pace(analysis.own, analysis.plant.period),
+            facts=list_facts(analysis),
+            margins=describe_margins(analysis.scene, analysis.margins, analysis.problems),
+            nearest=describe_nearest(analysis.scene, analysis.nearest),
+            steps=advise(analysis),
+            loops=[describe_loop(analysis, loop) for loop in analysis.loops],
+            endured=bool(analysis.endured),
+            exponents=[list_exponents(loop) for loop in analysis.loops if loop.floquet is not None],
+            pictures=pictures,
+            dimensionless=is_dimensionless(),
+            constants=list_constants(analysis),
+            inputs=list_inputs(analysis.scene, data["scene"]),
+            effects=data["effects"],
+            versions=data["versions"],
+            command=command,
+            asked=asked_for(analysis.scene.accuracy),
+            took=[step_row(step) for step in (*analysis.steps, Step("together", *took(analysis.steps)))],
+        )
 
 
 def picture_page(
@@ -189,11 +185,6 @@ def step_row(step: Step) -> dict[str, Any]:
     }
 
 
-def together(steps: Sequence[Step]) -> Step:
-    """What all stages took."""
-    return Step("together", sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps))
-
-
 def list_constants(a: Analysis) -> list[tuple[str, str, str]]:
     """Entries of M, D, K that do not vary and are not zero, one of a symmetric pair: name, value, unit."""
     return [
@@ -208,15 +199,10 @@ def list_units(part: Any, path: str = "") -> dict[str, str]:
     if isinstance(part, Table):
         below = [(name, getattr(part, name)) for name in type(part).model_fields]
         stated = {f"{path}{key}": unit for key, unit in part.units().items() if not isinstance(getattr(part, key), str)}
+    elif isinstance(part, dict):
+        below, stated = [*part.items()], {}
     else:
-        below = (
-            [*part.items()]
-            if isinstance(part, dict)
-            else [(str(k), one) for k, one in enumerate(part)]
-            if isinstance(part, tuple)
-            else []
-        )
-        stated = {}
+        below, stated = [(str(k), one) for k, one in enumerate(part if isinstance(part, tuple) else ())], {}
     return stated | {name: unit for key, value in below for name, unit in list_units(value, f"{path}{key}.").items()}
 
 
@@ -240,14 +226,12 @@ def flatten_table(node: Any, path: str = "") -> list[tuple[str, str]]:
     elif isinstance(node, list) and any(isinstance(child, dict) for child in node):
         children = list(enumerate(node))
     else:
-        values = node if isinstance(node, list) else [node]
-        return [
-            (
-                path,
-                ", ".join(
-                    f"{one:.12g}" if isinstance(one, float) else str(one).lower() if isinstance(one, bool) else str(one)
-                    for one in values
-                ),
-            )
-        ]
+        return [(path, ", ".join(map(format_input, node if isinstance(node, list) else [node])))]
     return [leaf for name, child in children for leaf in flatten_table(child, f"{path}.{name}" if path else str(name))]
+
+
+def format_input(value: object) -> str:
+    """One value as TOML has it, but without what rounding left of a number."""
+    return (
+        f"{value:.12g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
+    )

@@ -19,6 +19,7 @@ from flexlin.report.wording import (
     format_power,
     format_rate,
     format_with_prefix,
+    took,
     units_of,
 )
 
@@ -48,37 +49,34 @@ def say_loop(loop: Loop, period: float, model: ModelValidity = UNKNOWN) -> None:
 def summarize(analysis: Analysis) -> None:
     """Print the verdicts and what to do next."""
     with units_of(analysis):
-        say_all(analysis)
-
-
-def say_all(analysis: Analysis) -> None:
-    """Print it in the units of the analysis."""
-    say(analysis.scene.title)
-    for loop in analysis.loops:
-        say_loop(loop, analysis.plant.period, analysis.validity(loop))
-        over = drive_line(analysis, loop)
-        if over:
-            say(f"    {over}")
-    if critical := describe_margins(analysis.scene, analysis.margins, analysis.problems):
-        say(f"  {analysis.own.name} {critical}")
-    if analysis.nearest:
-        say(f"  {analysis.own.name} with its uncertain numbers: {describe_nearest(analysis.scene, analysis.nearest)}")
-    said = advise(analysis)
-    for line in (*[f"- {step}" for step in said], *accuracy_lines(analysis.steps, "\n".join(said))):
-        say(line)
+        say(analysis.scene.title)
+        for loop in analysis.loops:
+            say_loop(loop, analysis.plant.period, analysis.validity(loop))
+            over = drive_line(analysis, loop)
+            if over:
+                say(f"    {over}")
+        if critical := describe_margins(analysis.scene, analysis.margins, analysis.problems):
+            say(f"  {analysis.own.name} {critical}")
+        if analysis.nearest:
+            say(
+                f"  {analysis.own.name} with its uncertain numbers: {describe_nearest(analysis.scene, analysis.nearest)}"
+            )
+        said = advise(analysis)
+        for line in (*[f"- {step}" for step in said], *accuracy_lines(analysis.steps, "\n".join(said))):
+            say(line)
 
 
 def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
     """What was asked, what was reached, what it took: one line, and one for each stage that missed or has no answer that was not `said`."""
     judged = [step for step in steps if step.asked is not None]
-    total, cpu = sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps)
-    took = f"{format_with_prefix(total, 's')} ({format_with_prefix(cpu, 's')} of a processor)"
+    total, cpu = (format_with_prefix(seconds, "s") for seconds in took(steps))
+    spent = f"took {total} ({cpu} of a processor)"
     notes = [f"  {step.name}: {note}" for step in steps for note in step.notes]
     if not judged:
-        return [f"took {took}", *notes]
+        return [spent, *notes]
     asked = dict.fromkeys(step.asked or 0.0 for step in judged)
     met = [describe_reached(tol, [step for step in judged if step.asked == tol]) for tol in asked]
-    lines = [f"accuracy: {'; '.join(met)}; took {took}"]
+    lines = [f"accuracy: {'; '.join(met)}; {spent}"]
     lines += [
         f"  {step.name}: error {format_decimal(step.reached or 0.0, 2)}, above tol" for step in judged if step.missed
     ]

@@ -2,14 +2,15 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexlin.answers.analysis import Analysis
+from flexlin.answers.clock import Step
 from flexlin.answers.critical_values import CriticalValue
 from flexlin.answers.judging import Loop
 from flexlin.answers.margins import Margin
@@ -37,26 +38,21 @@ _length: ContextVar[int | str | None] = ContextVar("length", default=None)
 
 
 @contextmanager
-def units_of(analysis: Analysis) -> Iterator[None]:
+def units_of_scene(scene: Scene, prefix: int | None = None) -> Iterator[None]:
+    """Say each length in the unit that suits it alone, or all by one prefix; without a unit for a scene without dimensions."""
+    token = _length.set(NONE if scene.unit_system == "dimensionless" else prefix)
+    try:
+        yield
+    finally:
+        _length.reset(token)
+
+
+def units_of(analysis: Analysis) -> AbstractContextManager[None]:
     """Say every deflection of a page in one unit, that in which the largest one is readable; in none without dimensions."""
     sizes = [0.0] if analysis.response is None else [*analysis.response.sizes]
     sizes += [0.0 if analysis.simulation is None else analysis.simulation.tip_error]
     largest = max((size for size in sizes if math.isfinite(size)), default=0.0)
-    token = _length.set(NONE if analysis.scene.unit_system == "dimensionless" else choose_prefix(largest))
-    try:
-        yield
-    finally:
-        _length.reset(token)
-
-
-@contextmanager
-def units_of_scene(scene: Scene) -> Iterator[None]:
-    """Say each length in the unit that suits it alone; no unit for a scene without dimensions."""
-    token = _length.set(NONE if scene.unit_system == "dimensionless" else None)
-    try:
-        yield
-    finally:
-        _length.reset(token)
+    return units_of_scene(analysis.scene, choose_prefix(largest))
 
 
 def is_dimensionless() -> bool:
@@ -214,6 +210,11 @@ def caution(loop: Loop, period: float) -> str:
 def format_duration(seconds: float) -> str:
     """A time in s, or ms, µs ... below one; without unit where the scene has no dimensions."""
     return format_quantity(seconds, "s") if seconds < 1000 else with_unit(format_decimal(seconds, 3), "s")
+
+
+def took(steps: Sequence[Step]) -> tuple[float, float]:
+    """The seconds of all stages, by the clock and of a processor."""
+    return sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps)
 
 
 def format_largest_multiplier(loop: Loop) -> str:
