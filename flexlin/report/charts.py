@@ -26,7 +26,7 @@ from flexlin.checks import Array
 from flexlin.errors import InputError, TimeLimit
 from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.spectra import Effort
-from flexlin.report.figures.chart import describe_chart, draw_campbell, draw_chart, list_paths, thin
+from flexlin.report.figures.chart import Chart, describe_chart, draw_campbell, draw_chart, thin
 from flexlin.report.figures.style import Picture
 from flexlin.report.wording import units_of_scene
 from flexlin.scene.loading import raw_tables, revise_scene
@@ -39,6 +39,8 @@ BOUNDARY_TOL = 1e-4
 """Wanted error of a boundary that is drawn, as a share of its ranges: a tenth of what a picture shows."""
 CRITICAL_TOL = 1e-8
 """Wanted error of a critical value, as a share of its range."""
+CRITICAL_SHOWN = 3
+"""Critical values at which it is asked how far the links bend."""
 
 
 def find_boundary(
@@ -75,7 +77,7 @@ def say_bending(
     """Where, of a chart's corners and critical values, links bend so far that linear equations may not hold; empty where none does."""
     problems = dict[str, str]()
     corners = [dict(zip(ranges, place, strict=True)) for place in product(*ranges.values())]
-    places = [*({one.path: one.value} for one in critical), *corners]
+    places = [*({one.path: one.value} for one in critical[:CRITICAL_SHOWN]), *corners]
 
     def work() -> list[float]:
         raw, shares = raw_tables(scene), np.zeros(len(places))
@@ -112,43 +114,36 @@ def label_value(scene: Scene, path: str, value: float) -> str:
     return f"{name_number(path)} {value:.4g} {show_unit(scene, path)}".strip()
 
 
-def draw_charts(
-    scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve]
-) -> list[Picture]:
+def draw_charts(chart: Chart) -> list[Picture]:
     """The chart, and over one number the Campbell diagram."""
-    with units_of_scene(scene):
-        pictures, paths = [draw_chart(scene, data, critical, curves)], list_paths(data)
+    data, paths = chart.data, chart.paths
+    with units_of_scene(chart.scene):
+        pictures = [draw_chart(chart)]
         if len(paths) == 1:
-            shown = thin(data)
-            unfolded = unfold_frequencies(scene, paths[0], shown, str(data.attrs.get("loop", "own")))
+            unfolded = unfold_frequencies(chart.scene, paths[0], thin(data), str(data.attrs.get("loop", "own")))
             if unfolded is not None:
                 error = float(np.nan_to_num(data["error"].to_numpy(), posinf=0.0).max(initial=0.0))
-                pictures.append(draw_campbell(label_number(scene, paths[0]), unfolded, error))
+                pictures.append(draw_campbell(label_number(chart.scene, paths[0]), unfolded, error))
         return pictures
 
 
-def say_without_picture(
-    scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve], why: object
-) -> list[Picture]:
+def say_without_picture(chart: Chart, why: object) -> list[Picture]:
     """All that is known, where there is no picture."""
-    with units_of_scene(scene):
-        said = describe_chart(scene, data, critical, curves)
-    return [
-        Picture("chart", "Stability chart", f"{said}\nThe picture was not drawn ({why}); all numbers are written.", "")
-    ]
+    with units_of_scene(chart.scene):
+        said = f"{describe_chart(chart)}\nThe picture was not drawn ({why}); all numbers are written."
+    return [Picture("chart", "Stability chart", said)]
 
 
-def chart_dataset(
-    scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve]
-) -> xarray.Dataset:
+def chart_dataset(chart: Chart) -> xarray.Dataset:
     """The sweep under plain names with units, and the critical values or the boundary beside it."""
-    paths = list_paths(data)
-    plain = {path: name_number(path).replace(" ", "_") for path in paths}
+    scene, data, critical, curves = chart.scene, chart.data, chart.critical, chart.curves
+    plain = {path: name_number(path).replace(" ", "_") for path in chart.paths}
     data = data.rename({path: name for path, name in plain.items() if path in data.coords or path in data.dims})
+    units = {path: {"units": name_unit(scene, path)} for path in plain}
     for path, name in plain.items():
-        data[name].attrs |= {"units": name_unit(scene, path), "long_name": name_number(path), "path": path}
-    if len(paths) == 1:
-        unit = {"units": name_unit(scene, paths[0])}
+        data[name].attrs |= units[path] | {"long_name": name_number(path), "path": path}
+    if len(plain) == 1:
+        (unit,) = units.values()
         data["critical_value"] = ("critical", np.array([one.value for one in critical]), unit)
         data["critical_error"] = ("critical", np.array([one.error for one in critical]), unit)
         data["critical_kind"] = ("critical", np.array([one.kind for one in critical], dtype="U8"))
@@ -156,9 +151,9 @@ def chart_dataset(
         return data
     count = [len(curve.points) for curve in curves]
     data["boundary_curve"] = ("point", np.repeat(np.arange(len(curves)), count).astype(np.int32))
-    for k, path in enumerate(paths):
+    for k, (path, name) in enumerate(plain.items()):
         points = np.concatenate([np.zeros(0), *(curve.points[:, k] for curve in curves)])
-        data[f"boundary_{plain[path]}"] = ("point", points, {"units": name_unit(scene, path)})
+        data[f"boundary_{name}"] = ("point", points, units[path])
     return data
 
 

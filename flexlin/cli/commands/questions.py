@@ -61,6 +61,7 @@ def chart(options: argparse.Namespace) -> int:
         from flexlin.answers.clock import DRAWING
         from flexlin.answers.sweep import check_values
         from flexlin.report.charts import (
+            Chart,
             chart_dataset,
             compute_chart,
             draw_charts,
@@ -83,16 +84,15 @@ def chart(options: argparse.Namespace) -> int:
         data.attrs |= {"incomplete": problem} if problem else {}
         found = ([], []) if problem else find_boundary(scene, ranges, data, clock, options.loop)
         data.attrs["bending"] = "" if problem else say_bending(scene, ranges, found[0], clock)
-        numbers = storable(chart_dataset(scene, data, *found))
-
-        without = partial(say_without_picture, scene, data, *found)
+        made = Chart(scene, data, *found)
+        numbers, without = storable(chart_dataset(made)), partial(say_without_picture, made)
 
         def write(pictures: list[Picture]) -> list[Path]:
             return work.write_files("chart", {"chart.html": work.page(pictures)}, numbers)
 
         send_written(write(without("the program ended before")))
         try:
-            draw = partial(draw_charts, scene, data, *found)
+            draw = partial(draw_charts, made)
             pictures = clock.stage("figures", scene.accuracy, draw, share=DRAWING, last=True)
         except (NumericalError, TooLarge) as error:  # the numbers stand without a picture
             pictures, problem = without(error), problem or str(error)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import xarray
@@ -22,61 +23,65 @@ from flexlin.scene.scene import Scene
 LOOPS = {"own": "the scene's own loop", "open": "the arm without feedback"}
 
 
-def draw_chart(
-    scene: Scene,
-    data: xarray.Dataset,
-    critical: Sequence[CriticalValue] = (),
-    curves: Sequence[BoundaryCurve] = (),
-) -> Picture:
+@dataclass(frozen=True)
+class Chart:
+    """A sweep of a scene over one or two numbers, with its critical values or the boundary of stability."""
+
+    scene: Scene
+    data: xarray.Dataset
+    critical: Sequence[CriticalValue] = ()
+    curves: Sequence[BoundaryCurve] = ()
+
+    @property
+    def paths(self) -> list[str]:
+        """The dotted paths of the numbers."""
+        dims = [str(path) for path in self.data["verdict"].dims]
+        return [next(str(name) for name in self.data.coords)] if dims == ["value"] else dims
+
+    @property
+    def own(self) -> list[float]:
+        """The scene's own values of them."""
+        return [float(get_value(self.scene, path)) for path in self.paths]
+
+    @property
+    def loop(self) -> str:
+        """Which loop it is of, in words."""
+        loop = str(self.data.attrs.get("loop", "own"))
+        return LOOPS.get(loop, f"the loop with {loop}")
+
+    @property
+    def nearest(self) -> Array | None:
+        """The point of the boundary nearest to the scene's own, both axes counted as shares of their ranges."""
+        if not self.curves:
+            return None
+        span = np.array([np.ptp(self.data[path].to_numpy()) for path in self.paths])
+        points = np.concatenate([curve.points for curve in self.curves])
+        return np.asarray(points[np.linalg.norm((points - self.own) / span, axis=1).argmin()])
+
+
+def draw_chart(chart: Chart) -> Picture:
     """The growth rates over one parameter as lines, the largest over two as a map with the boundary and its resonances."""
-    paths = list_paths(data)
-    title = f"Stability chart of {name_drawn_loop(data)}"
-    said = describe_chart(scene, data, critical, curves)
-    labels, own = [label_number(scene, path) for path in paths], own_values(scene, paths)
-    if len(paths) == 1:
-        return make_picture("chart", title, said, [draw_line(labels[0], own[0], thin(data), critical)])
-    nearest = find_nearest(own, data, paths, curves)
-    return make_picture("chart", title, said, draw_map(labels, own, nearest, thin(data), curves))
+    labels, shown = [label_number(chart.scene, path) for path in chart.paths], thin(chart.data)
+    if len(labels) == 1:
+        panels: Sequence[Panel] = [draw_line(labels[0], chart.own[0], shown, chart.critical)]
+    else:
+        panels = draw_map(labels, chart.own, chart.nearest, shown, chart.curves)
+    return make_picture("chart", f"Stability chart of {chart.loop}", describe_chart(chart), panels)
 
 
-def describe_chart(
-    scene: Scene,
-    data: xarray.Dataset,
-    critical: Sequence[CriticalValue] = (),
-    curves: Sequence[BoundaryCurve] = (),
-) -> str:
+def describe_chart(chart: Chart) -> str:
     """What is said below a chart, a line for each thing; it holds without the picture too."""
-    paths = list_paths(data)
-    caption = write_caption(data["verdict"].to_numpy(), name_drawn_loop(data))
+    data, nearest = chart.data, chart.nearest
+    caption = write_caption(data["verdict"].to_numpy(), chart.loop)
     bending = [data.attrs["bending"]] if data.attrs.get("bending") else []
-    if len(paths) == 1:
-        found = [f"{describe_critical(scene, one)}." for one in critical] or say_none_was_found(data)
+    if len(chart.paths) == 1:
+        found = [f"{describe_critical(chart.scene, one)}." for one in chart.critical] or say_none_was_found(data)
         return "\n".join([caption, *found, *bending])
-    own = own_values(scene, paths)
-    nearest = find_nearest(own, data, paths, curves)
-    inside = all(data[path].min() <= value <= data[path].max() for path, value in zip(paths, own, strict=True))
-    said = "" if nearest is None else describe_distance(scene, paths, own, nearest, inside) + " "
+    said = "" if nearest is None else describe_distance(chart, nearest) + " "
     if nearest is None or data.attrs.get("search"):
         said += say_none_was_found(data)[0]
     shade = f"Stronger: faster growth or decay; lines of equal {in_unit('growth rate', '1/s')}; hatched: undecided."
     return "\n".join([f"{caption} {shade}", said, *bending])
-
-
-def own_values(scene: Scene, paths: Sequence[str]) -> list[float]:
-    """The scene's own numbers at dotted paths."""
-    return [float(get_value(scene, path)) for path in paths]
-
-
-def list_paths(data: xarray.Dataset) -> list[str]:
-    """The dotted paths of a sweep's parameters."""
-    dims = [str(path) for path in data["verdict"].dims]
-    return [next(str(name) for name in data.coords)] if dims == ["value"] else dims
-
-
-def name_drawn_loop(data: xarray.Dataset) -> str:
-    """Which loop is drawn, in words."""
-    loop = str(data.attrs.get("loop", "own"))
-    return LOOPS.get(loop, f"the loop with {loop}")
 
 
 def write_caption(verdict: Array, loop: str) -> str:
@@ -101,17 +106,6 @@ def describe_critical(scene: Scene, one: CriticalValue) -> str:
     return f"{name_number(one.path)}: {change} at {size} ± {one.error:.0e} ({one.distance:+.4g} from the scene's own); {resonance}"
 
 
-def find_nearest(
-    own: list[float], data: xarray.Dataset, paths: list[str], curves: Sequence[BoundaryCurve]
-) -> Array | None:
-    """The point of the boundary nearest to the scene's own, both axes counted as shares of their ranges."""
-    if not curves:
-        return None
-    span = np.array([np.ptp(data[path].to_numpy()) for path in paths])
-    points = np.concatenate([curve.points for curve in curves])
-    return np.asarray(points[np.linalg.norm((points - own) / span, axis=1).argmin()])
-
-
 def say_none_was_found(data: xarray.Dataset) -> list[str]:
     """Why there is no boundary, or no critical value: none is there, or the work has not come to its end."""
     if data.attrs.get("incomplete"):
@@ -124,12 +118,12 @@ def say_none_was_found(data: xarray.Dataset) -> list[str]:
     return ["The verdict does not change inside this range."]
 
 
-def describe_distance(scene: Scene, paths: list[str], own: list[float], nearest: Array, inside: bool) -> str:
+def describe_distance(chart: Chart, nearest: Array) -> str:
     """How far the scene's own numbers are from the boundary."""
-    moves = [
-        f"{name_number(path)} {value - mine:+.4g} {show_unit(scene, path)}".strip()
-        for path, value, mine in zip(paths, nearest, own, strict=True)
-    ]
+    moves, inside = list[str](), True
+    for path, value, own in zip(chart.paths, nearest, chart.own, strict=True):
+        moves.append(f"{name_number(path)} {value - own:+.4g} {show_unit(chart.scene, path)}".strip())
+        inside &= bool(chart.data[path].min() <= own <= chart.data[path].max())
     where = "diamond" if inside else "outside this range"
     return f"From the scene's own numbers ({where}) to the nearest boundary: {', '.join(moves)}."
 

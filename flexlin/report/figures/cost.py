@@ -22,8 +22,8 @@ from flexlin.report.figures.style import (
 )
 from flexlin.scene.scene import Accuracy
 
-ROOM, CLOSE, ABOVE = 5.0, 3.0, 1.12
-"""Factors: room at the ends of the errors, errors of marks that share a label, and how far above a mark it stands."""
+CLOSE, ABOVE = 3.0, 1.12
+"""Factors: errors of marks that share a label, and how far above a mark it stands."""
 OWN = ("gauss", "radau", "hill")
 OUTSIDE = ("DOP853", "Radau")
 """Families of methods with a colour of their own in every panel."""
@@ -40,9 +40,7 @@ def draw_cost(result: CostResult) -> Picture:
 def draw_stage(result: CostResult, stage: str) -> Panel:
     """One line a method from its coarse to its fine settings; outside programs dashed; the engine's own choices as a staircase."""
     shown = [row for row in result.stage(stage) if row.error < 1.0]
-    errors = [max(row.error, EPS) for row in shown] or [1.0]
-    scale = Logarithmic(min(errors) / ROOM, max(errors) * ROOM)
-    panel = Panel(stage, x=scale, y=Logarithmic(), x_label="error against the reference", y_label="CPU time in ms")
+    panel = Panel(stage, Logarithmic(), Logarithmic(), "error against the reference", "CPU time in ms")
     rows = [row for row in shown if not row.chosen]
     named: set[str] = set()
     for method in dict.fromkeys(row.method for row in rows):

@@ -28,11 +28,10 @@ FROZEN = (
 
 def draw_exponents(a: Analysis) -> Picture:
     """The complex plane on the left, frozen frequencies over the period on the right; these alone where there are no exponents."""
-    panels = resize([draw_frozen(a)], 190.0, (share_width(2),))
-    if all(loop.floquet is None for loop in a.loops):
-        caption = f"{FROZEN[0].upper()}{FROZEN[1:]}"
-        return make_picture("exponents", "Frequencies", caption, panels)
-    panels = resize([draw_plane(a), *panels], 190.0, (share_width(2),))
+    panels = [draw_frozen(a)] if all(loop.floquet is None for loop in a.loops) else [draw_plane(a), draw_frozen(a)]
+    resize(panels, 190.0, (share_width(2),))
+    if len(panels) == 1:
+        return make_picture("exponents", "Frequencies", f"{FROZEN[0].upper()}{FROZEN[1:]}", panels)
     return make_picture("exponents", "Exponents and frequencies", write_caption(1 / a.plant.period), panels)
 
 
