@@ -140,12 +140,9 @@ def minimal_lines(audit: Audit) -> list[str]:
 
 
 def format_size(row: Row) -> str:
-    """The significance of a row."""
-    return name_change(row) if row.significance == float("inf") else f"{row.significance:.2g} together"
-
-
-def name_change(row: Row) -> str:
-    """What is another one, where no number says how much."""
+    """The significance of two changes, or what is another one, where no number says how much."""
+    if row.significance < float("inf"):
+        return f"{row.significance:.2g} together"
     return f"other marks of the drives: {', '.join(row.marks)}" if row.marks else "another verdict"
 
 

@@ -129,15 +129,10 @@ def describe_loop(a: Analysis, loop: Loop) -> dict[str, str]:
         "settled": settled,
         "status": without_units(loop.problem or (loop.floquet.status if loop.floquet else "")),
         "design": loop.design.status if loop.design is not None else "",
-        "controller": controller_of(a, loop),
+        "controller": describe_controller(a.scene.control) if loop is a.own and loop.kind != "open" else "",
         "endured": describe_endured(a.endured.get(loop.name)),
         **drive_cells(a, loop),
     }
-
-
-def controller_of(a: Analysis, loop: Loop) -> str:
-    """What the scene's own loop holds beside its gains."""
-    return describe_controller(a.scene.control) if loop is a.own and loop.kind != "open" else ""
 
 
 def steady_tip(a: Analysis, loop: Loop) -> str:

@@ -281,15 +281,11 @@ def describe_controller(control: Control) -> str:
         parts.append("integral action" + (f", unwound within {format_quantity(time, 's')}" if time is not None else ""))
     parts += [describe_filter(one) for one in control.filters]
     said = ["with " + ", ".join(parts)] if parts else []
-    left_out = [name for name, table in limits_of(control) if table is not None]
+    limits = control.saturation
+    left_out = ["torque limits"] if limits is not None else []
+    left_out += ["limits of the torque's rate"] if limits is not None and limits.rate is not None else []
     said += [f"{' and '.join(left_out)} act in the simulation only"] if left_out else []
     return "; ".join(said)
-
-
-def limits_of(control: Control) -> list[tuple[str, object]]:
-    """What limits the drive, and its numbers."""
-    limits = control.saturation
-    return [("torque limits", limits), ("limits of the torque's rate", None if limits is None else limits.rate)]
 
 
 def describe_filter(one: AnyFilter) -> str:

@@ -158,13 +158,14 @@ def test_panels_are_chosen_by_weight_with_one_of_each_group() -> None:
     rng = np.random.default_rng(3)
     for _ in range(50):
         weights, groups = rng.random(30), [list(rng.choice(30, 4, replace=False)) for _ in range(5)]
-        shown = choose_shown(weights, groups, 12)
+        shown, folded = choose_shown(weights, groups)
         assert len(shown) == 12
         assert all(set(shown) & set(group) for group in groups)
         left = np.setdiff1d(np.arange(30), shown)
+        assert folded == left.tolist()
         forced = {max(group, key=lambda i: weights[i]) for group in groups}
         assert weights[left].max() <= min(weights[i] for i in shown if i not in forced)
-    assert choose_shown(np.zeros(0), [[], []], 12) == []
+    assert choose_shown(np.zeros(0), [[], []]) == ([], [])
 
 
 def test_titles_bear_powers_and_offsets() -> None:

@@ -1,5 +1,7 @@
 """The arm along its motion, bent by the periodic response, and how it swings about one place of it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.linalg import helmert
 
@@ -79,46 +81,29 @@ def draw_arm(a: Analysis) -> Picture:
 
 
 def draw_beside(a: Analysis) -> list[Panel]:
-    """Joint motion, a panel for each unit, and feedforward where there is any."""
-    units = [name_joint_unit(a, joint) for joint in range(a.arm.joints)]
-    panels = [
-        draw_joints(a, [i for i, found in enumerate(units) if found == unit], unit) for unit in sorted(set(units))
-    ]
-    forces = a.plant.input_units
-    return [
-        *panels,
-        *(
-            draw_torques(a, [i for i, found in enumerate(forces) if found == unit], unit)
-            for unit in sorted(set(forces))
-        ),
-    ]
+    """Joint angles in degrees, or displacements in m, and what the arm would need if its links were rigid: torque, force or voltage."""
+    t, joints = a.t[:-1], range(a.arm.joints)  # at the last sample a turning joint begins anew
+    q, units = a.plant.motion.sample(t)[0], [name_joint_unit(a, joint) for joint in joints]
+    motion = np.where([unit == "rad" for unit in units], np.degrees(q), q)
+    shown, names = ["°" if unit == "rad" else unit for unit in units], [name_joint(a, joint) for joint in joints]
+    given = draw_groups(a, "feedforward", a.plant.driven, a.plant.inputs, a.plant.input_units, a.t, a.coefficients.tau)
+    return [*draw_groups(a, "", joints, names, shown, t, motion), *given]
 
 
-def name_group(a: Analysis, chosen: list[int]) -> str:
-    """What a panel of joints shows: the joint's own name where it is one of several."""
-    return name_joint(a, chosen[0]) if len(chosen) == 1 < a.arm.joints else "joints"
-
-
-def draw_joints(a: Analysis, chosen: list[int], unit: str) -> Panel:
-    """Joint angles in degrees, or displacements in m; the last sample is left out, for there a turning joint begins anew."""
-    t, q = a.t[:-1], a.plant.motion.sample(a.t[:-1])[0]
-    panel = make_period_panel(a.plant.period, in_unit(name_group(a, chosen), "°" if unit == "rad" else unit))
-    for joint in chosen:
-        values = np.degrees(q[:, joint]) if unit == "rad" else q[:, joint]
-        colour, dash = style_part(joint)
-        panel.line(t, values, colour, dash=dash, label=name_joint(a, joint) if len(chosen) > 1 else "")
-    return panel
-
-
-def draw_torques(a: Analysis, chosen: list[int], unit: str) -> Panel:
-    """The torque, force or voltage that the arm would need if its links were rigid."""
-    whose = f" {a.plant.inputs[chosen[0]]}" if len(chosen) == 1 < a.arm.joints else ""
-    panel = make_period_panel(a.plant.period, in_unit(f"feedforward{whose}", unit))
-    for i in chosen:
-        colour, dash = style_part(a.plant.driven[i])
-        label = a.plant.inputs[i] if len(chosen) > 1 else ""
-        panel.line(a.t, a.coefficients.tau[:, i], colour, dash=dash, label=label)
-    return panel
+def draw_groups(
+    a: Analysis, what: str, joints: Sequence[int], names: Sequence[str], units: Sequence[str], t: Array, curves: Array
+) -> list[Panel]:
+    """A panel for each unit with the curves (N, k) that have it; what is alone in one, in an arm of several joints, is named."""
+    panels = []
+    for unit in sorted(set(units)):
+        chosen = [i for i, one in enumerate(units) if one == unit]
+        title = f"{what} {names[chosen[0]]}".strip() if len(chosen) == 1 < a.arm.joints else what or "joints"
+        panel = make_period_panel(a.plant.period, in_unit(title, unit))
+        for i in chosen:
+            colour, dash = style_part(joints[i])
+            panel.line(t, curves[:, i], colour, dash=dash, label=names[i] if len(chosen) > 1 else "")
+        panels.append(panel)
+    return panels
 
 
 def name_joint(a: Analysis, joint: int) -> str:

@@ -117,14 +117,10 @@ def scale_radius(log10: Array) -> Array:
     return np.where(log10 <= 0, inside, 2.0 - outside)
 
 
-def write_footer(loop: Loop) -> str:
-    """The verdict with the largest modulus, or that there is none."""
-    return "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_largest_multiplier(loop)}"
-
-
 def draw_circle(a: Analysis, loop: Loop) -> Panel:
     """The unit circle, its rings, and the multipliers of one loop; the view grows where one lies far outside."""
     logs = loop.floquet.log_multipliers if loop.floquet is not None else np.zeros(0, dtype=complex)
+    footer = "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_largest_multiplier(loop)}"
     r = scale_radius(logs.real / np.log(10))
     reach = max(REACH, float(r.max(initial=0.0)) + 0.15)
     view = Linear(-reach, reach)
@@ -134,7 +130,7 @@ def draw_circle(a: Analysis, loop: Loop) -> Panel:
         y=view,
         equal=True,
         bare=True,
-        footer=write_footer(loop),
+        footer=footer,
         footer_colour="faint" if loop.floquet is None else colour(loop, a.plant.period, a.validity(loop)),
     )
     panel.area(np.cos(TURN), np.sin(TURN), "shade")

@@ -77,22 +77,22 @@ def shift_and_scale(title: str, values: Array, unit: str) -> tuple[str, Array]:
     return in_unit(title, unit, times), values / 10.0**power
 
 
-def choose_shown(weights: Array, groups: Sequence[Sequence[int]], most: int) -> list[int]:
-    """Which of some panels are shown: the heaviest of each group (one a joint, say), then the heaviest of all, in their own order."""
-    heaviest = [max(group, key=lambda i: weights[i]) for group in groups if len(group)]
-    shown = dict.fromkeys(heaviest)
-    for i in np.argsort(-weights, kind="stable"):
-        if len(shown) >= most:
-            break
-        shown[int(i)] = None
-    return sorted(shown)
-
-
 MOST, FOLDED = 12, 240
 """Panels shown, and folded; other entries stand in the file that `flexlin linearize` writes."""
 THIN = 4
 """Every so many times are drawn of what is folded."""
 COLOURS = {"M": "teal", "D": "wine", "K": "indigo", "h": "rose"}
+
+
+def choose_shown(weights: Array, groups: Sequence[Sequence[int]]) -> tuple[list[int], list[int]]:
+    """Which panels are shown, and which are folded, each in their own order.
+
+    Shown are the heaviest of each group (one a joint, say), then the heaviest of all; folded are the heaviest of the others.
+    """
+    heaviest = [max(group, key=lambda i: weights[i]) for group in groups if len(group)]
+    order = list(dict.fromkeys([*heaviest, *np.argsort(-weights, kind="stable").tolist()]))
+    most = max(MOST, len(set(heaviest)))
+    return sorted(order[:most]), sorted(order[most : most + FOLDED])
 
 
 @dataclass(frozen=True)
@@ -117,11 +117,9 @@ def draw_coefficients(a: Analysis) -> Picture:
     """A panel for each entry of M, D, K and h that varies; each joint has one at the least."""
     varying = [entry for entry in list_entries(a) if entry.varies]
     joints = [[k for k, entry in enumerate(varying) if entry.row == i] for i in list_joints(a)]
-    shown = choose_shown(np.array([entry.weight for entry in varying]), joints, MOST)
-    rest = sorted((k for k in range(len(varying)) if k not in shown), key=lambda k: -varying[k].weight)
-    folded = [varying[k] for k in sorted(rest[:FOLDED])]
+    shown, folded = choose_shown(np.array([entry.weight for entry in varying]), joints)
     panels = [draw_entry(a, varying[k]) for k in shown]
-    under = [draw_entry(a, entry, THIN) for entry in folded]
+    under = [draw_entry(a, varying[k], THIN) for k in folded]
     caption, heading = (
         describe_shown(len(varying), len(shown), len(folded)),
         f"The {len(folded)} other entries that vary",
@@ -209,9 +207,8 @@ def draw_gains(a: Analysis) -> Picture | None:
     gains = [(loop, gain[:, :, :states]) for loop, gain in gains]
     weights = weigh_gains(a, np.max([np.abs(gain).max(axis=0) for _, gain in gains], axis=0))
     groups = [range(i * states, (i + 1) * states) for i in range(len(a.plant.inputs))]
-    shown = choose_shown(weights.ravel(), groups, MOST)
-    rest = sorted((k for k in range(weights.size) if k not in shown), key=lambda k: -weights.flat[k])
-    panels = {k: make_period_panel(a.plant.period, name_gain(a, *divmod(k, states))) for k in (*shown, *rest[:FOLDED])}
+    shown, folded = choose_shown(weights.ravel(), groups)
+    panels = {k: make_period_panel(a.plant.period, name_gain(a, *divmod(k, states))) for k in (*shown, *folded)}
     for (loop, gain), dash in zip(
         gains, cycle(DASHES), strict=False
     ):  # gains that coincide are seen, each through the next
@@ -219,14 +216,14 @@ def draw_gains(a: Analysis) -> Picture | None:
             (i, j), every = divmod(k, states), 1 if k in shown else THIN
             panel.line(a.t[::every], gain[::every, i, j], choose_colour(a, loop), dash=dash, label=loop.name)
     legend = share_legend(list(panels.values()))
-    above, folded = [panels[k] for k in shown], [panels[k] for k in sorted(rest[:FOLDED])]
+    above, under = [panels[k] for k in shown], [panels[k] for k in folded]
     caption = "Entries of the feedback gain in u = −gain(t) [y; y′]: gain(input, state)."
     if remembers:
         caption += " What a controller's integrals and filters add is not drawn."
-    if rest:
+    if under:
         caption += " Shown are those that act most on deflections of equal energy, one of each input at the least; others are folded below."
-    heading = f"The {len(rest[:FOLDED])} other entries"
-    return make_picture("gains", "Gains over a period", caption, above, legend, folded, heading)
+    heading = f"The {len(under)} other entries"
+    return make_picture("gains", "Gains over a period", caption, above, legend, under, heading)
 
 
 def name_gain(a: Analysis, i: int, j: int) -> str:
@@ -276,16 +273,12 @@ def draw_deviation(a: Analysis, i: int) -> Panel:
 
 
 def draw_torque(a: Analysis, k: int) -> Panel:
-    """What one input gives: feedforward alone, and with feedback."""
-    panel = make_period_panel(a.plant.period, in_unit(f"input {a.plant.inputs[k]}", a.plant.input_units[k]))
-    panel.line(a.t, compute_torques(a)[:, k], choose_colour(a, a.own), label=a.own.name)
-    return panel.line(a.t, a.coefficients.tau[:, k], "ink", width=1.1, dash="4 3", label="feedforward alone")
-
-
-def compute_torques(a: Analysis) -> Array:
-    """Feedforward and feedback together in the periodic response, (N, m)."""
+    """What one input gives: feedforward alone, and with feedback in the periodic response."""
     assert a.response is not None
-    return a.closed.law.torque(a.t, a.response.states)
+    torque = a.closed.law.torque(a.t, a.response.states)
+    panel = make_period_panel(a.plant.period, in_unit(f"input {a.plant.inputs[k]}", a.plant.input_units[k]))
+    panel.line(a.t, torque[:, k], choose_colour(a, a.own), label=a.own.name)
+    return panel.line(a.t, a.coefficients.tau[:, k], "ink", width=1.1, dash="4 3", label="feedforward alone")
 
 
 def draw_tip(a: Analysis) -> Picture | None:
