@@ -155,8 +155,6 @@ def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
 
 LINE, EDGE, MARGIN = 16.0, 20.0, 46.0
 """A line of words below the axes, what is free beside and above them, and the least margin for labels on their left."""
-SHARE_BEFORE = {"start": 0.0, "middle": 0.5, "end": 1.0}
-"""The part of words that stands left of their point."""
 
 
 @dataclass(frozen=True)
@@ -299,7 +297,7 @@ def leave_apart(marks: Sequence[Mark], axes: Axes) -> list[Mark]:
     for mark in reversed(marks):
         if mark.kind == "words":
             (x, up), width = place_words(mark, axes), measure_text(mark.texts[0], SMALL)
-            left = x - SHARE_BEFORE[mark.anchor] * width
+            left = x - share_before(mark) * width
             if any(left < end and start < left + width and abs(up - other) < SMALL for start, end, other in taken):
                 continue
             taken.append((left, left + width, up))
@@ -307,10 +305,15 @@ def leave_apart(marks: Sequence[Mark], axes: Axes) -> list[Mark]:
     return kept[::-1]
 
 
+def share_before(mark: Mark) -> float:
+    """The part of a mark's words that stands left of their point: none, half or all of them."""
+    return ("start", "middle", "end").index(mark.anchor) / 2
+
+
 def place_words(mark: Mark, axes: Axes) -> tuple[float, float]:
     """Where a few words stand: as near to their point as leaves them inside the axes."""
     x, y = float(axes.x(mark.x)[0]), float(axes.y(mark.y)[0])
-    before, width = SHARE_BEFORE[mark.anchor], measure_text(mark.texts[0], SMALL)
+    before, width = share_before(mark), measure_text(mark.texts[0], SMALL)
     low, high = axes.left + before * width + 2, axes.right - (1 - before) * width - 2
     return (min(max(x, low), high) if low <= high else x), min(max(y, axes.top + SMALL), axes.bottom - 3)
 

@@ -4,9 +4,8 @@ from collections.abc import Callable, Iterator
 
 from flexlin.answers.analysis import Analysis
 from flexlin.report.figures.arm import draw_arm, draw_modes
-from flexlin.report.figures.comparison import draw_comparison
 from flexlin.report.figures.exponents import draw_exponents, draw_multipliers
-from flexlin.report.figures.over_period import draw_coefficients, draw_gains, draw_response, draw_tip
+from flexlin.report.figures.over_period import draw_coefficients, draw_comparison, draw_gains, draw_response, draw_tip
 from flexlin.report.figures.style import Picture
 from flexlin.report.wording import units_of
 
