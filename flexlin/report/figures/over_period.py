@@ -34,7 +34,6 @@ from flexlin.report.wording import (
     scale_values,
     time_label,
 )
-from flexlin.simulation.result import Simulation
 
 UNITS = {"M": ("kg", "kg m", "kg m²"), "D": ("N s/m", "N s", "N m s"), "K": ("N/m", "N", "N m")}
 PLAIN = (1e-2, 1e4)
@@ -322,16 +321,20 @@ def describe_tip_error(a: Analysis) -> str:
 
 
 def draw_comparison(a: Analysis) -> Picture | None:
-    """Both answers, and their difference: of the tip, or of the first coordinate where the model has no tip."""
-    if a.simulation is None:
-        return None
+    """Both answers, and their difference: of the tip along the axis of its largest error, or of the first coordinate without a tip."""
     s = a.simulation
-    name, unit, nonlinear, linear, gap = (
-        compare_tips(s) if np.all(np.isfinite(s.tip)) else compare_first_coordinate(a, s)
-    )
+    if s is None:
+        return None
+    if np.all(np.isfinite(s.tip)):
+        axis, unit = int(np.abs(s.tip - s.tip_rigid).max(axis=0).argmax()), "m"
+        name, gap = f"tip error along {'xyz'[axis]}", np.linalg.norm(s.tip - s.tip_linear, axis=1)
+        nonlinear, linear = ((tip - s.tip_rigid)[:, axis] for tip in (s.tip, s.tip_linear))
+    else:
+        name, unit = a.plant.names[0], name_coordinate_unit(a, 0)
+        nonlinear, linear = s.nonlinear[:, 0], s.linear[:, 0]
+        gap = nonlinear - linear
     (both, both_unit), (apart, apart_unit) = scale_values(np.array([nonlinear, linear]), unit), scale_values(gap, unit)
-    time = Linear(0.0, float(s.t[-1]))
-    colour = choose_colour(a, a.own)
+    time, colour = Linear(0.0, float(s.t[-1])), choose_colour(a, a.own)
     upper = Panel(in_unit(name, both_unit), x=time, x_label=time_label()).zero()
     upper.line(s.t, both[0], colour, width=4.5, opacity=0.5, label="nonlinear")
     upper.line(s.t, both[1], "ink", width=1.4, dash="5 3", label="linear")
@@ -342,20 +345,3 @@ def draw_comparison(a: Analysis) -> Picture | None:
         f"beside the linear prediction from the same start. {sentence(agreement(a, s))}"
     )
     return make_picture("comparison", "Nonlinear against linear", caption, resize([upper, lower], 110.0))
-
-
-Curves = tuple[str, str, Array, Array, Array]
-
-
-def compare_tips(s: Simulation) -> Curves:
-    """The component of the tip error that is largest, and the distance of the two tips."""
-    nonlinear, linear = s.tip - s.tip_rigid, s.tip_linear - s.tip_rigid
-    axis = int(np.argmax(np.abs(nonlinear).max(axis=0)))
-    distance = np.linalg.norm(s.tip - s.tip_linear, axis=1)
-    return f"tip error along {'xyz'[axis]}", "m", nonlinear[:, axis], linear[:, axis], distance
-
-
-def compare_first_coordinate(a: Analysis, s: Simulation) -> Curves:
-    """The first coordinate's deviation."""
-    nonlinear, linear = s.nonlinear[:, 0], s.linear[:, 0]
-    return f"{a.plant.names[0]}", name_coordinate_unit(a, 0), nonlinear, linear, nonlinear - linear
