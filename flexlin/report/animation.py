@@ -14,7 +14,7 @@ from flexlin.control.tracking import arm_positions
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.periodic.precision import ROOT
 from flexlin.report.figures.arm import SWING, trace_arm
-from flexlin.report.page import load_template
+from flexlin.report.page import TEMPLATES
 from flexlin.scene.scene import Scene
 from flexlin.simulation.result import Simulation
 
@@ -112,7 +112,7 @@ def animation_page(scene: Scene, lin: Linearization, run: Simulation, command: s
     Raises: ArgumentError for a manipulator that does not say where its joints and tip are.
     """
     data = collect_frames(scene, lin, run)
-    return load_template("animation").render(
+    return TEMPLATES.get_template("animation.html.j2").render(
         title=scene.title,
         status=run.status,
         names=[found["name"] for found in data["plays"]],

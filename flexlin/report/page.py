@@ -1,11 +1,10 @@
 """report.html: one self-contained page, which asks no other file or host for anything."""
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select_autoescape
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
 import flexlin
 from flexlin.answers.analysis import Analysis
@@ -41,12 +40,22 @@ from flexlin.scene.base import Table
 from flexlin.scene.names import choose_unit
 from flexlin.scene.scene import Accuracy, Scene
 
+TEMPLATES = Environment(
+    loader=PackageLoader("flexlin.report"),
+    autoescape=select_autoescape(("html.j2",)),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    finalize=typeset,
+)
+"""Those of reports; a name in one that has no value is an error."""
+
 
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
     """Fill the page's template: verdict first, then what to do, figures, and everything that went in."""
     with units_of(analysis):
         model = analysis.validity(analysis.own)
-        return load_template("page").render(
+        return TEMPLATES.get_template("page.html.j2").render(
             analysis=analysis,
             own=analysis.own,
             under=name_condition(analysis.own),
@@ -77,25 +86,7 @@ def picture_page(
 ) -> str:
     """A page of one picture, with what is to be said before it, and of other pictures below it."""
     page = {"title": title, "picture": picture, "more": more, "said": said}
-    return load_template("picture").render(command=command, version=flexlin.__version__, **page)
-
-
-@lru_cache(maxsize=1)
-def make_environment() -> Environment:
-    """What loads the templates of reports; a name in one that has no value is an error."""
-    return Environment(
-        loader=PackageLoader("flexlin.report"),
-        autoescape=select_autoescape(("html.j2",)),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=typeset,
-    )
-
-
-def load_template(name: str) -> Template:
-    """A template of the report."""
-    return make_environment().get_template(f"{name}.html.j2")
+    return TEMPLATES.get_template("picture.html.j2").render(command=command, version=flexlin.__version__, **page)
 
 
 def list_facts(a: Analysis) -> list[tuple[str, str]]:

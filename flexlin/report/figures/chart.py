@@ -161,7 +161,8 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
             ]
             panel.dots(x[chosen], growth[chosen, 0], name, size=2.2, label=name, texts=texts)
     mark_critical(panel, critical, scale)
-    mark_own(panel, own, x, scale)
+    if x.min() <= own <= x.max():
+        panel.line([own, own], [*scale.ends], "blue", width=1.2, dash="6 3", label=f"the scene: {own:.4g}")
     return panel
 
 
@@ -179,19 +180,12 @@ def choose_scale(growth: Array, error: Array) -> Linear:
 
 
 def list_unstable(x: Array, verdict: Array, critical: Sequence[CriticalValue]) -> list[tuple[float, float]]:
-    """The intervals of instability, from the critical values."""
+    """The intervals of instability, from the critical values, at which it begins and ends in turn."""
     edges = [one for one in critical if not one.touching]
-    begin = (
-        float(x.min()) if (edges and edges[0].kind == "recovery") or (not edges and verdict[0] == "unstable") else None
-    )
-    found = []
-    for one in edges:
-        if one.kind == "onset":
-            begin = one.value
-        elif begin is not None:
-            found.append((begin, one.value))
-            begin = None
-    return found if begin is None else [*found, (begin, float(x.max()))]
+    begins = edges[0].kind == "recovery" if edges else bool(verdict[0] == "unstable")
+    ends = [float(x.min())] * begins + [one.value for one in edges]
+    ends += [float(x.max())] * (len(ends) % 2)
+    return list(zip(ends[::2], ends[1::2], strict=True))
 
 
 def mark_critical(panel: Panel, critical: Sequence[CriticalValue], scale: Linear) -> None:
@@ -202,13 +196,6 @@ def mark_critical(panel: Panel, critical: Sequence[CriticalValue], scale: Linear
         text = f"{one.kind} at {one.value:.9g} ± {one.error:.0e}: {without_units(one.resonance)}"
         panel.dots([one.value], [0.0], "unstable", "diamond", 4.0, texts=[text])
         panel.words(one.value, high, f"{one.value:.5g}", "unstable", halo=True)
-
-
-def mark_own(panel: Panel, own: float, x: Array, scale: Linear) -> None:
-    """The scene's own value, where it lies inside the range."""
-    if x.min() <= own <= x.max():
-        low, high = scale.ends
-        panel.line([own, own], [low, high], "blue", width=1.2, dash="6 3", label=f"the scene: {own:.4g}")
 
 
 MOST = {1: POINTS, 2: 300}
@@ -321,7 +308,8 @@ def draw_map(
     levels = draw_contours(panel, axes, growth, verdict)
     for curve in curves:
         panel.line(curve.points[:, 0], curve.points[:, 1], "ink", width=1.5)
-    label_resonances(panel, curves, x, y)
+    for text, (across, up) in {shorten(curve.resonance): curve.inside for curve in reversed(curves)}.items():
+        panel.words(float(across + FEWEST / 2 * np.ptp(x)), float(up), text, "ink", anchor="start", halo=True)
     mark_scene(panel, own, nearest, axes)
     panel.probe(write_probe(labels, axes, growth, verdict))
     return resize([panel, draw_bar(growth, verdict, levels)], 430.0, (WIDTH - GAP - BAR, BAR))
@@ -378,12 +366,6 @@ def choose_place(points: Array, low: Array, span: Array, placed: list[Array]) ->
         return np.asarray(known[len(known) // 2])
     apart = np.min([np.linalg.norm((known - other) / span, axis=1) for other in placed], axis=0)
     return np.asarray(known[apart.argmax()])
-
-
-def label_resonances(panel: Panel, curves: Sequence[BoundaryCurve], x: Array, y: Array) -> None:
-    """The resonance of each tongue, once, from a point inside it on to the right."""
-    for text, (across, up) in {shorten(curve.resonance): curve.inside for curve in reversed(curves)}.items():
-        panel.words(float(across + FEWEST / 2 * np.ptp(x)), float(up), text, "ink", anchor="start", halo=True)
 
 
 def shorten(resonance: str) -> str:
