@@ -26,7 +26,6 @@ from flexlin.checks import Array
 from flexlin.errors import InputError, TimeLimit
 from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.spectra import Effort
-from flexlin.periodic.precision import ROOT
 from flexlin.report.figures.chart import Chart, describe_chart, draw_campbell, draw_chart, thin
 from flexlin.report.figures.style import Picture
 from flexlin.report.wording import units_of_scene
@@ -38,6 +37,8 @@ BOUNDARY_SHARE = 0.15
 """Of a command's time: after it, no more tongues' tips are searched for; a strip with three modes has dozens of them."""
 BOUNDARY_TOL = 1e-4
 """Wanted error of a boundary that is drawn, as a share of its ranges: a tenth of what a picture shows."""
+CRITICAL_TOL = 1e-8
+"""Wanted error of a critical value, as a share of its range."""
 CRITICAL_SHOWN = 3
 """Critical values at which it is asked how far the links bend."""
 
@@ -52,7 +53,7 @@ def find_boundary(
     asked, problems = scene.accuracy, dict[str, str]()
     if len(ranges) == 1:
         ((path, limits),) = ranges.items()
-        tol = ROOT * (limits[1] - limits[0])
+        tol = CRITICAL_TOL * (limits[1] - limits[0])
         work = lambda: critical_values(scene, path, limits, tol, loop=loop)  # noqa: E731
         values = clock.attempt(problems, "critical", "critical values", asked, work) or []
         data.attrs["search"] = " ".join(problems.values())

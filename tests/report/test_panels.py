@@ -4,7 +4,6 @@ import importlib
 import itertools
 import pkgutil
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -122,10 +121,6 @@ def test_one_loop_has_one_colour(two_loops: Analysis, drawn) -> None:
 def test_colours_stay_apart_for_six_loops(two_loops: Analysis) -> None:
     more = replace(two_loops, designs=tuple(replace(two_loops.designs[0], name=str(k)) for k in range(5)))
     assert len({choose_colour(more, loop) for loop in more.loops}) == 7
-
-
-def titles(panels: list[Panel]) -> Iterator[str]:
-    return (panel.title for panel in panels)
 
 
 def test_large_arms_show_all_joints_and_fold_the_rest(large: Analysis, drawn) -> None:

@@ -120,7 +120,7 @@ def respond(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
         from flexlin.answers.disturbed.respond import answer_in_scene
-        from flexlin.report.figures.comparison import answer_lines, answer_record, draw
+        from flexlin.report.figures.answers import answer_lines, answer_record, draw
         from flexlin.report.wording import units_of_scene
 
         kind, words = asked[0]
