@@ -3,9 +3,8 @@
 `docs/results.md` says what a reader may rely on.
 """
 
-from flexlin.files.disk import sync
-from flexlin.files.manifest import MANIFEST, read_text, refuse_odd
-from flexlin.files.writing import Results, check_folder, clear_left, replacing, results, write_text
+from flexlin.files.manifest import MANIFEST, read_text, refuse_odd, sync
+from flexlin.files.switch import Results, check_folder, clear_left, replacing, results, write_text
 
 __all__ = [
     "MANIFEST",

@@ -1,7 +1,7 @@
-"""One pair of axes with its marks."""
+"""One pair of axes with its marks, and how it is drawn: words and legend in HTML, axes and marks as SVG; the browser wraps them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
 
 import numpy as np
@@ -151,3 +151,195 @@ def write_text(x: float, y: float, text: str, style: str = "", **attributes: str
 
 def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     return np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))  # type: ignore[return-value]
+
+
+LINE, EDGE, MARGIN = 16.0, 20.0, 46.0
+"""A line of words below the axes, what is free beside and above them, and the least margin for labels on their left."""
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Where the axes of a panel lie in its drawing, with both scales."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+    x_scale: Scale
+    y_scale: Scale
+
+    def x(self, values: Array) -> Array:
+        return self.left + self.width * self.x_scale.place(values)
+
+    def y(self, values: Array) -> Array:
+        return self.top + self.height * (1 - self.y_scale.place(values))
+
+    @property
+    def bottom(self) -> float:
+        return self.top + self.height
+
+    @property
+    def right(self) -> float:
+        return self.left + self.width
+
+
+def draw(panels: Sequence[Panel], legend: Sequence[Mark] = ()) -> str:
+    """Panels beside each other as one element of a page, below their common legend.
+
+    Those of one width stand in columns, others share their line by their widths; the style sheet says when they wrap.
+    """
+    widths = {panel.width for panel in panels}
+    alike = f' alike" style="--w:{widths.pop():g}' if len(widths) == 1 else ""
+    return f'<div>{draw_legend(legend)}<div class="panels{alike}">\n{"".join(map(draw_panel, panels))}</div></div>'
+
+
+def draw_panel(panel: Panel) -> str:
+    """One panel: title and legend, axes with their marks, words below."""
+    title = f"<b>{escape(panel.title)}</b>" if panel.title else ""
+    head = f"{title}{draw_legend(panel.legend)}"
+    return f'<div class="panel{" bare" * panel.bare}" style="--w:{panel.width:g}">{head}{draw_svg(panel)}</div>\n'
+
+
+def draw_legend(marks: Sequence[Mark]) -> str:
+    """Keys and labels."""
+    keys = "".join(f"<span>{draw_key(mark)} {escape(mark.label)}</span>" for mark in marks)
+    return f'<div class="legend">{keys}</div>' if marks else ""
+
+
+def draw_key(mark: Mark) -> str:
+    """What a mark looks like."""
+    shape = f'transform="translate(8 5)" d="{mark.shape}"' if mark.kind == "dots" else 'd="M0,5h16"'
+    return f'<svg viewBox="0 0 16 10"><path {shape} style="{mark.style}"/></svg>'
+
+
+def draw_svg(panel: Panel) -> str:
+    """Axes and marks of a panel, and the words below."""
+    axes, y_ticks = lay_axes(panel)
+    parts = [] if panel.bare else draw_axes(panel, axes, y_ticks)
+    parts += [draw_mark(mark, axes) for mark in leave_apart(panel.marks, axes)]
+    below, foot = axes.bottom + LINE * (not panel.bare), panel.x_label or panel.footer
+    style = f"fill:var(--{'faint' if panel.x_label else panel.footer_colour});text-anchor:middle"
+    parts += [write_text(axes.left + axes.width / 2, below + 12, foot, style)] if foot else []
+    size = f"{panel.width:g} {below + LINE * bool(foot) + 4:.0f}"
+    return (
+        f'<svg class="drawing" viewBox="0 0 {size}" role="img" aria-label="{escape(panel.title)}">\n'
+        + "\n".join(parts)
+        + "\n</svg>"
+    )
+
+
+def lay_axes(panel: Panel) -> tuple[Axes, list[tuple[float, str]]]:
+    """The axes, fitted to the marks and to the labels beside them, and the ticks up the side."""
+    x, y = panel.fitted()
+    if panel.bare:
+        x, y = equalize_units(x, y, panel.width, panel.height) if panel.equal else (x, y)
+        return Axes(0.0, 4.0, panel.width, panel.height, x, y), []
+    room = panel.width - EDGE
+    if panel.equal:
+        x, y = equalize_units(x, y, room - MARGIN, panel.height)
+    y_ticks = y.ticks(min(7, max(3, int(panel.height / 19))))
+    labels = max((measure_text(label) for _, label in y_ticks), default=0.0)
+    margin = max(labels + LINE / 2 + (LINE if panel.y_label else 0.0), MARGIN * panel.ticked)
+    return Axes(margin, LINE / 2, room - margin, panel.height, x, y), y_ticks
+
+
+def draw_axes(panel: Panel, axes: Axes, y_ticks: list[tuple[float, str]]) -> list[str]:
+    """Grid lines and labels of both axes."""
+    x_ticks = axes.x_scale.ticks(max(2, int(axes.width / 62))) if panel.ticked else []
+    across, up = axes.x(np.array([value for value, _ in x_ticks])), axes.y(np.array([value for value, _ in y_ticks]))
+    grid = "".join(f"M{at:.1f},{axes.top:.1f}V{axes.bottom:.1f}" for at in across)
+    grid += "".join(f"M{axes.left:.1f},{at:.1f}H{axes.right:.1f}" for at in up)
+    frame = f"M{axes.left:.1f},{axes.top:.1f}V{axes.bottom:.1f}H{axes.right:.1f}"
+    parts = [
+        f'<path d="{grid}" style="stroke:var(--grid);stroke-width:.7;fill:none"/>',
+        f'<path d="{frame}" style="stroke:var(--faint);stroke-width:.8;fill:none"/>',
+    ]
+    style = "fill:var(--faint);text-anchor:"
+    parts += [
+        write_text(at, axes.bottom + 14, text, f"{style}middle") for at, (_, text) in zip(across, x_ticks, strict=True)
+    ]
+    parts += [write_text(axes.left - 5, at + 4, text, f"{style}end") for at, (_, text) in zip(up, y_ticks, strict=True)]
+    if panel.y_label:
+        at, middle = 10.0, axes.top + axes.height / 2
+        turned = f"rotate(-90 {at:.1f} {middle:.1f})"
+        parts.append(write_text(at, middle, panel.y_label, f"{style}middle", transform=turned))
+    return parts
+
+
+def draw_mark(mark: Mark, axes: Axes) -> str:
+    """One mark in pixels."""
+    if mark.kind == "zero":
+        return f'<path d="M{axes.left:.1f},{axes.y(mark.y)[0]:.1f}h{axes.width:.1f}" style="{mark.style}"/>'
+    if mark.kind == "probe":
+        place = f'x="{axes.left:.1f}" y="{axes.top:.1f}" width="{axes.width:.1f}" height="{axes.height:.1f}"'
+        return f'<rect class="probe" {place} style="{mark.style}" data-probe="{escape(mark.texts[0], quote=True)}"/>'
+    across, up = axes.x(mark.x), axes.y(mark.y)
+    if mark.kind == "hatch":
+        lines = f'<path d="M0,6L6,0" style="{mark.style};stroke-width:1"/>'
+        pattern = f'<pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse">{lines}</pattern>'
+        return f'<defs>{pattern}</defs><path d="{draw_rectangles(across, up)}" style="fill:url(#hatch);stroke:none"/>'
+    if mark.kind == "words":
+        return write_text(*place_words(mark, axes), mark.texts[0], mark.style)
+    if mark.kind == "cells":
+        return f'<path d="{draw_rectangles(across, up)}" style="{mark.style}"/>'
+    if mark.kind == "dots":
+        texts = mark.texts or ("",) * len(across)
+        return "".join(
+            f'<path transform="translate({a:.1f} {b:.1f})" d="{mark.shape}" style="{mark.style}"><title>{escape(text)}</title></path>'
+            for a, b, text in zip(across, up, texts, strict=True)
+        )
+    return f'<path d="{draw_trace(across, up)}{"z" if mark.kind == "area" else ""}" style="{mark.style}"/>'
+
+
+def leave_apart(marks: Sequence[Mark], axes: Axes) -> list[Mark]:
+    """The marks without words that would be written over others: those that come later stay."""
+    kept, taken = list[Mark](), list[tuple[float, float, float]]()
+    for mark in reversed(marks):
+        if mark.kind == "words":
+            (x, up), width = place_words(mark, axes), measure_text(mark.texts[0], SMALL)
+            left = x - share_before(mark) * width
+            if any(left < end and start < left + width and abs(up - other) < SMALL for start, end, other in taken):
+                continue
+            taken.append((left, left + width, up))
+        kept.append(mark)
+    return kept[::-1]
+
+
+def share_before(mark: Mark) -> float:
+    """The part of a mark's words that stands left of their point: none, half or all of them."""
+    return ("start", "middle", "end").index(mark.anchor) / 2
+
+
+def place_words(mark: Mark, axes: Axes) -> tuple[float, float]:
+    """Where a few words stand: as near to their point as leaves them inside the axes."""
+    x, y = float(axes.x(mark.x)[0]), float(axes.y(mark.y)[0])
+    before, width = share_before(mark), measure_text(mark.texts[0], SMALL)
+    low, high = axes.left + before * width + 2, axes.right - (1 - before) * width - 2
+    return (min(max(x, low), high) if low <= high else x), min(max(y, axes.top + SMALL), axes.bottom - 3)
+
+
+def draw_rectangles(across: Array, up: Array) -> str:
+    """Rectangles between low ends, which come first, and high ends, (2 N,), as one path."""
+    corners = zip(*np.split(across, 2), *np.split(up, 2), strict=True)
+    return "".join(f"M{a:.2f},{c:.2f}H{b:.2f}V{d:.2f}H{a:.2f}z" for a, b, c, d in corners)
+
+
+def draw_trace(across: Array, up: Array) -> str:
+    """Points as a path; a point that is not finite breaks the line."""
+    known = np.isfinite(across) & np.isfinite(up)
+    pieces = np.split(np.arange(len(known)), np.flatnonzero(np.diff(known)) + 1)
+    return "".join(
+        "M" + "L".join(map("%.1f,%.1f".__mod__, zip(across[piece].tolist(), up[piece].tolist(), strict=True)))
+        for piece in pieces
+        if len(piece) and known[piece[0]]
+    )
+
+
+def equalize_units(x: Scale, y: Scale, width: float, height: float) -> tuple[Scale, Scale]:
+    """Widen one of two linear scales until a unit is as long on both axes."""
+    if not (isinstance(x, Linear) and isinstance(y, Linear)):
+        return x, y
+    (x_low, x_high), (y_low, y_high) = x.ends, y.ends
+    unit = max((x_high - x_low) / width, (y_high - y_low) / height)
+    more_x, more_y = (unit * width - (x_high - x_low)) / 2, (unit * height - (y_high - y_low)) / 2
+    return replace(x, low=x_low - more_x, high=x_high + more_x), replace(y, low=y_low - more_y, high=y_high + more_y)

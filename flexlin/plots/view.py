@@ -12,9 +12,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.plots.panel import Panel
+from flexlin.plots.panel import Panel, draw
 from flexlin.plots.scales import write_powers
-from flexlin.plots.svg import draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,8 +12,9 @@ from flexlin.checks import Array
 from flexlin.control.slow_motions import slow_motions
 from flexlin.control.tracking import arm_positions
 from flexlin.errors import ArgumentError, FlexlinError
-from flexlin.report.figures.arm import STRAIGHT, SWING, trace_arm
-from flexlin.report.page import load_template
+from flexlin.periodic.precision import ROOT
+from flexlin.report.figures.arm import SWING, trace_arm
+from flexlin.report.page import TEMPLATES
 from flexlin.scene.scene import Scene
 from flexlin.simulation.result import Simulation
 
@@ -38,29 +39,17 @@ def frames_of(lin: Linearization, t: Array, states: Array, magnify: float = 1.0)
     return Frames(trace_arm(lin, t, moved), arm_positions(lin, t, moved)[0])
 
 
-def fixed_points(points: Array) -> list[int]:
-    """Which points never move: there the arm stands on the ground; the last one is the tip."""
-    moved = np.ptp(points, axis=0).max(axis=0)
-    return [int(i) for i in np.flatnonzero(moved <= STRAIGHT * max(float(np.ptp(points)), 1e-300))]
-
-
 def list_grounds(points: Array) -> list[int]:
-    """The fixed points that stand on the ground, each place once: in space the first of several in a row, the next lie on an axis that
-    turns."""
-    fixed = fixed_points(points)
+    """The points that never move, where the arm stands on the ground, each place once; the last point is the tip.
+
+    In space it is the first of several in a row: the next lie on an axis that turns.
+    """
+    near = ROOT * max(float(np.ptp(points)), 1e-300)
+    fixed = np.flatnonzero(np.ptp(points, axis=0).max(axis=0) <= near).tolist()
     grounds = [i for i in fixed if points.shape[1] == 2 or i - 1 not in fixed]
-    near = STRAIGHT * max(float(np.ptp(points)), 1e-300)
     return [
         i for k, i in enumerate(grounds) if all(np.ptp(points[0][:, [i, j]], axis=1).max() > near for j in grounds[:k])
     ]
-
-
-def moving_links(links: list[list[Array]]) -> list[int]:
-    """Which of the links [time][link] move: one that never does is ground, one without length is a carriage."""
-    each = [np.stack(curves) for curves in zip(*links, strict=True)]
-    still = STRAIGHT * max((float(np.ptp(curves)) for curves in each), default=0.0)
-    moved = [np.ptp(curves, axis=0).max() > still and np.ptp(curves, axis=2).max() > still for curves in each]
-    return [i for i, found in enumerate(moved) if found]
 
 
 def bodies(scene: Scene) -> dict[str, bool]:
@@ -123,7 +112,7 @@ def animation_page(scene: Scene, lin: Linearization, run: Simulation, command: s
     Raises: ArgumentError for a manipulator that does not say where its joints and tip are.
     """
     data = collect_frames(scene, lin, run)
-    return load_template("animation").render(
+    return TEMPLATES.get_template("animation.html.j2").render(
         title=scene.title,
         status=run.status,
         names=[found["name"] for found in data["plays"]],
@@ -193,9 +182,11 @@ def play(name: str, lin: Linearization, t: Array, states: Array, digits: int) ->
 
 
 def moving(frames: Frames) -> list[list[Array]]:
-    """The links of each picture that move; all, where none seems to."""
-    chosen = moving_links(frames.links)
-    return [[links[i] for i in chosen] or links for links in frames.links]
+    """The links of each picture that move, or all: one that never does is ground, one without length is a carriage."""
+    each = [np.stack(curves) for curves in zip(*frames.links, strict=True)]
+    still = ROOT * max((float(np.ptp(curves)) for curves in each), default=0.0)
+    moved = [np.ptp(curves, axis=0).max() > still and np.ptp(curves, axis=2).max() > still for curves in each]
+    return [[link for link, moves in zip(links, moved, strict=True) if moves] or links for links in frames.links]
 
 
 def rounded(values: Any, digits: int) -> Any:

@@ -26,7 +26,7 @@ from flexlin.checks import Array
 from flexlin.errors import InputError, TimeLimit
 from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.spectra import Effort
-from flexlin.report.figures.chart import describe_chart, draw_campbell, draw_chart, list_paths, thin
+from flexlin.report.figures.chart import Chart, describe_chart, draw_campbell, draw_chart, thin
 from flexlin.report.figures.style import Picture
 from flexlin.report.wording import units_of_scene
 from flexlin.scene.loading import raw_tables, revise_scene
@@ -114,50 +114,36 @@ def label_value(scene: Scene, path: str, value: float) -> str:
     return f"{name_number(path)} {value:.4g} {show_unit(scene, path)}".strip()
 
 
-def draw_charts(
-    scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve]
-) -> list[Picture]:
+def draw_charts(chart: Chart) -> list[Picture]:
     """The chart, and over one number the Campbell diagram."""
-    with units_of_scene(scene):
-        return draw_with_units(scene, data, critical, curves)
+    data, paths = chart.data, chart.paths
+    with units_of_scene(chart.scene):
+        pictures = [draw_chart(chart)]
+        if len(paths) == 1:
+            unfolded = unfold_frequencies(chart.scene, paths[0], thin(data), str(data.attrs.get("loop", "own")))
+            if unfolded is not None:
+                error = float(np.nan_to_num(data["error"].to_numpy(), posinf=0.0).max(initial=0.0))
+                pictures.append(draw_campbell(label_number(chart.scene, paths[0]), unfolded, error))
+        return pictures
 
 
-def say_without_picture(
-    scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve], why: object
-) -> list[Picture]:
+def say_without_picture(chart: Chart, why: object) -> list[Picture]:
     """All that is known, where there is no picture."""
-    with units_of_scene(scene):
-        said = describe_chart(scene, data, critical, curves)
-    return [
-        Picture("chart", "Stability chart", f"{said}\nThe picture was not drawn ({why}); all numbers are written.", "")
-    ]
+    with units_of_scene(chart.scene):
+        said = f"{describe_chart(chart)}\nThe picture was not drawn ({why}); all numbers are written."
+    return [Picture("chart", "Stability chart", said)]
 
 
-def draw_with_units(
-    scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve]
-) -> list[Picture]:
-    """The pictures, in the scene's units."""
-    pictures, paths = [draw_chart(scene, data, critical, curves)], list_paths(data)
-    if len(paths) == 1:
-        shown = thin(data)
-        unfolded = unfold_frequencies(scene, paths[0], shown, str(data.attrs.get("loop", "own")))
-        if unfolded is not None:
-            error = float(np.nan_to_num(data["error"].to_numpy(), posinf=0.0).max(initial=0.0))
-            pictures.append(draw_campbell(label_number(scene, paths[0]), unfolded, error))
-    return pictures
-
-
-def chart_dataset(
-    scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve]
-) -> xarray.Dataset:
+def chart_dataset(chart: Chart) -> xarray.Dataset:
     """The sweep under plain names with units, and the critical values or the boundary beside it."""
-    paths = list_paths(data)
-    plain = {path: name_number(path).replace(" ", "_") for path in paths}
+    scene, data, critical, curves = chart.scene, chart.data, chart.critical, chart.curves
+    plain = {path: name_number(path).replace(" ", "_") for path in chart.paths}
     data = data.rename({path: name for path, name in plain.items() if path in data.coords or path in data.dims})
+    units = {path: {"units": name_unit(scene, path)} for path in plain}
     for path, name in plain.items():
-        data[name].attrs |= {"units": name_unit(scene, path), "long_name": name_number(path), "path": path}
-    if len(paths) == 1:
-        unit = {"units": name_unit(scene, paths[0])}
+        data[name].attrs |= units[path] | {"long_name": name_number(path), "path": path}
+    if len(plain) == 1:
+        (unit,) = units.values()
         data["critical_value"] = ("critical", np.array([one.value for one in critical]), unit)
         data["critical_error"] = ("critical", np.array([one.error for one in critical]), unit)
         data["critical_kind"] = ("critical", np.array([one.kind for one in critical], dtype="U8"))
@@ -165,9 +151,9 @@ def chart_dataset(
         return data
     count = [len(curve.points) for curve in curves]
     data["boundary_curve"] = ("point", np.repeat(np.arange(len(curves)), count).astype(np.int32))
-    for k, path in enumerate(paths):
+    for k, (path, name) in enumerate(plain.items()):
         points = np.concatenate([np.zeros(0), *(curve.points[:, k] for curve in curves)])
-        data[f"boundary_{plain[path]}"] = ("point", points, {"units": name_unit(scene, path)})
+        data[f"boundary_{name}"] = ("point", points, units[path])
     return data
 
 
@@ -220,21 +206,14 @@ def say_what_is_missing(job: Job, error: BaseException, store: Path | None, seco
     return f"{known}; {longer}{', or ' if late else ''}add --store CHART.zarr, from which the same command goes on"
 
 
-LONG = 60.0
-"""Seconds of work that are announced when it begins."""
-SOON = 0.5
-"""Seconds after which the whole time is estimated."""
-
-
 class Counting:
     """Counts finished values, each block by a call; `show` takes the line."""
 
     def __init__(self, values: int, done: int, show: Callable[[str], None]):
-        self._values, self._first, self._show = values, done, show
+        self._show, self._start = show, time.monotonic()
         self._counts = np.zeros(len(VERDICTS), dtype=int)
-        self._start, self._announced = time.monotonic(), False
         if done:
-            announce(f"{done:,} of {values:,} values are there already")
+            print(f"flexlin: {done:,} of {values:,} values are there already", file=sys.stderr, flush=True)
 
     def __call__(self, start: int, block: Found) -> None:
         """Count a block, and show what is known."""
@@ -242,13 +221,3 @@ class Counting:
         elapsed, done = time.monotonic() - self._start, int(self._counts.sum())
         counts = ", ".join(f"{n:,} {word}" for n, word in zip(self._counts, VERDICTS, strict=True) if n)
         self._show(f"exponents of all values, {done / max(elapsed, 1e-9):,.0f} a second: {counts}")
-        if not self._announced and elapsed > SOON:
-            self._announced = True
-            whole = elapsed * (self._values - self._first) / done
-            if whole > LONG:
-                announce(f"{self._values - self._first:,} values will take about {whole / 60:.0f} min")
-
-
-def announce(line: str) -> None:
-    """One line on stderr."""
-    print(f"flexlin: {line}", file=sys.stderr, flush=True)

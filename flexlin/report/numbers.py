@@ -90,7 +90,7 @@ def step_block(step: Step) -> dict[str, Any]:
     block: dict[str, Any] = {"name": step.name, "seconds": round(step.seconds, 4)}
     block["cpu_seconds"] = round(step.cpu_seconds, 4)
     if step.asked is not None:
-        block |= {"asked": step.asked, "reached": None if step.reached is None else record_number(step.reached)}
+        block |= {"asked": step.asked, "reached": None if step.reached is None else record_numbers(step.reached)}
     block |= {"notes": list(step.notes)} if step.notes else {}
     return block | ({"problem": step.problem} if step.problem else {})
 
@@ -124,7 +124,7 @@ def record_loop(loop: Loop) -> dict[str, Any]:
     """What is known of one loop."""
     block: dict[str, Any] = {"name": loop.name, "kind": loop.kind, "verdict": loop.verdict}
     if loop.design is not None:
-        block |= {"design_error": record_number(loop.design.error), "design_status": loop.design.status}
+        block |= {"design_error": record_numbers(loop.design.error), "design_status": loop.design.status}
     if loop.floquet is None:
         return block | {"status": loop.problem}
     result, setting = loop.floquet, loop.floquet.setting
@@ -160,8 +160,8 @@ def record_response(analysis: Analysis) -> dict[str, Any]:
     return {
         "states": record_numbers(response.states),
         "tip_error_xy": record_numbers(response.tip),
-        "largest_tip_error": record_number(response.tip_error.max()),
-        "rms_tip_error": record_number(np.sqrt(np.mean(response.tip_error[:-1] ** 2))),
+        "largest_tip_error": record_numbers(response.tip_error.max()),
+        "rms_tip_error": record_numbers(np.sqrt(np.mean(response.tip_error[:-1] ** 2))),
         **record_fields(response.solution, "error amplification status"),
     }
 
@@ -173,9 +173,9 @@ def record_simulation(analysis: Analysis) -> dict[str, Any]:
         return {"problem": analysis.problems["simulation"]}
     return {
         **record_fields(simulation, "t nonlinear linear torque tip tip_linear tip_rigid error linear_error status"),
-        "largest_tip_difference": record_number(simulation.difference),
-        "largest_tip_error": record_number(simulation.tip_error),
-        "largest_tip_difference_error": record_number(simulation.difference_error),
+        "largest_tip_difference": record_numbers(simulation.difference),
+        "largest_tip_error": record_numbers(simulation.tip_error),
+        "largest_tip_difference_error": record_numbers(simulation.difference_error),
         **({"events": [list(event) for event in simulation.events]} if simulation.events else {}),
     }
 
@@ -198,7 +198,7 @@ def record_margin(margin: Margin) -> dict[str, Any]:
 def record_endured(found: Margins) -> dict[str, Any]:
     """The margins of one loop as data that JSON can hold; null where there is no limit, or `reason` says
     why it is not known. Phase in rad, delay in s."""
-    lists = {name: [record_number(one) for one in getattr(found, name)] for name in ("gain", "errors")}
+    lists = {name: [record_numbers(one) for one in getattr(found, name)] for name in ("gain", "errors")}
     return lists | record_fields(found, "phase delay reason" if found.reason else "phase delay")
 
 
@@ -272,20 +272,17 @@ def record_fields(thing: Any, names: str) -> dict[str, Any]:
 
 def record_value(value: Any) -> Any:
     """One attribute: numbers by `record_numbers`, what is none as it is."""
-    if isinstance(value, np.ndarray):
-        return record_numbers(value)
-    return record_number(value) if isinstance(value, float) else value
+    return record_numbers(value) if isinstance(value, np.ndarray | float) else value
 
 
-def record_numbers(array: Array) -> Any:
-    """An array as nested lists, complex numbers as [re, im]."""
+def record_numbers(value: Array | float) -> Any:
+    """A number, or an array as nested lists: complex ones as [re, im], nothing where they are not finite."""
+    array = np.asarray(value)
     if np.iscomplexobj(array):
-        return record_numbers(np.stack([array.real, array.imag], axis=-1))
-    if np.all(np.isfinite(array)):
-        return np.asarray(array, dtype=float).tolist()
-    return [record_numbers(part) if np.ndim(part) else record_number(part) for part in array]
-
-
-def record_number(value: float) -> float | None:
-    """A number, or nothing where it is not finite."""
-    return float(value) if np.isfinite(value) else None
+        array = np.stack([array.real, array.imag], axis=-1)
+    plain = array.astype(float)
+    known = np.isfinite(plain)
+    if not known.all():
+        plain = plain.astype(object)
+        plain[~known] = None
+    return plain.tolist()

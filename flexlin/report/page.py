@@ -1,26 +1,26 @@
 """report.html: one self-contained page, which asks no other file or host for anything."""
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select_autoescape
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
 import flexlin
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
-from flexlin.report.advice import advise, name_condition
-from flexlin.report.figures.coefficients import list_entries, name_entry
+from flexlin.report.advice import advise, drive_cells, name_condition
+from flexlin.report.figures.over_period import list_entries, name_entry
 from flexlin.report.figures.style import Picture
-from flexlin.report.margins import describe_endured, describe_margins, describe_nearest
 from flexlin.report.wording import (
     colour,
     describe_controller,
+    describe_endured,
+    describe_margins,
+    describe_nearest,
     describe_pace,
     doubt,
-    drive_cells,
     format_decimal,
     format_duration,
     format_largest_multiplier,
@@ -31,6 +31,7 @@ from flexlin.report.wording import (
     format_with_prefix,
     is_dimensionless,
     reason,
+    took,
     typeset,
     units_of,
     without_units,
@@ -39,40 +40,45 @@ from flexlin.scene.base import Table
 from flexlin.scene.names import choose_unit
 from flexlin.scene.scene import Accuracy, Scene
 
+TEMPLATES = Environment(
+    loader=PackageLoader("flexlin.report"),
+    autoescape=select_autoescape(("html.j2",)),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    finalize=typeset,
+)
+"""Those of reports; a name in one that has no value is an error."""
+
 
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
     """Fill the page's template: verdict first, then what to do, figures, and everything that went in."""
     with units_of(analysis):
-        return fill_page(analysis, data, pictures, command)
-
-
-def fill_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
-    """The page, in the units of the analysis."""
-    model = analysis.validity(analysis.own)
-    return load_template("page").render(
-        analysis=analysis,
-        own=analysis.own,
-        under=name_condition(analysis.own),
-        doubt=doubt(analysis.own, analysis.plant.period, model),
-        reason=reason(model),
-        pace=describe_pace(analysis.own, analysis.plant.period),
-        facts=list_facts(analysis),
-        margins=describe_margins(analysis.scene, analysis.margins, analysis.problems),
-        nearest=describe_nearest(analysis.scene, analysis.nearest),
-        steps=advise(analysis),
-        loops=[describe_loop(analysis, loop) for loop in analysis.loops],
-        endured=bool(analysis.endured),
-        exponents=[list_exponents(loop) for loop in analysis.loops if loop.floquet is not None],
-        pictures=pictures,
-        dimensionless=is_dimensionless(),
-        constants=list_constants(analysis),
-        inputs=list_inputs(analysis.scene, data["scene"]),
-        effects=data["effects"],
-        versions=data["versions"],
-        command=command,
-        asked=asked_for(analysis.scene.accuracy),
-        took=[step_row(step) for step in (*analysis.steps, together(analysis.steps))],
-    )
+        model = analysis.validity(analysis.own)
+        return TEMPLATES.get_template("page.html.j2").render(
+            analysis=analysis,
+            own=analysis.own,
+            under=name_condition(analysis.own),
+            doubt=doubt(analysis.own, analysis.plant.period, model),
+            reason=reason(model),
+            pace=describe_pace(analysis.own, analysis.plant.period),
+            facts=list_facts(analysis),
+            margins=describe_margins(analysis.scene, analysis.margins, analysis.problems),
+            nearest=describe_nearest(analysis.scene, analysis.nearest),
+            steps=advise(analysis),
+            loops=[describe_loop(analysis, loop) for loop in analysis.loops],
+            endured=bool(analysis.endured),
+            exponents=[list_exponents(loop) for loop in analysis.loops if loop.floquet is not None],
+            pictures=pictures,
+            dimensionless=is_dimensionless(),
+            constants=list_constants(analysis),
+            inputs=list_inputs(analysis.scene, data["scene"]),
+            effects=data["effects"],
+            versions=data["versions"],
+            command=command,
+            asked=asked_for(analysis.scene.accuracy),
+            took=[step_row(step) for step in (*analysis.steps, Step("together", *took(analysis.steps)))],
+        )
 
 
 def picture_page(
@@ -80,25 +86,7 @@ def picture_page(
 ) -> str:
     """A page of one picture, with what is to be said before it, and of other pictures below it."""
     page = {"title": title, "picture": picture, "more": more, "said": said}
-    return load_template("picture").render(command=command, version=flexlin.__version__, **page)
-
-
-@lru_cache(maxsize=1)
-def make_environment() -> Environment:
-    """What loads the templates of reports; a name in one that has no value is an error."""
-    return Environment(
-        loader=PackageLoader("flexlin.report"),
-        autoescape=select_autoescape(("html.j2",)),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=typeset,
-    )
-
-
-def load_template(name: str) -> Template:
-    """A template of the report."""
-    return make_environment().get_template(f"{name}.html.j2")
+    return TEMPLATES.get_template("picture.html.j2").render(command=command, version=flexlin.__version__, **page)
 
 
 def list_facts(a: Analysis) -> list[tuple[str, str]]:
@@ -132,15 +120,10 @@ def describe_loop(a: Analysis, loop: Loop) -> dict[str, str]:
         "settled": settled,
         "status": without_units(loop.problem or (loop.floquet.status if loop.floquet else "")),
         "design": loop.design.status if loop.design is not None else "",
-        "controller": controller_of(a, loop),
+        "controller": describe_controller(a.scene.control) if loop is a.own and loop.kind != "open" else "",
         "endured": describe_endured(a.endured.get(loop.name)),
         **drive_cells(a, loop),
     }
-
-
-def controller_of(a: Analysis, loop: Loop) -> str:
-    """What the scene's own loop holds beside its gains."""
-    return describe_controller(a.scene.control) if loop is a.own and loop.kind != "open" else ""
 
 
 def steady_tip(a: Analysis, loop: Loop) -> str:
@@ -188,11 +171,6 @@ def step_row(step: Step) -> dict[str, Any]:
     }
 
 
-def together(steps: Sequence[Step]) -> Step:
-    """What all stages took."""
-    return Step("together", sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps))
-
-
 def list_constants(a: Analysis) -> list[tuple[str, str, str]]:
     """Entries of M, D, K that do not vary and are not zero, one of a symmetric pair: name, value, unit."""
     return [
@@ -207,15 +185,10 @@ def list_units(part: Any, path: str = "") -> dict[str, str]:
     if isinstance(part, Table):
         below = [(name, getattr(part, name)) for name in type(part).model_fields]
         stated = {f"{path}{key}": unit for key, unit in part.units().items() if not isinstance(getattr(part, key), str)}
+    elif isinstance(part, dict):
+        below, stated = [*part.items()], {}
     else:
-        below = (
-            [*part.items()]
-            if isinstance(part, dict)
-            else [(str(k), one) for k, one in enumerate(part)]
-            if isinstance(part, tuple)
-            else []
-        )
-        stated = {}
+        below, stated = [(str(k), one) for k, one in enumerate(part if isinstance(part, tuple) else ())], {}
     return stated | {name: unit for key, value in below for name, unit in list_units(value, f"{path}{key}.").items()}
 
 
@@ -239,14 +212,12 @@ def flatten_table(node: Any, path: str = "") -> list[tuple[str, str]]:
     elif isinstance(node, list) and any(isinstance(child, dict) for child in node):
         children = list(enumerate(node))
     else:
-        values = node if isinstance(node, list) else [node]
-        return [
-            (
-                path,
-                ", ".join(
-                    f"{one:.12g}" if isinstance(one, float) else str(one).lower() if isinstance(one, bool) else str(one)
-                    for one in values
-                ),
-            )
-        ]
+        return [(path, ", ".join(map(format_input, node if isinstance(node, list) else [node])))]
     return [leaf for name, child in children for leaf in flatten_table(child, f"{path}.{name}" if path else str(name))]
+
+
+def format_input(value: object) -> str:
+    """One value as TOML has it, but without what rounding left of a number."""
+    return (
+        f"{value:.12g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
+    )

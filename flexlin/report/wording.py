@@ -2,22 +2,29 @@
 
 import math
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexlin.answers.analysis import Analysis
+from flexlin.answers.clock import Step
+from flexlin.answers.critical_values import CriticalValue
 from flexlin.answers.judging import Loop
+from flexlin.answers.margins import Margin
 from flexlin.answers.validity import ModelEvidence, ModelValidity
 from flexlin.checks import Array
-from flexlin.control.drives import Demand, DriveLoad
 from flexlin.periodic.floquet.result import MARGINAL
 from flexlin.plots.scales import SUPERSCRIPTS, write_powers
 from flexlin.scene.control import AnyFilter, Control, LowPass, Pid
+from flexlin.scene.names import name_number, show_unit
 from flexlin.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from flexlin.answers.nearest import NearestInstability
+    from flexlin.periodic.margins import Margins
 
 SLOW = 1e5
 """Periods to settle beyond which a decay is not felt."""
@@ -31,26 +38,21 @@ _length: ContextVar[int | str | None] = ContextVar("length", default=None)
 
 
 @contextmanager
-def units_of(analysis: Analysis) -> Iterator[None]:
+def units_of_scene(scene: Scene, prefix: int | None = None) -> Iterator[None]:
+    """Say each length in the unit that suits it alone, or all by one prefix; without a unit for a scene without dimensions."""
+    token = _length.set(NONE if scene.unit_system == "dimensionless" else prefix)
+    try:
+        yield
+    finally:
+        _length.reset(token)
+
+
+def units_of(analysis: Analysis) -> AbstractContextManager[None]:
     """Say every deflection of a page in one unit, that in which the largest one is readable; in none without dimensions."""
     sizes = [0.0] if analysis.response is None else [*analysis.response.sizes]
     sizes += [0.0 if analysis.simulation is None else analysis.simulation.tip_error]
     largest = max((size for size in sizes if math.isfinite(size)), default=0.0)
-    token = _length.set(NONE if analysis.scene.unit_system == "dimensionless" else choose_prefix(largest))
-    try:
-        yield
-    finally:
-        _length.reset(token)
-
-
-@contextmanager
-def units_of_scene(scene: Scene) -> Iterator[None]:
-    """Say each length in the unit that suits it alone; no unit for a scene without dimensions."""
-    token = _length.set(NONE if scene.unit_system == "dimensionless" else None)
-    try:
-        yield
-    finally:
-        _length.reset(token)
+    return units_of_scene(analysis.scene, choose_prefix(largest))
 
 
 def is_dimensionless() -> bool:
@@ -210,6 +212,11 @@ def format_duration(seconds: float) -> str:
     return format_quantity(seconds, "s") if seconds < 1000 else with_unit(format_decimal(seconds, 3), "s")
 
 
+def took(steps: Sequence[Step]) -> tuple[float, float]:
+    """The seconds of all stages, by the clock and of a processor."""
+    return sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps)
+
+
 def format_largest_multiplier(loop: Loop) -> str:
     """The modulus of the largest multiplier, from its logarithm."""
     if loop.floquet is None:
@@ -263,69 +270,6 @@ def describe_evidence(found: ModelEvidence) -> str:
     return f"the nonlinear equations lose their meaning after {format_quantity(found.bound, 's')}"
 
 
-def largest(load: DriveLoad, what: str) -> str:
-    """The largest figure of all joints, such as the peak torque."""
-    found = [demand for demand in load.demands if demand.what == what]
-    units = {demand.unit for demand in found}
-    return " and ".join(sorted(format_quantity(max(d.value for d in found if d.unit == unit), unit) for unit in units))
-
-
-def drive_cells(a: Analysis, loop: Loop) -> dict[str, str]:
-    """The cells of a loop in the comparison."""
-    load = a.load(loop)
-    if load is None:
-        return {"torque": "–", "rms": "–", "power": "–", "over": ""}
-    over = "; ".join(f"above the drive: {describe_demand(demand)}" for demand in load.exceeded)
-    cells = {"torque": "peak torque", "rms": "RMS torque", "power": "peak power"}
-    return {key: largest(load, what) for key, what in cells.items()} | {"over": over}
-
-
-def describe_demand(demand: Demand) -> str:
-    """One demand above its limit: peak torque of q1 1.28 N m, limit 0.4 N m."""
-    value = format_quantity(demand.value, demand.unit)
-    limit = "" if demand.limit is None else f", limit {format_quantity(demand.limit, demand.unit)}"
-    return f"{demand.what} of {demand.joint} {value}{limit}"
-
-
-def drive_line(a: Analysis, loop: Loop) -> str:
-    """What a loop asks beyond its drives, in one line; nothing where it does not."""
-    load = a.load(loop)
-    return "" if load is None or not load.exceeded else f"above the drive: {describe_demand(load.exceeded[0])}"
-
-
-def comment_on_drives(a: Analysis) -> list[str]:
-    """Which loops ask more than the drives give, and how much room the others leave."""
-    if a.scene.drives is None:
-        return []
-    said = []
-    for loop in a.loops:
-        load = a.load(loop)
-        if load is not None and load.exceeded:
-            worst = load.exceeded[0]
-            more = f" ({len(load.exceeded)} limits in all)" if len(load.exceeded) > 1 else ""
-            said.append(
-                f"In steady motion {name_loop(loop)} asks more than the drives give: {describe_demand(worst)}{more}. "
-                "Slow down, lower the payload, or take a stronger drive."
-            )
-    return said
-
-
-def comment_on_gains(a: Analysis, loop: Loop) -> str:
-    """What a faster design takes of the drives, as far as limits are known."""
-    load = a.load(loop)
-    if load is None:
-        return "compare its gains with what the drive allows"
-    torque = f"in steady motion it asks for {largest(load, 'peak torque')} at most"
-    if a.scene.drives is None:
-        return f"{torque}; give [drives] limits to have it held against them"
-    return f"{torque}, {'more than' if load.exceeded else 'within what'} the drives give"
-
-
-def name_loop(loop: Loop) -> str:
-    """A loop within a sentence."""
-    return "the arm without feedback" if loop.kind == "open" else f"the {loop.name}"
-
-
 PLACES = {"torque": "on the torque", "rates": "on the measured rates"}
 
 
@@ -337,15 +281,11 @@ def describe_controller(control: Control) -> str:
         parts.append("integral action" + (f", unwound within {format_quantity(time, 's')}" if time is not None else ""))
     parts += [describe_filter(one) for one in control.filters]
     said = ["with " + ", ".join(parts)] if parts else []
-    left_out = [name for name, table in limits_of(control) if table is not None]
+    limits = control.saturation
+    left_out = ["torque limits"] if limits is not None else []
+    left_out += ["limits of the torque's rate"] if limits is not None and limits.rate is not None else []
     said += [f"{' and '.join(left_out)} act in the simulation only"] if left_out else []
     return "; ".join(said)
-
-
-def limits_of(control: Control) -> list[tuple[str, object]]:
-    """What limits the drive, and its numbers."""
-    limits = control.saturation
-    return [("torque limits", limits), ("limits of the torque's rate", None if limits is None else limits.rate)]
 
 
 def describe_filter(one: AnyFilter) -> str:
@@ -356,3 +296,89 @@ def describe_filter(one: AnyFilter) -> str:
         what = f"notch at {format_quantity(one.frequency, 'Hz')}"
     of = "" if one.joints is None else f" of joint {', '.join(map(str, one.joints))}"
     return f"{what} {PLACES[one.on]}{of}"
+
+
+DIGITS = 4
+"""Of a critical value."""
+SEARCHED = "margin "
+"""What the keys of problems with critical values begin with; the number's path follows."""
+
+
+def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mapping[str, str] | None = None) -> str:
+    """Becomes unstable at a motion frequency of 1.37 Hz (now 0.5) and at a payload mass of 0.41 kg (now 0.03).
+
+    Numbers whose search met a limit, by the problems, are named: of them nothing is known.
+    """
+    met = [(margin, margin.nearest) for margin in margins]
+    parts = []
+    for change, words in (("onset", "becomes unstable"), ("recovery", "becomes stable")):
+        said = [describe_place(scene, margin, one) for margin, one in met if one and leads_to(margin, one) == change]
+        parts += [f"{words} {' and '.join(said)}"] if said else []
+    kept = [
+        describe_range(scene, margin) for margin, one in met if one is None and margin.searched[0] < margin.searched[1]
+    ]
+    parts += [f"keeps its verdict for {' and '.join(kept)}"] if kept else []
+    parts += [describe_gap(scene, margin, one) for margin, one in met if margin.gap]
+    left = [name_number(key.removeprefix(SEARCHED)) for key in problems or {} if key.startswith(SEARCHED)]
+    parts += [f"was not searched to the end over {' and '.join(left)}, of which nothing is said"] if left else []
+    return "; ".join(parts)
+
+
+def leads_to(margin: Margin, one: CriticalValue) -> str:
+    """What happens on the way from the scene's own value to a critical one and beyond."""
+    upward = one.value > margin.own
+    return "onset" if upward == (one.kind == "onset") else "recovery"
+
+
+def describe_place(scene: Scene, margin: Margin, one: CriticalValue) -> str:
+    """At a motion frequency of 1.37 Hz (now 0.5); both ends of what is known where they differ in what is said of them."""
+    low, high = (format_decimal(one.value + side, DIGITS) for side in (-one.error, one.error))
+    where = f"of {high}" if low == high else f"between {low} and {high}"
+    words = f"at a {name_number(margin.path)} {where} {show_unit(scene, margin.path)}".strip()
+    return f"{words} (now {format_decimal(margin.own, DIGITS)})"
+
+
+def describe_gap(scene: Scene, margin: Margin, one: CriticalValue | None) -> str:
+    """Shows no change at 9 values of the motion frequency from 0.1 to 2 Hz, of which nothing is known in gaps of up to 0.3 Hz."""
+    tried = "no other change" if one is not None else "the same verdict"
+    ends = f"{format_decimal(margin.low, DIGITS)} to {format_decimal(margin.high, DIGITS)}"
+    gap = f"{format_decimal(margin.gap, 2)} {show_unit(scene, margin.path)}".strip()
+    where = f"{name_number(margin.path)} from {ends} {show_unit(scene, margin.path)}".strip()
+    return f"shows {tried} at the {margin.values} values of {where} that time allowed, which leave gaps of up to {gap}"
+
+
+def describe_range(scene: Scene, margin: Margin) -> str:
+    """A motion frequency from 0.1 to 2 Hz: what was searched without gaps."""
+    low, high = max(margin.low, margin.searched[0]), min(margin.high, margin.searched[1])
+    ends = f"{format_decimal(low, DIGITS)} to {format_decimal(high, DIGITS)}"
+    return f"a {name_number(margin.path)} from {ends} {show_unit(scene, margin.path)}".strip()
+
+
+def describe_nearest(scene: Scene, found: "NearestInstability | None") -> str:
+    """What the uncertain numbers may do to the loop; empty where nobody asked."""
+    if found is None:
+        return ""
+    spread = (
+        "growth rates within the stated ranges from " + " to ".join(f"{rate:.4g}" for rate in found.growth) + " 1/s"
+    )
+    if not math.isfinite(found.scale):
+        return f"{found.status}; {spread}"
+    places = (
+        f"a {name_number(path)} of {format_decimal(value, DIGITS)} {show_unit(scene, path)}".strip()
+        + f" (now {format_decimal(own, DIGITS)})"
+        for path, value, own in zip(found.paths, found.values, found.own, strict=True)
+    )
+    return f"{found.status}, at {' and '.join(places)}; {spread}"
+
+
+def describe_endured(found: "Margins | None") -> str:
+    """Gain 0.126 to ∞, phase 48°, delay 2.44 ms; a dash where nothing is known."""
+    if found is None:
+        return "–"
+
+    def say(value: float, how: Callable[[float], str], unlimited: str) -> str:
+        return how(value) if math.isfinite(value) else "unknown" if math.isnan(value) else unlimited
+
+    low, high = (say(one, lambda factor: format_decimal(factor, 3), "∞") for one in found.gain)
+    phase = say(found.phase, lambda angle: f"{format_decimal(math.degrees(angle), 3)}°", "any")
+    return f"gain {low} to {high}, phase {phase}, delay {say(found.delay, format_duration, 'any')}"

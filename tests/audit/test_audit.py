@@ -17,10 +17,7 @@ from flexlin.answers.audit.versions import Version, list_model_versions, read_sc
 from flexlin.cli import main
 from flexlin.errors import TimeLimit
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.report.figures.effects import draw_effects
-from flexlin.report.minimal import fitting, minimal_text
-from flexlin.report.numbers import audit_block
-from flexlin.report.terminal import audit_lines
+from flexlin.report import audit_block, audit_lines, draw_effects, fitting, minimal_text
 from flexlin.scene import register_model
 from flexlin.scene.base import Number, Table
 from flexlin.scene.effects import known_effects

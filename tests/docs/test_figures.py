@@ -73,6 +73,24 @@ def test_every_study_has_its_picture():
         assert f"](../studies/{name}.py)" in figures.BLOCKS["studies"]()
 
 
+@pytest.mark.slow
+def test_every_study_has_a_card_and_a_page(tmp_path: Path):
+    gallery = script("gallery")
+    pages = {page.name: page.read_text(encoding="utf-8") for page in gallery.write_gallery(tmp_path)}
+    names = [path.stem for path in (ROOT / "studies").glob("*.py")]
+    assert set(pages) == {"gallery.md", *(f"{name}.md" for name in names)}
+    for name in names:
+        drawn = (DOCS / "pictures" / f"{name}.png").is_file()
+        assert (f":target: gallery/{name}.html" in pages["gallery.md"]) == drawn
+        assert f"\ngallery/{name}\n" in pages["gallery.md"]
+        assert f"studies/{name}.py" in pages[f"{name}.md"]
+    for link in re.findall(r"\{figure\} (\S+)", pages["gallery.md"]):
+        assert (DOCS / link).is_file()
+    before = (tmp_path / "gallery.md").stat().st_mtime_ns
+    gallery.write_gallery(tmp_path)
+    assert (tmp_path / "gallery.md").stat().st_mtime_ns == before
+
+
 def test_the_picture_of_the_house_is_drawn_from_this_code_and_no_arrow_points_up():
     picture, (rooms, _) = house.picture(), house.house()
     assert all(f">{name}<" in picture for name in rooms)

@@ -1,6 +1,5 @@
 """Every link of the pages leads somewhere: inside the repository to a file, outside to an https address; `make links` asks the latter."""
 
-import importlib.util
 import re
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -44,23 +43,3 @@ def test_every_link_leads_somewhere(page: Path):
 def test_links_are_recognised():
     text = "see [a](b.md), ![c](d.png) and <https://e.org/f>; `[g](h)` is code\n```{figure} i.png\n```\n"
     assert sorted(set(collect_links(text))) == ["b.md", "d.png", "https://e.org/f", "i.png"]
-
-
-@pytest.mark.slow
-def test_every_study_has_a_card_and_a_page(tmp_path: Path):
-    spec = importlib.util.spec_from_file_location("docs_gallery", DOCS / "gallery.py")
-    gallery = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(gallery)
-    pages = {page.name: page.read_text(encoding="utf-8") for page in gallery.write_gallery(tmp_path)}
-    names = [path.stem for path in (ROOT / "studies").glob("*.py")]
-    assert set(pages) == {"gallery.md", *(f"{name}.md" for name in names)}
-    for name in names:
-        drawn = (DOCS / "pictures" / f"{name}.png").is_file()
-        assert (f":target: gallery/{name}.html" in pages["gallery.md"]) == drawn
-        assert f"\ngallery/{name}\n" in pages["gallery.md"]
-        assert f"studies/{name}.py" in pages[f"{name}.md"]
-    for link in re.findall(r"\{figure\} (\S+)", pages["gallery.md"]):
-        assert (DOCS / link).is_file()
-    before = (tmp_path / "gallery.md").stat().st_mtime_ns
-    gallery.write_gallery(tmp_path)
-    assert (tmp_path / "gallery.md").stat().st_mtime_ns == before

@@ -11,8 +11,6 @@ import pytest
 
 from flexlin.cli import main
 
-pytestmark = pytest.mark.xdist_group("browser")
-
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 WIDTHS = (390, 768, 1280)
 MEASURE = """<body><script>
@@ -35,7 +33,10 @@ for (const width of WIDTHS) {
 }
 </script></body>"""
 
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="no browser on this machine")
+pytestmark = [
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.skipif(BROWSER is None, reason="no browser on this machine"),
+]
 
 
 def browse(folder: Path, *options: str) -> str:

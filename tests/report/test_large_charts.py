@@ -9,7 +9,7 @@ import xarray
 
 import flexlin as fl
 from flexlin.cli import main
-from flexlin.report import draw_charts, thin
+from flexlin.report import Chart, draw_charts, thin
 from tests.files.reader import standing
 
 SCENE = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control": {}})
@@ -57,10 +57,10 @@ def test_a_thinned_line_keeps_values_and_their_numbers_together():
 def test_a_search_that_met_a_limit_is_not_a_range_without_boundary():
     growth = np.array([[-1.0, 1.0], [-1.0, -1.0]])
     data = sweep_of(growth, **{"motion.frequency": np.array([0.2, 3.0]), "effects.payload.mass": np.array([0.0, 0.3])})
-    (picture,) = draw_charts(SCENE, data, [], [])
+    (picture,) = draw_charts(Chart(SCENE, data))
     assert "does not change" not in picture.caption
     data.attrs["search"] = "the limit of 3 s was met"
-    (picture,) = draw_charts(SCENE, data, [], [])
+    (picture,) = draw_charts(Chart(SCENE, data))
     assert "the limit of 3 s was met" in picture.caption
     line = (
         data.isel({"effects.payload.mass": 0})
@@ -68,7 +68,7 @@ def test_a_search_that_met_a_limit_is_not_a_range_without_boundary():
         .assign_coords({"motion.frequency": ("value", [0.2, 3.0])})
         .drop_vars(["value", "effects.payload.mass"])
     )
-    assert "the limit of 3 s was met" in draw_charts(SCENE, line, [], [])[0].caption
+    assert "the limit of 3 s was met" in draw_charts(Chart(SCENE, line))[0].caption
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ import importlib
 import itertools
 import pkgutil
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +17,7 @@ from flexlin.answers.judging import Loop
 from flexlin.answers.steady import find_response
 from flexlin.plots import SMALL, Linear, Logarithmic, Panel, Symlog, draw, measure_text
 from flexlin.report.figures.chart import follow_lines
-from flexlin.report.figures.coefficients import choose_shown, shift_and_scale
+from flexlin.report.figures.over_period import choose_shown, shift_and_scale
 from flexlin.report.figures.style import choose_colour
 
 SCENE = """
@@ -124,10 +123,6 @@ def test_colours_stay_apart_for_six_loops(two_loops: Analysis) -> None:
     assert len({choose_colour(more, loop) for loop in more.loops}) == 7
 
 
-def titles(panels: list[Panel]) -> Iterator[str]:
-    return (panel.title for panel in panels)
-
-
 def test_large_arms_show_all_joints_and_fold_the_rest(large: Analysis, drawn) -> None:
     pictures = {picture.name: picture for picture in figures.draw_pictures(large)}
     names = [f"q{k + 1}" for k in range(5)]
@@ -158,13 +153,14 @@ def test_panels_are_chosen_by_weight_with_one_of_each_group() -> None:
     rng = np.random.default_rng(3)
     for _ in range(50):
         weights, groups = rng.random(30), [list(rng.choice(30, 4, replace=False)) for _ in range(5)]
-        shown = choose_shown(weights, groups, 12)
+        shown, folded = choose_shown(weights, groups)
         assert len(shown) == 12
         assert all(set(shown) & set(group) for group in groups)
         left = np.setdiff1d(np.arange(30), shown)
+        assert folded == left.tolist()
         forced = {max(group, key=lambda i: weights[i]) for group in groups}
         assert weights[left].max() <= min(weights[i] for i in shown if i not in forced)
-    assert choose_shown(np.zeros(0), [[], []], 12) == []
+    assert choose_shown(np.zeros(0), [[], []]) == ([], [])
 
 
 def test_titles_bear_powers_and_offsets() -> None:

@@ -166,7 +166,7 @@ def predict_log(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
         from flexlin.identification import predict, read_log
-        from flexlin.report.figures.comparison import draw_prediction
+        from flexlin.report.figures.answers import draw_prediction
         from flexlin.report.numbers import record_fields
 
         scene = work.scene
@@ -187,7 +187,7 @@ def identify_numbers(options: argparse.Namespace) -> int:
     work = Work(options, LONG)
     with work.clock() as clock:
         from flexlin.identification import identify, read_log
-        from flexlin.report.figures.comparison import draw_errors, draw_prediction, say_numbers
+        from flexlin.report.figures.answers import draw_errors, draw_prediction, say_numbers
         from flexlin.report.numbers import record_fields
         from flexlin.scene.loading import raw_tables
         from flexlin.scene.toml import write_toml

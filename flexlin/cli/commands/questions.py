@@ -61,6 +61,7 @@ def chart(options: argparse.Namespace) -> int:
         from flexlin.answers.clock import DRAWING
         from flexlin.answers.sweep import check_values
         from flexlin.report.charts import (
+            Chart,
             chart_dataset,
             compute_chart,
             draw_charts,
@@ -83,16 +84,15 @@ def chart(options: argparse.Namespace) -> int:
         data.attrs |= {"incomplete": problem} if problem else {}
         found = ([], []) if problem else find_boundary(scene, ranges, data, clock, options.loop)
         data.attrs["bending"] = "" if problem else say_bending(scene, ranges, found[0], clock)
-        numbers = storable(chart_dataset(scene, data, *found))
-
-        without = partial(say_without_picture, scene, data, *found)
+        made = Chart(scene, data, *found)
+        numbers, without = storable(chart_dataset(made)), partial(say_without_picture, made)
 
         def write(pictures: list[Picture]) -> list[Path]:
             return work.write_files("chart", {"chart.html": work.page(pictures)}, numbers)
 
         send_written(write(without("the program ended before")))
         try:
-            draw = partial(draw_charts, scene, data, *found)
+            draw = partial(draw_charts, made)
             pictures = clock.stage("figures", scene.accuracy, draw, share=DRAWING, last=True)
         except (NumericalError, TooLarge) as error:  # the numbers stand without a picture
             pictures, problem = without(error), problem or str(error)
@@ -120,7 +120,7 @@ def respond(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
         from flexlin.answers.disturbed.respond import answer_in_scene
-        from flexlin.report.figures.comparison import answer_lines, answer_record, draw
+        from flexlin.report.figures.answers import answer_lines, answer_record, draw
         from flexlin.report.wording import units_of_scene
 
         kind, words = asked[0]
@@ -138,9 +138,8 @@ def effects(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
         from flexlin.answers.audit.comparison import audit
-        from flexlin.report.minimal import minimal_text
+        from flexlin.report.audit import audit_lines, minimal_text
         from flexlin.report.numbers import audit_block, to_json
-        from flexlin.report.terminal import audit_lines
 
         compare = partial(audit, work.scene, options.tolerance, work.progress, work.scene.accuracy.tol)
         result = clock.stage("audit of the effects", work.scene.accuracy, compare)

@@ -1,30 +1,28 @@
 """The arm along its motion, bent by the periodic response, and how it swings about one place of it."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from scipy.linalg import helmert
 
 from flexlin.about.linearization import Linearization
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
 from flexlin.control.tracking import arm_positions
 from flexlin.mechanics.axes import COLUMNS
-from flexlin.periodic.precision import ROOT
+from flexlin.periodic.precision import CUBE, ROOT
 from flexlin.plots.panel import Panel
 from flexlin.report.figures.style import (
-    HALF,
-    QUARTER,
-    THIRD,
     Picture,
     choose_colour,
     choose_views,
     make_period_panel,
     make_picture,
     resize,
+    share_width,
     style_part,
 )
 from flexlin.report.wording import format_duration, in_unit, name_joint_unit, with_unit
-
-STRAIGHT = 1e-9
-"""A link whose axis is off a straight line by less, relative to what it sweeps, is drawn as one."""
 
 
 def trace_arm(lin: Linearization, t: Array, states: Array) -> list[list[Array]]:
@@ -42,12 +40,15 @@ def trace_arm(lin: Linearization, t: Array, states: Array) -> list[list[Array]]:
 
 
 def find_corners(curves: Array) -> list[int]:
-    """Which points of a link's axis (N, d, COLUMNS) draw it: both ends of a straight one, all of one that bends, and a piece before it."""
+    """Which points of a link's axis (N, d, COLUMNS) draw it: both ends of a straight one, all of one that bends, and a piece before it.
+
+    Straight is what is off a line by no more than `ROOT`, relative to what it sweeps.
+    """
     base, tip = curves[:, :, 1:2], curves[:, :, -1:]
     off = curves[:, :, 1:] - base - (tip - base) * np.linspace(0.0, 1.0, COLUMNS - 1)
     size = max(float(np.ptp(curves)), 1e-300)
-    own = [1, COLUMNS - 1] if np.abs(off).max() <= STRAIGHT * size else list(range(1, COLUMNS))
-    before = np.abs(curves[:, :, 0] - curves[:, :, 1]).max() > STRAIGHT * size
+    own = [1, COLUMNS - 1] if np.abs(off).max() <= ROOT * size else list(range(1, COLUMNS))
+    before = np.abs(curves[:, :, 0] - curves[:, :, 1]).max() > ROOT * size
     return [0, *own] if before else own
 
 
@@ -59,7 +60,9 @@ def draw_arm(a: Analysis) -> Picture:
     """The arm at equal steps of a period, and its joints' motion and feedforward torques beside it."""
     caption = "Joint motion and feedforward of the rigid motion over one period."
     if a.arm.near.points is None:
-        return make_picture("arm", "The arm along its motion", caption, resize(draw_beside(a), 110.0, (HALF,)))
+        return make_picture(
+            "arm", "The arm along its motion", caption, resize(draw_beside(a), 110.0, (share_width(2),))
+        )
     bent = (
         "bent by the steady response under the scene's loop"
         if a.response
@@ -71,53 +74,36 @@ def draw_arm(a: Analysis) -> Picture:
     )
     views, beside = draw_stroboscope(a), draw_beside(a)
     if len(views) == 1:
-        panels = [*resize(views, 220.0, (HALF,)), *resize(beside, 220.0, (QUARTER,))]
+        panels = [*resize(views, 220.0, (share_width(2),)), *resize(beside, 220.0, (share_width(4),))]
     else:
-        panels = [*resize(views, 220.0, (THIRD,)), *resize(beside, 110.0, (HALF,))]
+        panels = [*resize(views, 220.0, (share_width(3),)), *resize(beside, 110.0, (share_width(2),))]
     return make_picture("arm", "The arm along its motion", caption, panels)
 
 
 def draw_beside(a: Analysis) -> list[Panel]:
-    """Joint motion, a panel for each unit, and feedforward where there is any."""
-    units = [name_joint_unit(a, joint) for joint in range(a.arm.joints)]
-    panels = [
-        draw_joints(a, [i for i, found in enumerate(units) if found == unit], unit) for unit in sorted(set(units))
-    ]
-    forces = a.plant.input_units
-    return [
-        *panels,
-        *(
-            draw_torques(a, [i for i, found in enumerate(forces) if found == unit], unit)
-            for unit in sorted(set(forces))
-        ),
-    ]
+    """Joint angles in degrees, or displacements in m, and what the arm would need if its links were rigid: torque, force or voltage."""
+    t, joints = a.t[:-1], range(a.arm.joints)  # at the last sample a turning joint begins anew
+    q, units = a.plant.motion.sample(t)[0], [name_joint_unit(a, joint) for joint in joints]
+    motion = np.where([unit == "rad" for unit in units], np.degrees(q), q)
+    shown, names = ["°" if unit == "rad" else unit for unit in units], [name_joint(a, joint) for joint in joints]
+    given = draw_groups(a, "feedforward", a.plant.driven, a.plant.inputs, a.plant.input_units, a.t, a.coefficients.tau)
+    return [*draw_groups(a, "", joints, names, shown, t, motion), *given]
 
 
-def name_group(a: Analysis, chosen: list[int]) -> str:
-    """What a panel of joints shows: the joint's own name where it is one of several."""
-    return name_joint(a, chosen[0]) if len(chosen) == 1 < a.arm.joints else "joints"
-
-
-def draw_joints(a: Analysis, chosen: list[int], unit: str) -> Panel:
-    """Joint angles in degrees, or displacements in m; the last sample is left out, for there a turning joint begins anew."""
-    t, q = a.t[:-1], a.plant.motion.sample(a.t[:-1])[0]
-    panel = make_period_panel(a.plant.period, in_unit(name_group(a, chosen), "°" if unit == "rad" else unit))
-    for joint in chosen:
-        values = np.degrees(q[:, joint]) if unit == "rad" else q[:, joint]
-        colour, dash = style_part(joint)
-        panel.line(t, values, colour, dash=dash, label=name_joint(a, joint) if len(chosen) > 1 else "")
-    return panel
-
-
-def draw_torques(a: Analysis, chosen: list[int], unit: str) -> Panel:
-    """The torque, force or voltage that the arm would need if its links were rigid."""
-    whose = f" {a.plant.inputs[chosen[0]]}" if len(chosen) == 1 < a.arm.joints else ""
-    panel = make_period_panel(a.plant.period, in_unit(f"feedforward{whose}", unit))
-    for i in chosen:
-        colour, dash = style_part(a.plant.driven[i])
-        label = a.plant.inputs[i] if len(chosen) > 1 else ""
-        panel.line(a.t, a.coefficients.tau[:, i], colour, dash=dash, label=label)
-    return panel
+def draw_groups(
+    a: Analysis, what: str, joints: Sequence[int], names: Sequence[str], units: Sequence[str], t: Array, curves: Array
+) -> list[Panel]:
+    """A panel for each unit with the curves (N, k) that have it; what is alone in one, in an arm of several joints, is named."""
+    panels = []
+    for unit in sorted(set(units)):
+        chosen = [i for i, one in enumerate(units) if one == unit]
+        title = f"{what} {names[chosen[0]]}".strip() if len(chosen) == 1 < a.arm.joints else what or "joints"
+        panel = make_period_panel(a.plant.period, in_unit(title, unit))
+        for i in chosen:
+            colour, dash = style_part(joints[i])
+            panel.line(t, curves[:, i], colour, dash=dash, label=names[i] if len(chosen) > 1 else "")
+        panels.append(panel)
+    return panels
 
 
 def name_joint(a: Analysis, joint: int) -> str:
@@ -153,10 +139,8 @@ ABOVE, BELOW = 8, 40
 """Modes shown, and folded."""
 SWING = 0.15
 """The largest displacement in a picture, against the arm's size."""
-SMALL = 1e-6
-"""The deflection from which a picture is magnified, in rad or m: it is that of the linear equations."""
-SIGHT = np.array([[-1.0, 1.0, 0.0], [-1.0, -1.0, 2.0]]) / np.sqrt([[2.0], [6.0]])
-"""An arm in space is seen from (1, 1, 1), with z upwards."""
+SIGHT = -helmert(3)
+"""The directions across and up, (2, 3), of an arm in space that is seen from (1, 1, 1), with z upwards."""
 
 
 def draw_modes(a: Analysis) -> Picture | None:
@@ -171,7 +155,7 @@ def draw_modes(a: Analysis) -> Picture | None:
     panels = [
         draw_mode(a, complex(values[i]), k, rest, swing) for i, k, swing in zip(order, leading, swings, strict=True)
     ]
-    resize(panels, 130.0, (QUARTER,))
+    resize(panels, 130.0, (share_width(4),))
     caption = (
         "How the arm swings under the scene's loop if it is held still at t = 0 (coefficients frozen there): the shapes behind the "
         "frequencies above. Strong and faint: the two ends of the swing, magnified. Grey: the arm at rest. Below each: the coordinate that "
@@ -216,8 +200,11 @@ def describe_decay(value: complex) -> str:
 
 
 def bend_arm(a: Analysis, shapes: list[Array]) -> tuple[list[Array], list[list[Array]]]:
-    """Curves of the links at rest at t = 0, and their displacements along deflections (n,), scaled to be seen."""
-    states = SMALL * np.array([np.zeros(a.plant.n), *shapes])
+    """Curves of the links at rest at t = 0, and their displacements along deflections (n,), scaled to be seen.
+
+    They are those of the linear equations: magnified from deflections of `CUBE`, in rad or m.
+    """
+    states = CUBE * np.array([np.zeros(a.plant.n), *shapes])
     seen = [
         [curve if len(curve) == 2 else SIGHT @ curve for curve in arm]
         for arm in trace_arm(a.closed, np.zeros(len(states)), states)
@@ -226,7 +213,7 @@ def bend_arm(a: Analysis, shapes: list[Array]) -> tuple[list[Array], list[list[A
     size = float(np.ptp(np.concatenate(rest, axis=1), axis=1).max()) or 1.0
     swings = []
     for curves in bent:
-        moved = [(after - before) / SMALL for before, after in zip(rest, curves, strict=True)]
+        moved = [(after - before) / CUBE for before, after in zip(rest, curves, strict=True)]
         largest = max(float(np.linalg.norm(part, axis=0).max()) for part in moved)
         factor = SWING * size / largest if np.isfinite(largest) and largest > 0 else 0.0
         swings.append([factor * part for part in moved])

@@ -1,6 +1,8 @@
 """Over one or two scene parameters: growth rates as lines or a map, the Campbell diagram, and what is said under them."""
 
+import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import xarray
@@ -12,9 +14,8 @@ from flexlin.errors import counted
 from flexlin.periodic.circle import assign
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Symlog
-from flexlin.report.figures.chart_map import draw_map
-from flexlin.report.figures.style import SERIES, WIDTH, Picture, make_picture
-from flexlin.report.wording import in_unit, with_unit, without_units
+from flexlin.report.figures.style import GAP, POINTS, SERIES, WIDTH, Picture, make_picture, resize
+from flexlin.report.wording import in_unit, page_unit, with_unit, without_units
 from flexlin.scene.names import label_number, name_number, show_unit
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
@@ -22,61 +23,65 @@ from flexlin.scene.scene import Scene
 LOOPS = {"own": "the scene's own loop", "open": "the arm without feedback"}
 
 
-def draw_chart(
-    scene: Scene,
-    data: xarray.Dataset,
-    critical: Sequence[CriticalValue] = (),
-    curves: Sequence[BoundaryCurve] = (),
-) -> Picture:
+@dataclass(frozen=True)
+class Chart:
+    """A sweep of a scene over one or two numbers, with its critical values or the boundary of stability."""
+
+    scene: Scene
+    data: xarray.Dataset
+    critical: Sequence[CriticalValue] = ()
+    curves: Sequence[BoundaryCurve] = ()
+
+    @property
+    def paths(self) -> list[str]:
+        """The dotted paths of the numbers."""
+        dims = [str(path) for path in self.data["verdict"].dims]
+        return [next(str(name) for name in self.data.coords)] if dims == ["value"] else dims
+
+    @property
+    def own(self) -> list[float]:
+        """The scene's own values of them."""
+        return [float(get_value(self.scene, path)) for path in self.paths]
+
+    @property
+    def loop(self) -> str:
+        """Which loop it is of, in words."""
+        loop = str(self.data.attrs.get("loop", "own"))
+        return LOOPS.get(loop, f"the loop with {loop}")
+
+    @property
+    def nearest(self) -> Array | None:
+        """The point of the boundary nearest to the scene's own, both axes counted as shares of their ranges."""
+        if not self.curves:
+            return None
+        span = np.array([np.ptp(self.data[path].to_numpy()) for path in self.paths])
+        points = np.concatenate([curve.points for curve in self.curves])
+        return np.asarray(points[np.linalg.norm((points - self.own) / span, axis=1).argmin()])
+
+
+def draw_chart(chart: Chart) -> Picture:
     """The growth rates over one parameter as lines, the largest over two as a map with the boundary and its resonances."""
-    paths = list_paths(data)
-    title = f"Stability chart of {name_drawn_loop(data)}"
-    said = describe_chart(scene, data, critical, curves)
-    labels, own = [label_number(scene, path) for path in paths], own_values(scene, paths)
-    if len(paths) == 1:
-        return make_picture("chart", title, said, [draw_line(labels[0], own[0], thin(data), critical)])
-    nearest = find_nearest(own, data, paths, curves)
-    return make_picture("chart", title, said, draw_map(labels, own, nearest, thin(data), curves))
+    labels, shown = [label_number(chart.scene, path) for path in chart.paths], thin(chart.data)
+    if len(labels) == 1:
+        panels: Sequence[Panel] = [draw_line(labels[0], chart.own[0], shown, chart.critical)]
+    else:
+        panels = draw_map(labels, chart.own, chart.nearest, shown, chart.curves)
+    return make_picture("chart", f"Stability chart of {chart.loop}", describe_chart(chart), panels)
 
 
-def describe_chart(
-    scene: Scene,
-    data: xarray.Dataset,
-    critical: Sequence[CriticalValue] = (),
-    curves: Sequence[BoundaryCurve] = (),
-) -> str:
+def describe_chart(chart: Chart) -> str:
     """What is said below a chart, a line for each thing; it holds without the picture too."""
-    paths = list_paths(data)
-    caption = write_caption(data["verdict"].to_numpy(), name_drawn_loop(data))
+    data, nearest = chart.data, chart.nearest
+    caption = write_caption(data["verdict"].to_numpy(), chart.loop)
     bending = [data.attrs["bending"]] if data.attrs.get("bending") else []
-    if len(paths) == 1:
-        found = [f"{describe_critical(scene, one)}." for one in critical] or say_none_was_found(data)
+    if len(chart.paths) == 1:
+        found = [f"{describe_critical(chart.scene, one)}." for one in chart.critical] or say_none_was_found(data)
         return "\n".join([caption, *found, *bending])
-    own = own_values(scene, paths)
-    nearest = find_nearest(own, data, paths, curves)
-    inside = all(data[path].min() <= value <= data[path].max() for path, value in zip(paths, own, strict=True))
-    said = "" if nearest is None else describe_distance(scene, paths, own, nearest, inside) + " "
+    said = "" if nearest is None else describe_distance(chart, nearest) + " "
     if nearest is None or data.attrs.get("search"):
         said += say_none_was_found(data)[0]
     shade = f"Stronger: faster growth or decay; lines of equal {in_unit('growth rate', '1/s')}; hatched: undecided."
     return "\n".join([f"{caption} {shade}", said, *bending])
-
-
-def own_values(scene: Scene, paths: Sequence[str]) -> list[float]:
-    """The scene's own numbers at dotted paths."""
-    return [float(get_value(scene, path)) for path in paths]
-
-
-def list_paths(data: xarray.Dataset) -> list[str]:
-    """The dotted paths of a sweep's parameters."""
-    dims = [str(path) for path in data["verdict"].dims]
-    return [next(str(name) for name in data.coords)] if dims == ["value"] else dims
-
-
-def name_drawn_loop(data: xarray.Dataset) -> str:
-    """Which loop is drawn, in words."""
-    loop = str(data.attrs.get("loop", "own"))
-    return LOOPS.get(loop, f"the loop with {loop}")
 
 
 def write_caption(verdict: Array, loop: str) -> str:
@@ -101,17 +106,6 @@ def describe_critical(scene: Scene, one: CriticalValue) -> str:
     return f"{name_number(one.path)}: {change} at {size} ± {one.error:.0e} ({one.distance:+.4g} from the scene's own); {resonance}"
 
 
-def find_nearest(
-    own: list[float], data: xarray.Dataset, paths: list[str], curves: Sequence[BoundaryCurve]
-) -> Array | None:
-    """The point of the boundary nearest to the scene's own, both axes counted as shares of their ranges."""
-    if not curves:
-        return None
-    span = np.array([np.ptp(data[path].to_numpy()) for path in paths])
-    points = np.concatenate([curve.points for curve in curves])
-    return np.asarray(points[np.linalg.norm((points - own) / span, axis=1).argmin()])
-
-
 def say_none_was_found(data: xarray.Dataset) -> list[str]:
     """Why there is no boundary, or no critical value: none is there, or the work has not come to its end."""
     if data.attrs.get("incomplete"):
@@ -124,12 +118,12 @@ def say_none_was_found(data: xarray.Dataset) -> list[str]:
     return ["The verdict does not change inside this range."]
 
 
-def describe_distance(scene: Scene, paths: list[str], own: list[float], nearest: Array, inside: bool) -> str:
+def describe_distance(chart: Chart, nearest: Array) -> str:
     """How far the scene's own numbers are from the boundary."""
-    moves = [
-        f"{name_number(path)} {value - mine:+.4g} {show_unit(scene, path)}".strip()
-        for path, value, mine in zip(paths, nearest, own, strict=True)
-    ]
+    moves, inside = list[str](), True
+    for path, value, own in zip(chart.paths, nearest, chart.own, strict=True):
+        moves.append(f"{name_number(path)} {value - own:+.4g} {show_unit(chart.scene, path)}".strip())
+        inside &= bool(chart.data[path].min() <= own <= chart.data[path].max())
     where = "diamond" if inside else "outside this range"
     return f"From the scene's own numbers ({where}) to the nearest boundary: {', '.join(moves)}."
 
@@ -138,8 +132,6 @@ WIDE = 30.0
 """Rates whose sizes span more than this are drawn on a scale of decades."""
 NOISE, FLOOR = 20.0, 1e-6
 """Errors, and 1/s, below which differences of growth rates are not drawn larger."""
-APART, BELOW = 0.08, 0.05
-"""Of the width: labels of critical values closer than this are left out; of the height: how far below the top they stand."""
 
 
 def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[CriticalValue]) -> Panel:
@@ -168,8 +160,9 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
                 f"{a:.6g}: {with_unit(f'{b:.4g}', '1/s')}" for a, b in zip(x[chosen], growth[chosen, 0], strict=True)
             ]
             panel.dots(x[chosen], growth[chosen, 0], name, size=2.2, label=name, texts=texts)
-    mark_critical(panel, critical, x, scale)
-    mark_own(panel, own, x, scale)
+    mark_critical(panel, critical, scale)
+    if x.min() <= own <= x.max():
+        panel.line([own, own], [*scale.ends], "blue", width=1.2, dash="6 3", label=f"the scene: {own:.4g}")
     return panel
 
 
@@ -187,73 +180,45 @@ def choose_scale(growth: Array, error: Array) -> Linear:
 
 
 def list_unstable(x: Array, verdict: Array, critical: Sequence[CriticalValue]) -> list[tuple[float, float]]:
-    """The intervals of instability, from the critical values."""
+    """The intervals of instability, from the critical values, at which it begins and ends in turn."""
     edges = [one for one in critical if not one.touching]
-    begin = (
-        float(x.min()) if (edges and edges[0].kind == "recovery") or (not edges and verdict[0] == "unstable") else None
-    )
-    found = []
-    for one in edges:
-        if one.kind == "onset":
-            begin = one.value
-        elif begin is not None:
-            found.append((begin, one.value))
-            begin = None
-    return found if begin is None else [*found, (begin, float(x.max()))]
+    begins = edges[0].kind == "recovery" if edges else bool(verdict[0] == "unstable")
+    ends = [float(x.min())] * begins + [one.value for one in edges]
+    ends += [float(x.max())] * (len(ends) % 2)
+    return list(zip(ends[::2], ends[1::2], strict=True))
 
 
-def mark_critical(panel: Panel, critical: Sequence[CriticalValue], x: Array, scale: Linear) -> None:
-    """A line and a diamond at each critical value, and its figure where there is room."""
+def mark_critical(panel: Panel, critical: Sequence[CriticalValue], scale: Linear) -> None:
+    """A line and a diamond at each critical value, and its figure; of those that would meet, the drawing keeps the first."""
     low, high = scale.ends
-    last = -np.inf
-    for one in critical:
+    for one in reversed(critical):
         panel.line([one.value, one.value], [low, high], "unstable", width=0.8, dash="3 2")
         text = f"{one.kind} at {one.value:.9g} ± {one.error:.0e}: {without_units(one.resonance)}"
         panel.dots([one.value], [0.0], "unstable", "diamond", 4.0, texts=[text])
-        if one.value - last > APART * np.ptp(x):
-            top = high if isinstance(scale, Symlog) else high - BELOW * (high - low)
-            panel.words(one.value, top, f"{one.value:.5g}", "unstable", halo=True)
-            last = one.value
+        panel.words(one.value, high, f"{one.value:.5g}", "unstable", halo=True)
 
 
-def mark_own(panel: Panel, own: float, x: Array, scale: Linear) -> None:
-    """The scene's own value, where it lies inside the range."""
-    if x.min() <= own <= x.max():
-        low, high = scale.ends
-        panel.line([own, own], [low, high], "blue", width=1.2, dash="6 3", label=f"the scene: {own:.4g}")
-
-
-MOST = {1: 2000, 2: 300}
-"""Values along an axis of a picture, by the number of axes: about two a pixel, and two pixels a cell."""
+MOST = {1: POINTS, 2: 300}
+"""Values along an axis of a picture, by the number of axes: in a map, cells of two pixels."""
 
 
 def thin(data: xarray.Dataset) -> xarray.Dataset:
     """The sweep itself where it is small; else blocks of neighbours, each with the numbers of its fastest growing value."""
     dims = [str(dim) for dim in data["verdict"].dims]
-    most = MOST[len(dims)]
-    if max(data["verdict"].shape) <= most:
+    if max(data["verdict"].shape) <= MOST[len(dims)]:
         return data
-    size = [-(-n // most) for n in data["verdict"].shape]
-    chosen = find_fastest(np.nan_to_num(data["exponents"].real.max("mode").to_numpy(), nan=-np.inf), size)
+    size = {dim: -(-data.sizes[dim] // MOST[len(dims)]) for dim in dims}
+    growth = data["exponents"].real.max("mode").drop_vars(list(data.coords)).coarsen(size, boundary="pad")
+    blocks = growth.construct({dim: (dim, f"{dim} within") for dim in dims}).fillna(-np.inf)
+    fastest = blocks.argmax([f"{dim} within" for dim in dims])
+    where = {}
+    for dim, step in size.items():
+        start = xarray.DataArray(np.arange(0, data.sizes[dim], step), dims=dim)
+        where[dim] = (fastest[f"{dim} within"] + start).clip(max=data.sizes[dim] - 1)
     if len(dims) == 1:
-        return data.isel({dims[0]: chosen[0].ravel()})
-    where = {dim: xarray.DataArray(index, dims=dims) for dim, index in zip(dims, chosen, strict=True)}
-    axes = {dim: thin_axis(data[dim].to_numpy(), step) for dim, step in zip(dims, size, strict=True)}
+        return data.isel(where)
+    axes = {dim: thin_axis(data[dim].to_numpy(), step) for dim, step in size.items()}
     return data.isel(where).drop_vars(dims).assign_coords(axes)
-
-
-def find_fastest(growth: Array, size: list[int]) -> tuple[Array, ...]:
-    """The indices of the largest value of each block of `size` neighbours."""
-    blocks = [-(-n // step) for n, step in zip(growth.shape, size, strict=True)]
-    padded = np.full([count * step for count, step in zip(blocks, size, strict=True)], -np.inf)
-    padded[tuple(slice(n) for n in growth.shape)] = growth
-    cut = padded.reshape([part for pair in zip(blocks, size, strict=True) for part in pair])
-    order = [*range(0, cut.ndim, 2), *range(1, cut.ndim, 2)]
-    inner = np.unravel_index(cut.transpose(order).reshape(*blocks, -1).argmax(axis=-1), size)
-    starts = np.meshgrid(*(np.arange(count) * step for count, step in zip(blocks, size, strict=True)), indexing="ij")
-    return tuple(
-        np.minimum(start + offset, n - 1) for start, offset, n in zip(starts, inner, growth.shape, strict=True)
-    )
 
 
 def thin_axis(values: Array, step: int) -> Array:
@@ -313,3 +278,167 @@ def follow_lines(values: Array) -> Array:
         cost = np.abs(2 * last[:, None] - before[:, None] - values[row])
         found[row] = values[row][assign(cost)]
     return found
+
+
+BAR = 104.0
+"""Width of a map's bar of colours."""
+SHADES = 14
+"""Strengths of a colour: they follow the square root of the rate, so that slow growth is seen beside fast."""
+FAINTEST = 0.18
+LEVELS = 6
+"""Contours of the growth rate, about."""
+FEWEST = 0.04
+"""Labels of contours keep this share of both ranges from the frame, those of resonances half of it from their point."""
+
+
+def draw_map(
+    labels: list[str],
+    own: list[float],
+    nearest: Array | None,
+    data: xarray.Dataset,
+    curves: Sequence[BoundaryCurve],
+) -> Sequence[Panel]:
+    """A cell for each pair of values, contours, the boundary, the scene's own point, and a bar of colours."""
+    paths = [str(path) for path in data["verdict"].dims]
+    axes = [data[path].to_numpy() for path in paths]
+    growth, verdict = data["exponents"].real.max("mode").to_numpy(), data["verdict"].to_numpy()
+    x, y = (find_edges(axis) for axis in axes)
+    panel = Panel(x=Linear(x[0], x[-1]), y=Linear(y[0], y[-1]), x_label=labels[0], y_label=labels[1])
+    fill_cells(panel, x, y, growth, verdict)
+    levels = draw_contours(panel, axes, growth, verdict)
+    for curve in curves:
+        panel.line(curve.points[:, 0], curve.points[:, 1], "ink", width=1.5)
+    for text, (across, up) in {shorten(curve.resonance): curve.inside for curve in reversed(curves)}.items():
+        panel.words(float(across + FEWEST / 2 * np.ptp(x)), float(up), text, "ink", anchor="start", halo=True)
+    mark_scene(panel, own, nearest, axes)
+    panel.probe(write_probe(labels, axes, growth, verdict))
+    return resize([panel, draw_bar(growth, verdict, levels)], 430.0, (WIDTH - GAP - BAR, BAR))
+
+
+def fill_cells(panel: Panel, x: Array, y: Array, growth: Array, verdict: Array) -> None:
+    """Each cell in the colour of its verdict, the stronger the faster; undecided ones hatched, failed ones crossed."""
+    for name in ("stable", "unstable", "undecided", "failed"):
+        chosen = verdict == name
+        shade = choose_shades(growth, chosen) if name in ("stable", "unstable") else np.zeros(growth.shape, dtype=int)
+        for k in np.unique(shade[chosen]):
+            i, j = np.nonzero(chosen & (shade == k))
+            panel.cells((x[i], x[i + 1]), (y[j], y[j + 1]), name, FAINTEST + (1 - FAINTEST) * k / SHADES)
+    i, j = np.nonzero(verdict == "undecided")
+    if len(i):
+        panel.hatch((x[i], x[i + 1]), (y[j], y[j + 1]), "undecided")
+    i, j = np.nonzero(verdict == "failed")
+    if len(i):
+        panel.dots((x[i] + x[i + 1]) / 2, (y[j] + y[j + 1]) / 2, "failed", "cross", 2.5, label="failed")
+
+
+def choose_shades(growth: Array, chosen: Array) -> Array:
+    """0 to SHADES by the square root of the rate against the largest of those chosen."""
+    largest = np.abs(growth[chosen]).max(initial=0.0) or 1.0
+    return np.round(SHADES * np.sqrt(np.minimum(np.abs(np.nan_to_num(growth)) / largest, 1.0))).astype(int)
+
+
+def draw_contours(panel: Panel, axes: list[Array], growth: Array, verdict: Array) -> list[float]:
+    """Lines of equal growth rate with their figures; returns the levels."""
+    decided = growth[(verdict == "stable") | (verdict == "unstable")]
+    if not decided.size:
+        return []
+    scale = Linear(float(min(decided.min(), 0.0)), float(max(decided.max(), 0.0)))
+    ticks = [(level, text) for level, text in scale.ticks(LEVELS) if level != 0] if scale.low != scale.high else []
+    low, span = (np.array([measure(axis) for axis in axes]) for measure in (np.min, np.ptp))
+    drawn, placed = list[float](), list[Array]()
+    for level, text in ticks:
+        x, y = trace_contour(axes[0], axes[1], growth, level)
+        if len(x):
+            panel.line(x, y, "ink", width=0.6, opacity=0.55)
+            middle = choose_place(np.stack([x, y], axis=1), low, span, placed)
+            placed.append(middle)
+            panel.words(float(middle[0]), float(middle[1]), text, "ink", halo=True)
+            drawn.append(level)
+    return drawn
+
+
+def choose_place(points: Array, low: Array, span: Array, placed: list[Array]) -> Array:
+    """The point of a line, off the frame if it can be, that is farthest from all labels so far; its middle where there is none."""
+    known = points[np.isfinite(points).all(axis=1)]
+    inner = known[(np.minimum(known - low, low + span - known) > FEWEST * span).all(axis=1)]
+    known = inner if len(inner) else known
+    if not placed:
+        return np.asarray(known[len(known) // 2])
+    apart = np.min([np.linalg.norm((known - other) / span, axis=1) for other in placed], axis=0)
+    return np.asarray(known[apart.argmax()])
+
+
+def shorten(resonance: str) -> str:
+    """A resonance in a word or two: principal, order 3."""
+    return resonance.split(":")[0].replace(" resonance of order", ", order")
+
+
+def mark_scene(panel: Panel, own: list[float], nearest: Array | None, axes: list[Array]) -> None:
+    """The scene's own numbers, and the way to the nearest boundary."""
+    if all(axis.min() <= value <= axis.max() for axis, value in zip(axes, own, strict=True)):
+        if nearest is not None:
+            panel.line([own[0], nearest[0]], [own[1], nearest[1]], "blue", width=1.2, dash="4 2")
+        panel.dots([own[0]], [own[1]], "blue", "diamond", 5.0, label="the scene", texts=["the scene's own numbers"])
+
+
+def draw_bar(growth: Array, verdict: Array, levels: list[float]) -> Panel:
+    """Which colour is which growth rate."""
+    panel = Panel(
+        in_unit("growth rate", "1/s"),
+        x=Linear(0.0, 1.0),
+        x_label="\u00a0",
+        ticked=False,
+    )
+    shown = growth[(verdict == "stable") | (verdict == "unstable")]
+    low, high = float(min(shown.min(initial=0.0), 0.0)), float(max(shown.max(initial=0.0), 0.0))
+    panel.y = Linear(low, high if high > low else low + 1.0)
+    for name, end in (("stable", low), ("unstable", high)):
+        edges = end * (np.arange(SHADES + 1) / SHADES) ** 2
+        for k in range(SHADES if end else 0):
+            pair = sorted((edges[k], edges[k + 1]))
+            shade = FAINTEST + (1 - FAINTEST) * (k + 0.5) / SHADES
+            panel.cells((np.zeros(1), np.ones(1)), (np.array(pair[:1]), np.array(pair[1:])), name, shade)
+    for level in levels:
+        panel.line([0.0, 1.0], [level, level], "ink", width=0.6, opacity=0.55)
+    return panel
+
+
+def write_probe(labels: list[str], axes: list[Array], growth: Array, verdict: Array) -> str:
+    """What the page shows under the pointer, as JSON."""
+    rates = [[None if not np.isfinite(value) else float(f"{value:.4g}") for value in row] for row in growth]
+    return json.dumps(
+        {
+            "unit": f" {page_unit('1/s')}".rstrip(),
+            "labels": labels,
+            "x": axes[0].tolist(),
+            "y": axes[1].tolist(),
+            "growth": rates,
+            "verdict": verdict.tolist(),
+        }
+    )
+
+
+def find_edges(values: Array) -> Array:
+    """The edges of the cells around increasing values: half-way between neighbours."""
+    middle = (values[1:] + values[:-1]) / 2
+    return np.concatenate([[values[0]], middle, [values[-1]]])
+
+
+def trace_contour(x: Array, y: Array, values: Array, level: float) -> tuple[Array, Array]:
+    """The contour as coordinates (N,), its pieces parted by values that are not a number.
+
+    A cell with four crossings joins neighbours on its rim. Source: Lorensen, Cline, Marching cubes (1987), in the plane.
+    """
+    rims = np.array([list_corners(one) for one in (*np.meshgrid(x, y, indexing="ij"), values - level)])
+    ends = rims[:, np.isfinite(rims[2]).all(axis=1)]
+    after = np.roll(ends, -1, axis=2)
+    cut = (ends[2] > 0) != (after[2] > 0)
+    first, second = ends[:, cut], after[:, cut]
+    along, up = first[:2] + first[2] / (first[2] - second[2]) * (second[:2] - first[:2])
+    pairs = (np.insert(one, np.arange(2, len(one) + 1, 2), np.nan) for one in (along, up))
+    return next(pairs), next(pairs)
+
+
+def list_corners(values: Array) -> Array:
+    """The values at the corners of all cells, in turn around each, (cells, 4)."""
+    return np.stack([values[:-1, :-1], values[1:, :-1], values[1:, 1:], values[:-1, 1:]], axis=-1).reshape(-1, 4)

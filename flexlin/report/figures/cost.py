@@ -6,15 +6,24 @@ from itertools import islice
 
 from flexlin.answers.accuracy import CostResult, Row
 from flexlin.answers.accuracy.result import STAGES
+from flexlin.periodic.precision import EPS
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Logarithmic, format_power_of_ten
-from flexlin.report.figures.style import DASHES, HALF, PARTS, SERIES, SHAPES, WIDTH, Picture, make_picture, resize
+from flexlin.report.figures.style import (
+    DASHES,
+    PARTS,
+    SERIES,
+    SHAPES,
+    WIDTH,
+    Picture,
+    make_picture,
+    resize,
+    share_width,
+)
 from flexlin.scene.scene import Accuracy
 
-UNSEEN = 1e-17
-"""An error of exactly zero is drawn here."""
-ROOM, CLOSE, ABOVE = 5.0, 3.0, 1.12
-"""Factors: room at the ends of the errors, errors of marks that share a label, and how far above a mark it stands."""
+CLOSE, ABOVE = 3.0, 1.12
+"""Factors: errors of marks that share a label, and how far above a mark it stands."""
 OWN = ("gauss", "radau", "hill")
 OUTSIDE = ("DOP853", "Radau")
 """Families of methods with a colour of their own in every panel."""
@@ -24,22 +33,20 @@ def draw_cost(result: CostResult) -> Picture:
     """Error across, time up, logarithmic both: transition matrices first, then the other stages, two in a row."""
     stages = [stage for stage in STAGES if result.stage(stage)]
     stages.sort(key=lambda stage: (stage != "transition matrices", STAGES.index(stage)))
-    panels = resize([draw_stage(result, stage) for stage in stages], 220.0, (WIDTH, HALF))
+    panels = resize([draw_stage(result, stage) for stage in stages], 220.0, (WIDTH, share_width(2)))
     return make_picture("cost", "What accuracy costs", write_caption(result), panels)
 
 
 def draw_stage(result: CostResult, stage: str) -> Panel:
     """One line a method from its coarse to its fine settings; outside programs dashed; the engine's own choices as a staircase."""
     shown = [row for row in result.stage(stage) if row.error < 1.0]
-    errors = [max(row.error, UNSEEN) for row in shown] or [1.0]
-    scale = Logarithmic(min(errors) / ROOM, max(errors) * ROOM)
-    panel = Panel(stage, x=scale, y=Logarithmic(), x_label="error against the reference", y_label="CPU time in ms")
+    panel = Panel(stage, Logarithmic(), Logarithmic(), "error against the reference", "CPU time in ms")
     rows = [row for row in shown if not row.chosen]
     named: set[str] = set()
     for method in dict.fromkeys(row.method for row in rows):
         mine, name = [row for row in rows if row.method == method], name_family(method)
         colour, shape = style_family(name)
-        errors, times = [max(row.error, UNSEEN) for row in mine], [1e3 * row.seconds for row in mine]
+        errors, times = [max(row.error, EPS) for row in mine], [1e3 * row.seconds for row in mine]
         panel.line(errors, times, colour, width=1.2, dash=DASHES[1] if mine[0].outside else "")
         texts, label = [describe_row(row) for row in mine], "" if name in named else name
         panel.dots(errors, times, colour, shape, size=3.0, label=label, texts=texts)
@@ -52,7 +59,7 @@ def draw_choices(panel: Panel, rows: list[Row]) -> Panel:
     if not rows:
         return panel
     rows = sorted(rows, key=lambda row: -row.error)
-    x, y = [max(row.error, UNSEEN) for row in rows], [1e3 * row.seconds for row in rows]
+    x, y = [max(row.error, EPS) for row in rows], [1e3 * row.seconds for row in rows]
     least = [min(y[i:]) for i in range(len(y))]
     corners = [(error, time) for i, error in enumerate(x) for time in ([least[i - 1], least[i]] if i else [least[0]])]
     panel.line([error for error, _ in corners], [time for _, time in corners], "ink", width=1.4, dash=DASHES[2])

@@ -10,14 +10,13 @@ from flexlin.periodic.precision import SLIGHT
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic, Symlog
 from flexlin.report.figures.style import (
-    HALF,
-    QUARTER,
     SHAPES,
     Picture,
     choose_colour,
     make_period_panel,
     make_picture,
     resize,
+    share_width,
 )
 from flexlin.report.wording import colour, format_largest_multiplier, format_modulus, in_unit, with_unit
 
@@ -29,11 +28,10 @@ FROZEN = (
 
 def draw_exponents(a: Analysis) -> Picture:
     """The complex plane on the left, frozen frequencies over the period on the right; these alone where there are no exponents."""
-    panels = resize([draw_frozen(a)], 190.0, (HALF,))
-    if all(loop.floquet is None for loop in a.loops):
-        caption = f"{FROZEN[0].upper()}{FROZEN[1:]}"
-        return make_picture("exponents", "Frequencies", caption, panels)
-    panels = resize([draw_plane(a), *panels], 190.0, (HALF,))
+    panels = [draw_frozen(a)] if all(loop.floquet is None for loop in a.loops) else [draw_plane(a), draw_frozen(a)]
+    resize(panels, 190.0, (share_width(2),))
+    if len(panels) == 1:
+        return make_picture("exponents", "Frequencies", f"{FROZEN[0].upper()}{FROZEN[1:]}", panels)
     return make_picture("exponents", "Exponents and frequencies", write_caption(1 / a.plant.period), panels)
 
 
@@ -108,7 +106,7 @@ def draw_multipliers(a: Analysis) -> Picture | None:
     """A unit circle for each loop; none for a motion that ends."""
     if not a.plant.motion.periodic:
         return None
-    panels = resize([draw_circle(a, loop) for loop in a.loops], 165.0, (QUARTER,))
+    panels = resize([draw_circle(a, loop) for loop in a.loops], 165.0, (share_width(4),))
     return make_picture("multipliers", "Multipliers on the unit circle", CIRCLE, panels)
 
 
@@ -119,14 +117,10 @@ def scale_radius(log10: Array) -> Array:
     return np.where(log10 <= 0, inside, 2.0 - outside)
 
 
-def write_footer(loop: Loop) -> str:
-    """The verdict with the largest modulus, or that there is none."""
-    return "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_largest_multiplier(loop)}"
-
-
 def draw_circle(a: Analysis, loop: Loop) -> Panel:
     """The unit circle, its rings, and the multipliers of one loop; the view grows where one lies far outside."""
     logs = loop.floquet.log_multipliers if loop.floquet is not None else np.zeros(0, dtype=complex)
+    footer = "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_largest_multiplier(loop)}"
     r = scale_radius(logs.real / np.log(10))
     reach = max(REACH, float(r.max(initial=0.0)) + 0.15)
     view = Linear(-reach, reach)
@@ -136,7 +130,7 @@ def draw_circle(a: Analysis, loop: Loop) -> Panel:
         y=view,
         equal=True,
         bare=True,
-        footer=write_footer(loop),
+        footer=footer,
         footer_colour="faint" if loop.floquet is None else colour(loop, a.plant.period, a.validity(loop)),
     )
     panel.area(np.cos(TURN), np.sin(TURN), "shade")

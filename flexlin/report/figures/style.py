@@ -1,18 +1,19 @@
 """What all figures share: a picture with its words, colours by the page's variables, and panels over a period."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
-from flexlin.plots.panel import Mark, Panel
+from flexlin.plots.panel import Mark, Panel, draw
 from flexlin.plots.scales import Linear
-from flexlin.plots.svg import draw
 from flexlin.plots.view import COLOURS
 from flexlin.report.wording import time_label
 
-WIDTH, HALF, THIRD, QUARTER = 760.0, 372.0, 242.0, 178.0
-"""Widths of panels of which so many stand beside each other on a page."""
+WIDTH, GAP = 760.0, 16.0
+"""Of a page, and of what is free between two panels."""
+POINTS = 2000
+"""Points of a curve at the most, about two a pixel."""
 SERIES = tuple(COLOURS)
 PARTS = ("indigo", "rose", "teal", "olive", "wine", "ink")
 """Of joints, inputs and components, which are no loops. Source: Tol (2021), the muted scheme."""
@@ -34,6 +35,11 @@ class Picture:
     heading: str = ""
 
 
+def share_width(panels: int) -> float:
+    """The width of one of so many panels that stand beside each other on a page."""
+    return (WIDTH + GAP) // panels - GAP
+
+
 def make_picture(
     name: str,
     title: str,
@@ -44,8 +50,8 @@ def make_picture(
     heading: str = "",
 ) -> Picture:
     """Draw a figure: its panels below their legend, and further ones that are folded under a heading; four as two and two."""
-    if len(panels) in (2, 4) and all(panel.width == THIRD for panel in panels):
-        resize(panels, panels[0].height, (HALF,))
+    if len(panels) in (2, 4) and all(panel.width == share_width(3) for panel in panels):
+        resize(panels, panels[0].height, (share_width(2),))
     shown, more = (draw(part, key) if part else "" for part, key in ((panels, legend), (folded, ())))
     return Picture(name, title, caption, shown, more, heading)
 
@@ -65,6 +71,14 @@ def resize(panels: Sequence[Panel], height: float, widths: Sequence[float] = (WI
     for i, panel in enumerate(panels):
         panel.width, panel.height = widths[min(i, len(widths) - 1)], height
     return panels
+
+
+def share_legend(panels: Sequence[Panel]) -> list[Mark]:
+    """The legend of panels that show the same, taken from each of them."""
+    legend = panels[0].legend if panels else []
+    for panel in panels:
+        panel.marks = [replace(mark, label="") for mark in panel.marks]
+    return legend
 
 
 def choose_colour(a: Analysis, loop: Loop) -> str:

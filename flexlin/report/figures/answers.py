@@ -1,10 +1,9 @@
-"""Two answers over time: nonlinear beside linear, with a disturbance and without, measured beside predicted."""
+"""Answers over time to disturbances, linear and nonlinear, and of machines, measured and predicted."""
 
 from typing import Any
 
 import numpy as np
 
-from flexlin.answers.analysis import Analysis
 from flexlin.answers.disturbed.noise import NoiseAnswer
 from flexlin.answers.disturbed.respond import DisturbanceAnswer
 from flexlin.checks import Array
@@ -12,63 +11,19 @@ from flexlin.identification.maximum_likelihood import Identification
 from flexlin.identification.prediction import Prediction
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear
-from flexlin.report.advice import agreement, sentence
-from flexlin.report.figures.style import Picture, choose_colour, make_period_panel, make_picture, resize
+from flexlin.report.advice import describe_demand
+from flexlin.report.figures.style import POINTS, Picture, make_period_panel, make_picture, resize
 from flexlin.report.numbers import record_fields, record_numbers
 from flexlin.report.wording import (
-    describe_demand,
     format_decimal,
     format_duration,
     format_quantity,
     in_unit,
-    name_coordinate_unit,
     scale_values,
-    time_label,
 )
 from flexlin.scene.names import name_number, show_unit
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
-from flexlin.simulation.result import Simulation
-
-
-def draw_comparison(a: Analysis) -> Picture | None:
-    """Both answers, and their difference: of the tip, or of the first coordinate where the model has no tip."""
-    if a.simulation is None:
-        return None
-    s = a.simulation
-    name, unit, nonlinear, linear, gap = (
-        compare_tips(s) if np.all(np.isfinite(s.tip)) else compare_first_coordinate(a, s)
-    )
-    (both, both_unit), (apart, apart_unit) = scale_values(np.array([nonlinear, linear]), unit), scale_values(gap, unit)
-    time = Linear(0.0, float(s.t[-1]))
-    colour = choose_colour(a, a.own)
-    upper = Panel(in_unit(name, both_unit), x=time, x_label=time_label()).zero()
-    upper.line(s.t, both[0], colour, width=4.5, opacity=0.5, label="nonlinear")
-    upper.line(s.t, both[1], "ink", width=1.4, dash="5 3", label="linear")
-    lower = Panel(in_unit("difference", apart_unit), x=time, x_label=time_label()).zero().line(s.t, apart, colour)
-    spans = "periods" if a.plant.motion.periodic else "durations"
-    caption = (
-        f"The full nonlinear equations over {s.t[-1] / a.plant.period:g} {spans} under the scene's loop, started on the rigid motion, "
-        f"beside the linear prediction from the same start. {sentence(agreement(a, s))}"
-    )
-    return make_picture("comparison", "Nonlinear against linear", caption, resize([upper, lower], 110.0))
-
-
-Curves = tuple[str, str, Array, Array, Array]
-
-
-def compare_tips(s: Simulation) -> Curves:
-    """The component of the tip error that is largest, and the distance of the two tips."""
-    nonlinear, linear = s.tip - s.tip_rigid, s.tip_linear - s.tip_rigid
-    axis = int(np.argmax(np.abs(nonlinear).max(axis=0)))
-    distance = np.linalg.norm(s.tip - s.tip_linear, axis=1)
-    return f"tip error along {'xyz'[axis]}", "m", nonlinear[:, axis], linear[:, axis], distance
-
-
-def compare_first_coordinate(a: Analysis, s: Simulation) -> Curves:
-    """The first coordinate's deviation."""
-    nonlinear, linear = s.nonlinear[:, 0], s.linear[:, 0]
-    return f"{a.plant.names[0]}", name_coordinate_unit(a, 0), nonlinear, linear, nonlinear - linear
 
 
 def draw_answer(a: DisturbanceAnswer) -> Picture:
@@ -127,10 +82,6 @@ def describe_noise(a: NoiseAnswer) -> str:
         return f"{a.words}: the first coordinate moves by up to {a.states[:, 0].max():.3g}, root mean square, by the linear equations."
     low, high = (format_quantity(float(v), "m") for v in (a.tip.min(), a.tip.max()))
     return f"{a.words}: the tip moves by {low} to {high} across the last link, root mean square over the period, by the linear equations."
-
-
-POINTS = 1500
-"""Points of a curve."""
 
 
 def draw_prediction(found: Prediction) -> Picture:

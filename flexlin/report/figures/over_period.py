@@ -1,31 +1,43 @@
-"""Entries of matrices over a period, of the coefficients and of gains: those that matter first, the others folded."""
+"""Over a period: entries of coefficients and gains, those that matter first, the steady motion, and nonlinear beside linear."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import cycle
 
 import numpy as np
 
 from flexlin.answers.analysis import Analysis
-from flexlin.checks import Array
+from flexlin.checks import ROUNDING, Array
+from flexlin.periodic.precision import ROOT, SLIGHT
 from flexlin.plots.panel import Panel
-from flexlin.plots.scales import SUPERSCRIPTS
+from flexlin.plots.scales import SUPERSCRIPTS, Linear
+from flexlin.report.advice import agreement, sentence
 from flexlin.report.figures.style import (
     DASHES,
     Picture,
     choose_colour,
+    choose_views,
     make_period_panel,
     make_picture,
+    resize,
+    share_legend,
+    share_width,
+    style_part,
 )
-from flexlin.report.wording import format_decimal, in_unit, name_coordinate_unit, page_unit
+from flexlin.report.wording import (
+    format_decimal,
+    format_power,
+    format_quantity,
+    in_unit,
+    name_coordinate_unit,
+    page_unit,
+    scale_values,
+    time_label,
+)
 
 UNITS = {"M": ("kg", "kg m", "kg m²"), "D": ("N s/m", "N s", "N m s"), "K": ("N/m", "N", "N m")}
-GAINS = {("N m", "m"): "N", ("N m", "rad"): "N m/rad", ("N", "m"): "N/m", ("N", "rad"): "N/rad"}
-RATES = {("N m", "m"): "N s", ("N m", "rad"): "N m s/rad", ("N", "m"): "N s/m", ("N", "rad"): "N s/rad"}
 PLAIN = (1e-2, 1e4)
 """Sizes between which numbers are shown as they are; others as multiples of a power of ten."""
-FLAT = 1e-3
-"""A curve that varies by less than this share of its size is drawn from its mean."""
 
 
 def name_entry(a: Analysis, matrix: str, i: int, j: int | None = None) -> str:
@@ -44,17 +56,16 @@ def name_matrix_unit(a: Analysis, name: str, i: int, j: int) -> str:
 
 
 def name_gain_unit(a: Analysis, i: int, j: int) -> str:
-    """The unit of what input i gets from state j of x = [y; y']."""
-    n, force = a.plant.n, a.plant.input_units[i]
-    unit = name_coordinate_unit(a, j % n)
-    known = GAINS if j < n else RATES
-    return known.get((force, unit), f"{force}{'' if j < n else ' s'}/{unit}")
+    """The unit of what input i gets from state j of x = [y; y']: a torque for a displacement is a force."""
+    force, unit = a.plant.input_units[i], name_coordinate_unit(a, j % a.plant.n)
+    time = " s" * (j >= a.plant.n)
+    return f"N{time}" if (force, unit) == ("N m", "m") else f"{force}{time}/{unit}"
 
 
 def shift_and_scale(title: str, values: Array, unit: str) -> tuple[str, Array]:
     """A title with unit, and values whose axis can be read: in powers of ten where large or small, from the mean where nearly flat."""
     largest, swing = float(np.abs(values).max(initial=0.0)), float(np.ptp(values))
-    if 0 < swing < FLAT * largest:
+    if 0 < swing < SLIGHT * largest:
         mean = float(f"{np.mean(values):.5g}")
         title, values, largest = (
             f"{title} {'−' if mean > 0 else '+'} {format_decimal(abs(mean), 5)}",
@@ -68,23 +79,22 @@ def shift_and_scale(title: str, values: Array, unit: str) -> tuple[str, Array]:
     return in_unit(title, unit, times), values / 10.0**power
 
 
-def choose_shown(weights: Array, groups: Sequence[Sequence[int]], most: int) -> list[int]:
-    """Which of some panels are shown: the heaviest of each group (one a joint, say), then the heaviest of all, in their own order."""
-    heaviest = [max(group, key=lambda i: weights[i]) for group in groups if len(group)]
-    shown = dict.fromkeys(heaviest)
-    for i in np.argsort(-weights, kind="stable"):
-        if len(shown) >= most:
-            break
-        shown[int(i)] = None
-    return sorted(shown)
-
-
 MOST, FOLDED = 12, 240
-"""Entries shown, and folded; the others stand in the file that `flexlin linearize` writes."""
+"""Panels shown, and folded; other entries stand in the file that `flexlin linearize` writes."""
 THIN = 4
 """Every so many times are drawn of what is folded."""
-NOISE = 1e-9
 COLOURS = {"M": "teal", "D": "wine", "K": "indigo", "h": "rose"}
+
+
+def choose_shown(weights: Array, groups: Sequence[Sequence[int]]) -> tuple[list[int], list[int]]:
+    """Which panels are shown, and which are folded, each in their own order.
+
+    Shown are the heaviest of each group (one a joint, say), then the heaviest of all; folded are the heaviest of the others.
+    """
+    heaviest = [max(group, key=lambda i: weights[i]) for group in groups if len(group)]
+    order = list(dict.fromkeys([*heaviest, *np.argsort(-weights, kind="stable").tolist()]))
+    most = max(MOST, len(set(heaviest)))
+    return sorted(order[:most]), sorted(order[most : most + FOLDED])
 
 
 @dataclass(frozen=True)
@@ -109,11 +119,9 @@ def draw_coefficients(a: Analysis) -> Picture:
     """A panel for each entry of M, D, K and h that varies; each joint has one at the least."""
     varying = [entry for entry in list_entries(a) if entry.varies]
     joints = [[k for k, entry in enumerate(varying) if entry.row == i] for i in list_joints(a)]
-    shown = choose_shown(np.array([entry.weight for entry in varying]), joints, MOST)
-    rest = sorted((k for k in range(len(varying)) if k not in shown), key=lambda k: -varying[k].weight)
-    folded = [varying[k] for k in sorted(rest[:FOLDED])]
+    shown, folded = choose_shown(np.array([entry.weight for entry in varying]), joints)
     panels = [draw_entry(a, varying[k]) for k in shown]
-    under = [draw_entry(a, entry, THIN) for entry in folded]
+    under = [draw_entry(a, varying[k], THIN) for k in folded]
     caption, heading = (
         describe_shown(len(varying), len(shown), len(folded)),
         f"The {len(folded)} other entries that vary",
@@ -160,13 +168,13 @@ def list_entries(a: Analysis) -> Iterator[Entry]:
     scales = weigh_entries(a)
     for name in ("M", "D", "K"):
         matrix = getattr(a.coefficients, name)
-        noise = NOISE * (np.abs(matrix).max() or 1.0)
+        noise = ROOT * (np.abs(matrix).max() or 1.0)
         for i, j in np.ndindex(a.plant.n, a.plant.n):
             values, mirror = matrix[:, i, j], matrix[:, j, i]
             if not (j < i and np.all(np.abs(values - mirror) <= noise)):
                 weight = float(np.ptp(values) * scales[name][i, j])
                 yield Entry(name, i, j, values, name_matrix_unit(a, name, i, j), weight, noise)
-    noise = NOISE * (np.abs(a.coefficients.h).max() or 1.0)
+    noise = ROOT * (np.abs(a.coefficients.h).max() or 1.0)
     for i, values in enumerate(a.coefficients.h.T):
         yield Entry("h", i, None, values, name_force_unit(a, i), float(np.ptp(values) * scales["h"][i, 0]), noise)
 
@@ -201,26 +209,23 @@ def draw_gains(a: Analysis) -> Picture | None:
     gains = [(loop, gain[:, :, :states]) for loop, gain in gains]
     weights = weigh_gains(a, np.max([np.abs(gain).max(axis=0) for _, gain in gains], axis=0))
     groups = [range(i * states, (i + 1) * states) for i in range(len(a.plant.inputs))]
-    shown = choose_shown(weights.ravel(), groups, MOST)
-    rest = sorted((k for k in range(weights.size) if k not in shown), key=lambda k: -weights.flat[k])
-    panels = {k: make_period_panel(a.plant.period, name_gain(a, *divmod(k, states))) for k in (*shown, *rest[:FOLDED])}
+    shown, folded = choose_shown(weights.ravel(), groups)
+    panels = {k: make_period_panel(a.plant.period, name_gain(a, *divmod(k, states))) for k in (*shown, *folded)}
     for (loop, gain), dash in zip(
         gains, cycle(DASHES), strict=False
     ):  # gains that coincide are seen, each through the next
         for k, panel in panels.items():
             (i, j), every = divmod(k, states), 1 if k in shown else THIN
             panel.line(a.t[::every], gain[::every, i, j], choose_colour(a, loop), dash=dash, label=loop.name)
-    legend = next(iter(panels.values())).legend
-    for panel in panels.values():
-        panel.marks = [replace(mark, label="") for mark in panel.marks]
-    above, folded = [panels[k] for k in shown], [panels[k] for k in sorted(rest[:FOLDED])]
+    legend = share_legend(list(panels.values()))
+    above, under = [panels[k] for k in shown], [panels[k] for k in folded]
     caption = "Entries of the feedback gain in u = −gain(t) [y; y′]: gain(input, state)."
     if remembers:
         caption += " What a controller's integrals and filters add is not drawn."
-    if rest:
+    if under:
         caption += " Shown are those that act most on deflections of equal energy, one of each input at the least; others are folded below."
-    heading = f"The {len(rest[:FOLDED])} other entries"
-    return make_picture("gains", "Gains over a period", caption, above, legend, folded, heading)
+    heading = f"The {len(under)} other entries"
+    return make_picture("gains", "Gains over a period", caption, above, legend, under, heading)
 
 
 def name_gain(a: Analysis, i: int, j: int) -> str:
@@ -233,7 +238,110 @@ def name_gain(a: Analysis, i: int, j: int) -> str:
 def weigh_gains(a: Analysis, size: Array) -> Array:
     """What each input gives to deflections of equal energy, against its largest: |gain_ij| times 1/(m_j w_j), or 1/m_j for rates."""
     scales = weigh_entries(a)
-    deflection = 1 / np.sqrt(1 / np.diagonal(scales["K"]))
-    speed = np.sqrt(np.diagonal(scales["M"]))
-    weight = size * np.concatenate([deflection, speed])
+    weight = size * np.sqrt([*np.diagonal(scales["K"]), *np.diagonal(scales["M"])])
     return weight / np.maximum(weight.max(axis=1, keepdims=True), 1e-300)
+
+
+def draw_response(a: Analysis) -> Picture | None:
+    """A panel for each deviation and each input: all joints and inputs, and the coordinates that hold most energy."""
+    if a.response is None:
+        return None
+    joints, inputs = list_joints(a), range(len(a.plant.inputs))
+    energy = np.abs(a.response.states[:, : a.plant.n]).max(axis=0) / np.sqrt(np.diagonal(weigh_entries(a)["K"]))
+    others = sorted((i for i in range(a.plant.n) if i not in joints), key=lambda i: -energy[i])
+    room = max(0, MOST - len(joints) - len(inputs))
+    shown, rest = sorted([*joints, *others[:room]]), sorted(others[room:])
+    torques = [draw_torque(a, k) for k in inputs]
+    legend = share_legend(torques)
+    panels = [*(draw_deviation(a, i) for i in shown), *torques]
+    caption = (
+        "Steady deviations from the rigid motion under the scene's loop: q of joints, w of bending, phi of twist, theta of motors; and "
+        "what each joint is given." + " Further coordinates are folded below." * bool(rest)
+    )
+    folded, heading = [draw_deviation(a, i) for i in rest], f"The {len(rest)} other coordinates"
+    return make_picture("response", "Forced periodic response", caption, panels, legend, folded, heading)
+
+
+def draw_deviation(a: Analysis, i: int) -> Panel:
+    """One coordinate over the period."""
+    assert a.response is not None
+    same = [k for k in range(a.plant.n) if name_coordinate_unit(a, k) == name_coordinate_unit(a, i)]
+    own = a.response.states[:, i]
+    if np.abs(own).max() < ROUNDING * np.abs(a.response.states[:, same]).max():
+        own = np.zeros_like(own)
+    values, unit = scale_values(own, name_coordinate_unit(a, i))
+    panel = make_period_panel(a.plant.period, in_unit(a.plant.names[i], unit)).zero()
+    return panel.line(a.t, values, choose_colour(a, a.own))
+
+
+def draw_torque(a: Analysis, k: int) -> Panel:
+    """What one input gives: feedforward alone, and with feedback in the periodic response."""
+    assert a.response is not None
+    torque = a.closed.law.torque(a.t, a.response.states)
+    panel = make_period_panel(a.plant.period, in_unit(f"input {a.plant.inputs[k]}", a.plant.input_units[k]))
+    panel.line(a.t, torque[:, k], choose_colour(a, a.own), label=a.own.name)
+    return panel.line(a.t, a.coefficients.tau[:, k], "ink", width=1.1, dash="4 3", label="feedforward alone")
+
+
+def draw_tip(a: Analysis) -> Picture | None:
+    """The components over the period on the left, the path of the error on the right; in space its three views below."""
+    if a.response is None or not np.all(np.isfinite(a.response.tip)):
+        return None
+    xyz, unit = scale_values(a.response.tip, "m")
+    left = make_period_panel(a.plant.period, in_unit("tip minus rigid tip", unit)).zero()
+    left.line(a.t, np.linalg.norm(xyz, axis=1), "ink", width=2.0, label="distance")
+    for k, values in enumerate(xyz.T):
+        colour, _ = style_part(k)
+        left.line(a.t, values, colour, label="xyz"[k], dash=("", "6 2", "2 2")[k])
+    paths = [
+        draw_path(xyz[:, across], xyz[:, up], "xyz"[across], "xyz"[up], unit)
+        for across, up in choose_views(xyz.shape[1])
+    ]
+    panels = resize(
+        [left, *paths], 150.0, (2 * share_width(3), share_width(3)) if len(paths) == 1 else (share_width(2),)
+    )
+    return make_picture("tip", "Tip error in steady motion", describe_tip_error(a), panels)
+
+
+def draw_path(x: np.ndarray, y: np.ndarray, across: str, up: str, unit: str) -> Panel:
+    """The path of the error in one view."""
+    panel = Panel("its path", equal=True, x_label=in_unit(across, unit), y_label=in_unit(up, unit))
+    return panel.line(x, y, "ink", label="tip").dots([0], [0], "ink", "cross", 6, label="rigid tip")
+
+
+def describe_tip_error(a: Analysis) -> str:
+    """Its size, and how well that is known."""
+    assert a.response is not None
+    distance, error = a.response.tip_error, a.response.solution.error
+    rms = float(np.sqrt(np.mean(distance[:-1] ** 2)))
+    return (
+        f"Largest {format_quantity(float(distance.max()), 'm')}, root mean square {format_quantity(rms, 'm')}, by the linear model; "
+        f"the states behind it are known to {format_power(error)}."
+    )
+
+
+def draw_comparison(a: Analysis) -> Picture | None:
+    """Both answers, and their difference: of the tip along the axis of its largest error, or of the first coordinate without a tip."""
+    s = a.simulation
+    if s is None:
+        return None
+    if np.all(np.isfinite(s.tip)):
+        axis, unit = int(np.abs(s.tip - s.tip_rigid).max(axis=0).argmax()), "m"
+        name, gap = f"tip error along {'xyz'[axis]}", np.linalg.norm(s.tip - s.tip_linear, axis=1)
+        nonlinear, linear = ((tip - s.tip_rigid)[:, axis] for tip in (s.tip, s.tip_linear))
+    else:
+        name, unit = a.plant.names[0], name_coordinate_unit(a, 0)
+        nonlinear, linear = s.nonlinear[:, 0], s.linear[:, 0]
+        gap = nonlinear - linear
+    (both, both_unit), (apart, apart_unit) = scale_values(np.array([nonlinear, linear]), unit), scale_values(gap, unit)
+    time, colour = Linear(0.0, float(s.t[-1])), choose_colour(a, a.own)
+    upper = Panel(in_unit(name, both_unit), x=time, x_label=time_label()).zero()
+    upper.line(s.t, both[0], colour, width=4.5, opacity=0.5, label="nonlinear")
+    upper.line(s.t, both[1], "ink", width=1.4, dash="5 3", label="linear")
+    lower = Panel(in_unit("difference", apart_unit), x=time, x_label=time_label()).zero().line(s.t, apart, colour)
+    spans = "periods" if a.plant.motion.periodic else "durations"
+    caption = (
+        f"The full nonlinear equations over {s.t[-1] / a.plant.period:g} {spans} under the scene's loop, started on the rigid motion, "
+        f"beside the linear prediction from the same start. {sentence(agreement(a, s))}"
+    )
+    return make_picture("comparison", "Nonlinear against linear", caption, resize([upper, lower], 110.0))

@@ -1,0 +1,158 @@
+"""Whole reports: what is missing is said; the elastic motion, exact feedforward, arms that leave the plane, motions that end."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+import flexlin as fl
+from flexlin.answers import analyse
+from flexlin.cli import main
+from flexlin.report import advise, record, to_json
+
+
+@pytest.mark.slow
+def test_a_design_without_an_answer_is_told_and_the_others_stand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    blind = "designs=[{name='blind', kind='frozen-lqr', state_weight=[0.0, 0.0], input_weight=[1.0]}]"
+    scene = ["single-link", "--set", "links.0.modes=0", "effects.gravity=off", blind, "--out", str(tmp_path)]
+    assert main(["report", *scene]) == 0
+    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
+    assert data["floquet"]["verdict"] == "stable"
+    assert data["designs"]["blind"]["verdict"] == "failed"
+    assert "weight Q" in data["designs"]["blind"]["status"]
+    assert "no answer" in page
+    assert "has no answer" in capsys.readouterr().out
+    assert main(["design", *scene]) == 4
+
+
+def test_a_motion_without_a_periodic_response_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    free = ["--set", "links.0.modes=0", "effects.gravity=off", "control={}", "designs=[]", "--out", str(tmp_path)]
+    assert main(["report", "single-link", *free]) == 0
+    data = json.loads((tmp_path / "report.json").read_text())
+    assert data["floquet"]["verdict"] == "undecided"
+    assert "multiplier" in data["forced_response"]["problem"]
+    assert "No periodic response was found" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_the_elastic_motion_is_judged_beside_the_rigid_one():
+    scene = fl.load_scene(
+        "single-link", {"links.0.modes": 1, "designs": [], "control.about": "elastic", "accuracy.tol": 1e-6}
+    )
+    found = analyse(scene)
+    assert [loop.kind for loop in found.loops] == ["open", "pd", "elastic"]
+    assert found.elastic.verdict == found.own.verdict == "stable"
+    assert found.elastic.growth[0] == pytest.approx(found.own.growth[0], rel=0.3)
+    assert found.elastic.growth[0] != found.own.growth[0]
+    assert any("elastic motion" in said and "verdict stands" in said for said in advise(found))
+    assert record(found)["elastic_motion"]["verdict"] == "stable"
+
+
+def test_the_report_says_how_far_the_linear_equations_hold(single_link):
+    assert single_link.linear_range.amplitudes.min() > 0
+    block = record(single_link)["linear_range"]
+    assert block["share"] == 0.1
+    assert any("disturbances of up to" in said for said in advise(single_link))
+
+
+EXACT = {"links.0.modes": 1, "control.feedforward": "tip-exact", "accuracy.tol": 1e-6, "designs": [], "drives": {}}
+
+
+@pytest.mark.slow
+def test_the_report_follows_the_elastic_motion():
+    scene = fl.load_scene("single-link", EXACT)
+    found, plain = analyse(scene), analyse(fl.load_scene("single-link", {**EXACT, "control.feedforward": "rigid"}))
+    closed = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    forward = fl.control.feedforward(closed, "tip-exact", tol=1e-8)
+    assert found.response.tip_error.max() == pytest.approx(forward.tip_error, rel=1e-3)
+    assert found.response.tip_error.max() < 0.05 * plain.response.tip_error.max()
+    assert found.simulation.tip_error == pytest.approx(forward.tip_error, rel=0.05)
+    np.testing.assert_allclose(found.load(found.own).torque, forward.torque(found.t[:-1]), atol=1e-9)
+    assert np.array_equal(found.own.floquet.exponents, plain.own.floquet.exponents)
+    assert to_json(record(found))
+    assert "tip-exact feedforward" in " ".join(advise(found))
+
+
+def test_simulate_takes_the_scenes_feedforward_unless_another_is_given():
+    scene = fl.load_scene("single-link", EXACT)
+    closed = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    own, rigid = (fl.simulate(closed, 0.5, tol=1e-6, law=law) for law in (None, closed.law))
+    assert own.tip_error < 0.05 * rigid.tip_error
+
+
+TILTED = [
+    "links.0.mount.rpy=[1.5707963267948966,0,0]",
+    "links.0.modes=1",
+    "effects.gravity.direction=[0,0,-1]",
+    "designs=[]",
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("extra", [[], ["effects.geometric_stiffening=off"]])
+def test_an_arm_that_swings_in_another_plane_is_the_same_arm(extra, tmp_path):
+    """The single link turned by a right angle about x, gravity with it: tip errors and exponents are those of the plane."""
+    found = []
+    for name, changes in (("plane", TILTED[1:2] + TILTED[3:]), ("tilted", TILTED)):
+        out = tmp_path / name
+        assert main(["report", "single-link", "--tol", "1e-6", "--set", *changes, *extra, "--out", str(out)]) == 0
+        found.append(json.loads((out / "report.json").read_text()))
+        assert main(["simulate", "single-link", "--periods", "0.1", "--set", *changes, *extra, "--out", str(out)]) == 0
+    plane, tilted = found
+    for (a, b), (c, d) in zip(plane["floquet"]["exponents"], tilted["floquet"]["exponents"], strict=True):
+        assert (a, b) == pytest.approx((c, d), abs=1e-5 * max(1, abs(a)))
+    with xarray.open_dataset(tmp_path / "tilted" / "simulation.nc", engine="scipy") as data:
+        assert [str(axis) for axis in data["axis"].values] == ["x", "y", "z"]
+
+
+DESIGN = '{name="end", kind="KIND", weights={joints="1 deg", rates="30 deg/s", deflection="10 mm", deflection_rates=1.0, input="1 N m"}}'
+MOTION = (
+    'motion={kind="point-to-point", move_time=0.5, dwell_time=0.2, course="one-way", joints=[{waypoints=[0.0, 0.8]}]}'
+)
+SETS = [
+    "--set",
+    "links.0.modes=1",
+    MOTION,
+    "designs=[" + DESIGN.replace("KIND", "finite-horizon-lqr") + "]",
+    "--tol",
+    "1e-5",
+]
+
+
+@pytest.mark.slow
+def test_a_report_of_a_motion_that_ends(tmp_path, capsys):
+    assert main(["report", "single-link", *SETS, "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "the motion ends after" in said
+    assert "nan" not in said
+    data = json.loads((tmp_path / "report.json").read_text())
+    assert data["floquet"]["verdict"] == data["designs"]["end"]["verdict"] == "one-way"
+    assert data["simulation"]["t"][-1] == pytest.approx(1.5 * data["period"])
+    assert "Multipliers" not in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.slow
+def test_its_gain_is_designed_and_exported(tmp_path, capsys):
+    assert main(["design", "single-link", *SETS, "--points", "32", "--out", str(tmp_path / "d")]) == 0
+    with np.load(tmp_path / "d" / "gains.npz") as arrays:
+        assert np.abs(np.diff(arrays["K"], axis=1)).max() > 0
+    assert main(["export", "single-link", *SETS, "--points", "8", "--out", str(tmp_path / "e")]) == 0
+    header = (tmp_path / "e" / "c-end" / "gain.h").read_text()
+    assert "held at 0 before the motion and at 1 after it" in header
+    assert "min(max(time, 0), t(end))" in (tmp_path / "e" / "load_arm.m").read_text()
+    assert main(["simulate", "single-link", *SETS, "--periods", "1.2", "--out", str(tmp_path / "s")]) == 0
+    other = [text.replace("finite-horizon-lqr", "averaged-lqr") for text in SETS]
+    assert main(["design", "single-link", *other, "--out", str(tmp_path / "x")]) == 2
+    assert 'expected kind = "finite-horizon-lqr"' in capsys.readouterr().err
+
+
+def test_no_feedback_can_be_said_in_words():
+    """kind = "none" is the arm without feedback, and takes no gains."""
+    said, left_out = (fl.load_scene("single-link", {"control.feedback": value}) for value in ({"kind": "none"}, None))
+    assert said == left_out
+    with pytest.raises(fl.errors.SceneError, match="alone"):
+        fl.load_scene("single-link", {"control.feedback": {"kind": "none", "kp": [1.0]}})
