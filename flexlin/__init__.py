@@ -45,7 +45,7 @@ _HOME = {
     "critical_values": "flexlin.answers.critical_values",
     "nearest_instability": "flexlin.answers.nearest",
     "stability_boundary": "flexlin.answers.stability_boundary",
-    "tune": "flexlin.answers.tuning.tune",
+    "tune": "flexlin.answers.tuning",
     "sensitivity": "flexlin.answers.sensitivity",
     "audit": "flexlin.answers.audit.comparison",
     "cost": "flexlin.answers.accuracy",
