@@ -47,7 +47,7 @@ _HOME = {
     "stability_boundary": "flexlin.answers.stability_boundary",
     "tune": "flexlin.answers.tuning",
     "sensitivity": "flexlin.answers.sensitivity",
-    "audit": "flexlin.answers.audit.comparison",
+    "audit": "flexlin.answers.audit",
     "cost": "flexlin.answers.accuracy",
     "Log": "flexlin.identification.log",
     "read_log": "flexlin.identification.reading",

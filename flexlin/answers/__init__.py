@@ -8,8 +8,7 @@ __getattr__, __dir__, __all__ = load_lazily(
     within={
         "answers.analysis": "analyse Analysis build_with_free find_loop_margins plant_and_designs",
         "answers.steady": "examine find_bending",
-        "answers.audit": "Audit Measure Row",
-        "answers.audit.comparison": "find_reach",
+        "answers.audit": "Audit Measure Row find_reach",
         "answers.audit.judging": "Judge",
         "answers.audit.versions": "list_effect_versions read_scale",
         "answers.clock": "Budget Clock Step",

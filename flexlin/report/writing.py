@@ -72,7 +72,7 @@ def write_report(
         return error, write_why(scene, folder, command, clock, error)
     a.margins = find_margins(a, margins)
     if with_audit:
-        from flexlin.answers.audit.comparison import audit
+        from flexlin.answers.audit import audit
 
         a.audit = a.attempt(
             "effects audit", "audit of the effects", partial(audit, scene, progress=progress, tol=asked.tol)

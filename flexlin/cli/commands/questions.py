@@ -137,7 +137,7 @@ def respond(options: argparse.Namespace) -> int:
 def effects(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
-        from flexlin.answers.audit.comparison import audit
+        from flexlin.answers.audit import audit
         from flexlin.report.minimal import minimal_text
         from flexlin.report.numbers import audit_block, to_json
         from flexlin.report.terminal import audit_lines
