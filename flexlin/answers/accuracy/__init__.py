@@ -34,7 +34,7 @@ from flexlin.answers.accuracy.scipy_methods import (
     respond_periodically,
     try_scipy,
 )
-from flexlin.answers.limits import time_limit
+from flexlin.answers.clock import time_limit
 from flexlin.arguments import checked, instance
 from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import ArgumentError, FlexlinError, counted

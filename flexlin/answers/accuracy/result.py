@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlin.answers.limits import time_limit
+from flexlin.answers.clock import time_limit
 from flexlin.checks import Array
 from flexlin.errors import FlexlinError
 from flexlin.periodic.circle import measure_distances
