@@ -4,8 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from flexlin.answers.critical_values import CriticalValue
-from flexlin.answers.margins import Margin
+from flexlin.answers.critical_values import CriticalValue, Margin
 from flexlin.report.wording import format_decimal, format_duration
 from flexlin.scene.names import name_number, show_unit
 from flexlin.scene.scene import Scene

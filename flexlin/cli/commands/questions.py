@@ -119,7 +119,7 @@ def respond(options: argparse.Namespace) -> int:
         raise ArgumentError("one disturbance is answered at a time", got=f"{len(asked)}", expected=kinds)
     work = Work(options)
     with work.clock() as clock:
-        from flexlin.answers.disturbed.respond import answer_in_scene
+        from flexlin.answers.disturbed import answer_in_scene
         from flexlin.report.figures.comparison import answer_lines, answer_record, draw
         from flexlin.report.wording import units_of_scene
 
