@@ -53,7 +53,7 @@ BY_DIFFERENCES = LEVELS[:5]
 """The same where slopes are differences of spectra, which are known to 1e-8."""
 HORIZON = 2.0
 """N T in units of one over the growth rate."""
-UNITS, FIRST = (1 / 16, 1 / 4, 1.0, 4.0), 60
+UNITS, FIRST = 4.0 ** np.arange(-2, 2), 60
 """Units that are tried at first, in the growth rate of the start, and steps of these trials."""
 SMALL = 1e-3
 """The least unit, in mean sizes of an exponent."""
@@ -67,8 +67,8 @@ FAINT = 1e-5
 """A scenario whose slopes are all below this has no part in a gradient."""
 SCREENED, GRID = 40, 3
 """Gains that are tried roughly before the best of them are starts, and scenarios of an axis at first."""
-FINE, RANDOM = {1: 129, 2: 33, 3: 9}, 200
-"""Scenarios of an axis by the number of axes, and quasi-random ones, of the verification: a narrow parametric resonance lies at an edge."""
+FINE, RANDOM = 512, 200
+"""Scenarios of the verification, a narrow parametric resonance lies at an edge: of an axis, over four for each, and quasi-random ones."""
 ALONE = 8
 """How many fewer where scenarios are computed one by one."""
 ROUNDS, WORSE, ADDED = 6, 1e-3, 3
@@ -204,9 +204,9 @@ def search(problem: Problem, own: Array, ranges: Array, starts: int, steps: int,
 
     Returns: the gains, and the finer set of scenarios; where time gives out the best gains so far, and as many scenarios as it does for.
     """
-    each = FINE.get(len(ranges), 0) if problem.batched else 7
-    drawn = draw_scenarios(ranges, RANDOM if problem.batched else RANDOM // ALONE, seed + 2)
-    fine = np.concatenate([lay_scenarios(ranges, each), drawn])
+    fewer = 1 if problem.batched else ALONE
+    laid = lay_scenarios(ranges, FINE // fewer // 4 ** len(ranges) + 1)
+    fine = np.concatenate([laid, draw_scenarios(ranges, RANDOM // fewer, seed + 2)])
     try:
         return minimise(problem, own, starts, steps, seed, fine), fine
     except OutOfTimeError:

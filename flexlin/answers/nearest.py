@@ -130,8 +130,8 @@ def allowed(scene: Scene, path: str, own: float, end: float, furthest: float) ->
     return 1.0
 
 
-CORNERS, SPREAD, LEVELS = 64, 32, 20
-"""Directions to corners of the box, directions spread over its faces, and distances tried on each, the nearest first."""
+CORNERS, LEVELS = 64, 20
+"""Directions to corners of the box, half as many spread over its faces, and distances tried on each, the nearest first."""
 FEW = 8
 """Distances tried along the growth rate's gradient and its parts alone, for a loop whose spectra take long."""
 STARTS, STEPS, SETTLED = 2, 12, 1e-7
@@ -152,7 +152,7 @@ def list_directions(box: Box) -> Array:
     signs = (
         list(product([-1.0, 1.0], repeat=P)) if every else np.random.default_rng(0).choice([-1.0, 1.0], (CORNERS, P))
     )
-    inside = 2 * qmc.Sobol(P, seed=0).random(SPREAD) - 1
+    inside = 2 * qmc.Sobol(P, seed=0).random(CORNERS // 2) - 1
     faces = inside / np.abs(inside).max(axis=1, keepdims=True) if P > 1 else inside[:0]
     return np.unique(np.vstack([np.eye(P), -np.eye(P), signs, faces]), axis=0)
 

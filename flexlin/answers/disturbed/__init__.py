@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexlin.about.law import Law, VectorFunction
+from flexlin.about.law import Law
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.answers.clock import Clock
 from flexlin.answers.disturbed.noise import NoiseAnswer, answer_noise
 from flexlin.answers.disturbed.stated import Directions, Disturbance, Kind, disturbing, state_disturbance
+from flexlin.answers.judging import LEAST
 from flexlin.answers.loops import need_continuous
 from flexlin.checks import SAMPLES, Array, check_size, positive
 from flexlin.control.catalogue import design
@@ -119,20 +120,6 @@ class PushedLoop(NonlinearLoop):
         return PushedEquations(self.lin, law, *self._pushing)
 
 
-@dataclass(frozen=True, eq=False)
-class Shifted:
-    """A torque function with a constant added to one input."""
-
-    forward: VectorFunction
-    joint: int
-    size: float
-
-    def __call__(self, t: Array) -> Array:
-        torque = np.array(self.forward(t))
-        torque[:, self.joint] += self.size
-        return torque
-
-
 def answer_nonlinearly(
     lin: Linearization, law: Law, drive: Drive, stated: Disturbance, begin: float, t: Array, start: Array, tol: float
 ) -> tuple[Array, Array]:
@@ -143,8 +130,13 @@ def answer_nonlinearly(
         away = np.append(stated.start, np.zeros(len(start) - len(stated.start)))
         return NonlinearLoop(lin, law, drive).integrate(moments, start + away, tol)[:, :-1], without
     if stated.kind == "step":
-        shifted = replace(law, forward=Shifted(law.forward, stated.joint, stated.size))
-        return NonlinearLoop(lin, shifted, drive).integrate(moments, start, tol)[:, :-1], without
+
+        def shifted(t: Array) -> Array:
+            torque = np.array(law.forward(t))
+            torque[:, stated.joint] += stated.size
+            return torque
+
+        return NonlinearLoop(lin, replace(law, forward=shifted), drive).integrate(moments, start, tol)[:, :-1], without
     until = int(np.searchsorted(t, stated.time * (1 + 1e-12), side="right"))
     pushed = PushedLoop(lin, law, Directions(lin, stated.axis), stated.size).integrate(moments[:until], start, tol)[
         :, :-1
@@ -360,10 +352,6 @@ def judge_nonlinear(
     times = begin + linear.t
     load = drive_load(closed, np.mod(times, closed.period), disturbed, law, drives)
     return seen(times, disturbed - without), "", load
-
-
-LEAST = 1e-8
-"""The smallest error that is asked for: plots show three digits."""
 
 
 def answer_in_scene(
