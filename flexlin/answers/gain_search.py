@@ -53,8 +53,6 @@ BY_DIFFERENCES = LEVELS[:5]
 """The same where slopes are differences of spectra, which are known to 1e-8."""
 HORIZON = 2.0
 """N T in units of one over the growth rate."""
-UNITS, FIRST = 4.0 ** np.arange(-2, 2), 60
-"""Units that are tried at first, in the growth rate of the start, and steps of these trials."""
 SMALL = 1e-3
 """The least unit, in mean sizes of an exponent."""
 AGAIN, CHANGED = 5, 2.0
@@ -223,7 +221,7 @@ def minimise(problem: Problem, own: Array, starts: int, steps: int, seed: int, f
     levels = LEVELS if problem.exact else BY_DIFFERENCES
     growth, x = np.inf, own
     for start in (problem.position(own), *drawn[np.argsort(sizes)[: starts - 1]]):
-        found = follow_levels(problem, begin(problem, start, steps), steps, levels)
+        found = follow_levels(problem, start, steps, levels)
         growth, x = min((growth, x), found, key=lambda one: one[0])
     for _ in range(ROUNDS):
         growths = problem.growths(problem.gains(x), fine)
@@ -235,20 +233,11 @@ def minimise(problem: Problem, own: Array, starts: int, steps: int, seed: int, f
     return problem.gains(x)
 
 
-def begin(problem: Problem, x: Array, steps: int) -> Array:
-    """The best x of short searches with several units of time: nobody knows how fast a decay there may be.
-
-    Too large a mu, or too short a horizon, rewards modes that run off to infinity; too small a mu finds the nearest kink.
-    """
-    own = find_unit(problem, x)
-    ends = [search_level(problem, x, LEVELS[0], factor * own, min(steps, FIRST))[0] for factor in UNITS]
-    return min(ends, key=problem.worst)
-
-
 def follow_levels(problem: Problem, x: Array, steps: int, levels: Array) -> tuple[float, Array]:
     """The best growth rate and its x, after these levels.
 
-    The unit of time is the growth rate itself, which may fall a lot at the first level: this is repeated until it stays.
+    The unit of time is the growth rate itself, which may fall a lot at the first level: this is repeated until it stays. Too large a mu,
+    or too short a horizon, rewards modes that run off to infinity; too small a mu finds the nearest kink.
     """
     problem.best, factor = (np.inf, x), np.eye(len(x))
     for level in levels:
@@ -260,15 +249,13 @@ def follow_levels(problem: Problem, x: Array, steps: int, levels: Array) -> tupl
     return problem.best
 
 
-def search_level(
-    problem: Problem, x: Array, level: float, unit: float, steps: int, factor: Array | None = None
-) -> tuple[Array, Array]:
+def search_level(problem: Problem, x: Array, level: float, unit: float, steps: int, S: Array) -> tuple[Array, Array]:
     """The minimum of the smoothed growth rate at one level, by BFGS, and a factor S of its inverse Hessian S S'.
 
     The search goes along x + S z, with S of the level before, in whose coordinates the Hessian is near one: in x itself its condition is
     beyond 1e12, and BFGS fails by rounding.
     """
-    S, past = np.eye(len(x)) if factor is None else factor, list[float]()
+    past = list[float]()
 
     def judge(z: Array) -> tuple[float, Array]:
         value, slope = problem.judge(x + S @ z, level * unit, HORIZON / unit, DIFFERENCE * level)
