@@ -316,7 +316,7 @@ class TimeLimit(NumericalError):
     Examples
     --------
     >>> import flexlin as fl
-    >>> from flexlin.answers.limits import time_limit
+    >>> from flexlin.answers.clock import time_limit
     >>> oscillator = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -0.1]], 1.0)
     >>> with time_limit("exponents", 0.2):
     ...     while True:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from flexlin.answers import Budget, Clock, limited, time_limit
-from flexlin.answers.limits import Allowance
+from flexlin.answers.clock import Allowance
 from flexlin.checks import LIMIT, check_size, memory_limit
 from flexlin.cli import main
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge

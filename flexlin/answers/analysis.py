@@ -11,6 +11,7 @@ import numpy as np
 from flexlin.about.linear import Coefficients, linearize, with_control
 from flexlin.about.linearization import Linearization
 from flexlin.answers.clock import Clock, Step
+from flexlin.answers.critical_values import Margin
 from flexlin.answers.judging import (
     Loop,
     Stages,
@@ -24,7 +25,6 @@ from flexlin.answers.judging import (
     with_response,
 )
 from flexlin.answers.loops import can_stay_free
-from flexlin.answers.margins import Margin
 from flexlin.answers.steady import Response, arm_length, find_response, response_error
 from flexlin.answers.validity import ModelValidity, judge_model
 from flexlin.checks import SAMPLES

@@ -28,7 +28,8 @@ Answer = TypeVar("Answer")
 BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
 """Designs whose gain has an error that can be asked for."""
 LEAST = 1e-8
-"""The smallest error that a sampled loop is asked for: a sampling time that never fits the period leaves more anyway."""
+"""The smallest error that is asked for of sampled loops, whose time may never fit the period, and of disturbances, of which plots show
+three digits."""
 
 WORTH_PROOF = 1e-6
 """Decay per basic frequency from which a report tries to prove it: a slower one takes 10^5 periods to show, and most drown in rounding."""

@@ -130,14 +130,14 @@ def allowed(scene: Scene, path: str, own: float, end: float, furthest: float) ->
     return 1.0
 
 
-CORNERS, SPREAD, LEVELS = 64, 32, 20
-"""Directions to corners of the box, directions spread over its faces, and distances tried on each, the nearest first."""
+CORNERS, LEVELS = 64, 20
+"""Directions to corners of the box, half as many spread over its faces, and distances tried on each, the nearest first."""
 FEW = 8
 """Distances tried along the growth rate's gradient and its parts alone, for a loop whose spectra take long."""
 STARTS, STEPS, SETTLED = 2, 12, 1e-7
 """Rays from which the nearest place is sought, steps of each, and the relative shortening that ends them."""
-WIDER = (1.05, 1.3, 2.0)
-"""Multiples of a known crossing at which one on another ray is looked for."""
+WIDER = 2.0
+"""Multiple of a known crossing up to which one on another ray is looked for."""
 
 
 def list_directions(box: Box) -> Array:
@@ -152,7 +152,7 @@ def list_directions(box: Box) -> Array:
     signs = (
         list(product([-1.0, 1.0], repeat=P)) if every else np.random.default_rng(0).choice([-1.0, 1.0], (CORNERS, P))
     )
-    inside = 2 * qmc.Sobol(P, seed=0).random(SPREAD) - 1
+    inside = 2 * qmc.Sobol(P, seed=0).random(CORNERS // 2) - 1
     faces = inside / np.abs(inside).max(axis=1, keepdims=True) if P > 1 else inside[:0]
     return np.unique(np.vstack([np.eye(P), -np.eye(P), signs, faces]), axis=0)
 
@@ -197,11 +197,9 @@ def follow(box: Box, direction: Array, scale: float) -> Array:
 
 def find_crossing(box: Box, direction: Array, near: float) -> float:
     """The scale on a ray at which the growth rate is zero, sought about one that is known on another ray; infinite where there is none."""
-    if box.growth(near * direction) > 0:
-        return cross(box, direction, 0.0, near)
-    for wider in WIDER:
-        if box.growth(wider * near * direction) > 0:
-            return cross(box, direction, near, wider * near)
+    for stable, unstable in ((0.0, near), (near, WIDER * near)):
+        if box.growth(unstable * direction) > 0:
+            return cross(box, direction, stable, unstable)
     return float(np.inf)
 
 

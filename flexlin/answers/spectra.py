@@ -42,9 +42,6 @@ bounds such a mode: where joints stick."""
 
 WIDE = 8
 """A scan one by one of systems with so many states or more leaves out what it can."""
-PILOTS = 64
-"""Points of the ranges at which it is learnt on how many segments spectra are computed together."""
-
 BREAK_EVEN = 1000
 """Instructions of a loop's matrices for each spectrum that takes alone as long as it takes to prepare the kernel: delta has 58,000."""
 
@@ -153,12 +150,10 @@ class SymbolicFamily(Family):
     @lazy
     def together(self) -> "Together | None":
         """What computes many spectra at once, if there is a kernel for them."""
-        from flexlin.answers.sweep.together import Together
+        from flexlin.answers.sweep.together import PILOTS, Together
 
         low, high = self.box
-        shares = np.arange(1, PILOTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
-        if len(low) > shares.shape[1]:
-            shares = np.random.default_rng(0).random((PILOTS, len(low)))
+        shares = np.random.default_rng(0).random((PILOTS, len(low)))
         return Together.prepare(self.source, self.place(low + (high - low) * shares), self.coarsest)
 
     def place(self, points: Array) -> Array:
@@ -186,21 +181,15 @@ class SymbolicFamily(Family):
             return super().rough(points)
         placed, states = self.place(points), self.together.kernel.model.states
         logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)
-        tried, used, missed = np.zeros((3, len(points)))
 
-        def enter(which: Array, found: "Logs", segments: int) -> Array:
+        def enter(which: Array, found: "Logs", _: int) -> Array:
             logs[which], errors[which] = found.logs, found.errors
-            misses = found.misses(self.coarsest)
-            tried[which], used[which], missed[which] = tried[which] + 1, segments, misses
-            return np.where(serves(found, self.coarsest), 0.0, misses)
+            return np.where(serves(found, self.coarsest), 0.0, found.misses(self.coarsest))
 
         narrow = self.together.find_narrow(placed)
         left = np.sort(
             np.concatenate([self.together.solve(placed, np.flatnonzero(~narrow), enter), np.flatnonzero(narrow)])
         )
-        again = np.setdiff1d(np.flatnonzero(tried > 1), left)
-        if len(again):  # what is asked for next lies near
-            self.together.needs.learn(placed[again], used[again], missed[again], logs[again])
         self.evaluations += len(points) - len(left)
         if len(left):
             alone = super().rough(points[left])

@@ -12,8 +12,8 @@ import pydantic_core
 import flexlin
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
+from flexlin.answers.critical_values import Margin
 from flexlin.answers.judging import Loop
-from flexlin.answers.margins import Margin
 from flexlin.checks import Array
 from flexlin.periodic.margins import Margins
 from flexlin.report.wording import describe_controller, reason

@@ -11,9 +11,8 @@ import numpy as np
 
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
-from flexlin.answers.critical_values import CriticalValue
+from flexlin.answers.critical_values import CriticalValue, Margin
 from flexlin.answers.judging import Loop
-from flexlin.answers.margins import Margin
 from flexlin.answers.validity import ModelEvidence, ModelValidity
 from flexlin.checks import Array
 from flexlin.periodic.floquet.result import MARGINAL

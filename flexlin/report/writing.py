@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from flexlin.answers.analysis import Analysis
-    from flexlin.answers.margins import Margin
+    from flexlin.answers.critical_values import Margin
     from flexlin.report.figures.style import Picture
 
 
@@ -61,8 +61,8 @@ def write_report(
             from flexlin.answers.nearest import make_box, search_box
 
             box = make_box(scene)
+    from flexlin.answers.critical_values import choose_margins
     from flexlin.answers.loops import need_numbers
-    from flexlin.answers.margins import choose_margins
 
     need_numbers(scene, margins or ())
     asked = scene.accuracy
@@ -72,7 +72,7 @@ def write_report(
         return error, write_why(scene, folder, command, clock, error)
     a.margins = find_margins(a, margins)
     if with_audit:
-        from flexlin.answers.audit.comparison import audit
+        from flexlin.answers.audit import audit
 
         a.audit = a.attempt(
             "effects audit", "audit of the effects", partial(audit, scene, progress=progress, tol=asked.tol)
@@ -136,7 +136,7 @@ def write_why(scene: Scene, folder: Path, command: str, clock: Clock, error: Fle
 def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | None") -> "tuple[Margin, ...]":
     """The critical values of some numbers, or what is known of them at the end of their time; none of one that nobody chose and that cannot
     be free."""
-    from flexlin.answers.margins import UNASKED, choose_margins, find_margin
+    from flexlin.answers.critical_values import UNASKED, choose_margins, find_margin
 
     scene, asked, watch = a.scene, a.asked, Stopwatch()
     ranges = choose_margins(scene) if chosen is None else dict(chosen)

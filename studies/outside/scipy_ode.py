@@ -11,9 +11,11 @@ from scipy.sparse import csc_array
 
 from flexlin import symbolic
 from flexlin.about.free import ParametricLoop
-from flexlin.answers.accuracy.scipy_methods import LEAST, FastRate, Rate
+from flexlin.answers.accuracy.scipy_methods import FastRate, Rate
 from flexlin.checks import SAMPLES, Array
 
+LEAST = 3e-14
+"""The smallest relative tolerance that SciPy takes."""
 Transition = Callable[[], Array]
 """-> the transition matrix of one period (n, n), with the set-up behind it."""
 

@@ -10,8 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigvals
 
 import flexlin as fl
-from flexlin.answers.audit import audit, figures
-from flexlin.answers.audit.comparison import find_reach
+from flexlin.answers.audit import audit, figures, find_reach
 from flexlin.answers.audit.judging import Judge, again, mode_versions
 from flexlin.answers.audit.versions import Version, list_model_versions, read_scale, with_modes
 from flexlin.cli import main
@@ -283,8 +282,8 @@ def test_a_mode_less_of_one_kind_is_followed_by_one_less_of_the_same_kind():
             direction = version.subject.rpartition(".")[2]
             less, steps = version.make(scene), 1
             while following := again(less, version):
-                assert [found.subject for found, _ in following] == [version.subject]
-                less, steps = following[0][0].make(less), steps + 1
+                assert [found.subject for found in following] == [version.subject]
+                less, steps = following[0].make(less), steps + 1
             assert steps == getattr(scene.links[0].counts, direction)
             assert getattr(less.links[0].counts, direction) == 0
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.accuracy import CostResult, Row, cost
-from flexlin.answers.accuracy import own_stages as own
-from flexlin.answers.accuracy.own_stages import name_setting
+from flexlin.answers import accuracy as own
+from flexlin.answers.accuracy import CostResult, Row, cost, name_setting
 from flexlin.answers.accuracy.result import Trial, compare_exponents, measure_trials
 from flexlin.answers.accuracy.scipy_methods import (
     FastRate,
@@ -63,7 +62,7 @@ def scene():
 @pytest.fixture(scope="module")
 def result(scene):
     with pytest.MonkeyPatch.context() as patch:  # all trials, however slow the machine
-        patch.setattr("flexlin.answers.accuracy.own_stages.STAGE_SECONDS", 600.0)
+        patch.setattr("flexlin.answers.accuracy.STAGE_SECONDS", 600.0)
         return cost(scene, peers=False, seconds=1e4)
 
 

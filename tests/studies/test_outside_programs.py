@@ -8,7 +8,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.about.free import parametric_loop
-from flexlin.answers.accuracy import own_stages as own
+from flexlin.answers import accuracy as own
 from flexlin.errors import ArgumentError
 from flexlin.periodic.transition.setting import Setting
 

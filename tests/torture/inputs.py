@@ -20,7 +20,7 @@ import numpy as np
 import xarray
 
 import flexlin as fl
-from flexlin.answers.limits import time_limit
+from flexlin.answers.clock import time_limit
 from flexlin.errors import FlexlinError
 from flexlin.files.manifest import read_manifest
 from flexlin.motion import build_motion

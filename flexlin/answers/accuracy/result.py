@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlin.answers.limits import time_limit
+from flexlin.answers.clock import time_limit
 from flexlin.checks import Array
 from flexlin.errors import FlexlinError
 from flexlin.periodic.circle import measure_distances
@@ -21,10 +21,6 @@ STAGES = (
 DECADES = tuple(10.0**-k for k in range(2, 13))
 SHORT, REPETITIONS = 0.05, 5
 """Runs shorter than this, in s, are repeated so often and their least time is kept."""
-TURNS, CHOICES = 4, 0.6
-"""How often the engine's own choices are run again, and the share of a stage's time that they may take."""
-GROWTH = 4.0
-"""From one tolerance to the next another program may take so many times as long."""
 STAGE_SECONDS = 5.0
 """Wall time of the trials of a stage, where the whole has enough."""
 
@@ -193,56 +189,25 @@ class Trial:
 def measure_trials(
     stage: str, trials: Iterable[Trial], error: Callable[[Any], float], seconds: float = STAGE_SECONDS
 ) -> list[Row]:
-    """Run the trials one after another for some seconds, the engine's own choices, which come first, several times in turns.
+    """Run the trials one after another for some seconds.
 
-    One that gives up (too many segments, no time left, an outside integrator's failure) or overflows has no row. Of another program
-    no trial is begun that, by its last one, would not end in time.
+    One that gives up (too many segments, no time left, an outside integrator's failure) or overflows has no row.
     """
-    rows, begin, lasted, repeated = dict[Trial, Row](), perf_counter(), dict[str, float](), False
+    rows, begin = list[Row](), perf_counter()
     for trial in trials:
-        if not (trial.chosen or repeated):
-            rows, repeated = repeat_choices(stage, rows, begin + CHOICES * seconds), True
         left = begin + seconds - perf_counter()
         advance(1 - left / seconds)
         if left <= 0:
             break
-        if trial.outside and GROWTH * lasted.get(trial.method, 0.0) > left:
+        try:
+            with time_limit(stage, left):
+                value, taken = time_run(trial.run)
+        except (FlexlinError, RuntimeError):
             continue
-        started = perf_counter()
-        row = try_once(stage, trial, error, left)
-        lasted[trial.method] = perf_counter() - started
-        if row is not None:
-            rows[trial] = row
-    return list((rows if repeated else repeat_choices(stage, rows, begin + seconds)).values())
-
-
-def try_once(stage: str, trial: Trial, error: Callable[[Any], float], left: float) -> Row | None:
-    """The row of a trial; None where it has no answer."""
-    try:
-        with time_limit(stage, left):
-            value, seconds = time_run(trial.run)
-    except (FlexlinError, RuntimeError):
-        return None
-    missed = error(value)
-    if not np.isfinite(missed):
-        return None
-    setting = ", ".join([trial.setting, *([trial.detail(value)] if trial.detail else [])])
-    return Row(stage, trial.method, setting, missed, seconds, trial.chosen, trial.outside)
-
-
-def repeat_choices(stage: str, rows: dict[Trial, Row], end: float) -> dict[Trial, Row]:
-    """The rows with the engine's own choices run again in turns, as time allows: the least time counts, so that they can be compared."""
-    chosen, rows = [trial for trial in rows if trial.chosen], dict(rows)
-    for _ in range(TURNS):
-        for trial in chosen:
-            if perf_counter() + GROWTH * rows[trial].seconds > end:
-                return rows
-            try:
-                with time_limit(stage, max(end - perf_counter(), 1e-3)):
-                    seconds = time_run(trial.run)[1]
-            except (FlexlinError, RuntimeError):
-                continue
-            rows[trial] = replace(rows[trial], seconds=min(seconds, rows[trial].seconds))
+        missed = error(value)
+        if np.isfinite(missed):
+            setting = ", ".join([trial.setting, *([trial.detail(value)] if trial.detail else [])])
+            rows.append(Row(stage, trial.method, setting, missed, taken, trial.chosen, trial.outside))
     return rows
 
 

@@ -1,7 +1,8 @@
 """Transition matrix, motion from rest, periodic response and Riccati equation by SciPy's integrators on one CasADi expression each."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -15,27 +16,25 @@ from flexlin.simulation.equations import loop_expressions
 
 PLACES = 32
 """Times in a period at which periodic answers are compared."""
-PERIODS, FORGOTTEN = 100, 10.0
-"""Periods after which X must have become periodic: its change over one is so many times tol at the most."""
-TOLS = {"DOP853": (1e-5, 1e-7, 1e-9, 1e-11), "Radau": (1e-4, 1e-6, 1e-8)}
-"""Of each method of SciPy."""
-LEAST = 3e-14
-"""The smallest relative tolerance that SciPy takes."""
+FORGOTTEN = 10.0
+"""X has become periodic where its change over a period is so many times tol at the most."""
+METHODS = ("DOP853", "Radau")
 Rate = Callable[[float, Array], Array]
 """(phase, columns of X one after another (n n,)) -> the columns of T A X."""
 
 
 def try_scipy(
-    lin: Linearization, derive: Callable[[Linearization], ca.Function], run: Callable[[Rate, int, str, float], Array]
+    lin: Linearization,
+    derive: Callable[[Linearization], ca.Function],
+    run: Callable[[Rate, int, str, float], Array],
+    tols: Sequence[float],
 ) -> Iterator[Trial]:
-    """Every method at each of its tolerances, where the right-hand side is one expression: a symbolic motion, a law without states."""
+    """Every method at each tolerance, where the right-hand side is one expression: a symbolic motion, a law without states."""
     if isinstance(lin.motion, SymbolicMotion) and lin.controller is None:
         rate = FastRate(derive(lin), lin.arm.parameters.values)
-        for method, tols in TOLS.items():
-            for tol in tols:
-                yield Trial(
-                    f"SciPy {method}", f"tol {tol:.0e}", partial(run, rate, 2 * lin.n, method, tol), outside=True
-                )
+        for method, tol in product(METHODS, tols):
+            work = partial(run, rate, 2 * lin.n, method, tol)
+            yield Trial(f"SciPy {method}", f"tol {tol:.0e}", work, outside=True)
 
 
 def derive_loop_rate(lin: Linearization) -> ca.Function:
@@ -110,19 +109,17 @@ def derive_riccati_rate(lin: Linearization) -> ca.Function:
 
 def forget_start(rate: Rate, states: int, method: str, tol: float) -> Array:
     """The periodic X (32, 2n, 2n): backward from 0, period after period, until it repeats itself."""
-    start = np.zeros(states**2)
-    for _ in range(PERIODS):
+    start, change = np.zeros(states**2), np.inf
+    while not change <= FORGOTTEN * tol * np.abs(start).max():
         found = integrate(rate, start, np.arange(PLACES + 1) / PLACES, method, tol)
-        if np.abs(found[-1] - start).max() <= FORGOTTEN * tol * np.abs(start).max():
-            return found[:0:-1].reshape(PLACES, states, states)
-        start = found[-1]
-    raise RuntimeError(f"X is not periodic after {PERIODS} periods")
+        start, change = found[-1], float(np.abs(found[-1] - start).max())
+    return found[:0:-1].reshape(PLACES, states, states)
 
 
 def integrate(rate: Rate, start: Array, t: Array, method: str, tol: float) -> Array:
     """The unknowns (N, ...) at times t. Raises: RuntimeError."""
     with np.errstate(over="ignore", invalid="ignore"):  # a step that is far too long may leave the range
-        run = solve_ivp(rate, (t[0], t[-1]), start, method, rtol=max(tol, LEAST), atol=tol, t_eval=t)
+        run = solve_ivp(rate, (t[0], t[-1]), start, method, rtol=tol, atol=tol, t_eval=t)
     if not run.success:
         raise RuntimeError(run.message)
     return np.asarray(run.y.T)

@@ -13,11 +13,10 @@ from flexlin.about.linearization import Linearization
 from flexlin.answers.steady import find_response
 from flexlin.checks import ROUNDING, SAMPLES, Array
 from flexlin.control.drives import Demand, drive_load
-from flexlin.control.tracking import CLOSINGS, tip_positions
+from flexlin.control.tracking import tip_positions
 from flexlin.errors import FlexlinError, MotionError, TimeLimit
 from flexlin.mechanics import build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.fourier import FourierSeries, fourier_differentiation
 from flexlin.periodic.related import with_matrices
 from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
@@ -258,9 +257,8 @@ def _time_evaluation(lin: Linearization) -> float:
     return 1e6 * min(times) / SAMPLES
 
 
-HARMONICS = (24, 48, 96)
 RESPONSE = 1e-3
-"""How little more harmonics may change states and rates, relative to the largest; and the error that is asked where they change more."""
+"""The error that the steady motion is asked for, of the largest state."""
 
 
 def steady_motion(lin: Linearization) -> tuple[Array, Array, Law]:
@@ -271,37 +269,8 @@ def steady_motion(lin: Linearization) -> tuple[Array, Array, Law]:
     if not lin.motion.periodic:
         raise MotionError("a one-way motion has none", got="course = 'one-way'", expected="a periodic basic motion")
     t = lin.period * np.arange(SAMPLES) / SAMPLES
-    if lin.control is None or lin.control.feedforward not in CLOSINGS:
-        before = by_harmonics(lin, HARMONICS[0], t)
-        for harmonics in HARMONICS[1:]:
-            states = by_harmonics(lin, harmonics, t)
-            change, size = np.abs(states - before).max(axis=0), np.abs(states).max(axis=0)
-            if (change <= RESPONSE * same_kind(size, lin.n)).all():
-                return t, states, lin.law
-            before = states
     found = find_response(lin, lin.periodic_system(), t, RESPONSE)
     return t, found.states, found.law or lin.law
-
-
-def same_kind(size: Array, n: int) -> Array:
-    """The largest of all coordinates, of all rates, and of all controller states, at each of them."""
-    groups = np.split(size, [n, 2 * n])
-    return np.concatenate([np.full(len(group), group.max(initial=0.0)) for group in groups])
-
-
-def by_harmonics(lin: Linearization, harmonics: int, times: Array) -> Array:
-    """Solve M y'' + D y' + K y = h on 2 harmonics + 1 times by Fourier collocation; [y; y'; z] at other times, (N, 2n + k)."""
-    count, n = 2 * harmonics + 1, lin.n
-    t = lin.period * np.arange(count) / count
-    slope = fourier_differentiation(count, lin.period)
-    M, D, K, h = second_order_with_states(lin, t)
-    operator = np.einsum("tab,ts->tasb", M, slope @ slope) + np.einsum("tab,ts->tasb", D, slope)
-    operator[np.arange(count), :, np.arange(count), :] += K
-    try:
-        y = np.linalg.solve(operator.reshape(h.size, h.size), h.ravel()).reshape(count, -1)
-    except np.linalg.LinAlgError:
-        return np.full((len(times), h.shape[1] + n), np.nan)
-    return FourierSeries.through(np.hstack([y[:, :n], slope @ y[:, :n], y[:, n:]]), lin.period)(times)
 
 
 def second_order_with_states(lin: Linearization, t: Array) -> tuple[Array, Array, Array, Array]:

@@ -179,22 +179,17 @@ def shrink(
     row, dropped, scene = judge.row(nothing()), list[str](), judge.scene
     cancelling = {row.subject for row in pairs if row.on and row.significance <= judge.tolerance}
     paired = {name for subject in cancelling for name in subject.split(" and ")}
-    candidates = sorted(
-        (
-            (version, row)
-            for version, row in tried
-            if version.on and row.judged and (row.significance <= judge.tolerance or version.subject in paired)
-        ),
-        key=lambda item: item[1].significance,
-    )
+    known = [(version, alone) for version, alone in tried if version.on and alone.judged]
+    known = [one for one in known if one[1].significance <= judge.tolerance or one[0].subject in paired]
+    candidates = [version for version, _ in sorted(known, key=lambda one: one[1].significance)]
     done = 0
     while candidates:
-        version, _ = candidates.pop(0)
+        version = candidates.pop(0)
         done += 1
-        partners = [item for item in candidates if f"{version.subject} and {item[0].subject}" in cancelling]
-        partners += [item for item in candidates if f"{item[0].subject} and {version.subject}" in cancelling]
+        partners = [other for other in candidates if f"{version.subject} and {other.subject}" in cancelling]
+        partners += [other for other in candidates if f"{other.subject} and {version.subject}" in cancelling]
         for partner in (None, *partners):
-            trial = version.make(scene) if partner is None else partner[0].make(version.make(scene))
+            trial = version.make(scene) if partner is None else partner.make(version.make(scene))
             report(f"minimal scene: {version.change}")
             advance(done / (done + len(candidates) + 1))
             found = judge.row(nothing(), trial)
@@ -203,7 +198,7 @@ def shrink(
                 dropped.append(version.change)
                 if partner is not None:
                     candidates.remove(partner)
-                    dropped.append(partner[0].change)
+                    dropped.append(partner.change)
                 if version.kind == "modes":
                     candidates = again(scene, version) + candidates
                 break
@@ -234,14 +229,11 @@ def mode_versions(scene: Scene) -> list[Version]:
     return [version for version in versions if version.kind == "modes"]
 
 
-def again(scene: Scene, version: Version) -> list[tuple[Version, Row]]:
+def again(scene: Scene, version: Version) -> list[Version]:
     """The same link with yet a mode less of the same kind."""
-    return [(v, UNKNOWN) for v in mode_versions(scene) if v.on and v.subject == version.subject]
+    return [other for other in mode_versions(scene) if other.on and other.subject == version.subject]
 
 
 def nothing() -> Version:
     """The change that is none."""
     return Version(lambda scene: scene, "the minimal scene", "minimal", "scene", True, {})
-
-
-UNKNOWN = Row("", "modes", "", True, {}, 0.0, 0.0, 0.0, 0, 0.0, 0, "unknown", 0.0, "")

@@ -199,12 +199,8 @@ class OneByOne:
     tol: float
     block: int = 4
     route = "one by one"
+    segments = 0
     threaded = False
-
-    @property
-    def segments(self) -> int:
-        """None are chosen for all values together."""
-        return 0
 
     def compute(self, points: Array) -> Found:
         """All values of a block."""

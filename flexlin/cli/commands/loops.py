@@ -121,7 +121,7 @@ def tune_gains(options: argparse.Namespace) -> int:
     if len({key for key, *_ in spans}) < len(spans):
         raise ArgumentError("a number is named twice", got=", ".join(key for key, *_ in spans), expected="each once")
     with work.clock() as clock:
-        from flexlin.answers.tuning.tune import tune
+        from flexlin.answers.tuning import tune
         from flexlin.report.terminal import say
         from flexlin.scene.loading import raw_tables
         from flexlin.scene.toml import write_toml

@@ -119,7 +119,7 @@ def respond(options: argparse.Namespace) -> int:
         raise ArgumentError("one disturbance is answered at a time", got=f"{len(asked)}", expected=kinds)
     work = Work(options)
     with work.clock() as clock:
-        from flexlin.answers.disturbed.respond import answer_in_scene
+        from flexlin.answers.disturbed import answer_in_scene
         from flexlin.report.figures.answers import answer_lines, answer_record, draw
         from flexlin.report.wording import units_of_scene
 
@@ -137,7 +137,7 @@ def respond(options: argparse.Namespace) -> int:
 def effects(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
-        from flexlin.answers.audit.comparison import audit
+        from flexlin.answers.audit import audit
         from flexlin.report.audit import audit_lines, minimal_text
         from flexlin.report.numbers import audit_block, to_json
 

@@ -1,17 +1,16 @@
 """The numbers of a structured controller that make the slowest decay over all scenarios as fast as possible."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from flexlin.about.linear import linearize
-from flexlin.answers.spectra import Source, make_family
+from flexlin.answers.gain_search import GRID, Problem, lay_scenarios, search
+from flexlin.answers.spectra import ROUGH, Source, make_family
 from flexlin.answers.steady import find_response
-from flexlin.answers.tuning.scenarios import Worst, lay_scenarios
-from flexlin.answers.tuning.search import GRID, search
-from flexlin.checks import Array, positive, real_array, whole
+from flexlin.checks import SAMPLES, Array, positive, real_array, whole
 from flexlin.control.drives import drive_load
 from flexlin.errors import ArgumentError, NotStable
 from flexlin.mechanics import build_manipulator
@@ -155,8 +154,8 @@ def tune(
     bounds = np.array([gain_bounds(path, value, limits) for path, value in own.items()])
     ranges = np.array(list(vary.values()), dtype=float).reshape(-1, 2)
     spans = {path: (float(a), float(b)) for path, (a, b) in zip(own, bounds, strict=True)}
-    family = make_family(source, {**spans, **vary}, "own")
-    problem = Worst(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, GRID), until=until)
+    family = replace(make_family(source, {**spans, **vary}, "own"), finest=ROUGH)
+    problem = Problem(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, GRID), until=until)
     started = np.array(list(own.values()))
     x, fine = search(problem, started, ranges, whole("starts", starts), whole("steps", steps), seed)
     tuned, capped = keep_torque(source, tuple(own), tuple(vary), started, x, fine, problem, limits)
@@ -190,7 +189,7 @@ def gain_bounds(path: str, value: float, limits: Mapping[str, Any]) -> tuple[flo
 
 
 def keep_torque(
-    source: Source, gains: tuple[str, ...], vary: tuple[str, ...], own: Array, tuned: Array, fine: Array, problem: Worst,
+    source: Source, gains: tuple[str, ...], vary: tuple[str, ...], own: Array, tuned: Array, fine: Array, problem: Problem,
     limits: Mapping[str, Any],
 ) -> tuple[Array, str]:  # fmt: skip
     """The gains, or those on the way to them from the scene's own that keep the torque's limit, and what that says."""
@@ -218,7 +217,7 @@ def keep_torque(
 
 
 def report_tuning(
-    source: Source, problem: Worst, gains: tuple[str, ...], vary: tuple[str, ...], own: Array, tuned: Array, fine: Array,
+    source: Source, problem: Problem, gains: tuple[str, ...], vary: tuple[str, ...], own: Array, tuned: Array, fine: Array,
     capped: str,
 ) -> Tuning:  # fmt: skip
     """Confirm the result by `floquet` where it is worst, and say what it brings and what limits it.
@@ -261,7 +260,6 @@ def report_tuning(
     return Tuning(scene, numbers, float(worst), before, tuple(active), named, len(every), status)
 
 
-TIMES = 256
 RESPONSE_TOL = 1e-6
 
 
@@ -275,24 +273,14 @@ def torque_limit(source: Source, limits: Mapping[str, Any]) -> float | None:
     known = [] if saturation is None else list(saturation.torque)
     if drives is not None and drives.torque.peak is not None:
         several = drives.torque.peak if isinstance(drives.torque.peak, list | tuple) else [drives.torque.peak]
-        known += [min(torque_in_si(item) for item in several)]
+        known += [min(in_si(item, "N m", "N") for item in several)]
     return float(min(known)) if known else None
-
-
-def torque_in_si(item: Any) -> float:
-    """A torque or a force in SI units."""
-    for unit in ("N m", "N"):
-        try:
-            return float(in_si(item, unit))
-        except ValueError:
-            continue
-    return float("inf")
 
 
 def peak_torque(scene: Scene, numbers: Mapping[str, float]) -> float:
     """The largest torque of the scene's steady motion with other numbers, in N m."""
     revised = revise_scene(scene, numbers)
     lin = linearize(build_manipulator(revised), revised.motion, revised.control)
-    t = lin.period * np.arange(TIMES) / TIMES
+    t = lin.period * np.arange(SAMPLES) / SAMPLES
     states = find_response(lin, lin.periodic_system(), t, RESPONSE_TOL).states
     return float(np.abs(drive_load(lin, t, states, lin.law).torque).max())

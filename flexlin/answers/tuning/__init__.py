@@ -1,1 +1,0 @@
-"""Gains tuned for all scenarios at once: the slowest decay made as fast as it can be."""
