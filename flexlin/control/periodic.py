@@ -7,23 +7,17 @@ from flexlin.arguments import checked
 from flexlin.checks import real_array
 from flexlin.control.designed_loop import Design, describe_gain
 from flexlin.errors import ArgumentError
-from flexlin.periodic.coefficients import Constant, MatrixFunction
-from flexlin.periodic.fourier import FourierSeries, waves_at_nodes
+from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_riccati, rough_places
 from flexlin.periodic.related import extend_system
-from flexlin.periodic.resolved.matrix import ResolvedMatrix, Series
+from flexlin.periodic.resolved.matrix import Series
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.sampling import RESOLVED
 from flexlin.periodic.system import PeriodicSystem, as_system
 
 SMOOTH = 64
 """Of the period: where coefficients change in a shorter time the gain has a series of its own."""
-EPS = float(np.finfo(float).eps)
-MOST_WAVES = 200
-"""Harmonics of a gain that is made in one product."""
-ROUNDED = 16 * EPS
-"""What rounding makes of a gain by two Fourier transforms."""
 
 
 @checked
@@ -99,14 +93,9 @@ def periodic_lqr(
 def represent_gain(solution: RiccatiSolution, system: PeriodicSystem, tol: float) -> tuple[Series, float]:
     """The gain as one series, and its deviation from the solution's relative to the largest gain.
 
-    Where it is no product of Fourier series, it is resolved like any coefficient, as well as its own error allows.
+    It is resolved like any coefficient, as well as its own error allows.
     """
-    rough = rough_places(solution.problem, system.period / SMOOTH)
-    if not len(system.breaks) and not len(rough):
-        transformed = transform_gain(solution)
-        if transformed is not None:
-            return transformed
-    corners = np.union1d(system.breaks, rough)
+    corners = np.union1d(system.breaks, rough_places(solution.problem, system.period / SMOOTH))
     tol = max(RESOLVED, tol / 10, solution.gain_error)
     found = resolve(solution.K, system.period, corners.tolist(), complete=True, tol=tol)
     return found.series, float(found.error.max() / (np.abs(found.series.coefficients).max() or 1.0))
@@ -149,32 +138,3 @@ def with_integral_action(system: PeriodicSystem, measured: ArrayLike) -> Periodi
         raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
     C = real_array("measured", measured, (None, system.n))
     return extend_system(system, np.hstack([C, np.zeros((len(C), len(C)))]))
-
-
-def transform_gain(solution: RiccatiSolution) -> tuple[FourierSeries, float] | None:
-    """The gain of a smooth solution as the Fourier series that it is, where B is one too and R and N are constant; else None.
-
-        K = R^-1 (B' X + N'),   as many harmonics as B and X have together
-
-    Returns: the series, and what is left out and rounded, relative to the largest gain.
-    """
-    problem, X = solution.problem, solution.series
-    B = problem.B.series if isinstance(problem.B, ResolvedMatrix) else problem.B
-    if not isinstance(problem.R, Constant) or not isinstance(problem.N, Constant) or not isinstance(X, FourierSeries):
-        return None
-    if isinstance(B, Constant):
-        B = FourierSeries(B.value[None], X.period)
-    if not isinstance(B, FourierSeries) or X.degree + B.degree > MOST_WAVES:
-        return None
-    H = X.degree + B.degree
-    count, effort = 2 * H + 1, np.linalg.inv(problem.R.value)
-    values = (B.at_nodes(count) @ effort).swapaxes(1, 2) @ X.at_nodes(count) + effort @ problem.N.value.T
-    rest = (values - values[0]).reshape(count, -1)  # constants are not rounded
-    parts = (2 / count) * (waves_at_nodes(count, H).T @ rest)
-    parts[0] *= 0.5
-    size, heights = float(np.abs(values).max()) or 1.0, np.abs(parts).max(axis=1)
-    left = np.append(np.maximum(heights[1 : H + 1], heights[H + 1 :])[::-1].cumsum()[::-1], 0.0)
-    kept = int(np.count_nonzero(left > EPS * size))
-    parts[0] += values[0].ravel()
-    parts = np.concatenate([parts[: kept + 1], parts[H + 1 : H + 1 + kept]])
-    return FourierSeries(parts.reshape(-1, *values.shape[1:]), X.period), float(left[kept] / size) + ROUNDED
