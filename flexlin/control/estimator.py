@@ -1,5 +1,7 @@
 """The periodic Kalman filter by duality, and the loop that it closes with a state feedback."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
@@ -161,8 +163,17 @@ def kalman_filter(
     for name, noise in (("W", W), ("V", V)):
         check_samples(name, noise, system.period)
     T = system.period
-    try:
+    with said_of_a_filter():
         solution = periodic_riccati(dual_system(system, C), Backward(W, T), Backward(V, T), tol=tol)
+    open_loop = with_matrices(system, system.A, Backward(solution.K, T), others=(W, V))
+    return Estimator(system, C, solution, open_loop.feedback(C))
+
+
+@contextmanager
+def said_of_a_filter() -> Iterator[None]:
+    """Say of the filter what is refused of its dual problem, whose input is the measurement and whose weight is the noise."""
+    try:
+        yield
     except NotStabilizable as reason:
         raise NotDetectable(
             "a mode that does not decay is not seen by the measurement",
@@ -175,8 +186,6 @@ def kalman_filter(
             got=reason.got,
             todo="give the mode's states noise in W",
         ) from None
-    open_loop = with_matrices(system, system.A, Backward(solution.K, T), others=(W, V))
-    return Estimator(system, C, solution, open_loop.feedback(C))
 
 
 def close_estimated(A: Array, B: Array, K: Array, L: Array, C: Array, rates: Array) -> Array:

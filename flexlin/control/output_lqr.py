@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive, real_array
 from flexlin.control.designed_loop import running_cost
-from flexlin.control.periodic import periodic_lqr
+from flexlin.control.lqr import periodic_lqr
 from flexlin.errors import ArgumentError, NotStabilizable, NotStable, counted
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, combine
 from flexlin.periodic.fourier import fourier_nodes

@@ -10,8 +10,15 @@ import scipy.io
 import xarray
 
 import flexlin as fl
-from flexlin.control import gain_source, linearization_source, periodic_lqr
-from flexlin.control.export import gain_schedule, periodic_plant, save, to_control
+from flexlin.control import (
+    gain_schedule,
+    gain_source,
+    linearization_source,
+    periodic_lqr,
+    periodic_plant,
+    save,
+    to_control,
+)
 from flexlin.control.export.files import matlab_script
 from flexlin.errors import ArgumentError
 
