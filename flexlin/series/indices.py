@@ -46,7 +46,6 @@ class Indices:
         self.size = int(self.start[-1])
         self.divided = tail > 0
         self.kept: dict[Any, Array] = {}
-        self.layouts: dict[int, list[tuple[int, int, tuple[int, int]]]] = {}
         self.head = kept_indices(head, 0, order) if self.divided else self
         self.tail = kept_indices(tail if self.divided else 0, 0, order) if self.n else self
 
@@ -67,16 +66,10 @@ class Indices:
         return self.n <= UNDIVIDED or comb(2 * self.n + self.order, self.order) <= TABLES
 
     def blocks(self, k: int, part: Array) -> list[Array]:
-        """Return a part of degree k as its matrices, by the degree 0 ... k of the head's factor."""
-        return [part[begin:end].reshape(shape) for begin, end, shape in self.layout(k)]
-
-    def layout(self, k: int) -> list[tuple[int, int, tuple[int, int]]]:
-        """Return where the matrices of degree k begin and end, and their shapes, by the degree of the head's factor."""
-        if k not in self.layouts:
-            shapes = [(self.head.width(d), self.tail.width(k - d)) for d in range(k + 1)]
-            ends = np.cumsum([rows * columns for rows, columns in shapes[::-1]])[::-1].tolist()
-            self.layouts[k] = [(end - m * n, end, (m, n)) for end, (m, n) in zip(ends, shapes, strict=True)]
-        return self.layouts[k]
+        """Return views of a part of degree k as its matrices, by the degree 0 ... k of the head's factor."""
+        shapes = [(self.head.width(d), self.tail.width(k - d)) for d in range(k, -1, -1)]
+        pieces = np.split(part, np.cumsum([rows * columns for rows, columns in shapes[:-1]], dtype=int))
+        return [piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)][::-1]
 
     @lazy
     def powers(self) -> Array:

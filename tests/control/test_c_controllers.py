@@ -170,15 +170,19 @@ def test_the_c_estimator_follows_the_filter(arm, tmp_path):
 
 def test_python_control_systems_bear_the_arms_names(arm):
     _scene, plant, _ = arm
-    labels = Labels.of(plant)
+    labels, t = Labels.of(plant), np.array([0.2 * plant.period])
     frozen = to_control(plant, 0.2, np.eye(4)[:1], ["encoder"])
     assert isinstance(frozen, control.StateSpace)
+    assert np.array_equal(frozen.A, plant.A(t)[0])
+    assert np.array_equal(frozen.B, plant.input_matrix(t)[0])
     assert (frozen.state_labels, frozen.input_labels, frozen.output_labels) == (
         list(labels.states),
         ["q1"],
         ["encoder"],
     )
     assert periodic_plant(plant).state_labels == ["q1", "w11", "q1_rate", "w11_rate"]
+    with pytest.raises(ArgumentError, match="phase"):
+        to_control(plant, 1.0)
     with pytest.raises(ArgumentError, match="outputs"):
         to_control(plant, 0.2, np.eye(4), ["encoder"])
 

@@ -91,8 +91,6 @@ piecewise = spline(times, values);
 f = @(time) reshape(ppval(piecewise, {within}), rows, columns);
 end
 """
-NO_DATE = (1980, 1, 1, 0, 0, 0)
-"""The first date that a zip file knows; np.savez writes the time of day."""
 
 
 @dataclass(frozen=True)
@@ -299,7 +297,9 @@ def write_npz(path: Path, arrays: Mapping[str, Any], compressed: bool = False) -
     kind = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
     with path.open("wb") as file, zipfile.ZipFile(file, "w", kind) as archive:
         for name, array in arrays.items():
-            about = zipfile.ZipInfo(f"{name}.npy", NO_DATE)
+            about = zipfile.ZipInfo(
+                f"{name}.npy"
+            )  # of the first date that a zip file knows; np.savez writes the time of day
             about.compress_type = kind
             with archive.open(about, "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, np.asarray(array), allow_pickle=False)
