@@ -7,7 +7,6 @@ from scipy.interpolate import PPoly
 
 from flexlin.checks import ROUNDING, Array, check_size
 from flexlin.errors import NumericalError
-from flexlin.periodic.floquet.decoupled import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import find_coinciding
 from flexlin.periodic.floquet.result import FloquetResult
@@ -95,14 +94,9 @@ def slow_motions(
 def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, samples: int) -> tuple[Array, Array]:
     """Times (N,), both ends of the period included, and periodic right eigenvectors (k, N, n) of some exponents.
 
-    p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   the null vector of a cyclic system, or from the decoupled one
+    p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   the null vector of a cyclic system
     """
-    n, setting, decoupled = system.n, result.setting, result.decoupled
-    if decoupled is not None and len(decoupled.times) >= samples:
-        both = solve_decoupled_modes(decoupled, result.exponents)
-        if both is not None:
-            modes = np.moveaxis(both[0][:, :, which], -1, 0)
-            return np.append(decoupled.times, system.period), np.concatenate([modes, modes[:, :1]], axis=1)
+    n, setting = system.n, result.setting
     if setting.method not in METHODS:
         setting = choose_setting(system, SLOW_TOL, "radau", None, None)
     setting = setting.with_segments(max(samples, setting.segments))

@@ -368,13 +368,13 @@ def symbolic_monomials(indices: Indices, dx: Any) -> list[Any]:
 
 def weighted_sums(weights: Array, monomials: list[Any]) -> ca.SX:
     """Return weights @ monomials as a CasADi column, leaving zero weights out; weights: numbers or CasADi scalars (rows, size)."""
-    if weights.dtype != object:
-        return ca.densify(ca.sparsify(ca.DM(weights)) @ ca.vertcat(*monomials))
     rows = []
-    for row in weights:
-        total = ca.SX(0)
-        for weight, monomial in zip(row, monomials, strict=True):
-            if not (isinstance(weight, int | float) and weight == 0):
-                total = total + weight * monomial
-        rows.append(total)
+    for row in weights.tolist():
+        pairs = zip(row, monomials, strict=True)
+        rows.append(sum((weight * monomial for weight, monomial in pairs if not is_zero(weight)), ca.SX(0)))
     return ca.densify(ca.vertcat(*rows))
+
+
+def is_zero(value: Any) -> bool:
+    """Whether a number or a CasADi scalar is known to be 0."""
+    return bool(value.is_zero() if isinstance(value, ca.SX) else value == 0)

@@ -15,7 +15,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.program import CONST, INPUT, OUTPUT, Program, name_of
-from flexlin.series.indices import TABLES, Indices, head_of, kept_indices, sum_products
+from flexlin.series.indices import TABLES, Indices, head_of, is_zero, kept_indices, sum_products
 
 
 def atan2(y: Array, x: Array) -> Array:
@@ -184,11 +184,6 @@ class Symbolic(Space):
 def of_scalars(*values: Any) -> Array:
     """An array of CasADi scalars, which NumPy would else take apart."""
     return np.array([*values, None], dtype=object)[:-1]
-
-
-def is_zero(value: Any) -> bool:
-    """Whether a number or a CasADi scalar is known to be 0."""
-    return bool(value.is_zero() if isinstance(value, ca.SX) else value == 0)
 
 
 @dataclass(frozen=True, eq=False)
