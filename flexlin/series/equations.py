@@ -249,7 +249,8 @@ def radius_along(equations: Equations, u0: Array, v0: Array, direction: Array) -
     """Return the distance to the nearest singularity of v(u0 + t d) in the complex plane of t.
 
     Padé approximants of w''/w' (w = entries of v) have a pole with residue -1/2 at each fold; such poles start Newton's method on
-    the fold equations, which must end where it started from.
+    the fold equations, which must end where it started from. Real folds are also sought by following the real branch: where w' = 0 at
+    the start, there are no approximants.
 
     Parameters: direction (nu,) of length 1.
     """
@@ -258,7 +259,7 @@ def radius_along(equations: Equations, u0: Array, v0: Array, direction: Array) -
         return Radius("not found", complex(np.nan), np.full(len(v0), np.nan), float("inf"))
     series = line_series(equations, u0, v0, scale * direction, ORDER)
     estimate, S = growth(series), (scale * direction)[:, None]
-    folds = list[Fold]()
+    folds = [fold for side in (estimate, -estimate) for fold in real_fold(equations, u0, S, series, side)]
     for pole in singularities(series):
         if abs(pole) > 1.25 * estimate or any(abs(fold.t[0] - pole) < 0.01 * abs(pole) for fold in folds):
             continue
@@ -272,6 +273,27 @@ def radius_along(equations: Equations, u0: Array, v0: Array, direction: Array) -
     if abs(t.imag) < 1e-9 * abs(t):
         return Radius("real singularity", scale * complex(t.real), nearest.v.real, scale * estimate)
     return Radius("complex pair", scale * t, nearest.v, scale * estimate)
+
+
+def real_fold(equations: Equations, u0: Array, S: Array, series: Array, estimate: float) -> list[Fold]:
+    """Follow the real branch past an estimate: where it ends, bisection comes near enough for Newton's method to find the fold."""
+    low, high = 0.9 * estimate, 1.05 * estimate
+    v = (low ** np.arange(len(series)) @ series)[None, :]
+
+    def follow(t: float) -> bool:
+        nonlocal v
+        there, last = newton(equations, (u0 + S @ np.array([t]))[None, :], v, 8)
+        reached = bool(last[0] < 1e-9 and np.abs(there - v).max() < 0.5 * (1 + np.abs(v).max()))
+        v = there if reached else v
+        return reached
+
+    if not follow(low) or follow(high):
+        return []
+    for _ in range(10):
+        middle = (low + high) / 2
+        low, high = (middle, high) if follow(middle) else (low, middle)
+    fold = find_fold(equations, u0, S, (np.array([low]), v[0]))
+    return [fold] if fold.defect < 1e-9 else []
 
 
 def fold_from(equations: Equations, u0: Array, S: Array, series: Array, pole: complex) -> Fold:

@@ -132,6 +132,13 @@ def test_radius_names_the_singular_configuration(inverse):
     assert abs(np.sin(radius.v[1])) < 1e-9 or abs(np.sin(radius.v[3])) < 1e-9  # an arm is stretched or folded
 
 
+def test_a_fold_on_either_side_of_a_stationary_point_is_found():
+    """At the circle's top v' = 0, so no approximant of w''/w' shows the folds at u = 1 and -1."""
+    u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    radius = fl.implicit_taylor(u**2 + v**2 - 1, u, v, [0.0], [1.0], 6).radius([1.0])
+    assert (float(radius), radius.kind) == (pytest.approx(1.0, abs=1e-9), "real singularity")
+
+
 def test_entire_solution_has_no_radius():
     u, v = ca.SX.sym("u"), ca.SX.sym("v")
     line = fl.implicit_taylor(v - 3 * u, u, v, [0.2], [0.6], 4).radius([1.0])
