@@ -1,4 +1,4 @@
-"""A controller design: what every kind of design hands back."""
+"""A controller design: what every kind of design hands back, and the designs whose gains are given, PD and a scene's own feedback."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.about.law import Controller, Law
+from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
 from flexlin.checks import Array, at_times, real_array, whole
-from flexlin.errors import ArgumentError, DesignError, NotStable, ToleranceNotReached, counted
+from flexlin.errors import ArgumentError, DesignError, NotStable, counted
 from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import Constant, combine
 from flexlin.periodic.floquet.exponents import floquet
@@ -18,23 +20,12 @@ from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, Riccati
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.response.result import label_states
 from flexlin.periodic.sampled.stability import sampled_floquet
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
 
 if TYPE_CHECKING:
     import xarray
-
-
-@dataclass(frozen=True, eq=False)
-class Repeated:
-    """A function of one period or horizon, repeated."""
-
-    gain: MatrixFunction
-    period: float
-
-    def __call__(self, t: Array) -> Array:
-        return self.gain(np.mod(t, self.period))
 
 
 def running_cost(problem: LinearQuadratic, K: MatrixFunction) -> MatrixFunction:
@@ -246,21 +237,112 @@ class Design(Shown):
         return float(start @ X @ start)
 
 
-def describe_gain(solution: RiccatiSolution, error: float, tol: float) -> str:
-    """The solution's status, or what makes the gain less certain than X.
+@checked
+def pd_feedback(
+    system: PeriodicSystem,
+    joints: Sequence[int],
+    kp: Sequence[float],
+    kd: Sequence[float],
+    problem: LinearQuadratic | None = None,
+    name: str = "PD",
+) -> Design:
+    """Close independent PD loops about the joints of a second-order system.
 
-    Raises: ToleranceNotReached where nothing of the gain is known.
+        u_i = -kp_i y_(j_i) - kd_i y'_(j_i)
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant, x = [y; y'], with one input a joint.
+    joints : sequence of int
+        Number j_i of the coordinate that each input moves.
+    kp : sequence of float
+        Gains on the angles, in N m/rad.
+    kd : sequence of float
+        Gains on the rates, in N m s/rad.
+    problem : LinearQuadratic, optional
+        Weights by which the loop's cost is judged, if it is to be compared.
+    name : str
+        Name of the design in reports.
+
+    Returns
+    -------
+    Design
+        A constant gain, which is exact: error 0.
+
+    Raises
+    ------
+    ArgumentError
+        When the numbers of joints, inputs and gains differ.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> made = fl.control.pd_feedback(system, [0], [2.0], [3.0])
+    >>> fl.floquet(made.closed_loop).exponents.real.round(6).tolist()
+    [-1.0, -2.0]
     """
-    if error >= 1:
-        raise ToleranceNotReached(
-            "no digit of the gain is known",
-            got=f"error {solution.error:.1g} of X, {error:.1g} of K = R^-1 (B' X + N')",
-            expected=f"at most {tol:.1g}",
-            todo="bring states, inputs and weights to like sizes: R is small beside B' X B",
+    system = as_system(system)
+    n = system.n // 2
+    wanted = f"{system.m}: one for each input"
+    places = real_array("joints", joints, (None,))
+    if not all(place == int(place) and 0 <= place < n for place in places):
+        raise ArgumentError(
+            "joints are no coordinates", got=places.tolist(), expected=f"whole numbers from 0 to {n - 1}"
         )
-    if error <= max(tol, solution.error):
-        return solution.status
-    return (
-        f"X has converged to {solution.error:.1g}, which K = R^-1 (B' X + N') amplifies: error {error:.1g} of the gain "
-        f"above the asked {tol:.1g}; ask for tol={2 * error:.0e}"
+    stiffness, damping = real_array("kp", kp, (None,)), real_array("kd", kd, (None,))
+    for what, values in (("joints", places), ("kp", stiffness), ("kd", damping)):
+        if len(values) != system.m:
+            raise ArgumentError(f"{what} has the wrong length", got=len(values), expected=wanted)
+    K = np.zeros((system.m, system.n))
+    rows, columns = np.arange(system.m), places.astype(int)
+    K[rows, columns] = stiffness
+    K[rows, n + columns] = damping
+    gain = Constant(K)
+    return Design(name, "pd", gain, system.feedback(gain), 0.0, "constant gains as given", problem)
+
+
+@checked
+def scene_feedback(closed: Linearization, name: str = "the scene's own") -> Design:
+    """Return the feedback of a scene's own loop, PD or PID with filters, as a design.
+
+        u = -K [y; y'; z],   z' = rates [y; y'; z]
+
+    Assumes continuous time: sampling, saturation and limited rates of `[control]` are left to whoever calls the gain.
+
+    Parameters
+    ----------
+    closed : Linearization
+        The arm with its loop: fl.linearize(arm, scene.motion, scene.control).
+    name : str
+        Name of the design.
+
+    Returns
+    -------
+    Design
+        Constant gains, which are exact: error 0; its `controller` holds integrals and filters.
+
+    Raises
+    ------
+    ArgumentError
+        For an arm that was linearized without its loop.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> pid = {"kind": "pid", "kp": [3.0], "kd": [0.5], "ki": [2.0]}
+    >>> scene = fl.load_scene("single-link", {"control.feedback": pid, "designs": []})
+    >>> made = fl.control.scene_feedback(fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control))
+    >>> made.K(np.zeros(1))[0].tolist(), made.controller.names
+    ([[3.0, 0.0, 0.0, 0.5, 0.0, 0.0, 2.0]], ('q1_integral',))
+    """
+    if closed.control is None:
+        todo = "linearize the arm with it: fl.linearize(arm, scene.motion, scene.control)"
+        raise ArgumentError("these equations hold no feedback", got="control = None", todo=todo)
+    law = closed.law
+    loop = PeriodicSystem(closed.A, closed.period, closed.input_matrix, closed.breaks)
+    return Design(
+        name, "scene", law.gain, loop, 0.0, "constant gains as the scene gives them", controller=law.controller
     )

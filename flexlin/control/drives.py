@@ -1,6 +1,6 @@
 """What a loop asks of the drives: torque, speed, power and current along a motion, against what the drives can give."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -139,23 +139,16 @@ def torque_and_current(
 ) -> tuple[Array, Array | None]:
     """The torques at the joints (N, m), and the motors' currents where they are known."""
     tables = lin.arm.effects
-    motor = None if tables is None else next((e for e in effects_of(tables) if e.input_unit == "V"), None)
+    motor: Any = None if tables is None else next((e for e in effects_of(tables) if e.input_unit == "V"), None)
     if motor is not None:
-        gain = np.array([float(motor.input_gain(i)) for i in lin.driven])
-        constant = np.array([constant_of(motor, i) for i in lin.driven])
-        resistance = constant / gain
+        given = motor.resistance
+        resistance = np.array([float(given[i] if isinstance(given, tuple) else given) for i in lin.driven])
+        constant = np.array([float(motor.input_gain(i)) for i in lin.driven]) * resistance
         current = (command - constant * speed) / resistance
         return constant * current, current
     units = [UNITS["N" if unit == "N" else "N m"][2] for unit in lin.input_units]
     known = None if drives is None else spread("drives.torque_constant", drives.torque_constant, units)
     return command, None if known is None else command / np.array(known)
-
-
-def constant_of(motor: Any, joint: int) -> float:
-    """The torque at the joint for an ampere, N k, of an effect that makes voltages the inputs."""
-    resistance = motor.resistance
-    own = resistance[joint] if isinstance(resistance, tuple) else resistance
-    return float(motor.input_gain(joint)) * float(own)
 
 
 def list_demands(
@@ -168,28 +161,28 @@ def list_demands(
 ) -> list[Demand]:
     """Every figure of every joint, with its limit if there is one."""
     moment, rate, amperes, watts = [u[0] for u in units], [u[1] for u in units], ["A"] * len(units), ["W"] * len(units)
-    rows: list[tuple[str, Array, Callable[[Array], float], Any, str, list[str]]] = [
-        ("peak torque", np.abs(torque), largest, drives.torque.peak, "torque.peak", moment),
-        ("RMS torque", torque**2, mean_root, drives.torque.continuous, "torque.continuous", moment),
-        ("peak speed", np.abs(speed), largest, drives.speed, "speed", rate),
-        ("peak power", np.abs(torque * speed), largest, drives.power, "power", watts),
+    rows: list[tuple[str, Array, Any, str, list[str]]] = [
+        ("peak torque", peak(torque), drives.torque.peak, "torque.peak", moment),
+        ("RMS torque", root_mean_square(torque), drives.torque.continuous, "torque.continuous", moment),
+        ("peak speed", peak(speed), drives.speed, "speed", rate),
+        ("peak power", peak(torque * speed), drives.power, "power", watts),
     ]
     if current is not None:
-        rows.append(("peak current", np.abs(current), largest, drives.current.peak, "current.peak", amperes))
-        rows.append(("RMS current", current**2, mean_root, drives.current.continuous, "current.continuous", amperes))
+        rms = root_mean_square(current)
+        rows.append(("peak current", peak(current), drives.current.peak, "current.peak", amperes))
+        rows.append(("RMS current", rms, drives.current.continuous, "current.continuous", amperes))
     found = []
-    for what, values, measure, wanted, key, of in rows:
-        limits = spread(f"drives.{key}", wanted, of)
-        for i, joint in enumerate(joints):
-            found.append(Demand(what, joint, measure(values[:, i]), None if limits is None else limits[i], of[i]))
+    for what, values, wanted, key, of in rows:
+        limits: Sequence[float | None] = spread(f"drives.{key}", wanted, of) or (None,) * len(joints)
+        found += [Demand(what, *one) for one in zip(joints, values.tolist(), limits, of, strict=True)]
     return found
 
 
-def largest(values: Array) -> float:
-    """The largest."""
-    return float(np.max(values))
+def peak(values: Array) -> Array:
+    """The largest absolute value of each column."""
+    return np.asarray(np.abs(values).max(axis=0))
 
 
-def mean_root(squares: Array) -> float:
-    """The root of the mean."""
-    return float(np.sqrt(np.mean(squares)))
+def root_mean_square(values: Array) -> Array:
+    """The root of the mean square of each column."""
+    return np.sqrt((values**2).mean(axis=0))

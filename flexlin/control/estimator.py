@@ -1,5 +1,7 @@
 """The periodic Kalman filter by duality, and the loop that it closes with a state feedback."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,7 +12,7 @@ from flexlin.about.law import Law
 from flexlin.arguments import checked
 from flexlin.checks import Array, at_times
 from flexlin.control.designed_loop import Design
-from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
+from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, counted
 from flexlin.periodic.coefficients import Combined
 from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_riccati
@@ -155,14 +157,31 @@ def kalman_filter(
     2.414214 2.414214
     """
     system = as_system(system)
-    C, W, V = (as_matrix_function(name, value) for name, value in (("C", C), ("W", W), ("V", V)))
-    if check_samples("C", C, system.period).shape[2] != system.n:
-        raise ArgumentError("C does not fit the system", expected=f"(p, {system.n})")
+    C, _ = as_measurement(C, system)
+    W, V = (as_matrix_function(name, value) for name, value in (("W", W), ("V", V)))
     for name, noise in (("W", W), ("V", V)):
         check_samples(name, noise, system.period)
     T = system.period
-    try:
+    with said_of_a_filter():
         solution = periodic_riccati(dual_system(system, C), Backward(W, T), Backward(V, T), tol=tol)
+    open_loop = with_matrices(system, system.A, Backward(solution.K, T), others=(W, V))
+    return Estimator(system, C, solution, open_loop.feedback(C))
+
+
+def as_measurement(C: MatrixFunction | ArrayLike, system: PeriodicSystem) -> tuple[MatrixFunction, int]:
+    """C as a function of time, and its number p of rows. Raises: ArgumentError where it does not fit the system."""
+    output = as_matrix_function("C", C)
+    p, columns = check_samples("C", output, system.period).shape[1:]
+    if columns != system.n:
+        raise ArgumentError("C does not fit the system", got=counted(columns, "column"), expected=str(system.n))
+    return output, p
+
+
+@contextmanager
+def said_of_a_filter() -> Iterator[None]:
+    """Say of the filter what is refused of its dual problem, whose input is the measurement and whose weight is the noise."""
+    try:
+        yield
     except NotStabilizable as reason:
         raise NotDetectable(
             "a mode that does not decay is not seen by the measurement",
@@ -175,8 +194,6 @@ def kalman_filter(
             got=reason.got,
             todo="give the mode's states noise in W",
         ) from None
-    open_loop = with_matrices(system, system.A, Backward(solution.K, T), others=(W, V))
-    return Estimator(system, C, solution, open_loop.feedback(C))
 
 
 def close_estimated(A: Array, B: Array, K: Array, L: Array, C: Array, rates: Array) -> Array:

@@ -9,20 +9,18 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive, real_array
 from flexlin.control.designed_loop import running_cost
-from flexlin.control.periodic import periodic_lqr
-from flexlin.errors import ArgumentError, NotStabilizable, NotStable, counted
-from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, combine
+from flexlin.control.estimator import as_measurement
+from flexlin.control.lqr import periodic_lqr
+from flexlin.errors import NotStabilizable, NotStable
+from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.fourier import fourier_nodes
-from flexlin.periodic.precision import ROOT, SLIGHT
+from flexlin.periodic.precision import FARTHEST, ROOT, SLIGHT
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.scattering import transpose
 from flexlin.periodic.related import dual_system
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.summary import represent
-
-ROUNDS, BARRIER = 300, 1e2
-"""Steps at the most, and the logarithm of the cost, above that of the first gain, where a loop is not stable."""
 
 
 def measured_gain(K: Array, C: MatrixFunction) -> MatrixFunction:
@@ -126,10 +124,7 @@ def output_lqr(
     """
     system, tol = as_system(system), positive("tol", tol)
     posed = linear_quadratic(system, Q, real_array("R", R, (system.m, system.m)))
-    output = as_matrix_function("C", C)
-    p, columns = check_samples("C", output, system.period).shape[1:]
-    if columns != system.n:
-        raise ArgumentError("C does not fit the system", got=counted(columns, "column"), expected=str(system.n))
+    output, p = as_measurement(C, system)
     problem = OutputProblem(system, posed, output)
     K, J, best = problem.descend(
         *problem.begin(None if start is None else real_array("start", start, (system.m, p))), tol
@@ -204,13 +199,13 @@ class OutputProblem:
         def value(z: Array) -> tuple[float, Array]:
             K = gain(z)
             found = self.judge(K)
-            if found is None:
-                return float(np.log(first.cost)) + BARRIER, np.zeros_like(z)
+            if found is None:  # the loop is not stable
+                return float(np.log(first.cost)) + FARTHEST, np.zeros_like(z)
             slope = 2 * self.R @ (K - found.wanted) @ found.seen / found.cost
             return float(np.log(found.cost)), (left.T @ slope @ right.T).ravel()
 
         zero = np.zeros(left.shape[0] * right.shape[0])
-        K = gain(minimize(value, zero, jac=True, method="BFGS", options={"gtol": SLIGHT * tol, "maxiter": ROUNDS}).x)
+        K = gain(minimize(value, zero, jac=True, method="BFGS", options={"gtol": SLIGHT * tol}).x)
         last = self.judge(K)
         return (start, first.cost, first.wanted) if last is None else (K, last.cost, last.wanted)
 

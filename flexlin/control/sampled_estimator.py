@@ -7,9 +7,10 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
+from flexlin.control.estimator import as_measurement, said_of_a_filter
 from flexlin.control.sampled import SampledDesign, find_round, resolve_beside, state_error
-from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, counted
-from flexlin.periodic.coefficients import Constant, MatrixFunction, as_matrix_function, check_samples
+from flexlin.errors import ArgumentError
+from flexlin.periodic.coefficients import Constant, MatrixFunction
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.scattering import transpose
@@ -175,10 +176,7 @@ def sampled_estimator(
     if system.B is None:
         system = with_matrices(system, system.A, Constant(np.zeros((system.n, 1))))
     turn, n = find_round(system, sample_time, 0.0), system.n
-    output = as_matrix_function("C", C)
-    p, columns = check_samples("C", output, system.period).shape[1:]
-    if columns != n:
-        raise ArgumentError("C does not fit the system", got=counted(columns, "column"), expected=str(n))
+    output, p = as_measurement(C, system)
     measured = PeriodicSystem(np.zeros((n, n)), system.period, np.zeros((n, p)))
     posed = linear_quadratic(measured, W, V)
     t = system.period * turn.periods * np.arange(turn.samples) / turn.samples
@@ -189,20 +187,8 @@ def sampled_estimator(
         F, added = spread_noise(system, excited, turn.samples, turn.periods, tol, stages)
         nothing = np.zeros((turn.samples, n, p))
         dual = SampledProblem(transpose(F)[::-1], transpose(seen)[::-1], added[::-1], nothing, noise[::-1], noise)
-        try:
+        with said_of_a_filter():
             X, K = solve_samples(dual)
-        except NotStabilizable as reason:
-            raise NotDetectable(
-                "a mode that does not decay is not seen by the measurement",
-                got=reason.got,
-                todo="add a sensor that sees it",
-            ) from None
-        except NotDetectable as reason:
-            raise NotStabilizable(
-                "a mode that does not decay is not excited by the noise W",
-                got=reason.got,
-                todo="give its states noise in W",
-            ) from None
         found.append((dual, X, K))
     (dual, X, K), (*_, other) = found
     error = state_error(K, other, bound_rounding(dual, X, K))

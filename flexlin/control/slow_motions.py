@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import PPoly
 
-from flexlin.checks import SAMPLES, Array, check_size
+from flexlin.checks import ROUNDING, Array, check_size
 from flexlin.errors import NumericalError
-from flexlin.periodic.floquet.decoupled import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import find_coinciding
 from flexlin.periodic.floquet.result import FloquetResult
@@ -15,18 +15,14 @@ from flexlin.periodic.product.spectrum import balance_factors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import METHODS, choose_setting, factor_by, place_segments
 
-TOLERANCE = 1e-6
-"""Error of the exponents, in 1/s, that is enough for a direction."""
 SLOW_TOL = 1e-6
-"""Accuracy that is asked of the segments where the exponents came without any; an L-stable method damps what is fast."""
+"""Accuracy that is enough for a direction: of the exponents, in 1/s, of the segments where the exponents came without any (an L-stable
+method damps what is fast), and of an imaginary part against the real one, below which it belongs to a real mode."""
 GONE = 200.0
 """A mode that decays by exp(-GONE) from one sample to the next has no motion to show."""
-GROUPS = 64
-"""Into so many products the transition matrices of a period are multiplied: over so small a part of it the slowest modes part by little."""
 COARSE = 64
-"""Times of a period at which a motion is given, at the least, where a direction is all that is asked for."""
-REAL = 1e-6
-"""An imaginary part this small against the real one belongs to a real mode."""
+"""Times of a period at which a motion is given, at the least, where a direction is all that is asked for; into so many products the
+transition matrices of a period are multiplied, too: over so small a part of it the slowest modes part by little."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +30,21 @@ class SlowMotions:
     """Real motions x(t) = Re p(t) exp(lambda t) and Im p(t) exp(lambda t) of the slowest modes.
 
     Each is scaled to a largest deflection of 1 (rad or m) over a period.
-    directions (k, 2n): x(0); t (N,): times in [0, T]; states (k, N, 2n): x(t).
+    t (N,): times in [0, T]; states (k, N, 2n): x(t).
     """
 
-    directions: Array
     t: Array
     states: Array
+
+    @property
+    def directions(self) -> Array:
+        """x(0), (k, 2n)."""
+        return self.states[:, 0]
+
+    def thinned(self) -> "SlowMotions":
+        """The same at every second time, and at the last."""
+        kept = np.union1d(np.arange(0, len(self.t), 2), len(self.t) - 1)
+        return SlowMotions(self.t[kept], self.states[:, kept])
 
 
 def no_motion(result: FloquetResult) -> NumericalError:
@@ -71,7 +76,7 @@ def slow_motions(
     Raises: what `floquet` raises; TooLarge when the resolution that a fast mode asks for makes too many transition matrices;
     NumericalError when no mode is resolved.
     """
-    result = result or floquet(system, TOLERANCE)
+    result = result or floquet(system, SLOW_TOL)
     seen = np.isfinite(result.errors) & (result.exponents.real * system.period > -samples * GONE)
     slow = np.flatnonzero((result.exponents.imag >= 0) & seen)[: max(1, count)]
     if not len(slow):
@@ -83,20 +88,15 @@ def slow_motions(
     ]
     states = np.array(found[: max(1, count)])
     states /= np.abs(states[:, :, :n]).max(axis=(1, 2))[:, None, None]
-    return SlowMotions(states[:, 0], t, states)
+    return SlowMotions(t, states)
 
 
 def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, samples: int) -> tuple[Array, Array]:
     """Times (N,), both ends of the period included, and periodic right eigenvectors (k, N, n) of some exponents.
 
-    p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   the null vector of a cyclic system, or from the decoupled one
+    p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   the null vector of a cyclic system
     """
-    n, setting, decoupled = system.n, result.setting, result.decoupled
-    if decoupled is not None and len(decoupled.times) >= samples:
-        both = solve_decoupled_modes(decoupled, result.exponents)
-        if both is not None:
-            modes = np.moveaxis(both[0][:, :, which], -1, 0)
-            return np.append(decoupled.times, system.period), np.concatenate([modes, modes[:, :1]], axis=1)
+    n, setting = system.n, result.setting
     if setting.method not in METHODS:
         setting = choose_setting(system, SLOW_TOL, "radau", None, None)
     setting = setting.with_segments(max(samples, setting.segments))
@@ -108,7 +108,7 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
     )
     Phi, scale = balance_factors(factor_by(system, grid, setting.method, setting.order))
     ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
-    together = max(1, len(Phi) // GROUPS)
+    together = max(1, len(Phi) // COARSE)
     found, _ = periodic_vectors(Phi, grid, result.exponents[which], ranks, together)
     modes = np.moveaxis(found * scale[:, None], -1, 0)
     return grid, np.concatenate([modes, modes[:, :1]], axis=1)
@@ -119,65 +119,23 @@ def real_motions(t: Array, mode: Array, exponent: complex, n: int) -> list[Array
     largest = mode[0, np.argmax(np.abs(mode[0, :n]))]
     motion = mode * (abs(largest) / largest) * np.exp(exponent * t)[:, None]
     parts = [motion.real, motion.imag]
-    return parts if np.abs(motion[0].imag).max() > REAL * np.abs(motion[0].real).max() else parts[:1]
+    return parts if np.abs(motion[0].imag).max() > SLOW_TOL * np.abs(motion[0].real).max() else parts[:1]
 
 
-JUST_BEFORE = 1e-9
-"""Of a period: where the coefficients are read just before they jump."""
+def interpolate(system: PeriodicSystem, n: int, slow: SlowMotions) -> list[PPoly]:
+    """The deflections y(t) of each motion in [0, T], of degree five between its times: y, y' and y'' are met at both ends.
 
-
-@dataclass(frozen=True, eq=False)
-class LinearMotion:
-    """y(t) in [0, T] between the nodes t (N + 1,); starts, ends (3, N, n): y, y', y'' at the beginning and the end of each interval."""
-
-    t: Array
-    starts: Array
-    ends: Array
-
-    @classmethod
-    def of(cls, system: PeriodicSystem, n: int, slow: SlowMotions) -> "list[LinearMotion]":
-        """The motions of a linear system whose first n states are deflections y, and whose next n are y'."""
-        t, breaks, near = slow.t, np.array([*system.resolved.breaks, system.period]), JUST_BEFORE * system.period
-        jumps = np.flatnonzero((np.abs(t[1:, None] - breaks) < near).any(axis=1))
-        after = np.einsum("tij,ktj->kti", system.resolved(t[:-1]), slow.states[:, :-1])
-        before = np.einsum("tij,ktj->kti", system.resolved(t[1 + jumps] - near), slow.states[:, 1 + jumps])
-        found = []
-        for x, right, left in zip(slow.states, after, before, strict=True):
-            rates = np.concatenate([right[1:], right[-1:]])
-            rates[jumps] = left
-            starts = np.array([x[:-1, :n], x[:-1, n : 2 * n], right[:, n : 2 * n]])
-            found.append(cls(t, starts, np.array([x[1:, :n], x[1:, n : 2 * n], rates[:, n : 2 * n]])))
-        return found
-
-    @property
-    def largest(self) -> float:
-        """The largest deflection |y_i(t)| over the period."""
-        k = int(np.abs(self.starts[0]).max(axis=1).argmax())
-        low, high = self.t[max(0, k - 1)], self.t[min(len(self.t) - 1, k + 1)]
-        return float(np.abs(self(np.linspace(low, high, SAMPLES + 1))[0]).max())
-
-    def thinned(self) -> "LinearMotion":
-        """The same motion from every second node."""
-        pairs = len(self.t) // 2 - (len(self.t) % 2 == 0)
-        last = slice(2 * pairs, None)
-        starts = np.concatenate([self.starts[:, : 2 * pairs : 2], self.starts[:, last]], axis=1)
-        ends = np.concatenate([self.ends[:, 1 : 2 * pairs : 2], self.ends[:, last]], axis=1)
-        return LinearMotion(np.concatenate([self.t[: 2 * pairs : 2], self.t[last]]), starts, ends)
-
-    def __call__(self, t: Array) -> Array:
-        """y, y', y'' at times t (N,) in [0, T]: (3, N, n).
-
-        y = p (h s)^0...2 + b s^3 + c s^4 + d s^5 on [0, 1], with y, y', y'' of both ends.
-        """
-        k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
-        h = np.diff(self.t)[k][:, None]
-        s = (t - self.t[k])[:, None] / h
-        p, v, a = self.starts[0, k], h * self.starts[1, k], h**2 * self.starts[2, k] / 2
-        rise = self.ends[0, k] - (p + v + a)
-        slope = h * self.ends[1, k] - (v + 2 * a)
-        bend = h**2 * self.ends[2, k] / 2 - a
-        b, c, d = 10 * rise - 4 * slope + bend, -15 * rise + 7 * slope - 2 * bend, 6 * rise - 3 * slope + bend
-        y = p + s * (v + s * (a + s * (b + s * (c + s * d))))
-        rate = v + s * (2 * a + s * (3 * b + s * (4 * c + s * 5 * d)))
-        twice = 2 * a + s * (6 * b + s * (12 * c + s * 20 * d))
-        return np.array([y, rate / h, twice / h**2])
+    y'' may jump where the coefficients do. The first n states are the deflections, the next n their rates.
+    """
+    t, x = slow.t, slow.states
+    after, before = (
+        np.einsum("tij,ktj->kti", system.resolved(at), states)[:, :, n : 2 * n]
+        for at, states in ((t[:-1], x[:, :-1]), (t[1:] * (1 - ROUNDING), x[:, 1:]))
+    )
+    h = np.diff(t)[:, None]
+    (y, rate), (end, end_rate) = ((part[:, :, :n], part[:, :, n : 2 * n]) for part in (x[:, :-1], x[:, 1:]))
+    v, a = h * rate, h**2 * after / 2
+    rise, slope, bend = end - (y + v + a), h * end_rate - (v + 2 * a), h**2 * before / 2 - a
+    falling = (6 * rise - 3 * slope + bend, -15 * rise + 7 * slope - 2 * bend, 10 * rise - 4 * slope + bend, a, v, y)
+    c = np.array([part / h**power for part, power in zip(falling, range(5, -1, -1), strict=True)])
+    return [PPoly(c[:, k], t) for k in range(len(x))]

@@ -1,39 +1,30 @@
 """How far the linear model is valid: where the nonlinear terms of the equations along a linear motion reach a share of the linear ones."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked, instance
-from flexlin.checks import SAMPLES, Array, positive
-from flexlin.control.slow_motions import SLOW_TOL, LinearMotion, slow_motions
+from flexlin.checks import ROUNDING, SAMPLES, Array, positive
+from flexlin.control.slow_motions import SLOW_TOL, interpolate, slow_motions
+from flexlin.lazy import lazy
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.precision import FARTHEST, SAFETY, SLIGHT
 from flexlin.periodic.resolved.matrix import ResolvedCompanion
-from flexlin.periodic.roots import SignedEnds, solve_brackets
 from flexlin.summary import represent
 
 LARGEST, SMALLEST = 10.0, 1e-7
 """Amplitudes between which the border is sought, in rad or m."""
-FIRST = 1e-3
-"""The amplitude at which the times of the largest shares are sought first."""
-REPEATS = 6
-"""Searches among the times of largest share at the most."""
-STEP = 1.01
-"""The factor by which the amplitude is changed to see how fast the share grows with it."""
-HUGE = 700.0
-"""A logarithm beyond all numbers."""
-STILL = 1e-14
-"""An amplitude at which only rounding is left of the nonlinear terms."""
-WITHIN = 8
-"""Places of an interval between two nodes where a share is estimated from the terms at the nodes."""
-PEAKS, MOST = 8, 64
-"""Times of large shares that are looked at more closely; named features that are."""
+PEAKS = 8
+"""Times of large shares that are looked at more closely, and places of an interval between two nodes where they are sought."""
 LOOK, ROUNDS = 9, 4
-"""Times of a look at a peak; how many looks there are, each as wide as the space between two times of the one before."""
+"""Times of a look at a peak; how many looks there are, each as wide as the space between two times of the one before, and how often peaks
+are sought at the most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,97 +40,74 @@ class Terms:
     rest: Array
 
     @classmethod
-    def along(cls, plant: Linearization, t: Array, motion: Array) -> "Terms":
-        """The terms of a motion y, y', y'' (3, N, n) at times t (N,)."""
+    def along(cls, plant: Linearization, t: Array, motion: PPoly) -> "Terms":
+        """The terms of a motion at times t."""
         resolved = plant.periodic_system().resolved
         assert isinstance(resolved, ResolvedCompanion)
         M, D, K = resolved.sample(t % plant.period)
-        parts = np.array([np.einsum("tij,tj->ti", matrix, z) for matrix, z in zip((K, D, M), motion, strict=True)])
-        return cls(plant, t, motion, M, parts, residual(plant, t, np.zeros_like(motion)))
+        z = np.array([motion(t, order) for order in range(3)])
+        parts = np.array([np.einsum("tij,tj->ti", matrix, part) for matrix, part in zip((K, D, M), z, strict=True)])
+        return cls(plant, t, z, M, parts, residual(plant, t, np.zeros_like(z)))
 
-    @property
+    @lazy
     def linear(self) -> Array:
         """The size of the largest linear term at each time, (N,)."""
         return np.asarray(size(self.mass, *self.parts).max(axis=0))
 
-    def left(self, a: float) -> Array:
-        """R(a) at each time, (N, n)."""
-        return residual(self.plant, self.t, a * self.motion) - self.rest - a * self.parts.sum(axis=0)
-
     def nonlinear(self, a: float) -> Array:
         """|R(a)| at each time."""
-        return size(self.mass, self.left(a))[0]
-
-    def excess(self, a: float, share: float, rounding: float) -> Array:
-        """The logarithm of |R(a)| against the share of the linear terms at each time; HUGE where the forces are no numbers."""
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return compare(self.nonlinear(a), share * a * self.linear, rounding)
+        left = residual(self.plant, self.t, a * self.motion) - self.rest - a * self.parts.sum(axis=0)
+        return np.asarray(size(self.mass, left)[0])
 
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """One linear motion over a period, with its terms at the nodes; `rounding`: of |R|."""
+    """One linear motion over a period, as it is and from every second node alone, in the equations of the arm."""
 
     plant: Linearization
-    motion: LinearMotion
-    nodes: Terms
+    motion: PPoly
+    coarse: PPoly
     share: float
-    rounding: float
 
-    @classmethod
-    def of(cls, plant: Linearization, motion: LinearMotion, share: float) -> "Along":
-        nodes = Terms.along(plant, motion.t, np.concatenate([motion.starts, motion.ends[:, -1:]], axis=1))
-        return cls(plant, motion, nodes, share, 4 * float(nodes.nonlinear(STILL).max()))
+    @lazy
+    def grid(self) -> Terms:
+        """The terms at the nodes and between them."""
+        nodes = self.motion.x
+        t = nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(PEAKS) / PEAKS
+        return Terms.along(self.plant, np.append(t, nodes[-1]), self.motion)
 
-    def at(self, t: Array) -> Terms:
-        """The terms at any times."""
-        return Terms.along(self.plant, t, self.motion(t))
+    @lazy
+    def rounding(self) -> float:
+        """Of |R|: what is left of it at an amplitude of no account."""
+        return SAFETY * float(self.grid.nonlinear(ROUNDING).max())
 
-    def excess(self, t: Array, a: float) -> Array:
-        """As `Terms.excess`, at any times."""
-        return self.at(t).excess(a, self.share, self.rounding)
+    @np.errstate(divide="ignore", invalid="ignore", over="ignore")
+    def excess(self, terms: Terms, a: float) -> Array:
+        """The logarithm of |R(a)|, less its rounding, against the share of the linear terms; FARTHEST where the forces are no numbers."""
+        nonlinear = terms.nonlinear(a)
+        ratio = np.log((nonlinear - self.rounding) / (self.share * a * terms.linear))
+        finite = np.clip(np.nan_to_num(ratio, nan=FARTHEST), -FARTHEST, FARTHEST)
+        return np.where(nonlinear <= self.rounding, -FARTHEST, finite)
 
-    def peaks(self, a: float) -> tuple[Array, Array]:
-        """The times of the largest shares at an amplitude, and how much the logarithms there rose in the last look.
+    def peaks(self, a: float) -> tuple[Terms, Array]:
+        """The terms at the times of the largest shares at an amplitude, and how much the logarithms there rose in the last look.
 
-        They are sought where the terms at the nodes promise much, and where the coefficients are known to be narrow.
+        They are sought on the grid, and where the coefficients are known to be narrow.
         """
+        excess = np.pad(self.excess(self.grid, a), 1, constant_values=-np.inf)
+        higher = np.flatnonzero((excess[1:-1] >= excess[:-2]) & (excess[1:-1] >= excess[2:]))
+        chosen = higher[np.argsort(excess[1 + higher])[-PEAKS:]]
         named = np.array(self.plant.features).reshape(-1, 2)
-        t, width = (np.append(*parts) for parts in zip(self.estimate_peaks(a), named[:MOST].T, strict=True))
+        t, width = np.concatenate([[self.grid.t[chosen], np.gradient(self.grid.t)[chosen]], named.T], axis=1)
         found, rose = np.full(len(t), -np.inf), np.full(len(t), np.inf)
         for _ in range(ROUNDS):
-            near = np.clip(t[:, None] + width[:, None] * np.linspace(-1, 1, LOOK), 0.0, self.motion.t[-1])
-            excess = self.excess(near.ravel(), a).reshape(near.shape)
-            best = excess.argmax(axis=1)[:, None]
-            t, largest = np.take_along_axis(near, best, 1)[:, 0], np.take_along_axis(excess, best, 1)[:, 0]
+            near = np.clip(t[:, None] + width[:, None] * np.linspace(-1, 1, LOOK), 0.0, self.motion.x[-1])
+            shares = self.excess(Terms.along(self.plant, near.ravel(), self.motion), a).reshape(near.shape)
+            best = shares.argmax(axis=1)[:, None]
+            t, largest = np.take_along_axis(near, best, 1)[:, 0], np.take_along_axis(shares, best, 1)[:, 0]
             rose, found = largest - found, largest
             width = np.where(best[:, 0] % (LOOK - 1) > 0, 2 * width / (LOOK - 1), width)
-        return t, np.abs(rose)
-
-    def estimate_peaks(self, a: float) -> tuple[Array, Array]:
-        """About where the shares are largest, and how closely that is known: between the nodes, forces are taken to be linear in time.
-
-        A force that passes through zero does so nearly on a straight line, and there the share of what is left peaks.
-        """
-        root = np.linalg.cholesky(self.nodes.mass)
-        with np.errstate(all="ignore"):
-            left = np.nan_to_num(self.nodes.left(a), nan=np.inf)
-        weighed = np.linalg.solve(root, np.moveaxis(np.array([*self.nodes.parts, left]), 0, -1))
-        s = np.arange(WITHIN) / WITHIN
-        with np.errstate(all="ignore"):
-            inner = weighed[:-1, None] * (1 - s)[:, None, None] + weighed[1:, None] * s[:, None, None]
-            sizes = np.linalg.norm(inner, axis=2).reshape(-1, 4)
-        excess = compare(sizes[:, 3], self.share * a * sizes[:, :3].max(axis=1), self.rounding)
-        steps = np.diff(self.motion.t)
-        t = (self.motion.t[:-1, None] + steps[:, None] * s).ravel()
-        around = np.pad(excess, 1, constant_values=-np.inf)
-        higher = np.flatnonzero((excess >= around[:-2]) & (excess >= around[2:]))
-        chosen = higher[np.argsort(excess[higher])[-PEAKS:]]
-        return t[chosen], np.repeat(steps / WITHIN, WITHIN)[chosen]
-
-    def thinned(self) -> "Along":
-        """The same with the motion between every second node."""
-        return replace(self, motion=self.motion.thinned())
+        return Terms.along(self.plant, t, self.motion), np.abs(rose)
 
 
 @dataclass(frozen=True)
@@ -259,11 +227,20 @@ def linear_range(
     system = lin.periodic_system()
     slow = slow_motions(system, modes, result, SAMPLES, lin.n)
     bare = plant or (lin if lin.control is None else linearize(lin.arm, lin.motion))
-    motions = LinearMotion.of(system, lin.n, slow)
-    largest = np.array([motion.largest for motion in motions])
-    amplitudes, errors = largest * np.array([border(Along.of(bare, motion, share), tol) for motion in motions]).T
-    leading = tuple(lin.coordinates[int(np.abs(motion.starts[0]).max(axis=0).argmax())] for motion in motions)
+    motions = interpolate(system, lin.n, slow)
+    largest = np.array([largest_deflection(motion) for motion in motions])
+    coarse = interpolate(system, lin.n, slow.thinned())
+    found = [border(Along(bare, *both, share), tol) for both in zip(motions, coarse, strict=True)]
+    amplitudes, errors = largest * np.array(found).T
+    leading = tuple(lin.coordinates[int(np.abs(x[:, : lin.n]).max(axis=0).argmax())] for x in slow.states)
     return Validity(slow.directions / largest[:, None], amplitudes, share, leading, errors)
+
+
+def largest_deflection(motion: PPoly) -> float:
+    """The largest |y_i(t)| over the period."""
+    t = motion.x
+    k = int(np.abs(motion(t)).max(axis=1).argmax())
+    return float(np.abs(motion(np.linspace(t[max(0, k - 1)], t[min(len(t) - 1, k + 1)], SAMPLES + 1))).max())
 
 
 def border(along: Along, tol: float) -> tuple[float, float]:
@@ -271,59 +248,46 @@ def border(along: Along, tol: float) -> tuple[float, float]:
 
     It is sought at the times of the largest shares, and these at the amplitude that was found, until it falls no more.
     """
-    t, rose = along.peaks(FIRST)
-    found, before = search_border(along, t, tol), np.nan
-    for _ in range(REPEATS):
+    found = search_border(along, Terms.along(along.plant, along.motion.x, along.motion), tol)
+    for _ in range(ROUNDS):
         if found == 0.0:
             return found, SMALLEST
-        more, rose = along.peaks(min(found, LARGEST))
-        t = np.concatenate([t, more])
-        before, found = found, search_border(along, more, tol)
+        peaks, rose = along.peaks(min(found, LARGEST))
+        before, found = found, min(found, search_border(along, peaks, tol))
         if found >= before * (1 - tol):
             break
-        found = search_border(along, t, tol)
-    return min(found, before), estimate_error(along, more, rose, min(found, before), tol)
+    return found, estimate_error(along, peaks, rose, found, tol)
 
 
-def search_border(along: Along, t: Array, tol: float) -> float:
-    """The smallest amplitude between SMALLEST and LARGEST that reaches the share at one of the times; 0 or inf beyond these."""
-    terms = along.at(t)
+def search_border(along: Along, terms: Terms, tol: float) -> float:
+    """The amplitude between SMALLEST and LARGEST that reaches the share at one of the times; 0 or inf beyond these."""
+    from scipy.optimize import brentq  # takes longer to load than most terms to compute
 
-    def excess(_: Array, logs: Array) -> Array:
+    def excess(log: float) -> float:
         """Nearly linear in log a."""
-        return np.array([terms.excess(float(a), along.share, along.rounding).max() for a in np.exp(logs)])
+        return float(along.excess(terms, float(np.exp(log))).max())
 
-    low, high = np.log([SMALLEST]), np.log([LARGEST])
-    at_low, at_high = excess(low, low), excess(high, high)
-    if at_high[0] <= 0:
+    low, high = np.log([SMALLEST, LARGEST])
+    if excess(high) <= 0:
         return np.inf
-    if at_low[0] > 0:
+    if excess(low) > 0:
         return 0.0
-    found = solve_brackets(excess, SignedEnds(low, high, at_low, at_high), max(tol, 1e-14))
-    return float(np.exp(min(found.a[0], found.b[0])))
+    return float(np.exp(brentq(excess, low, high, xtol=tol)))
 
 
-def estimate_error(along: Along, t: Array, rose: Array, amplitude: float, tol: float) -> float:
-    """Of an amplitude at which the share is reached at one of the times: by how much the share there is uncertain, against its slope.
+def estimate_error(along: Along, peaks: Terms, rose: Array, amplitude: float, tol: float) -> float:
+    """Of an amplitude at which the share is reached at one of the peaks: by how much the share there is uncertain, against its slope.
 
     It is what the last look at the peak changed, the rounding, and what the motion between every second node gives in its place.
     """
     if not 0.0 < amplitude < np.inf:
         return np.nan
-    terms, coarse = along.at(t), along.thinned().excess(t, amplitude)
-    excess, steeper = (terms.excess(a, along.share, along.rounding) for a in (amplitude, STEP * amplitude))
-    k = int(excess.argmax())
-    left = along.rounding / max(float(terms.nonlinear(amplitude)[k]), along.rounding)
+    excess, steeper = (along.excess(peaks, a) for a in (amplitude, (1 + SLIGHT) * amplitude))
+    coarse, k = along.excess(Terms.along(along.plant, peaks.t, along.coarse), amplitude), int(excess.argmax())
+    left = along.rounding / max(float(peaks.nonlinear(amplitude)[k]), along.rounding)
     apart = float(rose[k]) + abs(float(coarse[k] - excess[k])) + left + SLOW_TOL
-    slope = abs(float(steeper.max() - excess[k])) / np.log(STEP)
+    slope = abs(float(steeper.max() - excess[k])) / np.log1p(SLIGHT)
     return float(amplitude * (tol + min(apart / max(slope, apart), 1.0)))
-
-
-def compare(nonlinear: Array, allowed: Array, rounding: float) -> Array:
-    """The logarithm of the nonlinear terms, less their rounding, against what is allowed."""
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        ratio = np.log((nonlinear - rounding) / allowed)
-    return np.where(nonlinear <= rounding, -HUGE, np.clip(np.nan_to_num(ratio, nan=HUGE), -HUGE, HUGE))
 
 
 def size(M: Array, *forces: Array) -> Array:

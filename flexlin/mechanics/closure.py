@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import ROUNDING, Array, real_array
 from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
-from flexlin.kronecker.closure import closure_jacobians, refuse_if_large
+from flexlin.kronecker.expansion import closure_jacobians, refuse_if_large
 from flexlin.mechanics.screws import OpenChain, revolute
 from flexlin.series.implicit import ImplicitMap, implicit_taylor
 

@@ -13,14 +13,13 @@ from flexlin.about.linear import with_control
 from flexlin.about.linearization import Linearization
 from flexlin.answers.judging import Loop
 from flexlin.checks import Array, check_size, memory_limit
-from flexlin.control.designed_loop import Design
+from flexlin.control.designed_loop import Design, scene_feedback
 from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_estimator import write_estimator
 from flexlin.control.export.c_gain import write_gain
 from flexlin.control.export.c_linearization import write_linearization
 from flexlin.control.export.files import matlab_script, write_npz, write_system
-from flexlin.control.finite_horizon import horizon_system
-from flexlin.control.pd import scene_feedback
+from flexlin.control.lqr import horizon_system
 from flexlin.control.sensors import scene_sensors
 from flexlin.control.tracking import scene_feedforward
 from flexlin.errors import InputError

@@ -7,6 +7,6 @@ __getattr__, __dir__, __all__ = load_lazily(
     {
         "series.explicit": "taylor TaylorMap",
         "series.implicit": "implicit_taylor solve_implicit ImplicitMap c_code",
-        "series.folds": "Radius",
+        "series.equations": "Radius",
     },
 )

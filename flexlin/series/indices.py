@@ -1,4 +1,4 @@
-"""Multi-indices of a truncated power series, each monomial once, and polynomials with their ways out: values, Kronecker layout, CasADi."""
+"""Multi-indices of a truncated power series, each monomial once, their products, and polynomials: values, Kronecker layout, CasADi."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,6 +18,8 @@ UNDIVIDED = 4
 """Up to so many variables, the monomials of a degree stand in one row."""
 TABLES = 50_000
 """Products of two coefficients up to which they are listed; more are made by blocks."""
+AT_ONCE = 200_000
+"""Entries of products before summation that are held at once, so that they stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,6 @@ class Indices:
         self.size = int(self.start[-1])
         self.divided = tail > 0
         self.kept: dict[Any, Array] = {}
-        self.layouts: dict[int, list[tuple[int, int, tuple[int, int]]]] = {}
         self.head = kept_indices(head, 0, order) if self.divided else self
         self.tail = kept_indices(tail if self.divided else 0, 0, order) if self.n else self
 
@@ -65,16 +66,10 @@ class Indices:
         return self.n <= UNDIVIDED or comb(2 * self.n + self.order, self.order) <= TABLES
 
     def blocks(self, k: int, part: Array) -> list[Array]:
-        """Return a part of degree k as its matrices, by the degree 0 ... k of the head's factor."""
-        return [part[begin:end].reshape(shape) for begin, end, shape in self.layout(k)]
-
-    def layout(self, k: int) -> list[tuple[int, int, tuple[int, int]]]:
-        """Return where the matrices of degree k begin and end, and their shapes, by the degree of the head's factor."""
-        if k not in self.layouts:
-            shapes = [(self.head.width(d), self.tail.width(k - d)) for d in range(k + 1)]
-            ends = np.cumsum([rows * columns for rows, columns in shapes[::-1]])[::-1].tolist()
-            self.layouts[k] = [(end - m * n, end, (m, n)) for end, (m, n) in zip(ends, shapes, strict=True)]
-        return self.layouts[k]
+        """Return views of a part of degree k as its matrices, by the degree 0 ... k of the head's factor."""
+        shapes = [(self.head.width(d), self.tail.width(k - d)) for d in range(k, -1, -1)]
+        pieces = np.split(part, np.cumsum([rows * columns for rows, columns in shapes[:-1]], dtype=int))
+        return [piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)][::-1]
 
     @lazy
     def powers(self) -> Array:
@@ -247,6 +242,81 @@ def indices(n: int, order: int, series: int) -> Indices:
     return shared_indices(n, order)
 
 
+def sum_products(indices: Indices, a: Array, b: Array, k: int, weights: Array) -> Array:
+    """Return sum_i weights_i a_i b_(k-i) of two series in many variables, leaving out parts that are zero.
+
+    Products of homogeneous parts are those of small matrices, and no list of index pairs is kept.
+    """
+    total = np.zeros(indices.width(k), dtype=np.result_type(a, b))
+    for i in range(k + 1):
+        left, right = a[indices.degree(i)], b[indices.degree(k - i)]
+        if weights[i] and left.any() and right.any():
+            total += multiply_parts(indices, weights[i] * left, i, right, k - i)
+    return total
+
+
+def multiply_parts(indices: Indices, a: Array, i: int, b: Array, j: int) -> Array:
+    """Return the product of a part of degree i and one of degree j (width of degree i + j,)."""
+    if i == 0 or j == 0:
+        return a * b
+    total = np.zeros(indices.width(i + j), dtype=np.result_type(a, b))
+    into = indices.blocks(i + j, total)
+    right = [occupied_rows(B) for B in indices.blocks(j, b)]
+    for d, (rows, A) in enumerate(occupied_rows(A) for A in indices.blocks(i, a)):
+        for e, (others, B) in enumerate(right):
+            if len(rows) and len(others):
+                places = indices.head.sums(d, e)[np.ix_(rows, others)]
+                add_product(into[d + e], places, indices.tail, (A, i - d), (B, j - e))
+    return total
+
+
+def occupied_rows(A: Array) -> tuple[Array, Array]:
+    """Return which rows are not zero, and these rows."""
+    rows = np.flatnonzero(A.any(axis=1))
+    return rows, A if len(rows) == len(A) else A[rows]
+
+
+def add_product(into: Array, places: Array, tail: Indices, a: tuple[Array, int], b: tuple[Array, int]) -> None:
+    """Add A_alpha * B_beta to row places[alpha, beta] for all rows alpha and beta.
+
+    Parameters: a, b: rows with their degree in z. The one of lower degree is spread over the quotients of monomials by its own.
+    """
+    (A, m), (B, n) = a, b
+    if m < n:
+        (A, m), (B, n), places = (B, n), (A, m), places.T
+    if n == 0:
+        add_rows(into, places.ravel(), np.tile(B[:, 0], len(A)), A)
+        return
+    step = max(1, AT_ONCE // (len(B) * into.shape[1]))
+    table = differences(tail, n, m)
+    for first in range(0, len(A), step):
+        rows = A[first : first + step]
+        padded = np.concatenate([rows, np.zeros((len(rows), 1), dtype=rows.dtype)], axis=1)
+        products = np.matmul(B, np.take(padded, table, axis=1, mode="clip")).reshape(-1, into.shape[1])
+        where = places[first : first + step].ravel()
+        add_rows(into, where, np.ones(len(where), dtype=products.dtype), products)
+
+
+def add_rows(into: Array, where: Array, weights: Array, rows: Array) -> None:
+    """Add each row to as many places as there are for it, times weights."""
+    from scipy.sparse import csc_array  # takes longer to load than short series to multiply
+
+    ends = np.arange(0, len(where) + 1, len(where) // len(rows))
+    into += csc_array((weights, where, ends), shape=(len(into), len(rows))) @ rows
+
+
+def differences(tail: Indices, n: int, m: int) -> Array:
+    """Return the place within degree m of monomial nu of degree n + m over mu of degree n, one behind the last where mu does not divide nu.
+
+    Returns: (width_n, width_(n + m)).
+    """
+    if ("over", n, m) not in tail.kept:
+        table = np.full((tail.width(n), tail.width(n + m)), tail.width(m), dtype=np.intp)
+        np.put_along_axis(table, tail.sums(n, m).astype(np.intp), np.arange(tail.width(m))[None, :], axis=1)
+        tail.kept["over", n, m] = table
+    return tail.kept["over", n, m]
+
+
 @dataclass(frozen=True)
 class Polynomial:
     """p(dx) = sum_alpha c_alpha dx^alpha, |alpha| <= order, for several outputs.
@@ -298,13 +368,13 @@ def symbolic_monomials(indices: Indices, dx: Any) -> list[Any]:
 
 def weighted_sums(weights: Array, monomials: list[Any]) -> ca.SX:
     """Return weights @ monomials as a CasADi column, leaving zero weights out; weights: numbers or CasADi scalars (rows, size)."""
-    if weights.dtype != object:
-        return ca.densify(ca.sparsify(ca.DM(weights)) @ ca.vertcat(*monomials))
     rows = []
-    for row in weights:
-        total = ca.SX(0)
-        for weight, monomial in zip(row, monomials, strict=True):
-            if not (isinstance(weight, int | float) and weight == 0):
-                total = total + weight * monomial
-        rows.append(total)
+    for row in weights.tolist():
+        pairs = zip(row, monomials, strict=True)
+        rows.append(sum((weight * monomial for weight, monomial in pairs if not is_zero(weight)), ca.SX(0)))
     return ca.densify(ca.vertcat(*rows))
+
+
+def is_zero(value: Any) -> bool:
+    """Whether a number or a CasADi scalar is known to be 0."""
+    return bool(value.is_zero() if isinstance(value, ca.SX) else value == 0)

@@ -15,8 +15,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.program import CONST, INPUT, OUTPUT, Program, name_of
-from flexlin.series.indices import TABLES, Indices, head_of, kept_indices
-from flexlin.series.products import sum_products
+from flexlin.series.indices import TABLES, Indices, head_of, is_zero, kept_indices, sum_products
 
 
 def atan2(y: Array, x: Array) -> Array:
@@ -98,7 +97,7 @@ class Space:
 
     def convolve(self, indices: Indices, a: Array, b: Array, k: int) -> Array:
         """The part of degree k of a product; parts that are not yet computed are zero."""
-        if indices.tabulated or self.batch:
+        if indices.tabulated or self.batch or self.dtype is object:
             pairs = indices.pairs(k)
             return np.add.reduceat(a[pairs.left] * b[pairs.right], pairs.start, axis=0)
         return sum_products(indices, a, b, k, np.ones(k + 1))
@@ -133,7 +132,7 @@ class Space:
 
 @dataclass(frozen=True, eq=False)
 class Symbolic(Space):
-    """Series with CasADi scalars as coefficients; a structural zero is the integer 0 and costs no instruction.
+    """Series with CasADi scalars as coefficients; what CasADi finds to be zero costs no instruction.
 
     Parameters: pivots: the order of rows for Gauss elimination of V, chosen from numbers near by.
     """
@@ -141,52 +140,29 @@ class Symbolic(Space):
     dtype: Any = object
     pivots: Array | None = None
 
-    def number(self, value: float) -> "Jet":
-        return Jet(self, (), np.array([value if value else 0], dtype=object), float(value))
-
-    def convolve(self, indices: Indices, a: Array, b: Array, k: int) -> Array:
-        """Over the pairs of nonzeros only, those of a square once."""
-        part = np.zeros(indices.width(k), dtype=object)
-        for g, i, j in occupied_pairs(indices, a, b, k):
-            if a is not b or i <= j:
-                part[g] += 2 * (a[i] * b[j]) if a is b and i != j else a[i] * b[j]
-        return part
-
     def integrate(self, indices: Indices, u: Array, g: Array, k: int) -> Array:
         """Each coefficient by its cheapest partial derivative.
 
         alpha_i y_alpha = sum_beta beta_i u_beta g_(alpha - beta),   i: the least exponent alpha_i > 0
         """
-        alpha, part = indices.powers[indices.degree(k)], np.zeros(indices.width(k), dtype=object)
+        alpha, pairs = indices.powers[indices.degree(k)], indices.pairs(k)
         cheapest = np.where(alpha > 0, alpha, k + 1).argmin(axis=1)
-        for result, i, j in occupied_pairs(indices, u, g, k):
-            times = int(indices.powers[i, cheapest[result]])
-            if times:
-                part[result] += times * u[i] * g[j]
-        divisors = alpha[np.arange(len(alpha)), cheapest].tolist()
-        return np.array([y if d == 1 else y / d for y, d in zip(part, divisors, strict=True)] + [None])[:-1]
+        times = indices.powers[pairs.left, np.repeat(cheapest, np.diff(pairs.start, append=len(pairs.left)))]
+        part = np.add.reduceat(times * u[pairs.left] * g[pairs.right], pairs.start)
+        return part / alpha[np.arange(len(alpha)), cheapest]
 
     def apply(self, name: str, *values: Array) -> Array:
-        return np.array([getattr(ca, name)(*(ca.SX(value[0]) for value in values)), None], dtype=object)[:1]
+        return of_scalars(getattr(ca, name)(*(ca.SX(value[0]) for value in values)))
 
     def scale(self, factor: Any, c: Array) -> Array:
-        scaled = np.zeros(len(c), dtype=object)
-        for i in np.flatnonzero(occupied(c)):
-            scaled[i] = c[i] if type(factor) is not ca.SX and factor == 1 else factor * c[i]
-        return scaled
+        return of_scalars(*(factor * value for value in c))
 
     def choose(self, switch: Array, c: Array) -> Array:
-        chosen = np.zeros(len(c), dtype=object)
-        for i in np.flatnonzero(occupied(c)):
-            chosen[i] = ca.if_else(switch[0], c[i], 0)
-        return chosen
+        return of_scalars(*(0 if is_zero(value) else ca.if_else(switch[0], value, 0) for value in c))
 
     def clean(self, part: Array) -> Array:
-        """With zeros made structural."""
-        for i, value in enumerate(part):
-            if value.is_zero() if isinstance(value, ca.SX) else value == 0:
-                part[i] = 0
-        return part
+        """With zeros that are numbers."""
+        return of_scalars(*(0 if is_zero(value) else value for value in part))
 
     def solve(self, V: Array, right: Array) -> Array:
         """By Gauss elimination in the chosen order of rows; V (m, m), right (m, size)."""
@@ -194,28 +170,20 @@ class Symbolic(Space):
         m = len(A)
         for j in range(m):
             for i in range(j + 1, m):
-                if occupied(A[i, j : j + 1])[0]:
+                if not is_zero(A[i, j]):
                     factor = A[i, j] / A[j, j]
-                    A[i, j + 1 :] = self.clean(A[i, j + 1 :] - self.scale(factor, A[j, j + 1 :]))
-                    x[i] = self.clean(x[i] - self.scale(factor, x[j]))
+                    A[i, j + 1 :] -= self.scale(factor, A[j, j + 1 :])
+                    x[i] -= self.scale(factor, x[j])
         for i in reversed(range(m)):
             for j in range(i + 1, m):
-                x[i] = self.clean(x[i] - self.scale(A[i, j], x[j]))
+                x[i] -= self.scale(A[i, j], x[j])
             x[i] = self.scale(1 / A[i, i], x[i])
         return x
 
 
-def occupied(part: Array) -> Array:
-    """Return which coefficients are not structural zeros."""
-    return np.array([type(value) is not int or value != 0 for value in part], dtype=bool)
-
-
-def occupied_pairs(indices: Indices, a: Array, b: Array, k: int) -> Sequence[tuple[int, int, int]]:
-    """Result (counted within its degree), left and right place of the products of nonzeros that make degree k."""
-    pairs = indices.pairs(k)
-    present = np.flatnonzero(occupied(a)[pairs.left] & occupied(b)[pairs.right])
-    group = np.searchsorted(pairs.start, present, side="right") - 1
-    return list(zip(group, pairs.left[present], pairs.right[present], strict=True))
+def of_scalars(*values: Any) -> Array:
+    """An array of CasADi scalars, which NumPy would else take apart."""
+    return np.array([*values, None], dtype=object)[:-1]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,9 @@ Step = Callable[[float, Array], Array]
 NEWTON, CONTRACTION = 8, 16
 """Newton's steps at each time, and how much shorter each must be than the one before."""
 SHORTEST = 1e-10
-"""Of a period, the shortest step, and how exactly a time is found."""
+"""Of a period, the shortest step, and how exactly a time is found; also of an interval in which a least value is sought."""
 SUSPECT = 0.05
 """A reciprocal condition number below which it is looked at closer where it is least."""
-WITHIN = 1e-9
-"""Of an interval, how exactly a least value is found in it."""
 
 
 def newton_from(step: Step, t: float, z: Array) -> Array | None:
@@ -94,5 +92,5 @@ def find_lowest(value: Callable[[float], float], a: float, b: float) -> tuple[fl
     """Where between a and b a function is least, and its value there."""
     from scipy.optimize import minimize_scalar  # takes longer to load than most motions to look through
 
-    found = minimize_scalar(value, bounds=(a, b), method="bounded", options={"xatol": WITHIN * (b - a)})
+    found = minimize_scalar(value, bounds=(a, b), method="bounded", options={"xatol": SHORTEST * (b - a)})
     return float(found.x), float(found.fun)

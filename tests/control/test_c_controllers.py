@@ -1,4 +1,4 @@
-"""C controllers and estimators: compiled, called, and put in the loop in the place of Python's."""
+"""C controllers and estimators: compiled and called in the place of Python's, the scene's own feedback among them."""
 
 import ctypes
 import re
@@ -12,7 +12,17 @@ import scipy.io
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.control import design, estimator_source, gain_source, kalman_filter, periodic_plant, save, to_control
+from flexlin.cli import main
+from flexlin.control import (
+    design,
+    estimator_source,
+    gain_source,
+    kalman_filter,
+    periodic_plant,
+    save,
+    scene_feedback,
+    to_control,
+)
 from flexlin.control.export.files import Labels, matlab_script
 from flexlin.errors import ArgumentError
 from tests.thinned import thin
@@ -49,27 +59,17 @@ def arm():
     return scene, plant, fl.linearize(manipulator, scene.motion, scene.control)
 
 
-@pytest.mark.slow
 @needs_compiler
-def test_the_c_controller_moves_the_arm_as_python_does(arm, tmp_path):
-    """The whole nonlinear loop, gain and feedforward computed by C; and the header says where each state stands."""
-    scene, plant, closed = arm
-    made = design(plant, scene.designs[1])
+def test_the_c_controller_asks_for_the_torque_of_its_law(arm, tmp_path):
+    """Gain and feedforward; and the header says where each state stands."""
+    scene, plant, _ = arm
+    made, rng = design(plant, scene.designs[1]), np.random.default_rng(4)
     files = gain_source(made, plant.period, tmp_path, lin=plant)
     c, T = library(files), plant.period
-
-    def gain(t):
-        return np.array([call(c.gain_matrix, now / T, size=4).reshape(1, 4) for now in t])
-
-    def torque(t, x):
-        return np.array([call(c.gain_law, now / T, state, size=1) for now, state in zip(t, x, strict=True)])
-
-    start = np.array([0.05, -0.01, 0.0, 0.1])
-    runs = [fl.simulate(closed, 6, start, feedback, 1e-9, 16) for feedback in (made.K, gain)]
-    assert np.abs(runs[0].nonlinear - runs[1].nonlinear).max() < 1e-10
-    np.testing.assert_allclose(torque(runs[0].t, runs[0].nonlinear), runs[0].torque, rtol=1e-11, atol=1e-11)
-    x = np.arange(1.0, 5.0)
-    assert call(c.gain, 3.3, x, size=1) == pytest.approx(-made.K(0.3 * T) @ x, rel=1e-12)
+    t, states = rng.uniform(0, T, 9), 0.1 * rng.normal(size=(9, 4))
+    for now, x, torque in zip(t, states, plant.law.with_gain(made.K).torque(t, states), strict=True):
+        np.testing.assert_allclose(call(c.gain_law, now / T, x, size=1), torque, rtol=1e-11, atol=1e-11)
+        assert call(c.gain, 3.0 + now / T, x, size=1) == pytest.approx(-made.K(np.array([now]))[0] @ x, rel=1e-11)
     order = re.findall(r"\[(\d)\] (\w+), (\S+(?: m)?)\n", files[1].read_text(encoding="utf-8"))
     units = ("rad", "m", "rad/s", "m/s", "N m")
     names = ("q1", "w11", "q1_rate", "w11_rate", "q1")
@@ -170,15 +170,19 @@ def test_the_c_estimator_follows_the_filter(arm, tmp_path):
 
 def test_python_control_systems_bear_the_arms_names(arm):
     _scene, plant, _ = arm
-    labels = Labels.of(plant)
+    labels, t = Labels.of(plant), np.array([0.2 * plant.period])
     frozen = to_control(plant, 0.2, np.eye(4)[:1], ["encoder"])
     assert isinstance(frozen, control.StateSpace)
+    assert np.array_equal(frozen.A, plant.A(t)[0])
+    assert np.array_equal(frozen.B, plant.input_matrix(t)[0])
     assert (frozen.state_labels, frozen.input_labels, frozen.output_labels) == (
         list(labels.states),
         ["q1"],
         ["encoder"],
     )
     assert periodic_plant(plant).state_labels == ["q1", "w11", "q1_rate", "w11_rate"]
+    with pytest.raises(ArgumentError, match="phase"):
+        to_control(plant, 1.0)
     with pytest.raises(ArgumentError, match="outputs"):
         to_control(plant, 0.2, np.eye(4), ["encoder"])
 
@@ -196,3 +200,53 @@ def test_the_matlab_script_reads_what_the_file_holds(arm, tmp_path):
     assert script.count("function ") == 2
     assert script.count("\nend\n") >= 2
     assert "'system.mat'" in script
+
+
+PID = {"kind": "pid", "kp": [3.0], "kd": [0.5], "ki": [2.0]}
+FILTERS = [
+    {"kind": "low-pass", "on": "rates", "cutoff": "35 Hz", "order": 1},
+    {"kind": "notch", "frequency": "4.5 Hz", "damping": 0.3, "gain": 0.2},
+]
+
+
+def arm_with(**changed):
+    scene = fl.load_scene("single-link", {**SMALL, "designs": [], "control.feedback": PID, **changed})
+    arm = fl.build_manipulator(scene)
+    return fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
+
+
+@needs_compiler
+def test_the_c_source_of_a_pid_is_its_law_and_says_so(tmp_path):
+    unwound = {"control.feedback": PID | {"tracking_time": 0.2}, "control.saturation": {"torque": [5.0]}}
+    plant, closed = arm_with(**{"control.filters": FILTERS, **unwound})
+    files = gain_source(scene_feedback(closed), plant.period, tmp_path, lin=plant, law=closed.law)
+    c, law = library(files), closed.law
+    rng = np.random.default_rng(2)
+    t, x, missing = rng.uniform(0, plant.period, 5), rng.standard_normal((5, 8)), rng.standard_normal(1)
+    for now, state, torque in zip(t, x, law.torque(t, x), strict=True):
+        assert call(c.gain_law, now / plant.period, state, size=1) == pytest.approx(torque, rel=1e-11)
+        rates = call(c.gain_rates, now / plant.period, state, size=4)
+        np.testing.assert_allclose(rates, closed.controller.rates @ state, rtol=1e-13)
+        found = rates.copy()
+        c.gain_unwind(*(a.ctypes.data_as(NUMBERS) for a in (missing, found)))
+        np.testing.assert_allclose(found - rates, closed.controller.unwinding @ missing, atol=1e-12)
+    header = files[1].read_text(encoding="utf-8")
+    states = ["q1", "w11", "q1_rate", "w11_rate", "q1_filter1", "q1_integral", "q1_filter2_1", "q1_filter2_2"]
+    assert re.findall(r"\[\d\] (\w+), ", header) == [*states, "q1"]
+    assert "missing = asked - given" in header
+    with pytest.raises(ArgumentError, match="no feedback"):
+        scene_feedback(plant)
+
+
+@needs_compiler
+def test_the_command_writes_the_scenes_own_feedback(tmp_path):
+    """Also of a motion that ends; `tracking_time` has no part where no drive is at its limit."""
+    pid = 'control.feedback={kind="pid", kp=[3.0], kd=[0.5], ki=[2.0]}'
+    sets = ["--set", "links.0.modes=1", "designs=[]", pid]
+    ends = 'motion={kind="point-to-point", move_time=0.5, course="one-way", joints=[{waypoints=[0.0, 0.8]}]}'
+    for name, more in {"periodic": [], "ending": [ends]}.items():
+        assert main(["export", "single-link", *sets, *more, "--points", "8", "--out", str(tmp_path / name)]) == 0
+        header = (tmp_path / name / "c-own" / "gain.h").read_text()
+        assert "q1_integral, rad s" in header
+        assert "unwind" not in header
+        assert ("held at 0 before the motion" in header) == (name == "ending")

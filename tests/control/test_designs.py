@@ -1,7 +1,5 @@
 """Every kind of design: one interface, costs that agree with integration, optimality, and named refusals."""
 
-from types import SimpleNamespace
-
 import control
 import numpy as np
 import pytest
@@ -20,6 +18,7 @@ from flexlin.control import (
     with_integral_action,
 )
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
+from flexlin.scene.control import DesignTable
 
 KINDS = ("periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr")
 
@@ -42,9 +41,8 @@ Q, R = np.diag([2.0, 2.0, 1.0, 1.0]), np.array([[0.5]])
 
 
 def table(kind, **changes):
-    content = {"name": "mine", "kind": kind, "weights": None, "phases": 24, "sample_time": None}
-    content |= {"state_weight": np.diag(Q), "input_weight": np.diag(R)}
-    return SimpleNamespace(**(content | changes))
+    content = {"name": "mine", "kind": kind, "phases": 24, "state_weight": np.diag(Q), "input_weight": np.diag(R)}
+    return DesignTable.model_construct(**(content | changes))
 
 
 def integrated_cost(made, x0, periods=40):

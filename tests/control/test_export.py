@@ -10,12 +10,18 @@ import scipy.io
 import xarray
 
 import flexlin as fl
-from flexlin.control import gain_source, linearization_source, periodic_lqr
-from flexlin.control.export import gain_schedule, periodic_plant, save, to_control
+from flexlin.control import (
+    gain_schedule,
+    gain_source,
+    linearization_source,
+    periodic_lqr,
+    periodic_plant,
+    save,
+)
 from flexlin.control.export.files import matlab_script
 from flexlin.errors import ArgumentError
+from tests.control.test_c_controllers import COMPILER, needs_compiler
 
-COMPILER = shutil.which("cc") or shutil.which("gcc")
 OCTAVE = shutil.which("octave-cli")
 
 
@@ -28,15 +34,6 @@ def lin():
 @pytest.fixture(scope="module")
 def made(lin):
     return periodic_lqr(lin.periodic_system(), np.diag([1.0, 1.0, 1.0, 0.01, 0.01, 0.01]), 10 * np.eye(1), tol=1e-8)
-
-
-def test_state_space_at_a_phase(lin):
-    system = lin.periodic_system()
-    frozen, t = to_control(system, 0.3), np.array([0.3 * lin.period])
-    assert np.array_equal(frozen.A, system.A(t)[0])
-    assert np.array_equal(frozen.B, system.B(t)[0])
-    with pytest.raises(ArgumentError, match="phase"):
-        to_control(system, 1.0)
 
 
 def test_gain_schedule_runs_in_python_control(made):
@@ -113,7 +110,7 @@ def compiled(files, folder):
     return str(program)
 
 
-@pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
+@needs_compiler
 def test_compiled_linearization_equals_python(lin, tmp_path):
     program = compiled(linearization_source(lin, tmp_path), tmp_path)
     header = (tmp_path / "linearization.h").read_text()
@@ -127,7 +124,7 @@ def test_compiled_linearization_equals_python(lin, tmp_path):
             np.testing.assert_allclose(found[name], getattr(exact, name)[0].T.ravel(), rtol=1e-13, atol=1e-13)
 
 
-@pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
+@needs_compiler
 def test_compiled_gain_equals_python(lin, made, tmp_path):
     program = compiled(gain_source(made, lin.period, tmp_path), tmp_path)
     for phase in (0.0, 0.371, 0.999):

@@ -8,12 +8,11 @@ from scipy.integrate import cumulative_simpson
 from scipy.linalg import solve_continuous_are
 
 import flexlin as fl
-from flexlin.control import design, gain_source, output_feedback, scene_sensors
+from flexlin.control import design, output_feedback, scene_sensors
 from flexlin.control.export.files import Labels
 from flexlin.errors import SceneError
 from flexlin.report.exports import export_all
 from flexlin.scene.control import EstimatorTable
-from tests.control.test_c_controllers import call, library, needs_compiler
 
 WEIGHTS = {"joints": "0.5 deg", "rates": "5 deg/s", "deflection": "8 mm", "input": "0.25 N m", "integrals": "0.2 deg s"}
 TABLE = {"name": "LQI", "kind": "periodic-lqr", "weights": WEIGHTS}
@@ -67,19 +66,6 @@ def test_an_estimated_loop_keeps_its_separation(made):
     parts = [fl.floquet(one).exponents for one in (found.closed_loop, estimator.closed_loop)]
     apart = np.abs(loop.exponents[:, None] - np.concatenate(parts)[None]).min(axis=1)
     assert np.all(apart < np.maximum(1e-6, 10 * loop.errors))
-
-
-@needs_compiler
-def test_c_source_has_the_integrals_rates_and_says_so(made, tmp_path):
-    _, plant, closed, found = made
-    files = gain_source(found, plant.period, tmp_path, lin=plant, law=closed.law)
-    header = files[1].read_text(encoding="utf-8")
-    assert "[4] q1_integral, rad s" in header
-    assert "rates of the last 1 states" in header
-    compiled, x, t = library(files), np.array([0.1, -0.02, 0.3, 0.4, 0.05]), np.array([0.3])
-    torque = call(compiled.gain_law, t[0] / plant.period, x, size=1)
-    np.testing.assert_allclose(torque, closed.law.forward(t)[0] - found.K(t)[0] @ x, rtol=1e-9)
-    np.testing.assert_allclose(call(compiled.gain_rates, 0.15, x, size=1), [0.1], rtol=1e-15)
 
 
 def test_files_hold_gain_and_rates_in_one_order(made, tmp_path):

@@ -1,9 +1,5 @@
 """A scene's design with a sample time: gains, verdict, simulation with rounded readings, and what other programs get."""
 
-import ctypes
-import shutil
-import subprocess
-
 import numpy as np
 import pytest
 import scipy.io
@@ -14,6 +10,7 @@ from flexlin.control import design, gain_source, save
 from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.report import record
 from flexlin.simulation import Drive, simulate
+from tests.control.test_c_controllers import call, library, needs_compiler
 
 TABLE = {
     "name": "digital", "kind": "periodic-lqr", "state_weight": [9.0, 9.0, 0.1, 0.1], "input_weight": [2.0], "sample_time": 0.05
@@ -68,16 +65,13 @@ def test_the_nonlinear_arm_under_rounded_readings_stays_near(scene, plant, made)
     assert apart < 10 * (decayed * start.max() + 1e-4)
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler on this machine")
+@needs_compiler
 def test_compiled_gains_are_those_of_the_nearest_sample(plant, made, tmp_path):
-    files = gain_source(made, plant.period, tmp_path, lin=plant)
-    strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", "-lm"]
-    subprocess.run(["cc", *strict, str(tmp_path / "gain.c"), "-o", str(tmp_path / "gain.so")], check=True)
-    compiled, count = ctypes.CDLL(str(tmp_path / "gain.so")).gain_matrix, round(plant.period / 0.05)
+    files, count = gain_source(made, plant.period, tmp_path, lin=plant), round(plant.period / 0.05)
+    compiled = library(files).gain_matrix
     for phase in [*np.arange(count) / count, 0.3 / count, 0.7 / count, 1 - 0.3 / count]:
-        K = np.zeros((1, 4))
-        compiled(ctypes.c_double(phase), K.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
-        np.testing.assert_allclose(K, made.K(np.array([phase * plant.period]))[0], rtol=1e-15)
+        wanted = made.K(np.array([phase * plant.period]))[0, 0]
+        np.testing.assert_allclose(call(compiled, phase, size=4), wanted, rtol=1e-15)
     assert "nearest of 40 samples" in next(one for one in files if one.suffix == ".h").read_text()
 
 

@@ -79,23 +79,6 @@ def test_two_links_reach_their_tips():
     assert 20 * exact.tip_error < rigid.tip_error
 
 
-def test_torque_of_the_tip_is_not_of_minimum_phase(lin):
-    """Held at the tip, the link has a mode that grows, so integrating forwards would fail; the periodic solution stands."""
-    held = hold_tip(lin)
-    assert fl.floquet(held).exponents.real.max() > 1.0
-    assert np.isfinite(feedforward(lin, "tip-exact").torque(np.linspace(0, 2, 9))).all()
-
-
-def hold_tip(lin):
-    """The linear zero dynamics of the tip's distance l q + X(l) w from its line: q = -X(l) w / l, X(l) = (2, -2), w rows only."""
-    ratio = -np.array([2.0, -2.0]) / 0.96
-
-    def reduced(matrix):
-        return lambda t: matrix(t)[:, 1:, 1:] + matrix(t)[:, 1:, :1] * ratio
-
-    return fl.PeriodicSystem.from_second_order(*(reduced(f) for f in (lin.M, lin.D, lin.K)), lin.period)
-
-
 @pytest.mark.slow
 def test_linearization_about_the_elastic_motion(lin):
     """At a hundredth of the amplitude and without gravity both basic motions give one verdict; bent links give damping terms."""

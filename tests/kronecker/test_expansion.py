@@ -89,18 +89,6 @@ def test_linearized_product_52_is_the_jacobian(model):
         assert_allclose(ours.full(), numeric, rtol=1e-13)
 
 
-def test_linearized_product_53_where_matrix_ignores_y(model):
-    x, y, A = model
-    A = ca.substitute(A, y, ca.DM([0.3, -0.2]))
-    x0, y0 = np.array([0.2, -0.4]), np.array([0.5, 0.1])
-    A0, DxA, J = (
-        d.full() for d in ca.Function("D", [x, y], [A, kr.derivative(A, x), ca.jacobian(A @ y, x)]).call([x0, y0])
-    )
-    result = kr.linearized_product(A0, y0[:, None], np.zeros((3, 4)), DxA)
-    assert_allclose(result.by_x, J, rtol=1e-13)
-    assert_allclose(result.by_y, A0, rtol=0)
-
-
 def test_widths_that_do_not_fit_are_refused():
     with pytest.raises(ArgumentError, match="derivative 1"):
         kr.taylor_sum([np.eye(2), np.ones((2, 3))], np.ones((2, 1)))

@@ -14,7 +14,7 @@ from flexlin.control.export.files import Labels
 from flexlin.errors import ArgumentError
 from flexlin.files import results
 from flexlin.periodic.related import corners_of
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.system import MatrixFunction
 
 HEADER = """\
 /* A Kalman filter, written by flexlin {version}. C99, needs libm only; no memory is allocated.
@@ -195,11 +195,9 @@ def write_estimator(
     if len(seen) != p:
         raise ArgumentError("names do not fit the measurements", got=len(seen), expected=str(p))
     once = lin is not None and not lin.motion.periodic
-    functions: dict[str, MatrixFunction] = {
-        "A_of": estimator.closed_loop.A,
-        **input_of(system),
-        "L_of": estimator.L,
-    }
+    functions: dict[str, MatrixFunction] = {"A_of": estimator.closed_loop.A, "L_of": estimator.L}
+    if system.B is not None:
+        functions["B_of"] = system.B
     breaks = (*corners_of(system), *([0.0] if once else []))
     parts = [write_series(key, f, system.period, breaks, form, samples) for key, f in functions.items()]
     words = {
@@ -211,8 +209,3 @@ def write_estimator(
         "within": WITHIN[not once], "beyond": BEYOND[not once],
     }  # fmt: skip
     return write_c(folder, {f"{name}.c": SOURCE, f"{name}.h": HEADER}, words)
-
-
-def input_of(system: PeriodicSystem) -> dict[str, MatrixFunction]:
-    """The input matrix, where there is one."""
-    return {} if system.B is None else {"B_of": system.B}

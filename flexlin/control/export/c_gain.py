@@ -1,5 +1,6 @@
 """C source of a controller: gain(phase, state, torque), its matrix, and the whole law with feedforward."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -122,11 +123,6 @@ BEYOND = {True: "any number, taken modulo 1", False: "held at 0 before the motio
 """What becomes of a phase outside [0, 1], for periodic and for one-way motions."""
 
 
-def as_column(vector: Array) -> Array:
-    """Vectors (N, k) as matrices of one column."""
-    return vector[:, :, None]
-
-
 @checked
 def gain_source(
     made: Design,
@@ -210,12 +206,13 @@ def write_gain(
     chosen = law or (made.law if lin is None else lin.law)
     once = lin is not None and not lin.motion.periodic
     breaks = (*corners_of(made.closed_loop), *([0.0] if once else []))
+    as_columns = partial(np.expand_dims, axis=2)
     parts = [
         write_series(title, f, period, breaks, form, samples)
         for title, f in (
             ("K_of", made.K),
-            ("forward_of", Combined(as_column, (chosen.forward,))),
-            ("reference_of", Combined(as_column, (chosen.reference,))),
+            ("forward_of", Combined(as_columns, (chosen.forward,))),
+            ("reference_of", Combined(as_columns, (chosen.reference,))),
         )
     ]
     words = {

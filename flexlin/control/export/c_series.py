@@ -13,12 +13,13 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.matrix import Series
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.sampling import stratified
 
 Form = Literal["series", "sampled"]
-NEGLIGIBLE = 1e-15
+NEGLIGIBLE = SAFETY * EPS
 """Coefficients at the end of a series are left out when all together are smaller than this against the largest value."""
 CUBIC = 4
 """Nodes that a cubic polynomial goes through."""

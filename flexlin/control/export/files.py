@@ -2,7 +2,7 @@
 
 import zipfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -91,8 +91,6 @@ piecewise = spline(times, values);
 f = @(time) reshape(ppval(piecewise, {within}), rows, columns);
 end
 """
-NO_DATE = (1980, 1, 1, 0, 0, 0)
-"""The first date that a zip file knows; np.savez writes the time of day."""
 
 
 @dataclass(frozen=True)
@@ -112,28 +110,23 @@ class Labels:
         """
         units = [coordinate.unit for coordinate in lin.coordinates]
         states = (*lin.names, *(name + RATE for name in lin.names))
-        labels = cls(states, (*units, *(f"{unit}/s" for unit in units)), lin.inputs, lin.input_units)
-        return labels.behind(lin.controller if controller is None else controller)
-
-    def behind(self, controller: Controller | None) -> "Labels":
-        """The same with a controller's states behind the arm's."""
-        if controller is None:
-            return self
-        states, units = (*self.states, *controller.names), (*self.state_units, *controller.units)
-        return replace(self, states=states, state_units=units)
-
-    @classmethod
-    def numbered(cls, states: int, inputs: int) -> "Labels":
-        """x1, x2, ... and u1, u2, ... without units, for a system that came without names."""
-        names = tuple(f"x{i + 1}" for i in range(states)), tuple(f"u{i + 1}" for i in range(inputs))
-        return cls(names[0], ("",) * states, names[1], ("",) * inputs)
+        units += [f"{unit}/s" for unit in units]
+        memory = lin.controller if controller is None else controller
+        if memory is not None:
+            states, units = (*states, *memory.names), [*units, *memory.units]
+        return cls(states, tuple(units), lin.inputs, lin.input_units)
 
     @classmethod
     def fitting(
         cls, lin: Linearization | None, states: int, inputs: int, controller: Controller | None = None
     ) -> "Labels":
-        """Those of the arm and of a design's controller, once they have been found to fit; without an arm, numbers."""
-        labels = cls.numbered(states, inputs) if lin is None else cls.of(lin, controller)
+        """Those of the arm and of a design's controller, once they have been found to fit; without an arm, x1, x2 ... and u1, u2 ..."""
+        if lin is None:
+            names = (
+                tuple(f"{letter}{i + 1}" for i in range(count)) for letter, count in (("x", states), ("u", inputs))
+            )
+            return cls(next(names), ("",) * states, next(names), ("",) * inputs)
+        labels = cls.of(lin, controller)
         if (len(labels.states), len(labels.inputs)) != (states, inputs):
             got = f"{counted(len(labels.states), 'state')} and {counted(len(labels.inputs), 'input')}"
             raise ArgumentError("the arm does not fit what is exported", got=got, expected=f"{states} and {inputs}")
@@ -249,50 +242,40 @@ def _save_mat(path: Path, arrays: dict[str, Array], texts: Texts, period: float)
 
 
 def _save_netcdf(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
+    """An entry's unit follows from those of its row and column."""
     import xarray
 
-    axes: dict[str, tuple[str, ...]] = {"A": ("time", "state", "state_"), "B": ("time", "state", "input")}
-    axes |= {key: ("time", "input", "state") for key in arrays if key.startswith("K_")}
-    axes |= {key: (f"phase_{key}", "input", "state") for key in arrays if key.startswith("samples_")}
-    axes |= {key: ("time", "state", "state_") for key in arrays if key.startswith("X_")}
-    for i in (i for i in range(len(texts["names"])) if f"rates_{i}" in arrays):
-        of_loop = f"state_{i}", f"state_{i}_"
-        axes |= {f"K_{i}": ("time", "input", of_loop[0]), f"X_{i}": ("time", *of_loop)}
-        axes[f"rates_{i}"] = f"memory_{i}", of_loop[0]
-    coordinates: dict[str, Any] = {"time": arrays["t"], "state": texts["states"], "state_": texts["states"]}
-    coordinates |= {"state_unit": ("state", texts["state_units"])}
-    if "B" in arrays:
-        coordinates |= {"input": texts["inputs"], "input_unit": ("input", texts["input_units"])}
-    data = xarray.Dataset({key: (axes[key], value) for key, value in arrays.items() if key != "t"}, coordinates)
-    for key, words in describe_arrays(texts["names"]).items():
-        if key in data:
-            data[key].attrs.update(words)
-    data.attrs.update(title="x' = A(t) x + B(t) u over a period", period=period, period_units="s")
-    data.attrs.update(source=f"flexlin {flexlin.__version__}", designs="; ".join(texts["names"]))
-    data.attrs.update({key: "; ".join(texts[key]) for key in ("state_units", "input_units")})
-    path.write_bytes(data.to_netcdf(engine="scipy"))
-
-
-def describe_arrays(names: list[str]) -> dict[str, dict[str, str]]:
-    """Name and unit of every variable of the netCDF file; an entry's unit follows from those of its row and column."""
     row, column = "state_unit of the row", "state_unit of the column"
-    found = {
-        "time": {"long_name": "time in the period", "units": "s"},
-        "state": {"long_name": "states [y; y'], deviations from the rigid motion", "units": "as in state_unit"},
-        "state_": {"long_name": "states, as columns", "units": "as in state_unit"},
-        "input": {"long_name": "inputs u, by the coordinate that they drive", "units": "as in input_unit"},
-        "A": {"long_name": "state matrix", "units": f"{row} / s / {column}"},
-        "B": {"long_name": "input matrix", "units": f"{row} / s / input_unit"},
+    known: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
+        "A": (("time", "state", "state_"), {"long_name": "state matrix", "units": f"{row} / s / {column}"}),
+        "B": (("time", "state", "input"), {"long_name": "input matrix", "units": f"{row} / s / input_unit"}),
     }
-    for i, name in enumerate(names):
-        found[f"K_{i}"] = {"long_name": f"gain of {name}, u = -K x", "units": f"input_unit / {column}", "design": name}
-        found[f"samples_{i}"] = found[f"K_{i}"] | {"long_name": f"gain of {name} at its samples"}
-        found[f"X_{i}"] = {
-            "long_name": f"Riccati solution of {name}",
-            "units": f"1 / ({row} x {column})",
-            "design": name,
+    for i, name in enumerate(texts["names"]):
+        state = f"state_{i}" if f"rates_{i}" in arrays else "state"
+        gain = {"long_name": f"gain of {name}, u = -K x", "units": f"input_unit / {column}", "design": name}
+        cost = {"long_name": f"Riccati solution of {name}", "units": f"1 / ({row} x {column})", "design": name}
+        at_samples = gain | {"long_name": f"gain of {name} at its samples"}
+        known |= {
+            f"K_{i}": (("time", "input", state), gain),
+            f"X_{i}": (("time", state, f"{state}_"), cost),
+            f"rates_{i}": ((f"memory_{i}", state), {}),
+            f"samples_{i}": ((f"phase_samples_{i}", "input", state), at_samples),
         }
-    return found
+    of_state = {"long_name": "states [y; y'], deviations from the rigid motion", "units": "as in state_unit"}
+    of_input = {"long_name": "inputs u, by the coordinate that they drive", "units": "as in input_unit"}
+    coordinates: dict[str, Any] = {
+        "time": ("time", arrays["t"], {"long_name": "time in the period", "units": "s"}),
+        "state": ("state", texts["states"], of_state),
+        "state_": ("state_", texts["states"], of_state | {"long_name": "states, as columns"}),
+        "state_unit": ("state", texts["state_units"]),
+    }
+    if "B" in arrays:
+        coordinates |= {"input": ("input", texts["inputs"], of_input), "input_unit": ("input", texts["input_units"])}
+    attributes = {"title": "x' = A(t) x + B(t) u over a period", "period": period, "period_units": "s"}
+    attributes |= {"source": f"flexlin {flexlin.__version__}", "designs": "; ".join(texts["names"])}
+    attributes |= {key: "; ".join(texts[key]) for key in ("state_units", "input_units")}
+    variables = {key: (axes, arrays[key], words) for key, (axes, words) in known.items() if key in arrays}
+    path.write_bytes(xarray.Dataset(variables, coordinates, attributes).to_netcdf(engine="scipy"))
 
 
 def matlab_script(data: Path, designs: int, periodic: bool = True) -> Path:
@@ -314,7 +297,9 @@ def write_npz(path: Path, arrays: Mapping[str, Any], compressed: bool = False) -
     kind = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
     with path.open("wb") as file, zipfile.ZipFile(file, "w", kind) as archive:
         for name, array in arrays.items():
-            about = zipfile.ZipInfo(f"{name}.npy", NO_DATE)
+            about = zipfile.ZipInfo(
+                f"{name}.npy"
+            )  # of the first date that a zip file knows; np.savez writes the time of day
             about.compress_type = kind
             with archive.open(about, "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, np.asarray(array), allow_pickle=False)
