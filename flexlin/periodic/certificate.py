@@ -12,7 +12,6 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotCertified, NumericalError
 from flexlin.periodic.chebyshev import (
     ChebyshevPanels,
-    chebyshev_basis,
     chebyshev_coefficients,
     chebyshev_nodes,
     panel_times,
@@ -155,7 +154,9 @@ def sum_terms(A: Array, X: Array, slope: Array, u: Array) -> Array:
 
 def evaluate(coefficients: Array, u: Array) -> Array:
     """Polynomials of each panel at u (U,): (P, U, n, n)."""
-    return np.einsum("uk,pkij->puij", chebyshev_basis(u, coefficients.shape[1]), coefficients, optimize=True)
+    return np.einsum(
+        "uk,pkij->puij", np.polynomial.chebyshev.chebvander(u, coefficients.shape[1] - 1), coefficients, optimize=True
+    )
 
 
 def flat(values: Array) -> Array:

@@ -18,19 +18,6 @@ def chebyshev_nodes(count: int) -> Array:
     return u
 
 
-def chebyshev_basis(u: Array, count: int) -> Array:
-    """Return T_0 ... T_(K - 1) at u of any shape, along a new last axis; |u| may exceed 1."""
-    basis = np.empty((count, *np.shape(u)))
-    basis[0] = 1.0
-    if count > 1:
-        basis[1] = u
-    twice = 2 * np.asarray(u)
-    for k in range(2, count):
-        np.multiply(twice, basis[k - 1], out=basis[k])
-        basis[k] -= basis[k - 2]
-    return np.moveaxis(basis, 0, -1)
-
-
 @lru_cache(maxsize=32)
 def chebyshev_transform(count: int) -> Array:
     """Return the matrix (K, K) from values at `chebyshev_nodes` to coefficients: c_k = (2 - [k = 0]) / K sum_j f_j T_k(u_j)."""
@@ -96,7 +83,7 @@ class ChebyshevPanels:
         order = np.argsort(panel, kind="stable")
         t, panel = t[order], panel[order]
         begin, end = self.edges[panel], self.edges[panel + 1]
-        basis = chebyshev_basis(((t - begin) - (end - t)) / (end - begin), shape[1])
+        basis = chebyshev.chebvander(((t - begin) - (end - t)) / (end - begin), shape[1] - 1)
         flat = self.coefficients.reshape(*shape[:2], -1)
         values = np.empty((len(t), flat.shape[2]))
         bounds = np.searchsorted(panel, np.arange(shape[0] + 1))

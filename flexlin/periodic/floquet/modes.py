@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import xarray
 
 MODES_TOL = 1e-9
-"""Accuracy of the transition matrices where the exponents came without any."""
+"""Accuracy of transition matrices where nobody asks for one."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import ArgumentError, counted
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
-from flexlin.periodic.fourier import FourierSeries, fourier_nodes
+from flexlin.periodic.fourier import fourier_nodes
 from flexlin.periodic.grid import divide_segments
 from flexlin.periodic.precision import EPS, MINOR
 from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
@@ -113,15 +113,7 @@ class Squares:
 
 
 def mean_power(solution: RiccatiSolution, B: ResolvedMatrix) -> tuple[float, float]:
-    """The mean of trace(B' X B) and what is lost in it: wave by wave where both are Fourier series, else by quadrature."""
-    X = solution.series
-    if isinstance(X, FourierSeries) and isinstance(B.series, FourierSeries):
-        values = B.series.at_nodes(4 * B.degree + 1)
-        S = FourierSeries.through(values @ np.swapaxes(values, 1, 2), B.period)
-        k = min(X.degree, S.degree)
-        products = [np.einsum("tij,tij->", part[:k], other[:k]) for part, other in zip(X.waves, S.waves, strict=True)]
-        mean = float((X.mean() * S.mean()).sum() + sum(products) / 2)
-        return mean, float(NODES * EPS * (np.abs(X.mean()) * np.abs(S.mean())).sum())
+    """The mean of trace(B' X B) and what is lost in it."""
 
     def power(t: Array) -> Array:
         reached = B(t)

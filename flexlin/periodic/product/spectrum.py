@@ -169,8 +169,3 @@ def report(code: int) -> None:
             got="a factor that leaves the range of numbers" if code == 2 else "eigenvalues that are not found",
             todo="use more segments, or scale the states",
         )
-
-
-def product_logs(factors: Array) -> Array:
-    """Logs of the eigenvalues of F_(K-1) ... F_0 (n,), by falling real part, imaginary parts in (-pi, pi]."""
-    return find_spectrum(factors).logs

@@ -103,8 +103,8 @@ def combine_in_tree(segments: Segment) -> list[Segment]:
     while len(levels[-1]) > 1:
         level = levels[-1]
         pairs = len(level) // 2 * 2
-        combined = star_product(level[0:pairs:2], level[1:pairs:2])
-        levels.append(combined if pairs == len(level) else stack_segments(combined, level[pairs:]))
+        both, rest = star_product(level[0:pairs:2], level[1:pairs:2]), level[pairs:]
+        levels.append(Segment(*map(np.concatenate, ((both.F, rest.F), (both.G, rest.G), (both.H, rest.H)))))
     return levels
 
 
@@ -124,11 +124,6 @@ def carry_costs_down(levels: list[Segment], end: Array) -> Array:
             below[-1] = after[-1]
         after = below
     return np.concatenate([carry_cost_back(levels[0], after), end[None]])
-
-
-def stack_segments(*parts: Segment) -> Segment:
-    """Put stacks of segments end to end."""
-    return Segment(*(np.concatenate(one) for one in zip(*((part.F, part.G, part.H) for part in parts), strict=True)))
 
 
 def symmetrize(matrix: Array) -> Array:

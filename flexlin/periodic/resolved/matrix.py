@@ -10,7 +10,6 @@ from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes
 from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.panels import NODES
-from flexlin.periodic.resolved.sampling import ROUNDINGS
 from flexlin.periodic.second_order import build_companion
 from flexlin.summary import represent
 
@@ -195,11 +194,11 @@ def couple_uncertainty(
     """
     error = resolved.error_near(t) if in_mean else resolved.error
     if not isinstance(resolved, ResolvedCompanion):
-        known = ROUNDINGS * EPS * np.abs(resolved(t)) + error
+        known = SAFETY * EPS * np.abs(resolved(t)) + error
         return np.asarray(np.abs(left) @ (known @ np.abs(right)))
     M, D, K = resolved.sample(t)
     n = M.shape[-1]
-    dM, dD, dK = (ROUNDINGS * EPS * np.abs(X) + e for X, e in zip((M, D, K), resolved.split(error), strict=True))
+    dM, dD, dK = (SAFETY * EPS * np.abs(X) + e for X, e in zip((M, D, K), resolved.split(error), strict=True))
     V = np.swapaxes(np.linalg.solve(np.swapaxes(M, -1, -2), np.swapaxes(left[..., n:], -1, -2)), -1, -2)
     position, rate = right[..., :n, :], right[..., n:, :]
     z = np.linalg.solve(M, K @ position + D @ rate)

@@ -25,8 +25,6 @@ SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
 POINTS, ORDER = 16, 5
 """Times of a place at which noise is measured, and the least order of their differences."""
-ROUNDINGS = 4.0
-"""That an entry carries at one time."""
 AHEAD = 4
 """Periods beyond the first over which a list of pieces must stay smooth."""
 

@@ -12,7 +12,7 @@ from flexlin.periodic.coefficients import Constant, has_nothing_narrow, refuse_s
 from flexlin.periodic.grid import FINER, edges_of_short, place_edges
 from flexlin.periodic.precision import EPS, MINOR, ROOT, SAFETY, TINY
 from flexlin.periodic.product.cyclic import cyclic_system
-from flexlin.periodic.product.spectrum import COHERENT, product_logs
+from flexlin.periodic.product.spectrum import COHERENT, find_spectrum
 from flexlin.periodic.resolved.matrix import couple_uncertainty
 from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.resolved.resolve import resolve
@@ -266,7 +266,7 @@ def measure_rounding(solution: PiecewiseSolution, sigma: float, Phi: Array) -> f
 
 def report_resonance(Phi: Array, sigma: float) -> ResonantForcing:
     """Name the multiplier nearest to 1; where that is none, states of other sizes make the condition singular."""
-    logs = product_logs(Phi)
+    logs = find_spectrum(Phi).logs
     nearest = logs[np.argmin(np.abs(logs))]
     got = f"the multiplier {np.exp(nearest):.12g} with the periodicity condition's smallest singular value {sigma:.1e}"
     if abs(nearest) > MINOR:

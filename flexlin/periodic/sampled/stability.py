@@ -52,14 +52,6 @@ def find_rounds(period: float, sample_time: float) -> tuple[Round, ...]:
     return tuple(sorted((turn for turn in rounds if turn.periods > 0), key=lambda turn: turn.off))
 
 
-@dataclass(frozen=True)
-class RoundSpectrum:
-    """Logs of the multipliers of one round (r,) by falling real part, and their errors (r,), inf where unresolved."""
-
-    logs: Array
-    errors: Array
-
-
 @checked
 def sampled_floquet(
     system: PeriodicSystem,
@@ -127,20 +119,20 @@ def sampled_floquet(
     if own is not None and own.shape[1] != states:
         raise ArgumentError("the rates do not fit the system", got=own.shape, expected=f"({len(own)}, {states})")
     best, *others = find_rounds(system.period, h)
-    spectrum, time = solve_round(system, K, best, delay / h, tol, own), best.periods * system.period
-    exponents, errors = spectrum.logs / time, spectrum.errors / time
+    time = best.periods * system.period
+    exponents, errors = (part / time for part in solve_round(system, K, best, delay / h, tol, own))
     reason = f"{counted(best.samples, 'sample')} in {counted(best.periods, 'period')}"
     for other in others:
-        beside = solve_round(system, K, other, delay / h, tol, own).logs[0].real / (other.periods * system.period)
-        errors = errors + SAFETY * abs(beside - exponents[0].real)
+        logs, _ = solve_round(system, K, other, delay / h, tol, own)
+        errors = errors + SAFETY * abs(logs[0].real / (other.periods * system.period) - exponents[0].real)
         reason += f", {best.off:.0e} beside the sampling time"
     return judge(exponents, errors, time, Setting("sampled", 0, best.samples, reason), tol)
 
 
 def solve_round(
     system: PeriodicSystem, K: MatrixFunction, turn: Round, delay: float, tol: float, rates: Array | None
-) -> RoundSpectrum:
-    """The multipliers of the loop over one round; delay as a part of the sampling time."""
+) -> tuple[Array, Array]:
+    """The logs of the loop's multipliers over one round, as of `solve_loops`; delay as a part of the sampling time."""
     loops, step = [], turn.periods * system.period / turn.samples
     for stages in (STAGES, STAGES + 2):
         plant = hold_plant(system, turn.samples, turn.periods, delay, tol, stages)
@@ -149,18 +141,21 @@ def solve_round(
     return solve_loops(*loops)
 
 
-def solve_loops(loops: Array, better: Array) -> RoundSpectrum:
-    """The multipliers of the product of a round's steps (N, r, r), with the same steps by two more stages."""
+def solve_loops(loops: Array, better: Array) -> tuple[Array, Array]:
+    """Logs (r,), by falling real part, of the multipliers of the product of a round's steps (N, r, r), and errors, inf where unresolved.
+
+    Parameters: better: the same steps by two more stages.
+    """
     found = find_spectrum(loops, better)
     errors = SAFETY * found.method + found.rounding
     below = found.logs.real[0] - found.logs.real
-    return RoundSpectrum(found.logs, np.where((errors > SLIGHT * below) & (below > errors[0]), np.inf, errors))
+    return found.logs, np.where((errors > SLIGHT * below) & (below > errors[0]), np.inf, errors)
 
 
 def judge_samples(loops: Array, better: Array, turn: Round, period: float, tol: float) -> FloquetResult:
     """The verdict on the steps (N, r, r) of a round that is exact."""
-    spectrum, time = solve_loops(loops, better), turn.periods * period
+    (logs, errors), time = solve_loops(loops, better), turn.periods * period
     setting = Setting(
         "sampled", 0, turn.samples, f"{counted(turn.samples, 'sample')} in {counted(turn.periods, 'period')}"
     )
-    return judge(spectrum.logs / time, spectrum.errors / time, time, setting, tol)
+    return judge(logs / time, errors / time, time, setting, tol)

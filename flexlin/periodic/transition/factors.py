@@ -47,9 +47,7 @@ def factor_segments(resolved: Resolved, edges: Array, rule: Tableau) -> Array:
     Raises: SingularMassMatrix, MemoryError; LinAlgError where the stages of a segment are not determined.
     """
     h = np.diff(edges)
-    parts = [
-        factor(staged, h[part], rule) for part, (staged,), _ in sample_segments(resolved, edges, (rule,))
-    ]
+    parts = [factor(staged, h[part], rule) for part, (staged,), _ in sample_segments(resolved, edges, (rule,))]
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
