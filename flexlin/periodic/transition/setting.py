@@ -13,7 +13,7 @@ from flexlin.errors import ArgumentError, NumericalError, TooManySegments
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.product.spectrum import GROUP_CONDITION, Unknown
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.factors import factor_segments, measure_segments
+from flexlin.periodic.transition.factors import MOST_UNKNOWNS, factor_segments, measure_segments
 from flexlin.periodic.transition.gauss import Tableau, gauss, radau
 
 MAX_SEGMENTS, FEWER_SEGMENTS = 20_000, 4000
@@ -28,8 +28,8 @@ MARGIN = 400.0
 """The first guess aims at this part of tol: a third more segments cost less than a second try."""
 STAGES = np.arange(4, 11)
 """Gauss stages among which the engine chooses."""
-LEAST = 4
-"""Segments of a period at the least: on fewer, a method and a better one err alike."""
+LEAST, LANES = 4, 8
+"""Segments of a period at the least: on fewer, a method and a better one err alike; and how many are made at once."""
 WAVES = 3.0
 """Gauss nodes for each harmonic of the coefficients, so that none hides between them."""
 VECTORS, BESIDE = 40, 10_000
@@ -187,7 +187,10 @@ def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int |
     stages = STAGES if order is None else np.array([order // 2])
     demand = gauss_demand(pace, tol, stages[:, None])
     counts = np.ceil(demand).sum(axis=1)
-    best = int(np.argmin(estimate_work(system.n, pace.unknowns, stages, counts)))
+    unknowns = pace.unknowns
+    if len(pace.rate) == 1:  # a whole number of lanes costs no more
+        counts = np.where(stages * unknowns <= MOST_UNKNOWNS, LANES * np.ceil(counts / LANES), counts)
+    best = int(np.argmin(estimate_work(system.n, unknowns, stages, counts)))
     eigenvalues = f"eigenvalues of A(t) up to {rate:.3g} 1/s"
     reason = f"least work for tol {tol:.0e} with {eigenvalues}" if segments is None else f"as asked, with {eigenvalues}"
     return spread_out("gauss", 2 * int(stages[best]), demand[best], reason, rate, segments or int(counts[best]))
