@@ -12,7 +12,7 @@ from flexlin.control.designed_loop import running_cost
 from flexlin.control.periodic import periodic_lqr
 from flexlin.errors import ArgumentError, NotStabilizable, NotStable, counted
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, combine
-from flexlin.periodic.fourier import fourier_nodes
+from flexlin.periodic.interpolation import fourier_nodes
 from flexlin.periodic.precision import ROOT, SLIGHT
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov

@@ -8,7 +8,7 @@ from flexlin.checks import real_array
 from flexlin.control.designed_loop import Design, describe_gain
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant, MatrixFunction
-from flexlin.periodic.fourier import FourierSeries, waves_at_nodes
+from flexlin.periodic.interpolation import FourierSeries, waves_at_nodes
 from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_riccati, rough_places
 from flexlin.periodic.related import extend_system

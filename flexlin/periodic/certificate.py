@@ -10,15 +10,15 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotCertified, NumericalError
-from flexlin.periodic.chebyshev import (
+from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.grid import divided
+from flexlin.periodic.interpolation import (
     ChebyshevPanels,
+    FourierSeries,
     chebyshev_coefficients,
     chebyshev_nodes,
     panel_times,
 )
-from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.grid import divided
 from flexlin.periodic.precision import EPS, ROOT, TINY
 from flexlin.periodic.quadratic.linear_quadratic import WAVES, RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov

@@ -11,19 +11,22 @@ from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, positive, whole
 from flexlin.errors import ArgumentError, counted
 from flexlin.lazy import lazy
-from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import (
     ClosedLoop,
     Constant,
+    InputMatrix,
     MatrixFunction,
+    SecondOrder,
+    SecondOrderFunction,
+    Separate,
+    StateMatrix,
     as_matrix_function,
     check_samples,
     has_nothing_narrow,
 )
-from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, close_loop, weigh_entries
 from flexlin.periodic.resolved.resolve import check_places, resolve, resolve_constant, resolve_port
-from flexlin.periodic.second_order import InputMatrix, SecondOrder, SecondOrderFunction, Separate, StateMatrix
 from flexlin.plots.view import Series, Shown, View
 
 if TYPE_CHECKING:

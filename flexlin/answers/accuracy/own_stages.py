@@ -43,8 +43,8 @@ from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.product.spectrum import find_spectrum
+from flexlin.periodic.interpolation import FourierSeries
+from flexlin.periodic.product import find_spectrum
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response

@@ -17,7 +17,7 @@ from flexlin.control.tracking import CLOSINGS, tip_positions
 from flexlin.errors import FlexlinError, MotionError, TimeLimit
 from flexlin.mechanics import build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.fourier import FourierSeries, fourier_differentiation
+from flexlin.periodic.interpolation import FourierSeries, fourier_differentiation
 from flexlin.periodic.related import with_matrices
 from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene

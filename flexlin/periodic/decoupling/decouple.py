@@ -40,7 +40,7 @@ from flexlin.periodic.decoupling.superadiabatic import (
     tail,
 )
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SLIGHT
-from flexlin.periodic.product.spectrum import COHERENT, GROUP_CONDITION
+from flexlin.periodic.product import COHERENT, GROUP_CONDITION
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.resolved.sampling import POINTS, RESOLVED, stratified
 from flexlin.periodic.system import MatrixFunction

@@ -8,7 +8,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.lapack import complex_schur
 from flexlin.periodic.decoupling.grouping import Group
-from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.precision import ROOT
 
 KEPT = 1 / 3

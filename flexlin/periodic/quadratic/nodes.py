@@ -8,9 +8,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from flexlin.checks import Array
-from flexlin.periodic.chebyshev import ChebyshevPanels
-from flexlin.periodic.fourier import FourierSeries, fourier_nodes
 from flexlin.periodic.grid import FINER, divide_segments
+from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, fourier_nodes
 from flexlin.periodic.precision import EPS, SAFETY, TINY
 from flexlin.periodic.resolved.sampling import NEAR
 

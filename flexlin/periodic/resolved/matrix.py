@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
-from flexlin.periodic.chebyshev import ChebyshevPanels
-from flexlin.periodic.fourier import FourierSeries, fourier_nodes
+from flexlin.periodic.coefficients import build_companion
+from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, fourier_nodes
 from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.panels import NODES
-from flexlin.periodic.second_order import build_companion
 from flexlin.summary import represent
 
 Series = FourierSeries | ChebyshevPanels

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from flexlin.checks import Array
-from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
+from flexlin.periodic.interpolation import ChebyshevPanels, chebyshev_coefficients, panel_times
 from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.sampling import LEAST, NEAR, SIGMAS, Sampler
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction, varies
-from flexlin.periodic.fourier import (
+from flexlin.periodic.interpolation import (
     FourierSeries,
     fourier_basis,
     fourier_nodes,

@@ -10,8 +10,8 @@ from numpy.polynomial.chebyshev import chebvander
 
 from flexlin.checks import Array, check_size
 from flexlin.errors import UnresolvedCoefficient
-from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_nodes, chebyshev_transform
 from flexlin.periodic.grid import NAMED, divided
+from flexlin.periodic.interpolation import ChebyshevPanels, chebyshev_nodes, chebyshev_transform
 from flexlin.periodic.precision import EPS
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix
 from flexlin.periodic.resolved.panels import (

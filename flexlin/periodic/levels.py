@@ -14,7 +14,7 @@ from flexlin.periodic.floquet.modes import MODES_TOL, solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.floquet.segmented import Factored
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, SAFETY
-from flexlin.periodic.product.spectrum import Unknown
+from flexlin.periodic.product import Unknown
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.response.frequency import Segments, condense, place_stages
 from flexlin.periodic.system import PeriodicSystem
