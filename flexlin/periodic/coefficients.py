@@ -63,12 +63,11 @@ def combine(rule: Callable[..., Array], *parts: Callable[[Array], Array]) -> Com
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """A(t) - B(t) K(t); plant: the system of A and B."""
+    """A(t) - B(t) K(t)."""
 
     A: MatrixFunction
     B: MatrixFunction
     K: MatrixFunction
-    plant: Any = None
 
     def __call__(self, t: ArrayLike) -> Array:
         return at_times(lambda t: self.A(t) - self.B(t) @ self.K(t), t)

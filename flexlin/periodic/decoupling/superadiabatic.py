@@ -145,7 +145,7 @@ def rounds(
     """Repeat T := T (1 + S), B := (1 + S)^-1 (B (1 + S) - S') until the coupling's effect stops shrinking; keep the best.
 
     S solves the Sylvester equations of the coupling: what is left is S' and products of S, smaller by the rate of change over the gap
-    of the eigenvalues in every round. Groups whose coupling is small already are left as they are.
+    of the eigenvalues in every round.
 
     Parameters: S: the solution for B; cleaned(S): S without the harmonics that would not shrink, and its derivative; effect(B, S): the
     size of each pair's coupling (n, n) against what is allowed. Returns: T, B, S, rounds.
@@ -153,35 +153,21 @@ def rounds(
     """
     best, least = (T, B, S, 0), np.inf
     for turn in range(most + 1):
-        sizes = effect(B, S)
-        size = float(sizes.max())
+        size = float(effect(B, S).max())
         if not size < SLOW_PART * least:
             break
         best, least = (T, B, S, turn), size
         if size < ENOUGH or turn == most:
             break
-        T, B = take_step(T, B, *cleaned(S), find_coupled(sizes, groups))
+        T, B = take_step(T, B, *cleaned(S))
         S = sylvester(B, groups)
     return best
 
 
-def find_coupled(sizes: Array, groups: tuple[Group, ...]) -> Array:
-    """The modes (k,) of groups that, or whose conjugates, are coupled by ENOUGH."""
-    coupled = np.maximum(sizes.max(axis=0), sizes.max(axis=1)) >= ENOUGH
-    some = [bool(coupled[group.part].any()) for group in groups]
-    parts = [np.arange(g.start, g.stop) for g, own in zip(groups, some, strict=True) if own or some[g.partner]]
-    return np.concatenate(parts)
-
-
-def take_step(T: Array, B: Array, S: Array, slope: Array, some: Array) -> tuple[Array, Array]:
-    """T (1 + S) and (1 + S)^-1 (B (1 + S) - S'), with S and its slope restricted to some modes (k,)."""
-    block = np.ix_(np.arange(len(B)), some, some)
-    step, T, B = np.eye(len(some)) + S[block], T.copy(), B.copy()
-    T[:, :, some] = T[:, :, some] @ step
-    B[:, :, some] = B[:, :, some] @ step
-    B[block] -= slope[block]
-    B[:, some] = np.linalg.solve(step, B[:, some])
-    return T, B
+def take_step(T: Array, B: Array, S: Array, slope: Array) -> tuple[Array, Array]:
+    """T (1 + S) and (1 + S)^-1 (B (1 + S) - S')."""
+    step = np.eye(S.shape[-1]) + S
+    return T @ step, np.linalg.solve(step, B @ step - slope)
 
 
 def low_harmonics(S: Array, period: float, gap: Array) -> tuple[Array, Array]:

@@ -117,18 +117,6 @@ class ResolvedMatrix(Resolved):
         )
 
 
-def close_loop(A: ResolvedMatrix, B: ResolvedMatrix, K: FourierSeries) -> ResolvedMatrix | None:
-    """A - B K as one Fourier series, with as many harmonics as it has; nothing where one of them is no such series."""
-    if not isinstance(A.series, FourierSeries) or not isinstance(B.series, FourierSeries):
-        return None
-    count = 2 * max(A.degree, B.degree + K.degree) + 1
-    plant, forces, gain = (series.at_nodes(count) for series in (A.series, B.series, K))
-    product, most = forces @ gain, np.abs(gain).max(axis=0)
-    rounding = (4 + np.log2(count)) * EPS * (np.abs(plant).max(axis=0) + np.abs(forces).max(axis=0) @ most)
-    error = A.error + B.error @ most + rounding
-    return ResolvedMatrix(FourierSeries.through(plant - product, A.period), (), (), error, A.samples + B.samples)
-
-
 class ResolvedCompanion(Resolved):
     """A(t) = [[0, I], [-M^-1 K, -M^-1 D]] from the series of [M D K] (n, 3 n), of which all bounds speak.
 
