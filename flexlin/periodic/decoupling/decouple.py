@@ -17,18 +17,16 @@ from flexlin.periodic.decoupling.coupling import (
     pair_effects,
     residual_effect,
 )
-from flexlin.periodic.decoupling.grouping import (
+from flexlin.periodic.decoupling.frames import (
+    SLOW_PART,
     Eigenvectors,
     Group,
+    aliasing,
+    circle_derivative,
     find_eigenvectors,
     find_frame,
     follow_modes,
     grouped_modes,
-)
-from flexlin.periodic.decoupling.superadiabatic import (
-    SLOW_PART,
-    aliasing,
-    circle_derivative,
     interleaved,
     interpolated,
     low_harmonics,

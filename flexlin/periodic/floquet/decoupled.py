@@ -18,8 +18,16 @@ from flexlin.periodic.decoupling.coupling import (
     link_modes,
 )
 from flexlin.periodic.decoupling.decouple import FIRST_NODES, MAX_MERGES, decouple
-from flexlin.periodic.decoupling.grouping import Group, block_mask, connected
-from flexlin.periodic.decoupling.superadiabatic import aliasing, harmonics, interpolated, mixing, shifted
+from flexlin.periodic.decoupling.frames import (
+    Group,
+    aliasing,
+    block_mask,
+    connected,
+    harmonics,
+    interpolated,
+    mixing,
+    shifted,
+)
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.precision import CUBE, FAINT, FARTHEST, FOURTH, MINOR, ROOT, SAFETY
