@@ -5,7 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.periodic.sampled.hold import hold_plant
+from flexlin.periodic.sampled import hold_plant
 from flexlin.simulation import Drive, simulate
 
 SAMPLES = 25

@@ -1,6 +1,6 @@
 /* How far perturbations of the factors move the logs of a product's eigenvalues: first order by left and right vectors, and what clusters add.
  * Sources: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1.3, V.2; for products Benner, Mehrmann, Xu (2002). */
-#include "motion.h"
+#include "schur.h"
 
 static const double COHERENT = 0.25; /* the part of the rounding errors that may add up with one sign */
 static const double CANCELLED = 0.3; /* the part of the factors' errors that counts even where their sum cancels */

@@ -1,6 +1,6 @@
 /* The spectrum of a long product, from its factors: balanced, multiplied together while well conditioned, brought into periodic Schur form, and
  * with bounds on what moves each eigenvalue. */
-#include "motion.h"
+#include "schur.h"
 
 static const double LARGEST = 1e70; /* products keep their entries within this and its inverse: modes that all grow alike are well conditioned */
 static const double NORMAL = 6.0;   /* h |A| up to which a segment loses no more than roundings of its size: a normal A's fastest mode is given as much */

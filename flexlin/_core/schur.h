@@ -43,4 +43,11 @@ void make_orthogonal(int n, double *A, double *Q, double *work);
 int find_schur_form(const Lapack *lapack, const double *factors, const double *start, Form *form);
 double wrap_angle(double angle);
 
+/* Bounds |L left| size |right R| on couplings over each factor by what is not known, for left and right vectors at its beginning:
+ * left (K, n, p) or none (1, and p = n), size (K, p, q), right (K, q, n) or none (1, and q = n). */
+typedef struct { int p, q; const double *left, *size, *right; } Noise;
+
+int bound_motion(const Form *form, const double *factors, const double *better, const double *counts, const Noise *noise, const double *scale,
+                 cpx *shift, double *method, double *rounding);
+
 #endif

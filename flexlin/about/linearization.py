@@ -19,7 +19,7 @@ from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.narrow import Features
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, SymbolicMotion
-from flexlin.periodic.second_order import SecondOrder, build_companion, build_input
+from flexlin.periodic.coefficients import SecondOrder, build_companion, build_input
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.plots.view import Series, Shown, View
 from flexlin.scene.control import Control

@@ -22,7 +22,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked, instance
 from flexlin.checks import SAMPLES, Array, at_times, positive
 from flexlin.errors import MotionError, NumericalError, ToleranceNotReached
-from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.system import MatrixFunction
 from flexlin.summary import represent
 

@@ -198,7 +198,7 @@ def judge_sampled_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
     sampling, found = a.scene.control.sampling, list[Loop]()
     if sampling is None:
         return ()
-    from flexlin.periodic.sampled.stability import sampled_floquet
+    from flexlin.periodic.sampled import sampled_floquet
 
     for loop in loops:
         law = a.closed.law if loop.design is None else loop.design.law

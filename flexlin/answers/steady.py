@@ -14,8 +14,7 @@ from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.axes import COLUMNS
 from flexlin.motion import SampledMotion
 from flexlin.periodic.related import OfPlant
-from flexlin.periodic.response.forced import forced_response
-from flexlin.periodic.response.result import ForcedResponse
+from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.scene import Scene
 

@@ -24,6 +24,6 @@ __getattr__, __dir__, __all__ = load_lazily(
         "control.sensors": "bending joint_angles joint_rates scene_sensors Sensors tip_acceleration tip_position",
         "control.tracking": "Feedforward feedforward",
         "control.validity": "linear_range",
-        "periodic.sampled.stability": "sampled_floquet",
+        "periodic.sampled": "sampled_floquet",
     },
 )

@@ -18,8 +18,8 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
-from flexlin.periodic.response.result import label_states
-from flexlin.periodic.sampled.stability import sampled_floquet
+from flexlin.periodic.response.forced import label_states
+from flexlin.periodic.sampled import sampled_floquet
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent

@@ -13,7 +13,7 @@ from flexlin.control.estimator import as_measurement
 from flexlin.control.lqr import periodic_lqr
 from flexlin.errors import NotStabilizable, NotStable
 from flexlin.periodic.coefficients import MatrixFunction, combine
-from flexlin.periodic.fourier import fourier_nodes
+from flexlin.periodic.interpolation import fourier_nodes
 from flexlin.periodic.precision import FARTHEST, ROOT, SLIGHT
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov

@@ -10,16 +10,15 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, counted
-from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.interpolation import ChebyshevPanels
 from flexlin.periodic.precision import SAFETY
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve_port
-from flexlin.periodic.sampled.cost import bound_rounding, solve_samples, weigh_samples
-from flexlin.periodic.sampled.hold import STAGES
-from flexlin.periodic.sampled.stability import Round, find_rounds, sampled_floquet
+from flexlin.periodic.sampled import STAGES, Round, find_rounds, sampled_floquet
+from flexlin.periodic.sampled_cost import bound_rounding, solve_samples, weigh_samples
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.summary import represent
 

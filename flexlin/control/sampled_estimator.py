@@ -15,9 +15,8 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.scattering import transpose
 from flexlin.periodic.related import with_matrices
-from flexlin.periodic.sampled.cost import SampledProblem, bound_rounding, solve_samples, spread_noise
-from flexlin.periodic.sampled.hold import STAGES, HeldPlant, hold_plant
-from flexlin.periodic.sampled.stability import judge_samples
+from flexlin.periodic.sampled import STAGES, HeldPlant, hold_plant, judge_samples
+from flexlin.periodic.sampled_cost import SampledProblem, bound_rounding, solve_samples, spread_noise
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.summary import represent
 

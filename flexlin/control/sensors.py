@@ -13,8 +13,7 @@ from flexlin.checks import Array
 from flexlin.control.estimator import Estimator, kalman_filter
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.link_shapes import make_shapes
-from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction
-from flexlin.periodic.second_order import solve_mass
+from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, solve_mass
 from flexlin.periodic.zeros import InvariantZeros, invariant_zeros
 from flexlin.scene.control import EstimatorTable
 from flexlin.scene.scene import Scene

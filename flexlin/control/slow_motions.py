@@ -10,8 +10,7 @@ from flexlin.errors import NumericalError
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import find_coinciding
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.product.cyclic import periodic_vectors
-from flexlin.periodic.product.spectrum import balance_factors
+from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import METHODS, choose_setting, factor_by, place_segments
 

@@ -10,16 +10,15 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotCertified, NumericalError
-from flexlin.periodic.chebyshev import (
+from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.grid import divided
+from flexlin.periodic.interpolation import (
     ChebyshevPanels,
-    chebyshev_basis,
+    FourierSeries,
     chebyshev_coefficients,
     chebyshev_nodes,
     panel_times,
 )
-from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.grid import divided
 from flexlin.periodic.precision import EPS, ROOT, TINY
 from flexlin.periodic.quadratic.linear_quadratic import WAVES, RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
@@ -155,7 +154,9 @@ def sum_terms(A: Array, X: Array, slope: Array, u: Array) -> Array:
 
 def evaluate(coefficients: Array, u: Array) -> Array:
     """Polynomials of each panel at u (U,): (P, U, n, n)."""
-    return np.einsum("uk,pkij->puij", chebyshev_basis(u, coefficients.shape[1]), coefficients, optimize=True)
+    return np.einsum(
+        "uk,pkij->puij", np.polynomial.chebyshev.chebvander(u, coefficients.shape[1] - 1), coefficients, optimize=True
+    )
 
 
 def flat(values: Array) -> Array:

@@ -1,6 +1,5 @@
 """Times of a period: edges of segments that respect the breaks of the coefficients, and what counts as narrow."""
 
-import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -28,15 +27,9 @@ def place_edges(period: float, breaks: Sequence[float] | Array, segments: int, l
     Returns: increasing times (K + 1,) from 0 to T, K >= segments.
     Raises: ArgumentError unless segments is a whole number from 1 on.
     """
-    segments = whole("segments", segments)
     corners = np.unique([0.0, *breaks, period])
-    pieces = [
-        np.linspace(a, b, max(least, math.ceil(segments * (b - a) / period * (1 - 1e-12))) + 1)[:-1]
-        for a, b in pairwise(corners)
-    ]
-    return np.unique(
-        np.concatenate([*pieces, [period]])
-    )  # breaks one rounding apart leave no room for edges between them
+    grid = divided(corners, period / whole("segments", segments), least)
+    return np.unique(grid)  # breaks one rounding apart leave no room for edges between them
 
 
 def edges_of_short(edges: Array, longest: float) -> Array:
@@ -51,9 +44,8 @@ def divide_segments(grid: Array, parts: int) -> Array:
     return np.append(starts, grid[-1])
 
 
-def divided(edges: Array, longest: float) -> Array:
-    """Divide intervals evenly until none is longer."""
-    parts = [
-        np.linspace(a, b, math.ceil((b - a) / longest * (1 - 1e-12)) + 1)[:-1] for a, b in pairwise(edges.tolist())
-    ]
+def divided(edges: Array, longest: float, least: int = 1) -> Array:
+    """Divide intervals evenly, each into so many at the least, until none is longer."""
+    counts = np.maximum(least, np.ceil(np.diff(edges) / longest * (1 - 1e-12)).astype(int))
+    parts = [np.linspace(a, b, k, endpoint=False) for (a, b), k in zip(pairwise(edges), counts, strict=True)]
     return np.concatenate([*parts, edges[-1:]])

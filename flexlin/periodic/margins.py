@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.errors import NotStable, NumericalError, TimeLimit
-from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, has_nothing_narrow
+from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.precision import ROOT
 from flexlin.periodic.related import with_matrices
@@ -118,7 +118,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     breaks, decay = tuple(nominal.resolved.breaks), float(found.exponents[0].real)
 
     def with_gain(kappa: float) -> PeriodicSystem:
-        return system.feedback(Scaled(K, kappa), breaks)
+        return system.feedback(combine(partial(np.multiply, kappa), K), breaks)
 
     def with_phase(phi: float) -> PeriodicSystem:
         return with_matrices(nominal, Turned(system.A, B, K, phi), breaks=breaks)
@@ -145,22 +145,6 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     (low, below), (high, above), (phase, turned), (delay, late) = (find_if_known(one, reasons) for one in searches)
     gain = 0.0 if np.isinf(low) else low, high
     return Margins(gain, phase, delay, (below, above, turned, late), "; ".join(dict.fromkeys(reasons)))
-
-
-@dataclass(frozen=True, eq=False)
-class Scaled:
-    """kappa K(t)."""
-
-    K: MatrixFunction
-    kappa: float
-
-    def __call__(self, t: Array) -> Array:
-        return self.kappa * self.K(t)
-
-    @property
-    def complete(self) -> bool:
-        """As the gain is."""
-        return has_nothing_narrow(self.K)
 
 
 @dataclass(frozen=True, eq=False)

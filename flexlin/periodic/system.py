@@ -11,19 +11,22 @@ from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, positive, whole
 from flexlin.errors import ArgumentError, counted
 from flexlin.lazy import lazy
-from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import (
     ClosedLoop,
     Constant,
+    InputMatrix,
     MatrixFunction,
+    SecondOrder,
+    SecondOrderFunction,
+    Separate,
+    StateMatrix,
     as_matrix_function,
     check_samples,
     has_nothing_narrow,
 )
-from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, close_loop, weigh_entries
+from flexlin.periodic.interpolation import ChebyshevPanels
+from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, weigh_entries
 from flexlin.periodic.resolved.resolve import check_places, resolve, resolve_constant, resolve_port
-from flexlin.periodic.second_order import InputMatrix, SecondOrder, SecondOrderFunction, Separate, StateMatrix
 from flexlin.plots.view import Series, Shown, View
 
 if TYPE_CHECKING:
@@ -179,22 +182,10 @@ class PeriodicSystem(Shown):
         if isinstance(self.A, Constant) and not self.breaks and not self.features:
             return resolve_constant(self.A.value, self.period)
         named = (self.period, self.breaks, self.features)
-        if isinstance(self.A, ClosedLoop) and self.second_order is None:
-            closed = self._close_series(self.A)
-            if closed is not None:
-                return closed
         if self.second_order is None:
             return resolve(self.A, *named, complete=self.complete)
         blocks = resolve(self.second_order.stacked, *named, complete=self.complete, least=weigh_entries)
         return ResolvedCompanion(**vars(blocks))
-
-    def _close_series(self, loop: ClosedLoop) -> ResolvedMatrix | None:
-        """A(t) of a loop from what its plant has resolved already, where all are Fourier series; the gain is one by itself."""
-        K = FourierSeries(loop.K.value[None], self.period) if isinstance(loop.K, Constant) else loop.K
-        if not isinstance(K, FourierSeries) or K.period != self.period or self.breaks or self.features:
-            return None
-        A, B = loop.plant.resolved, loop.plant.resolved_input
-        return None if isinstance(A, ResolvedCompanion) else close_loop(A, B, K)
 
     @lazy
     def resolved_input(self) -> ResolvedMatrix:
@@ -285,7 +276,7 @@ class PeriodicSystem(Shown):
         """
         B, K = input_of(self), as_port("gain", gain, (self.m, self.n), self.period)
         second_order = None if self.second_order is None else self.second_order.feedback(K)
-        loop = ClosedLoop(self.A, B, K, self)
+        loop = ClosedLoop(self.A, B, K)
         complete = self.complete and has_nothing_narrow(K)
         corners = (*self.breaks, *breaks, *(K.edges[:-1] if isinstance(K, ChebyshevPanels) else ()))
         return PeriodicSystem(loop, self.period, B, corners, second_order, self.features, complete)

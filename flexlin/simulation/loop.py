@@ -10,7 +10,7 @@ from flexlin.about.law import Law
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
 from flexlin.lazy import lazy
-from flexlin.periodic.sampled.hold import hold_controller
+from flexlin.periodic.sampled import hold_controller
 from flexlin.simulation.collocation import ROUNDING, Collocation
 from flexlin.simulation.controlled_arm import ControlledArm, explain_end, find_indefinite
 from flexlin.simulation.equations import (

@@ -7,9 +7,9 @@ import numpy as np
 from flexlin.about.law import Law, VectorFunction
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
-from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import MatrixFunction, has_nothing_narrow
 from flexlin.periodic.grid import edges_of_short
+from flexlin.periodic.interpolation import ChebyshevPanels
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.search import first_edges
 

@@ -32,7 +32,7 @@ NOT_LISTED = (
     "flexlin.periodic.quadratic.riccati.finite_horizon_riccati",
     "flexlin.periodic.quadratic.riccati.periodic_lyapunov",
     "flexlin.periodic.quadratic.linear_quadratic.RiccatiSolution",
-    "flexlin.periodic.response.result.ForcedResponse",
+    "flexlin.periodic.response.forced.ForcedResponse",
 )
 """Public by their docstrings, in modules that list no public names."""
 PENDING: set[str] = set()

@@ -1,9 +1,11 @@
-"""Angles and logarithms modulo 2 pi against arithmetic on the unit circle, borders and digits included."""
+"""Angles and logarithms modulo 2 pi against arithmetic on the unit circle, borders and digits included; and one-to-one assignment."""
+
+from itertools import permutations
 
 import numpy as np
 import pytest
 
-from flexlin.periodic import count_turns, match_logs, measure_distances, wrap_angle, wrap_log
+from flexlin.periodic import assign, count_turns, match_logs, measure_distances, wrap_angle, wrap_log
 
 
 def test_wrapped_angles_are_on_the_same_point_of_the_circle_inside_the_half_open_interval():
@@ -52,3 +54,21 @@ def test_nearest_pairs_come_first():
 
 def test_distances_cross_the_cut():
     assert measure_distances(np.array([1 + 3.1j]), np.array([1 - 3.1j]))[0, 0] == pytest.approx(2 * np.pi - 6.2)
+
+
+@pytest.mark.parametrize("whole", [False, True], ids=["real", "with ties"])
+def test_no_permutation_costs_less(whole):
+    rng = np.random.default_rng(2)
+    for _ in range(60):
+        rows = int(rng.integers(1, 6))
+        cost = rng.random((rows, rows + rng.integers(0, 3))) ** rng.integers(1, 9) - rng.integers(0, 2)
+        cost += rng.integers(0, 2) * rng.random(cost.shape[1]) * 3  # columns that all rows want
+        cost = np.round(4 * cost) if whole else cost
+        column = assign(cost)
+        assert len(set(column.tolist())) == rows
+        best = min(cost[np.arange(rows), list(one)].sum() for one in permutations(range(cost.shape[1]), rows))
+        np.testing.assert_allclose(cost[np.arange(rows), column].sum(), best, rtol=1e-13, atol=1e-13)
+
+
+def test_infinite_costs_are_avoided():
+    assert assign(np.array([[0.0, 1.0], [0.0, np.inf]])).tolist() == [1, 0]

@@ -9,7 +9,6 @@ from scipy.interpolate import BarycentricInterpolator
 from flexlin.periodic import (
     ChebyshevPanels,
     FourierSeries,
-    chebyshev_basis,
     chebyshev_coefficients,
     chebyshev_nodes,
     fourier_differentiation,
@@ -49,12 +48,9 @@ def test_constants_come_back_bit_for_bit(value):
     assert np.all(coefficients[0, 1:] == 0)
 
 
-def test_chebyshev_nodes_basis_and_matrix_against_numpy():
+def test_chebyshev_nodes_and_matrix_against_numpy():
     u, values = chebyshev_nodes(20), np.random.default_rng(3).standard_normal(20)
     assert u == pytest.approx(chebyshev.chebpts1(20), abs=1e-15)
-    assert chebyshev_basis(np.array([-1.5, 0.2, 1.0]), 9) == pytest.approx(
-        chebyshev.chebvander([-1.5, 0.2, 1.0], 8), rel=1e-13, abs=1e-14
-    )
     c = chebyshev_coefficients(values[None, :, None])[0, :, 0]
     at = np.linspace(-1, 1, 33)
     assert chebyshev.chebval(at, c) == pytest.approx(BarycentricInterpolator(u, values)(at), abs=1e-12)
@@ -75,3 +71,31 @@ def test_panels_are_right_continuous_and_integrate_exactly():
     assert panels.derivative()(inside)[:, 0, 1] == pytest.approx(-9 * np.sin(9 * inside), abs=1e-10)
     whole = np.exp(T) - 1 + 5 * 0.8 + 10 * (T - 1.1)
     assert panels.mean()[0] == pytest.approx([whole / T, np.sin(9 * T) / 9 / T], abs=1e-13)
+
+
+def polynomial(rng, harmonics, shape):
+    """A function (t, derivative) -> (N, *shape) with the harmonics 0 ... H."""
+    a, b = rng.standard_normal((2, harmonics + 1, *shape))
+
+    def function(t, derivative=0):
+        total = 0.0
+        for k in range(harmonics + 1):
+            w = 2 * np.pi * k / T
+            angle = w * np.asarray(t) + derivative * np.pi / 2
+            wave = np.multiply.outer(np.cos(angle), a[k]) + np.multiply.outer(np.sin(angle), b[k])
+            total = total + w**derivative * wave
+        return total
+
+    return function
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (2, 4), (0,)])
+@pytest.mark.parametrize("derivative", [0, 1, 2])
+def test_a_trigonometric_polynomial_is_reproduced(shape, derivative):
+    rng = np.random.default_rng(5)
+    function = polynomial(rng, 6, shape)
+    series = FourierSeries.through(function(T * np.arange(13) / 13), T)
+    t = rng.uniform(-5, 5, 50)
+    np.testing.assert_allclose(series(t, derivative), function(t, derivative), atol=1e-9, rtol=1e-9)
+    assert series(0.3).shape == shape
+    np.testing.assert_allclose(series(0.3, derivative), series(np.array([0.3]), derivative)[0])

@@ -43,8 +43,8 @@ from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.product.spectrum import product_logs
+from flexlin.periodic.interpolation import FourierSeries
+from flexlin.periodic.product import find_spectrum
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response
@@ -135,7 +135,7 @@ def choose_reference(system: PeriodicSystem, order: int = REFERENCE) -> Setting:
 
 def find_exact_exponents(system: PeriodicSystem) -> Array:
     """Exponents (n,) in 1/s of the reference's product of transition matrices, modulo 2 pi i / T."""
-    return product_logs(factor_period(system, choose_reference(system))[1]) / system.period
+    return find_spectrum(factor_period(system, choose_reference(system))[1]).logs / system.period
 
 
 def measure_exponents(closed: Linearization, exact: Array, seconds: float) -> list[Row]:

@@ -23,7 +23,7 @@ from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response
-from flexlin.periodic.sampled.hold import STAGES, sections
+from flexlin.periodic.sampled import STAGES, sections
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene

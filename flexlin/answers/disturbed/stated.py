@@ -15,7 +15,7 @@ from flexlin.control.export.files import Labels
 from flexlin.control.sensors import tip_position
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
-from flexlin.periodic.second_order import build_input
+from flexlin.periodic.coefficients import build_input
 from flexlin.scene.units import in_si
 
 AXES = "xyz"

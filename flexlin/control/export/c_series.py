@@ -10,9 +10,8 @@ from scipy.interpolate import CubicSpline
 from flexlin.checks import SAMPLES, Array
 from flexlin.control.sampled import SampledGain
 from flexlin.errors import ArgumentError
-from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
 from flexlin.periodic.coefficients import MatrixFunction
-from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, chebyshev_coefficients, panel_times
 from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.matrix import Series
 from flexlin.periodic.resolved.resolve import resolve

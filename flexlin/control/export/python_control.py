@@ -12,7 +12,7 @@ from flexlin.control.designed_loop import Design
 from flexlin.control.export.files import Labels
 from flexlin.control.sampled import find_round
 from flexlin.errors import ArgumentError
-from flexlin.periodic.sampled.hold import hold_plant
+from flexlin.periodic.sampled import hold_plant
 from flexlin.periodic.system import PeriodicSystem
 
 if TYPE_CHECKING:

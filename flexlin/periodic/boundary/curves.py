@@ -16,7 +16,7 @@ from flexlin.periodic.boundary.spectra import (
     drop_resting,
     measure_margins,
 )
-from flexlin.periodic.chebyshev import chebyshev_nodes
+from flexlin.periodic.interpolation import chebyshev_nodes
 from flexlin.periodic.precision import CUBE, TINY
 from flexlin.periodic.resolved.panels import NODES
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.boundary.spectra import Effort, SpectraFunction, measure_margins
-from flexlin.periodic.precision import ROOT, TINY
+from flexlin.periodic.precision import FOURTH, TINY
 from flexlin.periodic.roots import SignedEnds, solve_uncertain
 
-STEP = float(np.sqrt(ROOT))
+STEP = FOURTH
 """Of the ranges: the step of the differences that give the margin's gradient, whose only use is the direction of the boundary.
 
 Exact derivatives cost 170 to 400 times as much as four values of the compiled kernel (13 times with 12 states), and turn it by 1e-5 rad

@@ -13,8 +13,8 @@ from flexlin.periodic.roots import MOST, SignedEnds, solve_brackets, solve_uncer
 
 REACH = 2.0
 """A pair whose decay over a period exceeds its motion across a cell by this factor is not lifted to growth inside the cell alone."""
-HALVED, UNEVEN = 4, 0.1
-"""How often cells of a lattice's lines are halved at the most, and how unevenly multipliers turn where they are halved again."""
+HALVED = 4
+"""How often cells of a lattice's lines are halved at the most."""
 UNLIKE = 0.5
 """Angles of multipliers that differ by more belong to different tongues."""
 
@@ -131,7 +131,7 @@ def divide_unsettled(scan: Scan) -> Scan:
 def turns_unevenly(left: Array, middle: Array, right: Array) -> Array:
     """Where logs (V, n) do not come half as far to the middle as to the right: they turned farther than both ends show."""
     near, far = (measure_distances(left.T, other.T).min(axis=1) for other in (middle, right))
-    return np.asarray((np.abs(near - far / 2) > UNEVEN).any(axis=0))
+    return np.asarray((np.abs(near - far / 2) > MINOR).any(axis=0))
 
 
 def measure_heights(spectra: Spectra) -> Array:

@@ -7,8 +7,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.lazy import lazy
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.decoupling.grouping import Group, block_mask
-from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, circle_derivative, harmonics, sylvester
+from flexlin.periodic.decoupling.frames import SLOW_PART, Group, block_mask, circle_derivative, harmonics, sylvester
 from flexlin.periodic.precision import FARTHEST, SLIGHT, TINY
 
 STILL = 8.0

@@ -17,18 +17,16 @@ from flexlin.periodic.decoupling.coupling import (
     pair_effects,
     residual_effect,
 )
-from flexlin.periodic.decoupling.grouping import (
+from flexlin.periodic.decoupling.frames import (
+    SLOW_PART,
     Eigenvectors,
     Group,
+    aliasing,
+    circle_derivative,
     find_eigenvectors,
     find_frame,
     follow_modes,
     grouped_modes,
-)
-from flexlin.periodic.decoupling.superadiabatic import (
-    SLOW_PART,
-    aliasing,
-    circle_derivative,
     interleaved,
     interpolated,
     low_harmonics,
@@ -40,7 +38,7 @@ from flexlin.periodic.decoupling.superadiabatic import (
     tail,
 )
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SLIGHT
-from flexlin.periodic.product.spectrum import COHERENT, GROUP_CONDITION
+from flexlin.periodic.product import COHERENT, GROUP_CONDITION
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.resolved.sampling import POINTS, RESOLVED, stratified
 from flexlin.periodic.system import MatrixFunction
@@ -54,8 +52,6 @@ ADIABATIC = 0.05
 HOPELESS = 300.0
 """On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
 MAX_ROUNDS, MAX_MERGES = 14, 12
-SPARSE = 4
-"""Means of rounding are taken at every so many nodes: it changes slowly."""
 
 
 def decouple(
@@ -196,11 +192,10 @@ def with_evidence(
     Parameters: coupled: the generator; slope, A (N, n, n): the frame's slope and the coefficients at the times of `done`;
     allowed (n,): error of each exponent, in 1/s.
     """
-    some = slice(None, None, SPARSE)
-    T, inverse = done.frame[some], done.inverse[some]
-    rounding = EPS * (np.abs(inverse) @ (np.abs(A[some]) @ np.abs(T) + np.abs(slope[some]))).mean(axis=0)
+    T, inverse = done.frame, done.inverse
+    rounding = EPS * (np.abs(inverse) @ (np.abs(A) @ np.abs(T) + np.abs(slope))).mean(axis=0)
     if uncertainty is not None:
-        rounding = rounding + COHERENT / 3 * uncertainty(done.times[some], inverse, T).mean(axis=0)
+        rounding = rounding + COHERENT / 3 * uncertainty(done.times, inverse, T).mean(axis=0)
     means = np.einsum("tii->ti", done.generator)
     apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
     noise = 4 * np.diagonal(rounding)
@@ -307,8 +302,7 @@ def part_groups(
 
 
 def transformation_noise(T: Array, A: Array) -> Array:
-    """Rounding of T^-1 A T, entry by entry (n, n); looked at where evidence looks at it."""
-    T, A = T[::SPARSE], A[::SPARSE]
+    """Rounding of T^-1 A T, entry by entry (n, n)."""
     size = np.abs(np.linalg.inv(T)) @ (np.abs(A) @ np.abs(T))
     rounding = 30 * EPS * size.max(axis=0)
     return np.sqrt(rounding * rounding.T)

@@ -18,13 +18,20 @@ from flexlin.periodic.decoupling.coupling import (
     link_modes,
 )
 from flexlin.periodic.decoupling.decouple import FIRST_NODES, MAX_MERGES, decouple
-from flexlin.periodic.decoupling.grouping import Group, block_mask, connected
-from flexlin.periodic.decoupling.superadiabatic import aliasing, harmonics, interpolated, shifted
+from flexlin.periodic.decoupling.frames import (
+    Group,
+    aliasing,
+    block_mask,
+    connected,
+    harmonics,
+    interpolated,
+    mixing,
+    shifted,
+)
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
-from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.precision import CUBE, FAINT, FARTHEST, FOURTH, MINOR, ROOT, SAFETY
-from flexlin.periodic.product.cyclic import periodic_vectors
-from flexlin.periodic.product.spectrum import balance_factors
+from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.resolved.matrix import ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.gauss import gauss_transitions
@@ -285,11 +292,5 @@ def correct_modes(decoupled: Decoupled, V: Array, own: Array, moved: Array) -> A
         if not np.isfinite(size).all():
             return None
         if np.all(np.abs(S - before).max(axis=0) <= FAINT * (size + size @ size)):
-            return S if measure_mixing(S) < FOURTH else None
+            return S if mixing(S).max() < FOURTH else None
     return None
-
-
-def measure_mixing(S: Array) -> float:
-    """How far 1 + s mixes two modes at most, whatever their scaling."""
-    size = np.abs(S).max(axis=0)
-    return float(np.sqrt(size * size.T).max())

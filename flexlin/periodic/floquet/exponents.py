@@ -12,10 +12,10 @@ from flexlin.periodic.circle import assign, match_logs, measure_distances, pair_
 from flexlin.periodic.decoupling.coupling import Decoupled, Refusal
 from flexlin.periodic.decoupling.decouple import MAX_MERGES
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
-from flexlin.periodic.floquet.result import FloquetResult, find_reached, judge
+from flexlin.periodic.floquet.result import FloquetResult, find_coinciding_within, find_reached, judge
 from flexlin.periodic.floquet.segmented import Factoring, solve_by_segments
 from flexlin.periodic.precision import CUBE, EPS, FAINT, SAFETY
-from flexlin.periodic.product.spectrum import balance_factors, bound_pairs, separate_triangular
+from flexlin.periodic.product import balance_factors, bound_pairs, separate_triangular
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, couple_uncertainty
 from flexlin.periodic.resolved.sampling import BLOCKS, stratified
 from flexlin.periodic.system import PeriodicSystem, as_system
@@ -195,13 +195,6 @@ def count_missed(found: FloquetResult, tol: float) -> int:
     alike = find_coinciding_within(logs, found.errors * found.period) & (found.errors <= CUBE * size)
     reached = find_reached(found.exponents, found.errors, tol)
     return int(np.sum(~(reached | np.isinf(found.errors) | alike)))
-
-
-def find_coinciding_within(logs: Array, errors: Array) -> Array:
-    """Which logs of multipliers agree with another one within their errors, (n,)."""
-    with np.errstate(invalid="ignore"):
-        near = measure_distances(logs, logs) <= errors[:, None] + errors
-    return np.asarray((near & ~np.eye(len(logs), dtype=bool)).any(axis=1))
 
 
 def finish(

@@ -14,8 +14,7 @@ from flexlin.periodic.floquet.decoupled import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.precision import ROOT
-from flexlin.periodic.product.cyclic import periodic_vectors
-from flexlin.periodic.product.spectrum import balance_factors
+from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss
 from flexlin.periodic.transition.setting import FEWER_SEGMENTS, METHODS, choose_setting, factor_by, place_segments
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     import xarray
 
 MODES_TOL = 1e-9
-"""Accuracy of the transition matrices where the exponents came without any."""
+"""Accuracy of transition matrices where nobody asks for one."""
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,11 @@ import numpy as np
 from flexlin.arguments import instance
 from flexlin.checks import Array
 from flexlin.periodic.floquet.modes import FloquetModes
-from flexlin.periodic.precision import MINOR
+from flexlin.periodic.precision import CUBE, MINOR
 from flexlin.periodic.system import PeriodicSystem, as_system
 
 FAR = 1.0
 """Two modes further from the condition than so many w do not meet it: one drives the other, which follows at a frequency of its own."""
-
-
-LOCKED = 1e-6
-"""Of the motion's frequency: what is less far from its half is half of it."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +41,7 @@ class Resonance:
     def own_cause(self) -> str:
         """Why one mode grows where no two averaged ones meet, in words: it may turn by w / 2, which no average of its own does."""
         own, half = self.frequencies[0], self.w / 2
-        locked, by_chance = (abs(one % self.w - half) <= LOCKED * self.w for one in (self.exponent.imag, own))
+        locked, by_chance = (abs(one % self.w - half) <= CUBE * self.w for one in (self.exponent.imag, own))
         if locked and not by_chance:
             return f"parametric resonance at w / 2 = {half:.4g} rad/s"
         return f"flutter near {own:.4g} rad/s, by no resonance with the motion"

@@ -187,7 +187,9 @@ def judge(
     else:
         verdict = "undecided"
     facts = f"growth rate {growth[critical]:.6g} +- {off[critical]:.1e} 1/s by {setting}"
-    isolated = undamped and verdict == "undecided" and are_isolated(exponents, errors, period)
+    isolated = (
+        undamped and verdict == "undecided" and not find_coinciding_within(period * exponents, period * errors).any()
+    )
     rounded = off[critical] <= RESOLVED * max(1 / period, max(map(abs, values)))
     reason = explain(verdict, growth[critical], off[critical], period, tol, isolated, coarse, rounded)
     advice = {
@@ -236,8 +238,8 @@ def explain(
     return ""
 
 
-def are_isolated(exponents: Array, errors: Array, period: float) -> bool:
-    """Whether no two exponents are within their errors: then the pairing (lambda, -conj lambda) holds each on the axis."""
-    size = measure_distances(exponents * period, exponents * period) / period
-    np.fill_diagonal(size, np.inf)
-    return bool(np.all(size > errors[:, None] + errors))
+def find_coinciding_within(logs: Array, errors: Array) -> Array:
+    """Which logs of multipliers agree with another one within their errors, (n,)."""
+    with np.errstate(invalid="ignore"):
+        near = measure_distances(logs, logs) <= errors[:, None] + errors
+    return np.asarray((near & ~np.eye(len(logs), dtype=bool)).any(axis=1))

@@ -8,14 +8,14 @@ from flexlin.periodic.precision import EPS
 from flexlin.periodic.quadratic.nodes import Nodes
 from flexlin.periodic.quadratic.scattering import MAX_DOUBLINGS, symmetrize, transpose
 from flexlin.periodic.transition.factors import factor_states
-from flexlin.periodic.transition.gauss import collect_chunks, gauss, sample_at
+from flexlin.periodic.transition.gauss import STAGES, collect_chunks, gauss, sample_at
 
 REACH = 0.25
 """Size of a step times the loop from which on a few powers give its exponential."""
 SLOW = 3
 """Doublings of a half step up to which no mode oscillates in it."""
-SHORT, STAGES = 1.0, 8
-"""Rate of the fastest mode times a half step up to which so many Gauss stages are exact, and corrections by Hermite's rule converge."""
+SHORT = 1.0
+"""Rate of the fastest mode times a half step up to which Gauss stages are exact, and corrections by Hermite's rule converge."""
 
 
 class LoopLyapunov:

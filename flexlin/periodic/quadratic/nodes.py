@@ -5,11 +5,11 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from flexlin.checks import Array
-from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_basis
-from flexlin.periodic.fourier import FourierSeries, fourier_nodes
 from flexlin.periodic.grid import FINER, divide_segments
+from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, fourier_nodes
 from flexlin.periodic.precision import EPS, SAFETY, TINY
 from flexlin.periodic.resolved.sampling import NEAR
 
@@ -218,8 +218,8 @@ def lobatto(shift: float = 0.0) -> tuple[Array, Array, Array, Array]:
     """Chebyshev's extreme points (or, by a shift of 1/2, the zeros of T_p between them), the matrices from values at extreme points to
     values and slopes at these, and to coefficients."""
     extreme, u = (-np.cos(np.pi * np.arange(shift, DEGREE + 1 - shift) / DEGREE) for shift in (0.0, shift))
-    to_coefficients = np.linalg.inv(chebyshev_basis(extreme, DEGREE + 1))
-    derivatives = np.polynomial.chebyshev.chebder(np.eye(DEGREE + 1), axis=0)
-    slopes = chebyshev_basis(u, DEGREE) @ derivatives @ to_coefficients
+    to_coefficients = np.linalg.inv(chebyshev.chebvander(extreme, DEGREE))
+    derivatives = chebyshev.chebder(np.eye(DEGREE + 1), axis=0)
+    slopes = chebyshev.chebvander(u, DEGREE - 1) @ derivatives @ to_coefficients
     slopes[:, : len(u)] -= np.diag(slopes.sum(axis=1))
-    return u, chebyshev_basis(u, DEGREE + 1) @ to_coefficients, slopes, to_coefficients
+    return u, chebyshev.chebvander(u, DEGREE) @ to_coefficients, slopes, to_coefficients

@@ -12,8 +12,8 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import NotStable, NumericalError
 from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow, varies
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.grid import divided, edges_of_short
+from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.precision import MINOR
 from flexlin.periodic.quadratic.linear_quadratic import (
     SAMPLES,

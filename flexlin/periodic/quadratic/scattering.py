@@ -35,7 +35,7 @@ class Segment:
         return len(self.F)
 
 
-def scatter_hamiltonian(transition: Array) -> tuple[Segment, float]:
+def scatter_hamiltonian(transition: Array) -> Segment:
     """Turn the transition matrix of a Hamiltonian system into scattering form.
 
         [x1; l1] = [[P11, P12], [P21, P22]] [x0; l0]:   F' = P22^-1,   H = -P22^-1 P21,   G = -P12 P22^-1
@@ -43,7 +43,7 @@ def scatter_hamiltonian(transition: Array) -> tuple[Segment, float]:
     Assumes a symplectic transition matrix (Gauss collocation gives one): then the map of x0 to x1 is F as well.
 
     Parameters: transition (..., 2n, 2n).
-    Returns: a segment of shape (..., n, n), G and H exactly symmetric; the relative asymmetry of H before it was made so.
+    Returns: a segment of shape (..., n, n), G and H exactly symmetric.
     Raises: IllPosedSegment when P22 is singular: the segment is too long for its coefficients.
     Source: Redheffer (1960).
     """
@@ -51,8 +51,7 @@ def scatter_hamiltonian(transition: Array) -> tuple[Segment, float]:
     P12, P21, P22 = transition[..., :n, n:], transition[..., n:, :n], transition[..., n:, n:]
     solved = solve_segments(P22, np.concatenate([np.broadcast_to(np.eye(n), P22.shape), P21], axis=-1), "P22")
     inverse, H = solved[..., :n], -solved[..., n:]
-    asymmetry = float(np.abs(H - transpose(H)).max() / (np.abs(H).max() or 1.0))
-    return Segment(transpose(inverse), symmetrize(-P12 @ inverse), symmetrize(H)), asymmetry
+    return Segment(transpose(inverse), symmetrize(-P12 @ inverse), symmetrize(H))
 
 
 def star_product(first: Segment, second: Segment) -> Segment:
@@ -103,8 +102,8 @@ def combine_in_tree(segments: Segment) -> list[Segment]:
     while len(levels[-1]) > 1:
         level = levels[-1]
         pairs = len(level) // 2 * 2
-        combined = star_product(level[0:pairs:2], level[1:pairs:2])
-        levels.append(combined if pairs == len(level) else stack_segments(combined, level[pairs:]))
+        both, rest = star_product(level[0:pairs:2], level[1:pairs:2]), level[pairs:]
+        levels.append(Segment(*map(np.concatenate, ((both.F, rest.F), (both.G, rest.G), (both.H, rest.H)))))
     return levels
 
 
@@ -124,11 +123,6 @@ def carry_costs_down(levels: list[Segment], end: Array) -> Array:
             below[-1] = after[-1]
         after = below
     return np.concatenate([carry_cost_back(levels[0], after), end[None]])
-
-
-def stack_segments(*parts: Segment) -> Segment:
-    """Put stacks of segments end to end."""
-    return Segment(*(np.concatenate(one) for one in zip(*((part.F, part.G, part.H) for part in parts), strict=True)))
 
 
 def symmetrize(matrix: Array) -> Array:
@@ -162,7 +156,7 @@ def scatter_exponentials(averages: Array) -> Segment:
     square = averages @ averages
     size = np.linalg.norm(square @ square, 1, axis=(1, 2)).max() ** 0.25
     doublings = int(max(0, np.ceil(np.log2(max(size, TINY) / REACH))))
-    segments, _ = scatter_hamiltonian(expm(averages / 2**doublings))
+    segments = scatter_hamiltonian(expm(averages / 2**doublings))
     for _ in range(doublings):
         segments = star_product(segments, segments)
     return segments

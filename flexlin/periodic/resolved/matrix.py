@@ -6,12 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
-from flexlin.periodic.chebyshev import ChebyshevPanels
-from flexlin.periodic.fourier import FourierSeries, fourier_nodes
+from flexlin.periodic.coefficients import build_companion
+from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, fourier_nodes
 from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.panels import NODES
-from flexlin.periodic.resolved.sampling import ROUNDINGS
-from flexlin.periodic.second_order import build_companion
 from flexlin.summary import represent
 
 Series = FourierSeries | ChebyshevPanels
@@ -119,18 +117,6 @@ class ResolvedMatrix(Resolved):
         )
 
 
-def close_loop(A: ResolvedMatrix, B: ResolvedMatrix, K: FourierSeries) -> ResolvedMatrix | None:
-    """A - B K as one Fourier series, with as many harmonics as it has; nothing where one of them is no such series."""
-    if not isinstance(A.series, FourierSeries) or not isinstance(B.series, FourierSeries):
-        return None
-    count = 2 * max(A.degree, B.degree + K.degree) + 1
-    plant, forces, gain = (series.at_nodes(count) for series in (A.series, B.series, K))
-    product, most = forces @ gain, np.abs(gain).max(axis=0)
-    rounding = (4 + np.log2(count)) * EPS * (np.abs(plant).max(axis=0) + np.abs(forces).max(axis=0) @ most)
-    error = A.error + B.error @ most + rounding
-    return ResolvedMatrix(FourierSeries.through(plant - product, A.period), (), (), error, A.samples + B.samples)
-
-
 class ResolvedCompanion(Resolved):
     """A(t) = [[0, I], [-M^-1 K, -M^-1 D]] from the series of [M D K] (n, 3 n), of which all bounds speak.
 
@@ -195,11 +181,11 @@ def couple_uncertainty(
     """
     error = resolved.error_near(t) if in_mean else resolved.error
     if not isinstance(resolved, ResolvedCompanion):
-        known = ROUNDINGS * EPS * np.abs(resolved(t)) + error
+        known = SAFETY * EPS * np.abs(resolved(t)) + error
         return np.asarray(np.abs(left) @ (known @ np.abs(right)))
     M, D, K = resolved.sample(t)
     n = M.shape[-1]
-    dM, dD, dK = (ROUNDINGS * EPS * np.abs(X) + e for X, e in zip((M, D, K), resolved.split(error), strict=True))
+    dM, dD, dK = (SAFETY * EPS * np.abs(X) + e for X, e in zip((M, D, K), resolved.split(error), strict=True))
     V = np.swapaxes(np.linalg.solve(np.swapaxes(M, -1, -2), np.swapaxes(left[..., n:], -1, -2)), -1, -2)
     position, rate = right[..., :n, :], right[..., n:, :]
     z = np.linalg.solve(M, K @ position + D @ rate)

@@ -3,9 +3,10 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 
 from flexlin.checks import Array
-from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_basis, chebyshev_coefficients, panel_times
+from flexlin.periodic.interpolation import ChebyshevPanels, chebyshev_coefficients, panel_times
 from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.sampling import LEAST, NEAR, SIGMAS, Sampler
 
@@ -101,7 +102,7 @@ def rough_edges(panels: PanelSet, sample: Sampler) -> tuple[Array, Array]:
     width, before = panels.width, np.roll(np.arange(len(panels.begin)), 1)
     step = np.minimum(width, width[before]) / NODES**2
     at = np.stack([np.zeros_like(step), step, -step], axis=1)
-    here, there = chebyshev_basis(np.stack([2 * at / width[:, None] - 1, 2 * at / width[before][:, None] + 1]), NODES)
+    here, there = chebvander(np.stack([2 * at / width[:, None] - 1, 2 * at / width[before][:, None] + 1]), NODES - 1)
     own, other = here @ panels.coefficients, there @ panels.coefficients[before]
     allowed = left_over(panels, sample)
     apart = (np.abs(own - other) / np.maximum(allowed, allowed[before])[:, None]).max(axis=2)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction, varies
-from flexlin.periodic.fourier import (
+from flexlin.periodic.interpolation import (
     FourierSeries,
     fourier_basis,
     fourier_nodes,
@@ -24,7 +24,6 @@ from flexlin.periodic.resolved.sampling import (
     LEAST,
     POINTS,
     RESOLVED,
-    ROUNDINGS,
     SIGMAS,
     WITHIN,
     Least,
@@ -114,7 +113,7 @@ def resolve(
 
 def resolve_constant(A: Array, period: float) -> ResolvedMatrix:
     """Represent a matrix (rows, columns) that does not depend on time."""
-    return ResolvedMatrix(FourierSeries(A[None], period), (), (), ROUNDINGS * EPS * np.abs(A), 1)
+    return ResolvedMatrix(FourierSeries(A[None], period), (), (), SAFETY * EPS * np.abs(A), 1)
 
 
 def resolve_port(
@@ -173,7 +172,7 @@ class FourierFit:
                 self.measure_noise()
                 continue
             if excess.max() <= 1 and self.agrees():
-                rounding = self.rounding + ROUNDINGS * EPS * sample.scale
+                rounding = self.rounding + SAFETY * EPS * sample.scale
                 self.error = SAFETY * self.deviation + 2 * _last(size).sum(axis=0) + rounding
                 t = T * stratified(POINTS)
                 need_repetition(sample, first, look_beyond(sample, T + t), t, self.allowed)

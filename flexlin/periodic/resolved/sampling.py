@@ -8,10 +8,9 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
-from flexlin.periodic.chebyshev import chebyshev_coefficients, chebyshev_nodes
 from flexlin.periodic.coefficients import check_array, check_finite
-from flexlin.periodic.fourier import CACHED
 from flexlin.periodic.grid import golden
+from flexlin.periodic.interpolation import CACHED, chebyshev_coefficients, chebyshev_nodes
 from flexlin.periodic.precision import CUBE, EPS, FAINT, ROOT, SLIGHT, TINY
 
 LEAST = TINY / EPS
@@ -25,8 +24,6 @@ SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
 POINTS, ORDER = 16, 5
 """Times of a place at which noise is measured, and the least order of their differences."""
-ROUNDINGS = 4.0
-"""That an entry carries at one time."""
 AHEAD = 4
 """Periods beyond the first over which a list of pieces must stay smooth."""
 

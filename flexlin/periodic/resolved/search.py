@@ -6,11 +6,12 @@ Places where a coefficient is not smooth are found by bisection between the poly
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 
 from flexlin.checks import Array, check_size
 from flexlin.errors import UnresolvedCoefficient
-from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_basis, chebyshev_nodes, chebyshev_transform
 from flexlin.periodic.grid import NAMED, divided
+from flexlin.periodic.interpolation import ChebyshevPanels, chebyshev_nodes, chebyshev_transform
 from flexlin.periodic.precision import EPS
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix
 from flexlin.periodic.resolved.panels import (
@@ -302,11 +303,11 @@ def _cut(sample: Sampler, part: Brackets, allowed: Array) -> tuple[tuple[Array, 
     zero = np.zeros((len(low), 1))
     cost = np.hstack([zero, to_left.cumsum(axis=1)]) + np.hstack([to_right[:, ::-1].cumsum(axis=1)[:, ::-1], zero])
     s, rows = cost.argmin(axis=1), np.arange(len(low))
-    growth = chebyshev_basis(1 + 2 * span / np.minimum(below, above), STENCIL)[:, -1]
+    growth = chebvander(1 + 2 * span / np.minimum(below, above), STENCIL - 1)[:, -1]
     apart = np.abs(before - after).max(axis=(1, 2)) > 4 + 0.02 * growth
     return (line[rows, s], line[rows, s + 1]), apart
 
 
 def _extrapolated(values: Array, u: Array) -> Array:
     """The interpolants of values (Q, STENCIL, E) at u (Q, L): (Q, L, E)."""
-    return chebyshev_basis(u, STENCIL) @ (chebyshev_transform(STENCIL) @ values)
+    return chebvander(u, STENCIL - 1) @ (chebyshev_transform(STENCIL) @ values)

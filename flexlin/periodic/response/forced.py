@@ -1,22 +1,23 @@
-"""The periodic response of a periodic system to a periodic force, known between the grid points too."""
+"""The periodic response of a periodic system to a periodic force, known between the grid points too, with its error."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
+from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import Array, positive, real_array, whole
+from flexlin.checks import Array, at_times, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
-from flexlin.periodic.coefficients import Constant, has_nothing_narrow, refuse_signature
+from flexlin.periodic.coefficients import PROBES, Constant, has_nothing_narrow, refuse_signature
 from flexlin.periodic.grid import FINER, edges_of_short, place_edges
 from flexlin.periodic.precision import EPS, MINOR, ROOT, SAFETY, TINY
-from flexlin.periodic.product.cyclic import cyclic_system
-from flexlin.periodic.product.spectrum import COHERENT, product_logs
+from flexlin.periodic.product import COHERENT, cyclic_system, find_spectrum
 from flexlin.periodic.resolved.matrix import couple_uncertainty
 from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.response.result import ForcedResponse, PiecewiseSolution
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.gauss import (
     Tableau,
@@ -29,12 +30,135 @@ from flexlin.periodic.transition.gauss import (
     weigh_stages,
 )
 from flexlin.periodic.transition.setting import MARGIN, MAX_SEGMENTS, choose_setting, report_too_many
+from flexlin.plots.view import Series, Shown, View
+from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    import xarray
+
 
 VectorFunction = Callable[[Array], Array]
 RESONANT = 100.0
 """A response that loses this factor beyond tol to rounding is resonant."""
 STIFF = 1024
 """Segments of Gauss collocation beyond which Radau IIA is taken: its smooth solution does not feel modes that are fast and damped."""
+
+
+@dataclass(frozen=True)
+class PiecewiseSolution:
+    """The collocation polynomials: x(t_k + theta h_k) = start_k + h_k sum_m slope_km int_0^theta P_m."""
+
+    edges: Array
+    start: Array
+    slope: Array
+
+    __repr__ = represent
+
+    def __call__(self, t: Array) -> Array:
+        k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.start) - 1)
+        h = np.diff(self.edges)[k]
+        integral = h[:, None] * integrate_legendre((t - self.edges[k]) / h, self.slope.shape[1])
+        return self.start[k] + (integral[:, None, :] @ self.slope[k])[:, 0]
+
+
+@dataclass(frozen=True)
+class ForcedResponse(Shown):
+    """The periodic solution x(t) of a periodic system under a periodic force.
+
+    Call it with times (N,) to get (N, n), or with one time to get (n,).
+
+    Attributes
+    ----------
+    solution : PiecewiseSolution
+        The collocation polynomials.
+    period : float
+        Period in s.
+    error : float
+        Estimated bound of the error at any time, in the unit of x.
+    amplification : float
+        How much an error of the force or of rounding may grow: 1 / the smallest singular value of the periodicity condition.
+    segments : int
+        Segments of the period.
+    status : str
+        What to make of it.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> response = fl.forced_response(fl.PeriodicSystem([[-2.0]], 1.0), [4.0])
+    >>> response([0.0, 7.3]).round(10).tolist(), response.error < 1e-9
+    ([[2.0], [2.0]], True)
+    """
+
+    solution: PiecewiseSolution
+    period: float
+    error: float
+    amplification: float
+    segments: int
+    status: str
+
+    __repr__ = represent
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """The state at times (N,), any real numbers, (N, n), or at one time, (n,)."""
+        return at_times(lambda s: self.solution(np.mod(s, self.period)), t)
+
+    def to_xarray(self, points: int = 257, names: Sequence[str] = (), units: Sequence[str] = ()) -> "xarray.Dataset":
+        """Return the states over a period as a dataset.
+
+        Parameters
+        ----------
+        points : int
+            Times of the period, both ends included.
+        names : sequence of str, optional
+            Names of the n states; x1, x2 ... by default.
+        units : sequence of str, optional
+            Their units.
+
+        Returns
+        -------
+        xarray.Dataset
+            `response` by time and state; error, status and period as attributes.
+
+        Raises
+        ------
+        ArgumentError
+            When there are not as many names or units as states.
+        """
+        import xarray
+
+        t = np.linspace(0.0, self.period, whole("points", points, 2))
+        states = self(t)
+        labels = label_states(states.shape[1], names, units)
+        attributes = {"error": self.error, "status": self.status, "period": self.period}
+        series = {"response": (("time", "state"), states)}
+        coords = {"time": ("time", t, {"units": "s"}), "state": labels[0], "unit": ("state", labels[1])}
+        return xarray.Dataset(series, coords=coords, attrs=attributes)
+
+    def _view(self) -> View:
+        t = np.linspace(0.0, self.period, 257)
+        states = self(t)
+        series = tuple(Series(f"x{i + 1}", t, x) for i, x in enumerate(states.T))
+        facts = (
+            f"period {self.period:.6g} s, error {self.error:.0e}, amplification {self.amplification:.3g}",
+            self.status,
+        )
+        return View("periodic response", "", facts, "time in s", "states, each in its own unit", series)
+
+
+def label_states(count: int, names: Sequence[str], units: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Names and units of states, of which there must be `count` where any are given."""
+    for what, given in (("names", names), ("units", units)):
+        if len(given) not in (0, count):
+            raise ArgumentError(f"{what} do not fit the states", got=len(given), expected=str(count))
+    return list(names) or [f"x{i + 1}" for i in range(count)], list(units) or [""] * count
+
+
+def integrate_legendre(theta: Array, count: int) -> Array:
+    """int_0^theta P_m(2 s - 1) ds for m < count: (N, count)."""
+    P = legvander(2 * theta - 1, count)
+    m = np.arange(1, count)
+    return np.column_stack([theta, (P[:, 2:] - P[:, :-2]) / (2 * (2 * m + 1))])
 
 
 @checked
@@ -239,8 +363,7 @@ def as_vector_function(f: VectorFunction | Sequence[float], system: PeriodicSyst
     if not callable(f):
         return Constant(real_array("f", f, (n,)))
     refuse_signature("f", f)
-    probe = system.period * np.array([0.0, 0.2917, 0.6281])
-    shape = real_array("f", f(probe)).shape
+    shape = real_array("f", f(system.period * PROBES)).shape
     if shape != (3, n):
         raise ArgumentError("f(t) has the wrong shape", got=shape, expected=f"(3, {n}) for t of shape (3,)")
     return f
@@ -266,7 +389,7 @@ def measure_rounding(solution: PiecewiseSolution, sigma: float, Phi: Array) -> f
 
 def report_resonance(Phi: Array, sigma: float) -> ResonantForcing:
     """Name the multiplier nearest to 1; where that is none, states of other sizes make the condition singular."""
-    logs = product_logs(Phi)
+    logs = find_spectrum(Phi).logs
     nearest = logs[np.argmin(np.abs(logs))]
     got = f"the multiplier {np.exp(nearest):.12g} with the periodicity condition's smallest singular value {sigma:.1e}"
     if abs(nearest) > MINOR:

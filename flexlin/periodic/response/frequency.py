@@ -15,7 +15,7 @@ from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.precision import CUBE, EPS, SAFETY, TINY
-from flexlin.periodic.product.cyclic import cyclic_system
+from flexlin.periodic.product import cyclic_system
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve_port
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
@@ -28,14 +28,15 @@ from flexlin.periodic.transition.gauss import (
     solve_stages,
     weigh_stages,
 )
+from flexlin.periodic.transition.setting import FEWER_SEGMENTS
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
 
 if TYPE_CHECKING:
     import xarray
 
-STAGES, LARGEST, FARTHEST_ORDER = 8, 4000, 64
-"""Radau stages of a segment, and segments that are tried first; the most; and harmonics of an answer at the most."""
+STAGES, FARTHEST_ORDER = 8, 64
+"""Radau stages of a segment, and segments that are tried first; and harmonics of an answer at the most."""
 NOISY_STEPS, MOST_STEPS = 2, 24
 """Steps to the largest gain from noise, and in all."""
 
@@ -172,7 +173,7 @@ def frequency_response(
         if SAFETY * change <= tol:
             orders = np.arange(found.shape[1]) - found.shape[1] // 2
             return FrequencyResponse(frequencies, orders, found, SAFETY * change + EPS * count, system.period)
-        if 2 * count > LARGEST:
+        if 2 * count > FEWER_SEGMENTS:
             raise ToleranceNotReached(
                 "the response was not resolved",
                 got=f"a change of {change:.2g} at {count} segments",

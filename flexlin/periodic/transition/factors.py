@@ -8,10 +8,10 @@ import numpy as np
 from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.lapack import LAPACK
+from flexlin.periodic.coefficients import solve_mass, stack_companion
 from flexlin.periodic.precision import EPS
-from flexlin.periodic.product.spectrum import Unknown
+from flexlin.periodic.product import Unknown
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
-from flexlin.periodic.second_order import solve_mass, stack_companion
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, Tableau, collocate, collocate_accelerations, fold_samples
 
 Resolved = ResolvedMatrix | ResolvedCompanion

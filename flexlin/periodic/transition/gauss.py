@@ -15,8 +15,6 @@ STAGES = 8
 """Where nobody asks for a number of them: of order 16."""
 CHUNK_BYTES = 2**25
 """What is computed at once takes at most this many bytes (one segment or one mode at the least)."""
-FIRST_NODES = 512
-"""Stages sampled in the first chunk, before the size of the matrices is known."""
 
 
 @dataclass(frozen=True)
@@ -85,12 +83,10 @@ def collect_chunks(part: Callable[[Array, slice], Array], edges: Array, rule: Ta
     """Collect `part(stage times, segments)` over all segments, with few enough at a time to stay within CHUNK_BYTES."""
     t = place_nodes(edges, rule.c)
     segments, stages = t.shape
-    done = [part(t[: (size := max(1, FIRST_NODES // stages))], slice(0, size))]
-    start, unknowns = size, stages * done[0].shape[-1]
-    size = max(1, CHUNK_BYTES // (8 * unknowns**2))
-    for i in range(start, segments, size):
-        done.append(part(t[i : i + size], slice(i, i + size)))
-    return done[0] if len(done) == 1 else np.concatenate(done)
+    done = [part(t[:1], slice(0, 1))]  # which shows the size of the matrices
+    size = max(1, CHUNK_BYTES // (8 * (stages * done[0].shape[-1]) ** 2))
+    done += [part(t[i : i + size], slice(i, i + size)) for i in range(1, segments, size)]
+    return np.concatenate(done)
 
 
 def collocate(A: Array, h: Array, rule: Tableau) -> Array:

@@ -9,9 +9,9 @@ from functools import cache
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import ArgumentError, NumericalError, TooManySegments
-from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.product.spectrum import GROUP_CONDITION, Unknown
+from flexlin.errors import ArgumentError, NumericalError, TooManySegments, counted
+from flexlin.periodic.interpolation import FourierSeries
+from flexlin.periodic.product import GROUP_CONDITION, Unknown
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import MOST_UNKNOWNS, factor_segments, measure_segments
 from flexlin.periodic.transition.gauss import Tableau, gauss, radau
@@ -55,18 +55,13 @@ class Setting:
 
     def __str__(self) -> str:
         if self.method == "hill":
-            return f"Hill's matrix with {count_words(self.order, 'harmonic')} ({self.reason})"
+            return f"Hill's matrix with {counted(self.order, 'harmonic')} ({self.reason})"
         if self.method not in METHODS:
             return f"{self.method} ({self.reason})"
-        return f"{self.method} of order {self.order} on {count_words(self.segments, 'segment')} ({self.reason})"
+        return f"{self.method} of order {self.order} on {counted(self.segments, 'segment')} ({self.reason})"
 
     def with_segments(self, segments: int) -> "Setting":
         return replace(self, segments=segments)
-
-
-def count_words(count: int, thing: str) -> str:
-    """A count with its noun: 1 segment, 2 segments."""
-    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
 
 
 def place_segments(system: PeriodicSystem, setting: Setting) -> Array:

@@ -52,21 +52,23 @@ def test_a_tongue_as_narrow_as_rounding_is_told_as_touching():
     assert [one.onset for one in found] == [True, False]
 
 
+def oscillators(rng, size, damping):
+    """Two coupled modes whose stiffness swings by so much; the frequency is the parameter."""
+    turn = np.linalg.qr(rng.standard_normal((2, 2)))[0]
+    mean = turn @ np.diag(rng.uniform(0.5, 6.0, 2)) @ turn.T
+    swing = rng.standard_normal((2, 2)) * size
+
+    def stiffness(sign):
+        return lambda p: np.broadcast_to(mean + sign * (swing + swing.T), (len(p), 2, 2))
+
+    return piecewise(stiffness(1.0), stiffness(-1.0), damping(rng), lambda p: np.pi / p)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", thin(range(4)))
 def test_random_pairs_of_oscillators_against_a_dense_scan(seed):
     """Two coupled modes with and without damping, frequency as the parameter: tongues of all orders and combinations."""
-    rng = np.random.default_rng(seed)
-    turn = np.linalg.qr(rng.standard_normal((2, 2)))[0]
-    mean = turn @ np.diag(rng.uniform(0.5, 6.0, 2)) @ turn.T
-    swing = rng.standard_normal((2, 2)) * 0.3
-    swing = swing + swing.T
-    damping = [0.0, 3e-4][seed % 2] * np.eye(2)
-
-    def stiffness(sign):
-        return lambda p: np.broadcast_to(mean + sign * swing, (len(p), 2, 2))
-
-    spectra = piecewise(stiffness(1.0), stiffness(-1.0), damping, lambda p: np.pi / p)
+    spectra = oscillators(np.random.default_rng(seed), 0.3, lambda rng: [0.0, 3e-4][seed % 2] * np.eye(2))
     low, high = 0.8, 4.0
     values = [one.value for one in find_crossings(spectra, spectra, low, high, 1e-9) if not one.touching]
     grid = np.linspace(low, high, 8001)
@@ -83,17 +85,8 @@ def test_random_pairs_of_oscillators_against_a_dense_scan(seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_a_scan_that_leaves_values_out_finds_what_a_full_one_finds(seed):
     """Two coupled modes with damping from light to heavy: in each of 512 cells as many changes as its ends' verdicts say."""
-    rng = np.random.default_rng(seed)
-    turn = np.linalg.qr(rng.standard_normal((2, 2)))[0]
-    mean = turn @ np.diag(rng.uniform(0.5, 6.0, 2)) @ turn.T
-    swing = rng.standard_normal((2, 2))
-    swing = swing + swing.T
-
-    def stiffness(sign):
-        return lambda p: np.broadcast_to(mean + sign * swing, (len(p), 2, 2))
-
-    damping = [0.02, 0.1, 0.3][seed % 3] * np.diag(rng.uniform(0.3, 1.0, 2))
-    spectra = piecewise(stiffness(1.0), stiffness(-1.0), damping, lambda p: np.pi / p)
+    heavy = [0.02, 0.1, 0.3][seed % 3]
+    spectra = oscillators(np.random.default_rng(seed), 1.0, lambda rng: heavy * np.diag(rng.uniform(0.3, 1.0, 2)))
     found = np.array([one.value for one in find_crossings(spectra, spectra, 0.5, 4.0, 1e-9, samples=513)])
     grid = np.linspace(0.5, 4.0, 513)
     unstable = spectra(grid).verdicts > 0
@@ -102,16 +95,22 @@ def test_a_scan_that_leaves_values_out_finds_what_a_full_one_finds(seed):
     assert (beside[0] != beside[1]).all()
 
 
-@pytest.mark.parametrize("seconds", [1.5, 4.0, 12.0, 40.0, 80.0, 150.0, 400.0])
-def test_a_search_that_ends_early_says_what_it_knows(monkeypatch, seconds):
-    """A clock that goes by one second a value: what is found holds a root each, and what may hide is called a gap."""
-    spectra, made = meissner(0.3), []
+def timed_by_values(monkeypatch, spectra):
+    """The spectra under a clock that goes by one second a value, and the values that were asked for."""
+    made = []
 
     def counted(x):
         made.extend(x)
         return spectra(x)
 
     monkeypatch.setattr(Stopwatch, "seconds", property(lambda _: float(len(made))))
+    return counted, made
+
+
+@pytest.mark.parametrize("seconds", [1.5, 4.0, 12.0, 40.0, 80.0, 150.0, 400.0])
+def test_a_search_that_ends_early_says_what_it_knows(monkeypatch, seconds):
+    """A clock that goes by one second a value: what is found holds a root each, and what may hide is called a gap."""
+    counted, made = timed_by_values(monkeypatch, meissner(0.3))
     effort, exact = Effort(seconds), trace_roots(0.3, 0.8, 4.0)
     found = find_crossings(counted, counted, 0.8, 4.0, 1e-9, effort=effort)
     assert len(made) <= 1.2 * seconds + 8
@@ -129,13 +128,8 @@ def test_a_search_that_ends_early_says_what_it_knows(monkeypatch, seconds):
 @pytest.mark.parametrize(("about", "seconds"), [(1.6, 110.0), (2.6, 75.0), (3.5, 75.0)])
 def test_a_search_that_ends_early_knows_most_about_the_value_that_is_asked_about(monkeypatch, about, seconds):
     """It ended where the next halving of all cells took too long, and said nothing of the part without gaps."""
-    spectra, made = meissner(0.3, damping=0.1), []
-
-    def counted(x):
-        made.extend(x)
-        return spectra(x)
-
-    monkeypatch.setattr(Stopwatch, "seconds", property(lambda _: float(len(made))))
+    spectra = meissner(0.3, damping=0.1)
+    counted, made = timed_by_values(monkeypatch, spectra)
     effort = Effort(seconds, about)
     assert find_crossings(counted, counted, 0.8, 4.0, 1e-9, effort=effort) == []
     low, high = effort.searched
@@ -149,29 +143,22 @@ def test_a_search_that_ends_early_knows_most_about_the_value_that_is_asked_about
 @pytest.mark.parametrize(("decay", "shortened"), [(20.0, True), (4.0, False)])
 def test_a_short_scan_is_coarse_only_where_no_turn_of_a_multiplier_outweighs_its_decay(monkeypatch, decay, shortened):
     """Multipliers turn seven times across 1/32 of the range, so that both ends of a cell look alike: that is no proof for a wide one."""
-    made = []
 
     def spectra(x):
-        made.extend(x)
         logs = -decay + 1j * np.pi * (0.3 + 14 * 32 * x)
         return Spectra(np.stack([logs, logs.conj()], axis=1), np.full((len(x), 2), 1e-9))
 
-    monkeypatch.setattr(Stopwatch, "seconds", property(lambda _: float(len(made))))
+    counted, made = timed_by_values(monkeypatch, spectra)
     effort = Effort(30.0, 0.4)
-    assert find_crossings(spectra, spectra, 0.0, 1.0, 1e-9, effort=effort) == []
+    assert find_crossings(counted, counted, 0.0, 1.0, 1e-9, effort=effort) == []
     assert (effort.gap == 0.0) == shortened
     assert len(made) < 30
 
 
-def test_a_scan_of_a_heavily_damped_system_is_short():
-    spectra, values = meissner(0.3, damping=0.4), []
-
-    def counted(x):
-        values.extend(x)
-        return spectra(x)
-
+def test_a_scan_of_a_heavily_damped_system_is_short(monkeypatch):
+    counted, made = timed_by_values(monkeypatch, meissner(0.3, damping=0.4))
     assert find_crossings(counted, counted, 1.4, 3.0, 1e-9) == []
-    assert len(values) < 200
+    assert len(made) < 200
 
 
 def test_no_boundary_and_a_boundary_in_the_first_cell():

@@ -22,15 +22,19 @@ def locked(squared):
     return function
 
 
+def tip_of(squared, y):
+    """The tip in a box of a thousandth of the range that begins at y."""
+    low = np.array([0.4995, y])
+    return find_tip(low, low + 0.001, np.zeros(1), np.array([True]), locked(squared), 1e-7)
+
+
 @pytest.mark.parametrize("skew", [0.0, 0.6, -2.0])
 def test_the_crossing_of_two_sides_inside_a_box_is_a_tip(skew):
     def squared(x, y):
         u, v = x - CENTRE[0], y - CENTRE[1]
         return 900 * (u - skew * v) * (v + 0.3 * u) * (1 + u)
 
-    tip = find_tip(
-        np.array([0.4995, 0.4985]), np.array([0.5005, 0.4995]), np.zeros(1), np.array([True]), locked(squared), 1e-7
-    )
+    tip = tip_of(squared, 0.4985)
     assert tip is not None
     assert np.abs(tip.point - CENTRE).max() < 1e-8
     assert tip.error < 1e-6
@@ -41,9 +45,7 @@ def test_a_tongue_that_closes_on_the_border_of_the_range_ends_there(order):
     def squared(x, y):
         return 400 * ((2 * y) ** (2 * order) - (x - CENTRE[0] - 0.7 * y) ** 2)
 
-    tip = find_tip(
-        np.array([0.4995, 0.0]), np.array([0.5005, 0.001]), np.zeros(1), np.array([True]), locked(squared), 1e-7
-    )
+    tip = tip_of(squared, 0.0)
     assert tip is not None
     assert np.abs(tip.point - (CENTRE[0], 0.0)).max() < 1e-8
 
@@ -54,12 +56,7 @@ def test_sides_that_part_or_a_neck_that_stays_open_are_no_tip(apart):
         u, v = x - CENTRE[0], y - CENTRE[1]
         return 900 * (u * v + apart * abs(apart))
 
-    assert (
-        find_tip(
-            np.array([0.4995, 0.4985]), np.array([0.5005, 0.4995]), np.zeros(1), np.array([True]), locked(squared), 1e-7
-        )
-        is None
-    )
+    assert tip_of(squared, 0.4985) is None
 
 
 def sides(a, q):

@@ -13,7 +13,7 @@ from flexlin.errors import TooManySegments
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.decoupling.coupling import Coupled, Decoupled, Refusal, residual_effect
 from flexlin.periodic.decoupling.decouple import decouple
-from flexlin.periodic.decoupling.grouping import Group
+from flexlin.periodic.decoupling.frames import Group
 from flexlin.periodic.floquet import exponents as routes
 from flexlin.periodic.floquet.decoupled import bound_growth, decoupled_exponents, hide_enclosed
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum

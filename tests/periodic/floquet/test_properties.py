@@ -33,38 +33,19 @@ systems = given(seed=st.integers(0, 10_000), n=st.integers(1, 5))
 
 @settings(max_examples=15, deadline=None, derandomize=True)
 @systems
-def test_a_shift_of_A_shifts_every_exponent(seed, n):
+def test_identities(seed, n):
+    """A shift of A shifts every exponent, the adjoint system has the negative ones; another start and two periods change none."""
     system = random_system(seed, n)
-    base = floquet_of(system)
-    moved = floquet_of(fl.PeriodicSystem(lambda t: system.A(t) - 0.7 * np.eye(n), system.period))
-    assert apart(moved.exponents, base.exponents - 0.7, system.period) <= base.error + moved.error
-
-
-@settings(max_examples=15, deadline=None, derandomize=True)
-@systems
-def test_the_adjoint_system_has_the_negative_exponents(seed, n):
-    system = random_system(seed, n)
-    base = floquet_of(system)
-    adjoint = floquet_of(fl.PeriodicSystem(lambda t: -np.swapaxes(system.A(t), 1, 2), system.period))
-    assert apart(adjoint.exponents, -base.exponents, system.period) <= base.error + adjoint.error
-
-
-@settings(max_examples=15, deadline=None, derandomize=True)
-@systems
-def test_a_start_at_another_phase_changes_nothing(seed, n):
-    system = random_system(seed, n)
-    base = floquet_of(system)
-    late = floquet_of(fl.PeriodicSystem(lambda t: system.A(t + 1.234), system.period))
-    assert apart(late.exponents, base.exponents, system.period) <= base.error + late.error
-
-
-@settings(max_examples=10, deadline=None, derandomize=True)
-@systems
-def test_two_periods_double_the_logs(seed, n):
-    system = random_system(seed, n)
-    base = floquet_of(system)
-    twice = floquet_of(fl.PeriodicSystem(system.A, 2 * system.period))
-    assert apart(twice.exponents, base.exponents, twice.period) <= base.error + twice.error
+    base, T = floquet_of(system), system.period
+    related = {
+        "shift": (lambda t: system.A(t) - 0.7 * np.eye(n), T, base.exponents - 0.7),
+        "adjoint": (lambda t: -np.swapaxes(system.A(t), 1, 2), T, -base.exponents),
+        "another start": (lambda t: system.A(t + 1.234), T, base.exponents),
+        "two periods": (system.A, 2 * T, base.exponents),
+    }
+    for name, (A, period, expected) in related.items():
+        found = floquet_of(fl.PeriodicSystem(A, period))
+        assert apart(found.exponents, expected, period) <= base.error + found.error, name
 
 
 @pytest.mark.slow

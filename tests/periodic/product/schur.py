@@ -4,7 +4,7 @@ import numpy as np
 
 from flexlin._core import Function
 from flexlin.lapack import find_routines
-from flexlin.periodic.product.spectrum import ROUTINES
+from flexlin.periodic.product import ROUTINES
 
 PROTOTYPE = (
     "int find_periodic_schur(int n, int count, const double *factors, const double *start, const void *lapack, double complex *Q, "

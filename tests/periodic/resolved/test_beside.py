@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexlin.periodic.chebyshev import ChebyshevPanels
+from flexlin.periodic.interpolation import ChebyshevPanels
 from flexlin.periodic.resolved.panels import miss_beside
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.sampling import Sampler

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
-from flexlin.periodic.sampled.cost import SampledProblem, solve_samples
+from flexlin.periodic.sampled_cost import SampledProblem, solve_samples
 
 
 def pose(F, G, Q, R):

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 import flexlin as fl
 from flexlin.control import lifted_model, sampled_floquet
 from flexlin.errors import ArgumentError, NumericalError
-from flexlin.periodic.sampled.stability import MOST, find_rounds
+from flexlin.periodic.sampled import MOST, find_rounds
 
 T = np.pi
 LOOPS = 16

@@ -1,28 +1,132 @@
-"""The H-infinity norm of a periodic system: the level at which a Hamiltonian system's multipliers leave the unit circle."""
+"""Norms of a periodic system: H2 by its periodic Lyapunov equation, H-infinity by levels at which multipliers leave the unit circle."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import positive
-from flexlin.errors import ArgumentError, NotStable, ToleranceNotReached
+from flexlin.checks import SAMPLES, Array, positive
+from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.periodic.circle import wrap_angle
-from flexlin.periodic.coefficients import (
-    MatrixFunction,
-    as_matrix_function,
-    check_samples,
-    has_nothing_narrow,
-)
+from flexlin.periodic.coefficients import MatrixFunction, combine, has_nothing_narrow
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.norms.h2 import check_ports
-from flexlin.periodic.norms.levels import BoundedReal, PeakSearch
-from flexlin.periodic.precision import TINY
+from flexlin.periodic.grid import divide_segments
+from flexlin.periodic.interpolation import fourier_nodes
+from flexlin.periodic.levels import BoundedReal, PeakSearch
+from flexlin.periodic.precision import EPS, MINOR, TINY
+from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
+from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.panels import MOST_PANELS, NODES
 from flexlin.periodic.resolved.resolve import resolve_constant, resolve_port
 from flexlin.periodic.roots import MOST
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import PeriodicSystem, as_port, input_of
 from flexlin.summary import represent
+
+
+@dataclass(frozen=True)
+class H2Norm:
+    """The H2 norm and a bound on its error, in units of the output per root of the unit of white noise on the inputs.
+
+    Attributes
+    ----------
+    value : float
+        The norm.
+    error : float
+        Of the value.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> print(f"{fl.h2_norm(fl.PeriodicSystem([[-2.0]], 1.0, B=[[1.0]]), [[1.0]]).value:.6f}")
+    0.500000
+    """
+
+    value: float
+    error: float
+
+    __repr__ = represent
+
+
+def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 1e-10) -> H2Norm:
+    """Compute the H2 norm of x' = A x + B u, y = C x.
+
+        |G|^2 = (1/T) int_0^T trace(B' X B) dt,   -X' = A' X + X A + C' C
+
+    the mean power of y under white noise of unit intensity on every input. Assumes a stable system without feedthrough.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        With inputs; n states, m inputs.
+    C : array_like (p, n), or function of times (N,) -> (N, p, n)
+        The output matrix.
+    tol : float
+        Wanted accuracy of X, relative to its largest entry.
+
+    Returns
+    -------
+    H2Norm
+        value and error.
+
+    Raises
+    ------
+    ArgumentError
+        When the system has no input or C does not fit.
+    NotStable
+        When the system is not stable.
+    ToleranceNotReached
+        When X misses tol by far.
+
+    References
+    ----------
+    Bittanti, Colaneri, Periodic Systems (2009), section 9.1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -0.5]], 1.0, B=[[0.0], [1.0]])
+    >>> print(f"{fl.h2_norm(system, [[1.0, 0.0]]).value:.6f}")
+    1.000000
+    """
+    B, output = system.resolved_input, as_port("C", C, (None, system.n), system.period)
+    solution = periodic_lyapunov(system, combine(multiply_transposed, output), MINOR * positive("tol", tol))
+    square, quadrature = mean_power(solution, B)
+    t = fourier_nodes(SAMPLES, system.period)
+    X, reached = np.abs(solution.X(t)), np.abs(B(t)).sum(axis=1)
+    doubt = solution.error * float(X.max()) * float((reached**2).sum(axis=1).mean()) + quadrature
+    value = float(np.sqrt(max(square, 0.0)))
+    return H2Norm(value, float(doubt / (2 * value) if value**2 > doubt else np.sqrt(abs(square) + doubt)))
+
+
+def multiply_transposed(C: Array) -> Array:
+    """C' C."""
+    return np.swapaxes(C, 1, 2) @ C
+
+
+def mean_power(solution: RiccatiSolution, B: ResolvedMatrix) -> tuple[float, float]:
+    """The mean of trace(B' X B) and what is lost in it."""
+
+    def power(t: Array) -> Array:
+        reached = B(t)
+        return np.einsum("tki,tkl,tli->t", reached, solution.X(t), reached)
+
+    return mean_of_parts(power, np.union1d(solution.edges, B.edges))
+
+
+def mean_of_parts(f: Callable[[Array], Array], edges: Array) -> tuple[float, float]:
+    """The mean of f over the period, panels halved until it stands still, and its last change."""
+    x, w = np.polynomial.legendre.leggauss(NODES)
+    last, change = np.inf, np.inf
+    while True:
+        h = np.diff(edges)[:, None]
+        mean = float(f((edges[:-1, None] + h * (x + 1) / 2).ravel()) @ (h * w / 2).ravel()) / float(edges[-1])
+        change, before, last = abs(mean - last), change, mean
+        if change > before or change <= EPS * abs(last) or len(h) > MOST_PANELS:
+            return mean, change + NODES * EPS * abs(last)
+        edges = divide_segments(edges, 2)
 
 
 @dataclass(frozen=True)
@@ -104,13 +208,10 @@ def hinf_norm(
     >>> print(f"{fl.hinf_norm(system, [[1.0, 0.0]]).value:.6f} {1 / (0.2 * 0.99**0.5):.6f}")
     5.025189 5.025189
     """
-    _, output = check_ports(system, C)
-    tol = positive("tol", tol)
-    rows = check_samples("C", output, system.period).shape[1]
-    through = as_matrix_function("D", np.zeros((rows, system.m)) if D is None else D)
-    shape = check_samples("D", through, system.period).shape[1:]
-    if shape != (rows, system.m):
-        raise ArgumentError("D does not fit the system", got=shape, expected=f"({rows}, {system.m})")
+    input_of(system)
+    output, tol = as_port("C", C, (None, system.n), system.period), positive("tol", tol)
+    rows = output(np.zeros(1)).shape[1]
+    through = as_port("D", np.zeros((rows, system.m)) if D is None else D, (rows, system.m), system.period)
     verdict = floquet(system)
     if verdict.verdict != "stable":
         raise NotStable("the norm is infinite or unknown", got=verdict.status, expected="a stable system")

@@ -18,7 +18,7 @@ from flexlin.periodic.quadratic.scattering import (
     transpose,
 )
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.sampled.hold import Augmented, divide, step_sections
+from flexlin.periodic.sampled import Augmented, divide, step_sections
 from flexlin.periodic.system import PeriodicSystem
 
 LARGEST = 1e13
@@ -102,7 +102,7 @@ def weigh_samples(
 
 def add_costs(steps: Array) -> tuple[Array, Array]:
     """P and S (N, s, s) over all steps (N, c, 2 s, 2 s) of the Hamiltonian: S = S_1 + P_1' S_2 P_1."""
-    parts, _ = scatter_hamiltonian(steps)
+    parts = scatter_hamiltonian(steps)
     P, S = parts.F[:, 0], parts.H[:, 0]
     for k in range(1, steps.shape[1]):
         S = S + transpose(P) @ parts.H[:, k] @ P
@@ -138,7 +138,7 @@ def spread_noise(
     """F and the integral of P W P' dt (N, n, n) over equal intervals, P the transition matrix to their ends."""
     span = system.period * periods
     t, h = span * np.arange(samples) / samples, span / samples
-    parts, _ = scatter_hamiltonian(step_sections(Excited(system, W), divide(system, t, t + h, tol, (W,)), stages))
+    parts = scatter_hamiltonian(step_sections(Excited(system, W), divide(system, t, t + h, tol, (W,)), stages))
     F, G = parts.F[:, 0], parts.G[:, 0]
     for k in range(1, parts.F.shape[1]):
         F, G = parts.F[:, k] @ F, parts.G[:, k] + parts.F[:, k] @ G @ transpose(parts.F[:, k])
@@ -173,9 +173,7 @@ def solve_by_tree(problem: SampledProblem) -> tuple[Array, Array]:
     r = problem.F.shape[1]
     to_input, cross = by_effort[:, :, :r], by_effort[:, :, r:]
     steps = Segment(problem.F - problem.G @ cross, problem.G @ to_input, problem.Q - problem.N @ cross)
-    levels = combine_in_tree(steps)
-    X = carry_costs_down(levels, double_round(levels[-1][0]))[:-1]
-    X = cost_gains(problem, gain_samples(problem, X))
+    X = cost_gains(problem, gain_samples(problem, repeat_round(steps)))
     return X, gain_samples(problem, X)
 
 
@@ -183,14 +181,19 @@ def cost_gains(problem: SampledProblem, K: Array) -> Array:
     """The cost X (N, r, r) of gains that stabilise: X_k = (F - G K)' X_(k+1) (F - G K) + Q - N K - K' N' + K' R K."""
     loop, crossed = problem.F - problem.G @ K, problem.N @ K
     cost = problem.Q - crossed - transpose(crossed) + transpose(K) @ problem.R @ K
-    levels = combine_in_tree(Segment(loop, np.zeros_like(loop), cost))
-    return carry_costs_down(levels, double_round(levels[-1][0]))[:-1]
+    return repeat_round(Segment(loop, np.zeros_like(loop), cost))
 
 
 def gain_samples(problem: SampledProblem, X: Array) -> Array:
     """K_k = (R + G' X_(k+1) G)^-1 (G' X_(k+1) F + N')."""
     pushed = transpose(problem.G) @ np.roll(X, -1, axis=0)
     return np.linalg.solve(problem.R + pushed @ problem.G, pushed @ problem.F + transpose(problem.N))
+
+
+def repeat_round(steps: Segment) -> Array:
+    """The cost (N, r, r) at the beginning of each of the steps of a round that repeats for ever."""
+    levels = combine_in_tree(steps)
+    return carry_costs_down(levels, double_round(levels[-1][0]))[:-1]
 
 
 def double_round(whole: Segment) -> Array:
@@ -224,5 +227,4 @@ def bound_rounding(problem: SampledProblem, X: Array, K: Array) -> float:
     loop = problem.F - problem.G @ K
     size = float(np.abs(X).max()) or 1.0
     weight = np.broadcast_to(np.eye(loop.shape[1]), loop.shape) * 8 * EPS * len(loop[0]) * size
-    levels = combine_in_tree(Segment(loop, np.zeros_like(loop), weight))
-    return float(np.abs(carry_costs_down(levels, double_round(levels[-1][0]))).max()) / size
+    return float(np.abs(repeat_round(Segment(loop, np.zeros_like(loop), weight))).max()) / size

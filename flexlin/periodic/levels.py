@@ -10,11 +10,11 @@ from flexlin.errors import TooManySegments
 from flexlin.lazy import lazy
 from flexlin.periodic.circle import measure_distances, wrap_angle, wrap_log
 from flexlin.periodic.floquet.exponents import answer_by_segments, floquet
-from flexlin.periodic.floquet.modes import solve_floquet_modes
+from flexlin.periodic.floquet.modes import MODES_TOL, solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.floquet.segmented import Factored
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, SAFETY
-from flexlin.periodic.product.spectrum import Unknown
+from flexlin.periodic.product import Unknown
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.response.frequency import Segments, condense, place_stages
 from flexlin.periodic.system import PeriodicSystem
@@ -28,8 +28,6 @@ from flexlin.periodic.transition.setting import (
     place_segments,
 )
 
-LEVEL_TOL = 1e-9
-"""Wanted accuracy of the exponents that judge a level."""
 WIDER = 4.0
 """The least factor on the distance to the largest gain that was found, from a level whose side is hidden to the next."""
 WAVES, STARTS, CLIMBS = 8, 3, 3
@@ -92,10 +90,10 @@ class BoundedReal:
     def begin(self, level: float) -> tuple[Array, Setting]:
         """Choose the segments for all levels near one; those of the gains are the same, but where so many would be needed."""
         system = self.hamiltonian(level)
-        setting = choose_setting(system, LEVEL_TOL, "auto", None, None)
+        setting = choose_setting(system, MODES_TOL, "auto", None, None)
         self.begun.append(setting)
         if setting.segments > FEWER_SEGMENTS:  # an L-stable method only knows the modes that it resolves
-            setting = choose_setting(self.system, LEVEL_TOL, "radau", None, None)
+            setting = choose_setting(self.system, MODES_TOL, "radau", None, None)
         return place_segments(system, setting), setting
 
     @lazy
@@ -143,9 +141,9 @@ class BoundedReal:
     def find_exponents(self, system: PeriodicSystem, level: float) -> FloquetResult:
         """The exponents of H by segments that all levels share, where so few do."""
         try:
-            return answer_by_segments(system, self.begun[0], LEVEL_TOL, FEWER_SEGMENTS, partial(self.factor, level))
+            return answer_by_segments(system, self.begun[0], MODES_TOL, FEWER_SEGMENTS, partial(self.factor, level))
         except TooManySegments:
-            return floquet(system, LEVEL_TOL)
+            return floquet(system, MODES_TOL)
 
     def judge(self, level: float, unseen: Array) -> "Level":
         """On which side of the norm a level lies, as far as the exponents of H show it, and the frequencies of what it meets.
@@ -246,7 +244,7 @@ class PeakSearch:
         step, top = PARTIAL * abs(float(self.exponents[np.abs(np.abs(self.exponents.imag) - omega).argmin()].real)), 0.0
         for _ in range(CLIMBS):
             middle = self.gain(omega) ** -2.0
-            if abs(middle - top) <= LEVEL_TOL * middle:
+            if abs(middle - top) <= MODES_TOL * middle:
                 return
             before, behind = (self.gain(omega + k * step) ** -2.0 for k in (-1, 1))
             bend = before - 2 * middle + behind

@@ -1,0 +1,362 @@
+"""Frames of groups of modes: eigenvalues followed along a period, grouped, and the superadiabatic rounds that part the groups."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.lapack import complex_schur
+from flexlin.periodic.circle import assign
+from flexlin.periodic.interpolation import FourierSeries
+from flexlin.periodic.precision import PARTIAL, ROOT
+
+Eigenvectors = tuple[Array, ...]
+"""Eigenvalues (N, n), right vectors (N, n, n) as columns and left ones (N, n, n) as rows, at nodes."""
+KEPT = 1 / 3
+"""The part of the nodes' harmonics that the filter keeps; the others hold the rounding that differentiation amplifies."""
+SLOW_PART = 0.8
+"""Harmonics of the coupling below this part of the gap shrink from round to round."""
+ENOUGH = 0.01
+"""Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than the slowest harmonics do."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Eigenvalues (N, n), right vectors (N, n, n) as columns and left ones (N, n, n) as rows, each mode followed along the nodes.
+
+    conjugate (N, n): the mode that holds the conjugate eigenvalue (itself where that is real);
+    near (n, n): pairs that must stay together: they could not be distinguished, or do not close after a period.
+    """
+
+    values: Array
+    right: Array
+    left: Array
+    conjugate: Array
+    near: Array
+
+    def taken(self, columns: Array) -> "Modes":
+        """The same modes in another order."""
+        place = np.argsort(columns)
+        return Modes(
+            self.values[:, columns],
+            self.right[:, :, columns],
+            self.left[:, columns],
+            place[self.conjugate[:, columns]],
+            self.near[np.ix_(columns, columns)],
+        )
+
+
+@dataclass(frozen=True)
+class Group:
+    """Modes start..stop-1 of a decoupled system; `partner` is the group of their conjugates (itself: a real group)."""
+
+    start: int
+    stop: int
+    partner: int
+
+    @property
+    def size(self) -> int:
+        return self.stop - self.start
+
+    @property
+    def part(self) -> slice:
+        return slice(self.start, self.stop)
+
+
+def find_eigenvectors(A: Array) -> Eigenvectors:
+    """Eigenvalues and vectors of A (N, n, n). Raises: LinAlgError where the vectors of a node depend on each other."""
+    values, right = np.linalg.eig(A)
+    right = right.astype(complex)
+    return values.astype(complex), right, np.linalg.inv(right)
+
+
+def follow_modes(found: Eigenvectors) -> Modes:
+    """Eigenvalues and vectors at the nodes of a closed curve in one order: that of the first node.
+
+    The share |w_i(t_k) v_j(t_k+1) w_j(t_k+1) v_i(t_k)| does not depend on the vectors' lengths; the best matching is taken.
+    """
+    values, right, left = found
+    share = np.abs((left @ np.roll(right, -1, 0)) * np.swapaxes(np.roll(left, -1, 0) @ right, 1, 2))
+    order, near = matched(share)
+    values = np.take_along_axis(values, order, 1)
+    right = np.take_along_axis(right, order[:, None, :], 2)
+    left = np.take_along_axis(left, order[:, :, None], 1)
+    conjugate = np.abs(values[:, :, None].conj() - values[:, None, :]).argmin(axis=2)
+    return Modes(values, right, left, conjugate, near)
+
+
+def matched(share: Array) -> tuple[Array, Array]:
+    """The order of the modes at each node (N, n), and the pairs that are ambiguous or change places after a period (n, n)."""
+    count, n = share.shape[:2]
+    best = share.argmax(axis=2)
+    order, near = np.empty((count + 1, n), int), np.zeros((n, n), bool)
+    order[0] = np.arange(n)
+    for k, step in enumerate(best):
+        if len(np.unique(step)) < n:
+            step = assign(-share[k])
+        order[k + 1] = step[order[k]]
+    now, then = order[:-1, :, None], order[1:, None, :]
+    near |= (share[np.arange(count)[:, None, None], now, then] > PARTIAL).any(axis=0) & ~np.eye(n, dtype=bool)
+    near[np.arange(n), order[-1]] = True
+    return order[:count], near | near.T
+
+
+def grouped_modes(modes: Modes, together: Array) -> tuple[Array, tuple[Group, ...]]:
+    """Group modes transitively, the conjugate of every group being a group: the new order of the modes and the groups in it.
+
+    Parameters: together (n, n): pairs that belong together besides modes.near and conjugates that change.
+    """
+    join = together | modes.near
+    turning = (modes.conjugate != modes.conjugate[0]).any(axis=0)
+    for i in np.flatnonzero(turning):
+        join[i, modes.conjugate[:, i]] = True
+    mate = modes.conjugate[0]
+    while True:
+        labels = connected(join)
+        image = labels[:, None] == labels
+        wider = join | image | image[np.ix_(mate, mate)]
+        if (connected(wider) == labels).all():
+            break
+        join = wider
+    columns: list[int] = []
+    groups: list[Group] = []
+    for label in range(labels.max() + 1):
+        members = np.flatnonzero(labels == label)
+        if members[0] in columns:
+            continue
+        index, start, size = len(groups), len(columns), len(members)
+        if labels[mate[members[0]]] == label:
+            groups.append(Group(start, start + size, index))
+            columns += members.tolist()
+        else:
+            groups += [Group(start, start + size, index + 1), Group(start + size, start + 2 * size, index)]
+            columns += members.tolist() + mate[members].tolist()
+    return np.array(columns), tuple(groups)
+
+
+def connected(join: Array) -> Array:
+    """The connected components of an undirected graph (n, n): a label for each node, counted by their first members."""
+    reach = join | join.T | np.eye(len(join), dtype=bool)
+    while True:
+        wider = reach @ reach
+        if (wider == reach).all():
+            return np.unique(reach.argmax(axis=1), return_inverse=True)[1]
+        reach = wider
+
+
+def block_mask(groups: tuple[Group, ...]) -> Array:
+    """True inside the diagonal blocks (n, n)."""
+    label = np.repeat(np.arange(len(groups)), [group.size for group in groups])
+    return label[:, None] == label
+
+
+def find_frame(modes: Modes, groups: tuple[Group, ...]) -> tuple[Array, Array]:
+    """Bases T (N, n, n) of the groups' subspaces, and the real groups whose basis is complex (G,).
+
+        T_g(t) = V_g(t) (R_g V_g(t))^-1,   R_g constant rows:  R_g T_g = 1
+
+    T is as smooth as the subspace, periodic, and does not depend on the vectors V that span it. R_g: the left vectors L_g at the first
+    node, real for a real group. Where the subspace turns away from them, L_g +- i L_g(t), t where they see least: (cos s, sin s) turns to
+    (1, tan s) by the first, and to exp(-i s) (cos s, sin s) by the second.
+
+    Source: Kato, Perturbation Theory for Linear Operators, II.4.2 (transformation functions), without their transport.
+    """
+    mask, V = block_mask(groups), np.empty_like(modes.right)
+    V[0] = start_basis(modes, groups)
+    for k in range(1, len(V)):  # carried along, so that V at one node is like V at the next
+        V[k] = modes.right[k] @ ((modes.left[k] @ V[k - 1]) * mask)
+    L = np.linalg.solve((modes.left @ V) * mask, modes.left)
+    T, complex_basis = np.empty_like(V), np.zeros(len(groups), bool)
+    for i, group in enumerate(groups):
+        if group.partner < i:
+            T[:, :, group.part] = T[:, :, groups[group.partner].part].conj()
+            continue
+        seen, R = measure_sight(L[0, group.part], V[:, :, group.part])
+        if seen.min() < PARTIAL:
+            turned = [R + sign * L[seen.argmin(), group.part] for sign in (1j, -1j)]
+            R = max(turned, key=lambda rows: measure_sight(rows, V[:, :, group.part])[0].min())
+            complex_basis[i] = group.partner == i
+        own = V[:, :, group.part] @ np.linalg.inv(R @ V[:, :, group.part])
+        T[:, :, group.part] = own.real if group.partner == i and not complex_basis[i] else own
+    return T, complex_basis
+
+
+def measure_sight(R: Array, V: Array) -> tuple[Array, Array]:
+    """The least singular value of R V at each node (N,), and R."""
+    return np.linalg.svd(R @ V, compute_uv=False)[:, -1], R
+
+
+def start_basis(modes: Modes, groups: tuple[Group, ...]) -> Array:
+    """A basis at the first node: real vectors for real groups, the eigenvectors for the others, conjugates in pairs."""
+    T = modes.right[0].copy()
+    for i, group in enumerate(groups):
+        V = T[:, group.part]
+        if group.partner == i:
+            size = np.abs(V).max(axis=1, keepdims=True)
+            size[size == 0] = 1
+            U = np.linalg.svd(np.hstack([V.real, V.imag]) / size)[0][:, : group.size] * size
+            T[:, group.part] = (V @ (modes.left[0, group.part] @ U)).real
+        elif group.partner < i:
+            T[:, group.part] = T[:, groups[group.partner].part].conj()
+    return T
+
+
+def apply(operator: Array, values: Array) -> Array:
+    """Let a real matrix (M, N) act on the first axis of real or complex values (N, ...)."""
+    flat = np.ascontiguousarray(values).reshape(len(values), -1)
+    done = (operator @ flat.view(float)).view(complex) if np.iscomplexobj(flat) else operator @ flat
+    return done.reshape(len(operator), *values.shape[1:])
+
+
+def harmonics(count: int) -> Array:
+    """The harmonic numbers of NumPy's discrete Fourier transform of `count` values."""
+    return np.fft.fftfreq(count, 1 / count)
+
+
+@lru_cache(maxsize=64)
+def multiplier(count: int, kept: float, power: int, shift: float) -> Array:
+    """The matrix that multiplies harmonic k <= kept * count by (i k)^power exp(2 pi i k shift / count).
+
+    The middle harmonic of an even count has no derivative and no shift of its own, so it is left out.
+    Source: Trefethen, Spectral Methods in MATLAB (2000), chapter 3.
+    """
+    k = harmonics(count)
+    inside = np.abs(k) <= min(kept * count, (count - 1) // 2)
+    factor = inside * (1j * k) ** power * np.exp(2j * np.pi * k * shift / count)
+    return np.fft.ifft(factor[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0).real
+
+
+def smooth(values: Array) -> Array:
+    """Leave out the harmonics beyond KEPT times the number of nodes."""
+    return apply(multiplier(len(values), KEPT, 0, 0.0), values)
+
+
+def circle_derivative(values: Array, period: float, shift: float = 0.0) -> Array:
+    """The derivative at nodes that are moved by `shift` spacings."""
+    return 2 * np.pi / period * apply(multiplier(len(values), 0.5, 1, shift), values)
+
+
+def shifted(values: Array, shift: float) -> Array:
+    """The values at nodes that are moved by `shift` spacings."""
+    return apply(multiplier(len(values), 0.5, 0, shift), values)
+
+
+def interleaved(nodes: Array, between: Array) -> Array:
+    """Values at nodes and half-way between them as one series of twice the density."""
+    return np.stack([nodes, between], axis=1).reshape(2 * len(nodes), *nodes.shape[1:])
+
+
+def interpolated(values: Array, period: float, t: Array) -> Array:
+    """The trigonometric interpolant of nodes k T / N at the times t (M,), without the middle harmonic of an even count."""
+    parts = np.ascontiguousarray(values).view(float)
+    return FourierSeries.through(parts, period)(np.asarray(t, float)).view(values.dtype)
+
+
+def tail(values: Array) -> float:
+    """The largest harmonic of the upper half against the largest of all, entry by entry where that is not rounding."""
+    spectrum = np.abs(np.fft.rfft(values, axis=0)).reshape(len(values) // 2 + 1, -1)
+    whole = spectrum.max(axis=0)
+    moving = spectrum[1:].max(axis=0) > ROOT * whole
+    return float((spectrum[len(spectrum) // 2 :].max(axis=0)[moving] / whole[moving]).max()) if moving.any() else 0.0
+
+
+def aliasing(values: Array) -> Array:
+    """What harmonics beyond the nodes may add to a mean or a value in between: four times the largest of the top quarter.
+
+    It covers harmonics that fall off like 1 / k^2, as after a corner.
+    """
+    spectrum = np.abs(np.fft.fft(values, axis=0)) / len(values)
+    return 4 * spectrum[np.abs(harmonics(len(values))) > 3 / 8 * len(values)].max(axis=0)
+
+
+def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
+    """S (N, n, n) with B_ii S_ij - S_ij B_jj = -B_ij between groups i and j, zero inside the groups."""
+    S, diagonal = np.zeros_like(B), np.einsum("tii->ti", B)
+    scalar = np.repeat([group.size == 1 for group in groups], [group.size for group in groups])
+    single = scalar[:, None] & scalar & ~np.eye(len(scalar), dtype=bool)
+    S[:, single] = -B[:, single] / (diagonal[:, :, None] - diagonal[:, None, :])[:, single]
+    large, alone = [group for group in groups if group.size > 1], np.flatnonzero(scalar)
+    for group in large:
+        S[:, group.part, alone], S[:, alone, group.part] = solve_singles(B, group, alone)
+        for other in large:
+            if other is not group:
+                S[:, group.part, other.part] = solve_block(B, group, other)
+    return S
+
+
+def solve_singles(B: Array, group: Group, alone: Array) -> tuple[Array, Array]:
+    """The blocks of S between a group and all modes that are `alone` (s,): (N, p, s) and (N, s, p), all in one call each."""
+    values, own = B[:, alone, alone], B[:, group.part, group.part]
+    apart = own[:, None] - values[:, :, None, None] * np.eye(group.size)
+    columns = np.linalg.solve(apart, -np.swapaxes(B[:, group.part, alone], 1, 2)[..., None])[..., 0]
+    return np.swapaxes(columns, 1, 2), np.linalg.solve(np.swapaxes(apart, 2, 3), B[:, alone, group.part, None])[..., 0]
+
+
+def solve_block(B: Array, group: Group, other: Group) -> Array:
+    """One block of S (N, p, q), column by column from the complex Schur form of the smaller diagonal block.
+
+    Source: Bartels, Stewart, Solution of the matrix equation AX + XB = C, Comm. ACM 15 (1972).
+    """
+    if other.size > group.size:
+        turned = -np.swapaxes(B, 1, 2)
+        return -np.swapaxes(solve_block(turned, other, group), 1, 2)
+    own, R = B[:, group.part, group.part], B[:, other.part, other.part]
+    R, Q = (np.array(part) for part in zip(*map(complex_schur, R), strict=True))
+    right, Y = -B[:, group.part, other.part] @ Q, np.empty((len(B), group.size, other.size), complex)
+    for k in range(other.size):
+        column = right[:, :, k] + (Y[:, :, :k] @ R[:, :k, k, None])[..., 0]
+        Y[:, :, k] = np.linalg.solve(own - R[:, k, k, None, None] * np.eye(group.size), column[..., None])[..., 0]
+    return Y @ np.conj(np.swapaxes(Q, 1, 2))
+
+
+def mixing(S: Array) -> Array:
+    """How far a step 1 + S would mix each pair of modes (n, n), whatever their scaling."""
+    size = np.abs(S).max(axis=0)
+    return np.sqrt(size * size.T)
+
+
+def rounds(
+    B: Array,
+    T: Array,
+    S: Array,
+    groups: tuple[Group, ...],
+    cleaned: Callable[[Array], tuple[Array, Array]],
+    effect: Callable[[Array, Array], Array],
+    most: int,
+) -> tuple[Array, Array, Array, int]:
+    """Repeat T := T (1 + S), B := (1 + S)^-1 (B (1 + S) - S') until the coupling's effect stops shrinking; keep the best.
+
+    S solves the Sylvester equations of the coupling: what is left is S' and products of S, smaller by the rate of change over the gap
+    of the eigenvalues in every round.
+
+    Parameters: S: the solution for B; cleaned(S): S without the harmonics that would not shrink, and its derivative; effect(B, S): the
+    size of each pair's coupling (n, n) against what is allowed. Returns: T, B, S, rounds.
+    Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
+    """
+    best, least = (T, B, S, 0), np.inf
+    for turn in range(most + 1):
+        size = float(effect(B, S).max())
+        if not size < SLOW_PART * least:
+            break
+        best, least = (T, B, S, turn), size
+        if size < ENOUGH or turn == most:
+            break
+        T, B = take_step(T, B, *cleaned(S))
+        S = sylvester(B, groups)
+    return best
+
+
+def take_step(T: Array, B: Array, S: Array, slope: Array) -> tuple[Array, Array]:
+    """T (1 + S) and (1 + S)^-1 (B (1 + S) - S')."""
+    step = np.eye(S.shape[-1]) + S
+    return T @ step, np.linalg.solve(step, B @ step - slope)
+
+
+def low_harmonics(S: Array, period: float, gap: Array) -> tuple[Array, Array]:
+    """S (N, n, n) cut to the harmonics below SLOW_PART of the gap (n, n) that the nodes hold well, and its derivative."""
+    w = 2 * np.pi / period
+    frequency = w * harmonics(len(S))[:, None, None]
+    spectrum = np.fft.fft(S, axis=0) * (np.abs(frequency) <= np.minimum(SLOW_PART * gap, KEPT * len(S) * w))
+    return np.fft.ifft(spectrum, axis=0), np.fft.ifft(1j * frequency * spectrum, axis=0)

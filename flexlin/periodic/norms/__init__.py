@@ -1,1 +1,0 @@
-"""Norms of a periodic system from its inputs to an output: H2 and H-infinity."""

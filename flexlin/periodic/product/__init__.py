@@ -1,1 +1,0 @@
-"""Long products of matrices, taken from their factors and never multiplied out."""
