@@ -11,7 +11,6 @@ __getattr__, __dir__, __all__ = load_lazily(
         "about.kernel_model": "make_kernel record_model",
         "about.law": "is_constant Law",
         "about.layers": "Layers saturating_arguments",
-        "about.linear": "with_control",
-        "about.routes": "by_jacobian by_kronecker",
+        "about.linear": "by_jacobian by_kronecker with_control",
     },
 )

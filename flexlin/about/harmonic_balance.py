@@ -112,8 +112,12 @@ class Solver:
     def given(self) -> tuple[Array, Array, Array, Array]:
         """The times; offset, gain and steer of the law there."""
         t = self.about.motion.period * np.arange(self.points) / self.points
-        gain = np.swapaxes(self.law.gain(t), 1, 2).reshape(self.points, -1)
-        return t, self.law.offset(t), gain, self.law.steer(self.law.reference(t))
+        return t, *self.law_at(t)
+
+    def law_at(self, t: Array) -> tuple[Array, Array, Array]:
+        """Offset, gain and steer of the law at any times."""
+        gain = np.swapaxes(self.law.gain(t), 1, 2).reshape(len(t), -1)
+        return self.law.offset(t), gain, self.law.steer(self.law.reference(t))
 
     @lazy
     def derivatives(self) -> tuple[Array, Array]:
@@ -130,10 +134,8 @@ class Solver:
     def left(self, t: Array, series: FourierSeries) -> Array:
         """F (N, n + m + k) but for z' of a motion [y, torque, z] at any times t (N,)."""
         n, (values, first, second) = self.about.n, (series(t, order) for order in range(3))
-        gain = np.swapaxes(self.law.gain(t), 1, 2).reshape(len(t), -1)
-        law = self.law.offset(t), gain, self.law.steer(self.law.reference(t))
         motion = values[:, :n], first[:, :n], second[:, :n], values[:, n:]
-        return self.about.evaluate(self.equations, t, *motion, *law, np.ones((len(t), 1)))[0][:, :, 0]
+        return self.about.evaluate(self.equations, t, *motion, *self.law_at(t), np.ones((len(t), 1)))[0][:, :, 0]
 
     def residual(self, z: Array, speed: float) -> tuple[Array, Array]:
         """F (N, n + m + k) and its Jacobian, square."""

@@ -1,7 +1,8 @@
 """From a manipulator, a motion and perhaps a control law to the linear equations about the motion."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, overload
 
 import casadi as ca
@@ -10,11 +11,11 @@ import numpy as np
 from flexlin.about.closed_loops import refuse_open_loops
 from flexlin.about.deviation import Deviation
 from flexlin.about.law import Feedback
-from flexlin.about.linearization import Coefficients, Linearization
-from flexlin.about.routes import ROUTES, Matrices, Route, left_side
+from flexlin.about.linearization import Coefficients, Linearization, Route
 from flexlin.about.trajectory import Trajectory, linearize_along
 from flexlin.arguments import checked, instance
 from flexlin.errors import ArgumentError, ModelError, MotionError
+from flexlin.kronecker.symbolic import derivative
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, build_motion
 from flexlin.periodic.system import PeriodicSystem
@@ -25,6 +26,35 @@ from flexlin.scene.motion import AnyMotion, MotionTable
 __all__ = ["Coefficients", "Linearization", "Trajectory", "linearize"]
 
 AnyBasicMotion = AnyMotion | Motion | Mapping[str, Any]
+Matrices = tuple[ca.SX, ca.SX, ca.SX]
+
+
+def left_side(arm: Manipulator) -> ca.SX:
+    """The residual M s'' + C s' + g + d; where loops are closed, with the symbols v of the joints that follow."""
+    return arm.residual if arm.loops is None else arm.loops.residual
+
+
+def by_jacobian(arm: Manipulator) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """M_L, D_L, K_L as Jacobians of the residual by s'', s' and s."""
+    jacobian = partial(ca.jacobian, left_side(arm))
+    K = jacobian(arm.s) if arm.loops is None else arm.loops.slope(arm.s)
+    return jacobian(arm.s_ddot), jacobian(arm.s_dot), K
+
+
+def by_kronecker(arm: Manipulator) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """M_L, D_L, K_L by Eqs (65)-(67) in the Kronecker layout, with the dissipation's slopes added."""
+    eye, C = ca.DM.eye(arm.n), arm.C
+    by_rate, by_acceleration = ca.kron(arm.s_dot, eye), ca.kron(arm.s_ddot, eye)
+    D = C + derivative(C, arm.s_dot) @ by_rate + derivative(arm.damping, arm.s_dot)
+    K = (
+        derivative(arm.M, arm.s) @ by_acceleration
+        + derivative(C, arm.s) @ by_rate
+        + derivative(arm.g + arm.damping, arm.s)
+    )
+    return arm.M, D, K
+
+
+ROUTES: dict[str, Callable[[Manipulator], Matrices]] = {"jacobian": by_jacobian, "kronecker": by_kronecker}
 
 
 @overload

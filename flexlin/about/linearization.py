@@ -1,7 +1,7 @@
 """The bridge: a manipulator linearized along its rigid basic motion, M_L y'' + D_L y' + K_L y = h_L + B_L u."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import casadi as ca
 import numpy as np
@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from flexlin.about.closed_loops import keeps_clear, moves_followers
 from flexlin.about.deviation import Deviation
 from flexlin.about.law import Controller, Feedback, Law, scene_law
-from flexlin.about.routes import Route
 from flexlin.checks import SAMPLES, Array, at_times, times, whole
 from flexlin.errors import MotionError, counted
 from flexlin.lazy import lazy
@@ -29,6 +28,8 @@ from flexlin.symbolic import Part
 
 if TYPE_CHECKING:
     import xarray
+
+Route = Literal["jacobian", "kronecker"]
 
 
 @dataclass(frozen=True)
@@ -250,7 +251,7 @@ class Linearization(Shown):
         array, shape (N, m) or (m,)
             The torque, in N m (N for sliding joints, V for motors).
         """
-        return at_times(lambda t: self.about.evaluate(self._torque, t)[0][:, :, 0], t)
+        return at_times(lambda t: self._evaluate(t, "tau")[0][:, :, 0], t)
 
     def equations(self, t: Array) -> tuple[Array, Array, Array]:
         """Return M, D, K without the rest.
@@ -265,7 +266,7 @@ class Linearization(Shown):
         tuple of array, each of shape (N, n, n)
             M, D, K.
         """
-        M, D, K, *B = self.about.evaluate(self._equations, times(t))
+        M, D, K, *B = self._evaluate(t, "M", "D", "K", *(() if self.direct_gain is None else "B"))
         return M, *(self._answered(D, K, *B) if B else (D, K))
 
     def mass_and_input(self, t: Array) -> tuple[Array, Array]:
@@ -283,24 +284,12 @@ class Linearization(Shown):
         B : array, shape (N, n, m)
             Input matrix.
         """
-        M, B = self.about.evaluate(self._inputs, times(t))
+        M, B = self._evaluate(t, "M", "B")
         return M, B
 
-    @lazy
-    def _equations(self) -> Part:
-        return Part(self.of_arm, ("M", "D", "K") if self.direct_gain is None else ("M", "D", "K", "B"))
-
-    @lazy
-    def _inputs(self) -> Part:
-        return Part(self.of_arm, ("M", "B"))
-
-    @lazy
-    def _forces(self) -> Part:
-        return Part(self.of_arm, ("M", "h", "B", "tau") if self.feeds_forward else ("M", "h"))
-
-    @lazy
-    def _torque(self) -> Part:
-        return Part(self.of_arm, ("tau",))
+    def _evaluate(self, t: Array, *names: str) -> tuple[Array, ...]:
+        """Some of the arm's coefficients at times (N,)."""
+        return self.about.evaluate(Part(self.of_arm, names), times(t))
 
     @property
     def input_units(self) -> tuple[str, ...]:
@@ -536,7 +525,7 @@ class Linearization(Shown):
         return at_times(self._forcing, t)
 
     def _forcing(self, t: Array) -> Array:
-        M, h, *driven = self.about.evaluate(self._forces, t)
+        M, h, *driven = self._evaluate(t, "M", "h", *(("B", "tau") if self.feeds_forward else ()))
         forced = h + driven[0] @ driven[1] if driven else h
         return self._with_controller(build_input(M, forced, t))[:, :, 0]
 

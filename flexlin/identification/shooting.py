@@ -32,12 +32,11 @@ class Windows:
     starts: Array
     ends: Array
     h: float
-    steps: int
     rows: Array
     driven: dict[bytes, tuple[Array, Array]] = field(default_factory=dict, init=False)
 
     @classmethod
-    def of(cls, log: Log, length: float, substeps: int = 1) -> "Windows":
+    def of(cls, log: Log, length: float) -> "Windows":
         """Cut the stretches of a log into windows of a length in s, one after the other; a rest of a quarter is one too.
 
         Raises: ArgumentError where no stretch is long enough.
@@ -60,16 +59,18 @@ class Windows:
         for k, one in enumerate(chosen):
             rows[k, : len(one)] = one
         first, last = rows[:, 0], np.array([one[-1] for one in chosen])
-        starts, ends = log.time[first], log.time[last]
-        h = step / substeps
-        steps = max(4, int(np.ceil((ends - starts).max() / h - 1e-6)))
-        check_size("the log's prediction", 8 * len(chosen) * steps * 400, "give a part of the log, or thin it")
-        return cls(log, starts, ends, h, steps, rows)
+        made = cls(log, log.time[first], log.time[last], step, rows)
+        check_size("the log's prediction", 8 * len(chosen) * made.steps * 400, "give a part of the log, or thin it")
+        return made
+
+    @lazy
+    def steps(self) -> int:
+        """The number K of steps, at least four."""
+        return max(4, int(np.ceil((self.ends - self.starts).max() / self.h - 1e-6)))
 
     def refined(self, substeps: int) -> "Windows":
         """The same windows on a grid of so many steps for one of the log's."""
-        h = self.log.step / substeps
-        return replace(self, h=h, steps=max(4, int(np.ceil((self.ends - self.starts).max() / h - 1e-6))))
+        return replace(self, h=self.log.step / substeps)
 
     def chosen(self, which: Array) -> "Windows":
         """Some of the windows."""
@@ -79,9 +80,7 @@ class Windows:
         """The first seconds of each window."""
         inside = self.there & (self.log.time[self.rows] <= self.starts[:, None] + seconds)
         rows = np.where(inside, self.rows, -1)[:, : int(inside.sum(axis=1).max())]
-        ends = np.minimum(self.ends, self.starts + seconds)
-        steps = max(4, int(np.ceil((ends - self.starts).max() / self.h - 1e-6)))
-        return replace(self, ends=ends, rows=rows, steps=steps)
+        return replace(self, ends=np.minimum(self.ends, self.starts + seconds), rows=rows)
 
     @property
     def count(self) -> int:
