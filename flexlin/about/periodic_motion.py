@@ -23,10 +23,11 @@ from flexlin.arguments import checked, instance
 from flexlin.checks import SAMPLES, Array, at_times, positive
 from flexlin.errors import MotionError, NumericalError, ToleranceNotReached
 from flexlin.periodic.interpolation import FourierSeries
+from flexlin.periodic.precision import SLIGHT
 from flexlin.periodic.system import MatrixFunction
 from flexlin.summary import represent
 
-FIRST, LEAST, GROWTH = 0.25, 1e-3, 1.5
+FIRST, LEAST, GROWTH = 0.25, SLIGHT, 1.5
 """The first step in speed, as a part of the full one; the least that is tried; by how much a step grows after one that succeeds."""
 STEPS, HALVINGS = 12, 10
 """Steps of Newton's method at each speed; halvings of the interval in which the inverse becomes singular."""

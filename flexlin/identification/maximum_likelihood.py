@@ -14,6 +14,7 @@ from flexlin.identification.least_squares import Evidence, Point, Problem, leave
 from flexlin.identification.log import Log
 from flexlin.identification.prediction import Prediction, deviations, find_starts, name_missed, predict, prepare
 from flexlin.identification.shooting import Windows
+from flexlin.periodic.precision import MINOR, SLIGHT
 from flexlin.plots.view import Series, Shown, View
 from flexlin.progress import part
 from flexlin.resources import Stopwatch
@@ -39,11 +40,11 @@ SETTLED = 0.02
 """Relative change of the noise below which it is known."""
 BLOCKED = 1.0
 """Standard errors that one more undamped step promises, from which on its not being taken is worth a word."""
-NEAR = 1e-3
+NEAR = SLIGHT
 """Share of the cost that a step of the first round still gains where it goes on."""
-FREED = 0.1
+FREED = MINOR
 """Largest damping with which a round begins: one that came to a halt tries larger steps again."""
-STILL = 0.1
+STILL = MINOR
 """Standard errors by which a round may still move a number of a search that has settled."""
 SCREENED = 4
 """Windows, and Gauss-Newton steps, by which starting values are compared."""
