@@ -9,19 +9,14 @@ from flexlin.about import Law
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.scene import parse_scene
 from flexlin.simulation import simulate
-
-
-def loop(data_folder=None, **overrides):
-    changes = {key.replace("__", "."): value for key, value in overrides.items()}
-    scene = fl.load_scene("single-link", changes, data_folder)
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+from tests.closed_arm import closed
 
 
 def test_linear_model_is_the_slope_of_the_nonlinear_one():
     """Without gravity the forcing is odd in the amplitude, so the first neglected terms are cubic: halving it divides the gap by 8."""
     gaps = [
         simulate(
-            loop(motion__joints__0__amplitude=a, effects__gravity__acceleration=0.0), periods=0.5, tol=1e-10
+            closed(changes={"motion.joints.0.amplitude": a, "effects.gravity.acceleration": 0.0}), 0.5, tol=1e-10
         ).difference
         for a in (0.2, 0.1)
     ]
@@ -59,10 +54,10 @@ def test_free_vibration_keeps_its_energy():
 
 
 def test_a_given_feedback_equals_the_same_gains_in_the_scene():
-    closed = loop()
-    gain = closed.law.gain(np.zeros(1))[0]
-    again = simulate(closed, periods=0.5, feedback=lambda t: np.broadcast_to(gain, (len(t), *gain.shape)))
-    own = simulate(closed, periods=0.5)
+    lin = closed()
+    gain = lin.law.gain(np.zeros(1))[0]
+    again = simulate(lin, periods=0.5, feedback=lambda t: np.broadcast_to(gain, (len(t), *gain.shape)))
+    own = simulate(lin, periods=0.5)
     np.testing.assert_allclose(again.nonlinear, own.nonlinear, atol=1e-9)
     np.testing.assert_allclose(again.linear, own.linear, atol=1e-12)
 
@@ -72,13 +67,13 @@ def test_table_motion_and_symbolic_motion_agree(tmp_path):
     t = np.linspace(0.0, 2.0, 401)
     table = tmp_path / "sine.csv"
     np.savetxt(table, np.column_stack([t, 0.5 * np.sin(np.pi * t)]), delimiter=",", header="t,q1", comments="")
-    one = simulate(loop(), periods=0.5)
-    other = simulate(loop(tmp_path, motion={"kind": "table", "file": str(table)}), periods=0.5)
+    one = simulate(closed(), periods=0.5)
+    other = simulate(closed(changes={"motion": {"kind": "table", "file": str(table)}}, folder=tmp_path), periods=0.5)
     np.testing.assert_allclose(other.tip, one.tip, atol=1e-7)
 
 
 def test_results_carry_names_errors_and_units():
-    run = simulate(loop(), periods=0.25)
+    run = simulate(closed(), periods=0.25)
     data = run.dataset()
     assert data["nonlinear"].dims == ("time", "state")
     assert list(data["state"].values) == ["q1", "w11", "w12", "q1_rate", "w11_rate", "w12_rate"]
@@ -89,7 +84,7 @@ def test_results_carry_names_errors_and_units():
 
 @pytest.mark.slow
 def test_a_diverging_loop_is_told():
-    lin = loop(control={"feedforward": "none", "feedback": {"kind": "pd", "kp": [0.0], "kd": [0.0]}})
+    lin = closed(changes={"control": {"feedforward": "none", "feedback": {"kind": "none"}}})
     with pytest.raises(FlexlinError):
         simulate(lin, periods=2, feedback=lambda t: np.full((len(t), 1, 6), -50.0))
     with pytest.raises(ArgumentError, match="initial"):
@@ -98,7 +93,7 @@ def test_a_diverging_loop_is_told():
 
 
 @pytest.mark.parametrize(
-    ("closed", "law", "words"),
+    ("looped", "law", "words"),
     [
         (False, None, "the torque of the rigid motion alone"),
         (True, None, "the torque of the rigid motion and feedback"),
@@ -106,9 +101,9 @@ def test_a_diverging_loop_is_told():
         (False, Law.constant([[3.0, 0, 0, 0.5, 0, 0]]), "feedback alone"),
     ],
 )
-def test_it_says_what_moves_the_arm(closed, law, words):
+def test_it_says_what_moves_the_arm(looped, law, words):
     scene = fl.load_scene("single-link")
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control if closed else None)
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control if looped else None)
     run = fl.simulate(lin, periods=0.02, tol=1e-4, law=law)
     assert run.driven_by == words
     assert f"driven by {words}" in run.summary()

@@ -13,8 +13,7 @@ from tests.closed_arm import closed
 
 @pytest.fixture(scope="module")
 def lin():
-    scene = fl.load_scene("single-link")
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    return closed()
 
 
 def late_tip_error(run):
@@ -90,8 +89,7 @@ def test_nonlinear_share_grows_with_the_amplitude(lin):
     assert (
         linear_range(lin, 0.1).amplitudes.min() < region_of_attraction(lin, modes=1, periods=2, halvings=2).outside[0]
     )
-    scene = fl.load_scene("spinning-link", {"effects.geometric_stiffening": "off"})
-    mathieu = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    mathieu = closed("spinning-link", {"effects.geometric_stiffening": "off"})
     assert np.isinf(linear_range(mathieu).amplitudes).all()
 
 
@@ -106,11 +104,8 @@ def test_region_of_attraction_is_bracketed():
 
 @pytest.mark.slow
 def test_drives_come_from_the_scene():
-    scene = fl.load_scene(
-        "single-link",
-        {"control.saturation": {"torque": [0.4]}, "control.sampling": {"period": 0.004, "delay": 0.001}},
-    )
-    slow = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    changes = {"control.saturation": {"torque": [0.4]}, "control.sampling": {"period": 0.004, "delay": 0.001}}
+    slow = closed(changes=changes)
     run = simulate(slow, 0.1, tol=1e-6)
     given = simulate(slow, 0.1, tol=1e-6, drive=Drive((0.4,), 0.004, 0.001))
     np.testing.assert_array_equal(run.nonlinear, given.nonlinear)

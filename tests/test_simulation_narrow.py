@@ -1,7 +1,9 @@
 """What is narrow, in time (a law, a slope) or in a rate (friction about rest), is followed: no step passes over it."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -13,6 +15,7 @@ from flexlin.about import Layers, Solver, balance, by_law, miss_between, saturat
 from flexlin.errors import NumericalError, SimulationStopped
 from flexlin.periodic import FourierSeries
 from flexlin.simulation import Drive
+from tests.closed_arm import closed
 
 
 @pytest.mark.slow
@@ -43,37 +46,40 @@ def test_a_pulse_of_the_gain_brakes_the_joint_as_it_should(place: float, width: 
     assert np.abs(run.nonlinear[-1] - x).max() < 1e-3 * np.abs(x).max()
 
 
-def arm_with_friction(torque: float, rate: float) -> fl.Linearization:
-    """A joint of inertia 0.5 kg m^2 that is the user's own model: q'' / 2 + torque tanh(q' / rate) = tau."""
+def arm_with(damping: Callable[[ca.SX], ca.SX]) -> fl.Linearization:
+    """A joint of inertia 0.5 kg m^2 that is the user's own model: q'' / 2 + damping(q') = tau."""
     q, q1 = ca.SX.sym("q"), ca.SX.sym("q1")
-    arm = fl.Manipulator.from_matrices(
-        q, q1, ca.SX(0.5), ca.SX(0), ca.SX(0), damping=torque * ca.tanh(q1 / rate), names=["q"]
-    )
+    arm = fl.Manipulator.from_matrices(q, q1, ca.SX(0.5), ca.SX(0), ca.SX(0), damping=damping(q1), names=["q"])
     scene = fl.load_scene("single-link")
     return fl.linearize(arm, scene.motion, scene.control)
+
+
+def arm_with_friction(torque: float, rate: float) -> fl.Linearization:
+    return arm_with(lambda q1: torque * ca.tanh(q1 / rate))
+
+
+def by_lsoda(
+    lin: fl.Linearization, resist: Callable[[float], float], start: np.ndarray, end: float, step: float, limit: float
+) -> np.ndarray:
+    """The state of that joint under its law at the end: LSODA on the scalar equation, its steps as short as the layer asks."""
+    gain, omega = lin.law.gain(np.zeros(1))[0, 0], 2 * np.pi / lin.period
+
+    def flow(t: float, x: np.ndarray) -> list[float]:
+        rigid, q2 = 0.5 * omega * np.cos(omega * t), -0.5 * omega**2 * np.sin(omega * t)
+        given = np.clip(0.5 * q2 + resist(rigid) - gain @ x, -limit, limit)
+        return [x[1], (given - resist(rigid + x[1])) / 0.5 - q2]
+
+    return solve_ivp(flow, (0, end), start, "LSODA", rtol=1e-9, atol=1e-12, max_step=step).y[:, -1]
 
 
 @pytest.mark.parametrize("rate", [1e-3, 1e-5])
 @pytest.mark.parametrize("limit", [None, pytest.param(1.2, marks=pytest.mark.slow)])
 def test_friction_about_rest_is_seen_wherever_the_joint_turns_round(rate: float, limit: float | None) -> None:
-    """The joint turns round elsewhere than its motion does, within rate / |q''| s. Steps over that time missed by 5e-4 and claimed 2e-13.
-
-    The other route is LSODA on the scalar equation, its steps as short as the layer asks.
-    """
-    lin = arm_with_friction(0.3, rate)
-    start, T = np.array([0.03, -0.05]), lin.period
+    """The joint turns round elsewhere than its motion does within rate / |q''| s. Steps over it missed by 5e-4 and claimed 2e-13."""
+    lin, start = arm_with_friction(0.3, rate), np.array([0.03, -0.05])
     run = fl.simulate(lin, periods=0.5, initial=start, tol=1e-7, drive=Drive(limit=None if limit is None else (limit,)))
-
-    gain, omega = lin.law.gain(np.zeros(1))[0, 0].tolist(), 2 * np.pi / T
-
-    def flow(t: float, x: np.ndarray) -> list[float]:
-        q1, q2 = 0.5 * omega * np.cos(omega * t), -0.5 * omega**2 * np.sin(omega * t)
-        given = 0.5 * q2 + 0.3 * np.tanh(q1 / rate) - gain[0] * x[0] - gain[1] * x[1]
-        if limit is not None:
-            given = min(max(given, -limit), limit)
-        return [x[1], (given - 0.3 * np.tanh((q1 + x[1]) / rate)) / 0.5 - q2]
-
-    expected = solve_ivp(flow, (0, run.t[-1]), start, "LSODA", rtol=1e-9, atol=1e-12, max_step=T / 4000).y[:, -1]
+    step = lin.period / 4000
+    expected = by_lsoda(lin, lambda q1: 0.3 * np.tanh(q1 / rate), start, run.t[-1], step, limit or np.inf)
     assert np.abs(run.nonlinear[-1] - expected).max() <= run.error + 2e-8
 
 
@@ -121,38 +127,21 @@ def test_what_saturates_is_found_in_an_expression() -> None:
 
 @pytest.mark.slow
 def test_a_force_that_acts_at_small_rates_alone_is_seen() -> None:
-    """Stribeck's, 3 exp(-(q' / 1e-4)^2) / 2 beside viscous friction: steps over it claimed 3e-11 and missed by 1.5e-5.
+    """Stribeck's, 3 exp(-(q' / 1e-4)^2) / 2 beside viscous friction: steps over it claimed 3e-11 and missed by 1.5e-5."""
 
-    The other route is LSODA on the scalar equation.
-    """
-    q, q1 = ca.SX.sym("q"), ca.SX.sym("q1")
-    force = 1.5 * ca.exp(-((q1 / 1e-4) ** 2)) + 0.1 * q1
-    arm = fl.Manipulator.from_matrices(q, q1, ca.SX(0.5), ca.SX(0), ca.SX(0), damping=force, names=["q"])
-    scene = fl.load_scene("single-link")
-    lin = fl.linearize(arm, scene.motion, scene.control)
-    start, omega = np.array([0.03, -0.05]), 2 * np.pi / lin.period
-    gain = lin.law.gain(np.zeros(1))[0, 0].tolist()
+    def resist(rate: Any) -> Any:
+        return 1.5 * np.exp(-((rate / 1e-4) ** 2)) + 0.1 * rate
 
-    def resist(rate: float) -> float:
-        return float(1.5 * np.exp(-((rate / 1e-4) ** 2)) + 0.1 * rate)
-
-    def flow(t: float, x: np.ndarray) -> list[float]:
-        rigid, q2 = 0.5 * omega * np.cos(omega * t), -0.5 * omega**2 * np.sin(omega * t)
-        driven = 0.5 * q2 + resist(rigid) - gain[0] * x[0] - gain[1] * x[1]
-        return [x[1], (driven - resist(rigid + x[1])) / 0.5 - q2]
-
+    lin, start = arm_with(resist), np.array([0.03, -0.05])
     run = fl.simulate(lin, periods=0.3, initial=start, tol=1e-7)
-    expected = solve_ivp(flow, (0, run.t[-1]), start, "LSODA", rtol=1e-9, atol=1e-12, max_step=2e-5).y[:, -1]
+    expected = by_lsoda(lin, resist, start, run.t[-1], 2e-5, np.inf)
     assert np.abs(run.nonlinear[-1] - expected).max() <= run.error + 1e-9
 
 
 @pytest.mark.slow
 def test_a_periodic_motion_says_what_friction_does_between_its_points() -> None:
     """65 points claimed 7e-14 and missed by 6e-3; the truth is the fixed point of the simulated period."""
-    scene = fl.load_scene(
-        "single-link", {"links.0.modes": 1, "designs": [], "effects.coulomb_friction": {"torque": 0.02, "rate": 1e-3}}
-    )
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    lin = closed(changes={"links.0.modes": 1, "effects.coulomb_friction": {"torque": 0.02, "rate": 1e-3}})
     solver, layers = Solver(lin.about, balance(lin.about, by_law), lin.law, 65), Layers.of(lin.about)
     found = solver.solve(None)
     assert found is not None
@@ -179,8 +168,7 @@ def test_a_periodic_motion_says_what_friction_does_between_its_points() -> None:
 
 def test_a_rigid_arm_has_a_periodic_motion_too() -> None:
     """Its deviation is rounding: relative to that, no step of Newton's method was small."""
-    scene = fl.load_scene("single-link", {"links.0.modes": 0, "designs": []})
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    lin = closed(changes={"links.0.modes": 0})
     motion = fl.control.periodic_motion(lin)
     assert motion.error < 1e-8
     assert np.abs(motion(np.linspace(0, 2, 9))).max() < 1e-12
@@ -189,10 +177,6 @@ def test_a_rigid_arm_has_a_periodic_motion_too() -> None:
 @pytest.mark.parametrize("drive", [{}, {"limit": (100.0,)}, {"rate": (1e9,)}])
 def test_a_force_that_jumps_ends_the_run_in_words(drive: dict[str, tuple[float, ...]]) -> None:
     """An argument that jumps is passed by every step, however short: steps were tried without end."""
-    q, q1 = ca.SX.sym("q"), ca.SX.sym("q1")
-    force = ca.tanh(3 * ca.sign(q1))
-    arm = fl.Manipulator.from_matrices(q, q1, ca.SX(0.5), ca.SX(0), ca.SX(0), damping=force, names=["q"])
-    scene = fl.load_scene("single-link")
-    lin = fl.linearize(arm, scene.motion, scene.control)
+    lin = arm_with(lambda q1: ca.tanh(3 * ca.sign(q1)))
     with pytest.raises(SimulationStopped, match="no step is short enough"):
         fl.simulate(lin, periods=0.5, initial=np.array([0.03, -0.05]), tol=1e-5, drive=Drive(**drive))

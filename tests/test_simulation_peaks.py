@@ -6,11 +6,7 @@ import pytest
 import flexlin as fl
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.result import find_peaks, subdivide
-
-
-def loop(**changes):
-    scene = fl.load_scene("single-link", {"designs": [], **changes})
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+from tests.closed_arm import closed
 
 
 def figures(run):
@@ -42,7 +38,7 @@ def test_steps_are_divided_and_output_times_kept():
 )
 def test_peaks_do_not_depend_on_the_output_times(changes):
     """A link that rings at 2 to 15 Hz on a motion of 50 s: a few output times meet no peak of it."""
-    lin = loop(**changes)
+    lin = closed(changes=changes)
     few, many = (fl.simulate(lin, 0.5, points_per_period=points) for points in (16, 4096))
     np.testing.assert_allclose(figures(few), figures(many), rtol=1e-4)
     met = np.linalg.norm(few.tip - few.tip_linear, axis=1).max()
@@ -53,7 +49,7 @@ def test_peaks_do_not_depend_on_the_output_times(changes):
 @pytest.mark.slow
 def test_peaks_of_a_torque_that_is_cut_or_held():
     """Through corners no parabola is laid: the limit is the peak."""
-    lin = loop(**{"links.0.modes": 1})
+    lin = closed(changes={"links.0.modes": 1})
     cut = fl.simulate(lin, 0.25, tol=1e-6, points_per_period=8, drive=Drive(limit=(0.4,)))
     assert cut.peak_torque[0] == 0.4
     held = fl.simulate(lin, 0.25, tol=1e-6, points_per_period=8, drive=Drive(sample_time=0.01))
