@@ -130,7 +130,7 @@ def test_a_force_that_acts_at_small_rates_alone_is_seen() -> None:
     """Stribeck's, 3 exp(-(q' / 1e-4)^2) / 2 beside viscous friction: steps over it claimed 3e-11 and missed by 1.5e-5."""
 
     def resist(rate: Any) -> Any:
-        return 1.5 * np.exp(-((rate / 1e-4) ** 2)) + 0.1 * rate
+        return 1.5 * ca.exp(-((rate / 1e-4) ** 2)) + 0.1 * rate
 
     lin, start = arm_with(resist), np.array([0.03, -0.05])
     run = fl.simulate(lin, periods=0.3, initial=start, tol=1e-7)
