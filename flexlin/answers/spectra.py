@@ -181,15 +181,21 @@ class SymbolicFamily(Family):
             return super().rough(points)
         placed, states = self.place(points), self.together.kernel.model.states
         logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)
+        tried, used, missed = np.zeros((3, len(points)))
 
-        def enter(which: Array, found: "Logs", _: int) -> Array:
+        def enter(which: Array, found: "Logs", segments: int) -> Array:
             logs[which], errors[which] = found.logs, found.errors
-            return np.where(serves(found, self.coarsest), 0.0, found.misses(self.coarsest))
+            misses = found.misses(self.coarsest)
+            tried[which], used[which], missed[which] = tried[which] + 1, segments, misses
+            return np.where(serves(found, self.coarsest), 0.0, misses)
 
         narrow = self.together.find_narrow(placed)
         left = np.sort(
             np.concatenate([self.together.solve(placed, np.flatnonzero(~narrow), enter), np.flatnonzero(narrow)])
         )
+        again = np.setdiff1d(np.flatnonzero(tried > 1), left)
+        if len(again):  # what is asked for next lies near
+            self.together.needs.learn(placed[again], used[again], missed[again], logs[again])
         self.evaluations += len(points) - len(left)
         if len(left):
             alone = super().rough(points[left])

@@ -1,10 +1,9 @@
 """Values that are computed together by the kernel: how it is prepared, and one block of them."""
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,18 +18,109 @@ if TYPE_CHECKING:
     from flexlin.about.free import ParametricLoop
 
 
-FEWEST, MOST = 4, 1024
-"""The least and the largest number of segments; the resolutions are multiples of them."""
-FINENESS = 2
-"""Numbers of segments that a value may want, in a factor of two: those that want the same are computed together."""
+FEWEST, MOST, FINENESS = 4, 1024, 12
+"""Numbers of segments among which is chosen: the least, the largest, and how many in a factor of two."""
+STARTS = np.unique(np.round(FEWEST * 2 ** (np.arange(FINENESS * np.log2(MOST / FEWEST) + 1) / FINENESS)).astype(int))
+"""The numbers themselves; the resolutions are multiples of them."""
 FEW = 3
 """Resolutions of a first trial."""
 ORDER = 8
 """Of the extrapolated logs, by the length of the segments."""
 STEPS = 1.15, 2.0
 """Factors between the numbers of segments of a value's trials."""
-PILOTS = 3 * WIDTH
-"""Values spread over all, by which the states are balanced and the first number of segments is chosen."""
+FURTHER = STEPS[1] ** 2
+"""Pilots that need so many times more than the others are given up."""
+MARGIN = 1.06
+"""What values are given over what pilots needed: a second trial costs more."""
+PILOTS, EACH = (16, 256), 64
+"""Values that are tried: one of so many, within limits. A trial of one costs as much as three of the values."""
+
+
+@dataclass
+class Needs:
+    """What pilots (K, P) needed, as places in STARTS (K,); `spread`: of the logs of their moduli."""
+
+    pilots: Array
+    rungs: Array
+    spread: float
+
+    def predict(self, points: Array) -> Array:
+        """Places in STARTS for points (V, P): the largest of the P + 1 nearest pilots', by how many pilots lie between."""
+        near = min(points.shape[1] + 1, len(self.rungs))
+        distances = np.zeros((len(points), len(self.rungs)))
+        for x, known in zip(points.T, self.pilots.T, strict=True):
+            steps = np.unique(known)
+            places = [np.interp(each, steps, np.arange(len(steps))) for each in (np.nan_to_num(x), known)]
+            distances += (places[0][:, None] - places[1]) ** 2
+        return np.asarray(self.rungs[np.argpartition(distances, near - 1, axis=1)[:, :near]].max(axis=1))
+
+    def learn(self, points: Array, segments: Array, misses: Array, logs: Array) -> None:
+        """Take one more pilot, the middle one of values (V, P) that met the tolerance on more segments (V,) than were predicted."""
+        needed = MARGIN * segments * np.clip(misses ** (1 / ORDER), 1 / STEPS[1], 1.0)
+        middle = np.argsort(needed)[len(needed) // 2]
+        self.pilots = np.vstack([self.pilots, points[middle]])
+        self.rungs = np.append(self.rungs, find_rungs(needed[[middle]]))
+        self.spread = max(self.spread, measure_spread(logs))
+
+    @property
+    def usual(self) -> int:
+        """The number of segments that a pilot needs in the middle."""
+        return int(STARTS[np.sort(self.rungs)[len(self.rungs) // 2]])
+
+
+def find_rungs(wanted: Array) -> Array:
+    """The least places in STARTS with as many segments as wanted."""
+    return np.searchsorted(STARTS, wanted * (1 - 1e-9)).clip(max=len(STARTS) - 1)
+
+
+def pack(rungs: Array) -> Iterator[tuple[int, Array]]:
+    """Segments and which values (V,) to compute on them: eight that want about as many are one vector, and have what the last one wants.
+
+    Values that want as many stay in order: neighbours have much in common, and a vector takes as long as its slowest value.
+    """
+    order = np.argsort(rungs, kind="stable")
+    last = np.minimum(np.arange(WIDTH - 1, len(order) + WIDTH - 1, WIDTH), len(order) - 1)
+    of_vectors = rungs[order[last]]
+    for rung in np.unique(of_vectors):
+        vectors = np.flatnonzero(of_vectors == rung)
+        yield int(STARTS[rung]), order[WIDTH * vectors[0] : WIDTH * (vectors[-1] + 1)]
+
+
+def learn_needs(kernel: Kernel, points: Array, scale: Array, tol: float) -> Needs:
+    """What values spread over the points (V, P) need."""
+    count = np.arange(np.clip(len(points) // EACH, *PILOTS))
+    pilots = points[np.unique((count * 0.6180339887498949 % 1.0 * len(points)).astype(int))]
+    needs, spread = try_pilots(kernel, pilots, scale, tol)
+    met = np.isfinite(pilots).all(axis=1) & np.isfinite(needs)
+    if not met.any():
+        return Needs(np.zeros((1, points.shape[1])), np.array([len(STARTS) - 1]), spread)
+    return Needs(pilots[met], find_rungs(MARGIN * needs[met]), spread)
+
+
+def try_pilots(kernel: Kernel, pilots: Array, scale: Array, tol: float) -> tuple[Array, float]:
+    """Segments (V,) on which each pilot just meets tol, infinite where none does, and the spread of the logs of their moduli."""
+    needs, spread = np.full(len(pilots), np.inf), -np.inf
+    wanted = np.full(len(pilots), float(FEWEST))
+    left = np.arange(len(pilots))
+    while len(left):
+        left = left[np.argsort(wanted[left], kind="stable")]
+        segments = int(wanted[left[0]])
+        now = left[wanted[left] <= STEPS[0] * segments]
+        segments = int(wanted[now].max())
+        found = kernel.find_logs(pilots[now], segments, scale, tol / 100, np.inf, np.inf, FEW)
+        misses = found.misses(tol)
+        growth = misses ** (1 / ORDER)
+        met = misses <= 1
+        needs[now[met]] = np.maximum(segments * growth[met], segments / STEPS[1])
+        if met.any():
+            spread = max(spread, measure_spread(found.logs[met]))
+        wanted[now] = np.ceil(segments * np.clip(growth, *STEPS))
+        known = needs[np.isfinite(needs)]
+        most = min(MOST, FURTHER * known.max(initial=0.0) if known.size else np.inf)
+        left = left[np.isinf(needs[left]) & (wanted[left] <= most)]
+    return needs, spread if np.isfinite(spread) else np.inf
+
+
 SLACK = 1.1
 """The spread of the moduli may exceed the pilots' by this factor."""
 BLOCK = 65536
@@ -43,10 +133,9 @@ WITNESSES = 3
 
 @dataclass(frozen=True)
 class Together:
-    """The computation of blocks of values by the kernel; `scale` balances the states; `segments`: how many are tried first.
+    """The computation of blocks of values by the kernel; `scale` balances the states; `needs` says on how many segments.
 
-    `source`: the system, for values that are computed one by one; `may_be_narrow`: whether its coefficients may have narrow features;
-    `spread`: of the logs of the pilots' moduli.
+    `source`: the system, for values that are computed one by one; `may_be_narrow`: whether its coefficients may have narrow features.
     """
 
     source: "ParametricLoop | PeriodicFamily"
@@ -54,9 +143,8 @@ class Together:
     tol: float
     kernel: Kernel
     scale: Array
+    needs: Needs
     values: int
-    segments: int = FEWEST
-    spread: float = np.inf
     route = "together"
 
     @classmethod
@@ -75,30 +163,12 @@ class Together:
             return None
         if source.may_be_narrow and all(map(source.is_narrow, points[spread_over(len(points), WIDTH)])):
             return None
-        pilots = points[spread_over(len(points), PILOTS)]
-        made = cls(source, source.may_be_narrow, tol, kernel, kernel.balance(pilots), len(points))
-        made = replace(made, **made.choose_segments(pilots))
-        if made.segments >= MOST or not (source.is_smooth or made.is_confirmed(points)):
+        scale = kernel.balance(points[spread_over(len(points), 3 * WIDTH)])
+        needs = learn_needs(kernel, points, scale, tol)
+        made = cls(source, source.may_be_narrow, tol, kernel, scale, needs, len(points))
+        if needs.usual >= MOST or not (source.is_smooth or made.is_confirmed(points)):
             return None
         return made
-
-    def choose_segments(self, pilots: Array) -> dict[str, Any]:
-        """The number of segments on which half of the pilots (K, P) meet the tolerance, and the spread of the logs of their moduli."""
-        needed, spreads = np.full(len(pilots), float(MOST)), [-np.inf]
-
-        def enter(which: Array, logs: Logs, segments: int) -> Array:
-            misses = logs.misses(self.tol)
-            met = misses <= 1
-            needed[which[met]] = segments * np.maximum(misses[met] ** (1 / ORDER), 1 / STEPS[1])
-            spreads.append(measure_spread(logs.logs[met]) if met.any() else -np.inf)
-            return misses
-
-        self.solve(pilots, np.arange(len(pilots)), enter)
-        middle = float(np.sort(needed)[len(needed) // 2])
-        return {
-            "segments": max(FEWEST, math.ceil(middle)),
-            "spread": max(spreads) if np.isfinite(max(spreads)) else np.inf,
-        }
 
     def is_confirmed(self, points: Array) -> bool:
         """Whether `floquet` agrees at a few values."""
@@ -107,6 +177,11 @@ class Together:
         for i, point in enumerate(chosen):
             alone.put_alone(i, partial(self.source.system_at, point), self.tol)
         return all(found.agrees(alone, i) for i in range(len(chosen)))
+
+    @property
+    def segments(self) -> int:
+        """The number of segments in the middle of the parameters."""
+        return self.needs.usual
 
     @property
     def threaded(self) -> bool:
@@ -139,18 +214,19 @@ class Together:
 
     def solve(self, points: Array, rest: Array, enter: Callable[[Array, Logs, int], Array]) -> Array:
         """Compute values on more and more segments until `enter`, which takes both, says that errors are 1 or less; return the others."""
-        wanted, spread, levels = np.full(len(rest), self.segments), SLACK * self.spread, FEW
-        least, alone = STEPS[0], [rest[:0]]
+        rungs, spread, levels, alone = self.needs.predict(points[rest]), SLACK * self.needs.spread, FEW, [rest[:0]]
+        least = STEPS[0]
         while len(rest):
-            misses = np.empty(len(rest))
-            for segments in map(int, np.unique(wanted)):
-                which = np.flatnonzero(wanted == segments)
-                given = segments, self.scale, self.tol / 100, spread, self.tol, levels
+            misses, used = np.empty(len(rest)), np.empty(len(rest))
+            for segments, which in pack(rungs):
+                given = (segments, self.scale, self.tol / 100, spread, self.tol, levels)
                 misses[which] = enter(rest[which], self.kernel.find_logs(points[rest[which]], *given), segments)
-            alone.append(rest[(misses > 1) & (wanted >= MOST)])
-            again = (misses > 1) & (wanted < MOST)
-            more = np.log2(wanted[again] * np.clip(misses[again] ** (1 / ORDER), least, STEPS[1]))
-            rest, wanted = rest[again], np.ceil(2 ** (np.ceil(FINENESS * more) / FINENESS)).clip(max=MOST).astype(int)
+                used[which] = segments
+            missed = misses > 1
+            wanted = used * np.clip(misses ** (1 / ORDER), least, STEPS[1])
+            alone.append(rest[missed & (used >= MOST)])
+            again = missed & (used < MOST)
+            rest, rungs = rest[again], find_rungs(np.minimum(wanted[again], MOST))
             if least == STEPS[1]:
                 levels = len(MULTIPLES)
             spread, least = np.inf, STEPS[1]  # moduli may lie further apart than the pilots'
