@@ -251,7 +251,7 @@ class Linearization(Shown):
         array, shape (N, m) or (m,)
             The torque, in N m (N for sliding joints, V for motors).
         """
-        return at_times(lambda t: self._evaluate(t, "tau")[0][:, :, 0], t)
+        return at_times(lambda t: self.about.evaluate(self._torque, t)[0][:, :, 0], t)
 
     def equations(self, t: Array) -> tuple[Array, Array, Array]:
         """Return M, D, K without the rest.
@@ -266,7 +266,7 @@ class Linearization(Shown):
         tuple of array, each of shape (N, n, n)
             M, D, K.
         """
-        M, D, K, *B = self._evaluate(t, "M", "D", "K", *(() if self.direct_gain is None else "B"))
+        M, D, K, *B = self.about.evaluate(self._equations, times(t))
         return M, *(self._answered(D, K, *B) if B else (D, K))
 
     def mass_and_input(self, t: Array) -> tuple[Array, Array]:
@@ -284,12 +284,24 @@ class Linearization(Shown):
         B : array, shape (N, n, m)
             Input matrix.
         """
-        M, B = self._evaluate(t, "M", "B")
+        M, B = self.about.evaluate(self._inputs, times(t))
         return M, B
 
-    def _evaluate(self, t: Array, *names: str) -> tuple[Array, ...]:
-        """Some of the arm's coefficients at times (N,)."""
-        return self.about.evaluate(Part(self.of_arm, names), times(t))
+    @lazy
+    def _equations(self) -> Part:
+        return Part(self.of_arm, ("M", "D", "K") if self.direct_gain is None else ("M", "D", "K", "B"))
+
+    @lazy
+    def _inputs(self) -> Part:
+        return Part(self.of_arm, ("M", "B"))
+
+    @lazy
+    def _forces(self) -> Part:
+        return Part(self.of_arm, ("M", "h", "B", "tau") if self.feeds_forward else ("M", "h"))
+
+    @lazy
+    def _torque(self) -> Part:
+        return Part(self.of_arm, ("tau",))
 
     @property
     def input_units(self) -> tuple[str, ...]:
@@ -525,7 +537,7 @@ class Linearization(Shown):
         return at_times(self._forcing, t)
 
     def _forcing(self, t: Array) -> Array:
-        M, h, *driven = self._evaluate(t, "M", "h", *(("B", "tau") if self.feeds_forward else ()))
+        M, h, *driven = self.about.evaluate(self._forces, t)
         forced = h + driven[0] @ driven[1] if driven else h
         return self._with_controller(build_input(M, forced, t))[:, :, 0]
 
