@@ -13,8 +13,10 @@ from flexlin.program import Layout, Program
 
 CHUNK = 65536
 """Points in one mapped call at the most: bounds the memory of a call to CHUNK * (numbers in + numbers out) * 8 bytes."""
-WORTH = 1000
-"""Points after which the time to read a function's instructions is won back."""
+FEW = 3
+"""Points below which CasADi's own way takes less time in any case."""
+WORTH, FIXED = 500, 1e5
+"""Points after which the time to read a function's instructions is won back, and more for a few of them: FIXED by their number."""
 
 
 def as_expression(name: str, value: object) -> ca.SX:
@@ -45,10 +47,15 @@ def selected(function: ca.Function, names: tuple[str, ...]) -> ca.Function:
 
 @dataclass(frozen=True)
 class Part:
-    """Some outputs of a function, whose operations are read once for all parts."""
+    """Some outputs of a function: its operations are read once for all parts, and CasADi makes one only where few points need it."""
 
     whole: ca.Function
     names: tuple[str, ...]
+
+    @property
+    def function(self) -> ca.Function:
+        """The part as a function of its own."""
+        return selected(self.whole, self.names)
 
     @property
     def places(self) -> tuple[int, ...]:
@@ -109,6 +116,7 @@ class Usage:
     """How many points went through a function, and its program once these are worth one."""
 
     function: ca.Function
+    operations: int
     points: int = 0
     program: Program | None = None
     tried: bool = False
@@ -116,15 +124,15 @@ class Usage:
     def find_program(self, points: int) -> Program | None:
         """The program, where the points so far and these are worth one, and the compiled core knows all of its operations."""
         self.points += points
-        if not self.tried and self.points > WORTH:
+        if not self.tried and self.points > WORTH + FIXED / self.operations:
             self.tried, self.program = True, read_known(self.function)
         return self.program
 
 
 @lru_cache(maxsize=64)
 def usage_of(function: ca.Function) -> Usage:
-    """The usage of a function, counted from its first call on."""
-    return Usage(function)
+    """The usage of a function, counted from its first call on; only functions of expressions list their operations."""
+    return Usage(function, max(1, function.n_instructions()) if function.class_name() == "SXFunction" else 1)
 
 
 def read_known(function: ca.Function) -> Program | None:
@@ -146,16 +154,19 @@ def lay_out(program: Program, outputs: tuple[int, ...] | None) -> Layout:
 def call(function: ca.Function | Part, arrays: list[Array]) -> list[Array]:
     """Run one mapped call; column-major memory is (N, columns, rows) here. A function that many points go through becomes a program.
 
-    Of a part points go through the whole before that, since making the part takes longer.
+    Of a part few points go through the whole before that, since making the part takes longer.
     """
     points = len(arrays[0])
     whole, places = (function.whole, function.places) if isinstance(function, Part) else (function, None)
-    program = usage_of(whole).find_program(points)
-    if program is not None:
+    usage = usage_of(whole)
+    program = usage.find_program(points)
+    if program is not None and (points >= FEW or places is not None):
         outputs = empty_outputs(whole, points)
         chosen = outputs if places is None else [outputs[i] for i in places]
         lay_out(program, places)(arrays, chosen)
         return [output.transpose(0, 2, 1) for output in chosen]
+    if isinstance(function, Part) and usage.tried:
+        return call_casadi(function.function, arrays)
     found = call_casadi(whole, arrays)
     return found if places is None else [found[i] for i in places]
 

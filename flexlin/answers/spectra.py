@@ -42,6 +42,9 @@ bounds such a mode: where joints stick."""
 
 WIDE = 8
 """A scan one by one of systems with so many states or more leaves out what it can."""
+PILOTS = 64
+"""Points of the ranges at which it is learnt on how many segments spectra are computed together."""
+
 BREAK_EVEN = 1000
 """Instructions of a loop's matrices for each spectrum that takes alone as long as it takes to prepare the kernel: delta has 58,000."""
 
@@ -150,10 +153,12 @@ class SymbolicFamily(Family):
     @lazy
     def together(self) -> "Together | None":
         """What computes many spectra at once, if there is a kernel for them."""
-        from flexlin.answers.sweep.together import PILOTS, Together
+        from flexlin.answers.sweep.together import Together
 
         low, high = self.box
-        shares = np.random.default_rng(0).random((PILOTS, len(low)))
+        shares = np.arange(1, PILOTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
+        if len(low) > shares.shape[1]:
+            shares = np.random.default_rng(0).random((PILOTS, len(low)))
         return Together.prepare(self.source, self.place(low + (high - low) * shares), self.coarsest)
 
     def place(self, points: Array) -> Array:
