@@ -54,6 +54,14 @@ def test_torsion_of_a_shaft_with_a_disc(disc, shapes):
     assert found[0] == pytest.approx(root * c / length, rel=1e-6)
 
 
+def test_bending_has_a_stiffness_in_each_plane():
+    link = {**BEAM, "bending_stiffness": [2.0, 7.0], "modes": {"y": 2, "z": 2}}
+    found, lin = frequencies(scene_of(link, {}))
+    expected = np.outer(np.sqrt([2.0, 7.0]), np.array([1.87510407, 4.69409113]) ** 2)
+    np.testing.assert_allclose(found, np.sort(expected.ravel()), rtol=1e-8)
+    assert lin.names == ("w11", "w12", "wz11", "wz12")
+
+
 @pytest.mark.slow
 def test_lateral_buckling():
     """A clamped strip under a transverse load at its tip turns over at 4.0126 sqrt(EI_z GJ) / l^2 (Timoshenko, Gere)."""
@@ -84,6 +92,27 @@ def test_lateral_buckling():
     load = 4.0126 * np.sqrt(weak * twist) / length**2
     assert lowest(0.9 * load / 9.81) > 0 > lowest(1.1 * load / 9.81)
     assert 9.81 * brentq(lowest, 0.9 * load / 9.81, 1.1 * load / 9.81) == pytest.approx(load, rel=1e-3)
+
+
+def test_a_strip_in_its_weak_plane_does_not_turn_over():
+    """Without the coupling nothing happens at all; the load in y of a strip that is weak in y leaves K positive."""
+    link = {**BEAM, "bending_stiffness": [900.0, 0.4], "modes": {"y": 3, "z": 1, "torsion": 3}}
+    link |= {"torsional_stiffness": 0.25, "polar_inertia": 1e-6}
+    heavy = {"gravity": {"direction": [0, -1, 0]}, "payload": {"mass": 5.0}, "bending_torsion_coupling": {}}
+    arm = fl.build_manipulator(scene_of(link, heavy))
+    K = np.array(ca.Function("K", [arm.s], [ca.densify(ca.jacobian(arm.g, arm.s))])(np.zeros(arm.n)))[1:, 1:]
+    assert np.linalg.eigvalsh(K).min() > 0
+    np.testing.assert_allclose(K, K.T, rtol=0, atol=1e-12 * np.abs(K).max())
+
+
+def test_a_flat_blade_turns_back_into_the_plane_of_rotation():
+    """The propeller moment: omega^2 = omega_0^2 + Omega^2 (J_z - J_y) / J_x for the twist of a blade."""
+    polar, radius, rate = 0.02, 0.12, 5.0
+    link = {**BEAM, "modes": {"torsion": 4}, "torsional_stiffness": 3.0, "polar_inertia": polar}
+    found, _ = frequencies(scene_of(link, {"rotary_inertia": {"radius_of_gyration": radius}}, rate))
+    about_z = radius**2
+    expected = (np.pi / 2) ** 2 * 3.0 / polar + rate**2 * (2 * about_z - polar) / polar
+    assert found[0] ** 2 == pytest.approx(expected, rel=3e-6)  # the root is to 1e-6
 
 
 @pytest.mark.parametrize(

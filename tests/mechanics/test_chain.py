@@ -8,10 +8,24 @@ import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.mechanics import pinned_with_hub
 
-from .scenes import arm_of, matrices_at_rest, scene_of, value
+from .scenes import arm_of, matrices_at_rest, random_state, scene_of, value
 
 CARRIAGE = {"length": 0.0, "mass_per_length": 0.0, "modes": 0, "joint": "prismatic"}
 ROD = {"length": 0.6, "mass_per_length": 0.5, "modes": 0}
+
+
+def test_pendulum_on_a_cart():
+    """Cart mass m_c on a rail, rod of mass m, length l: the textbook's equations."""
+    arm = arm_of(CARRIAGE, ROD, effects={"gravity": {}, "hub": {"mass": [0.7, 0.0]}})
+    m, length, g = 0.3, 0.6, 9.81
+    for seed in range(3):
+        (x, q), (_, rate), (a, b) = random_state(arm, seed)
+        expected = [
+            (0.7 + m) * a - m * length / 2 * (np.sin(q) * b + np.cos(q) * rate**2),
+            m * length**2 / 3 * b - m * length / 2 * np.sin(q) * a + m * g * length / 2 * np.cos(q),
+        ]
+        got = value(arm, "residual", np.array([x, q]), np.array([1.3, rate]), np.array([a, b]))[:, 0]
+        np.testing.assert_allclose(got, expected, rtol=1e-12)
 
 
 def test_moving_base_is_a_prescribed_carriage():
@@ -33,6 +47,12 @@ def test_moving_base_is_a_prescribed_carriage():
     expected = -half * (np.cos(mean) * acceleration[:, 0] + np.sin(mean) * 9.81)
     assert lin.names == ("q2",)
     np.testing.assert_allclose(lin.K(t)[:, 0, 0], expected, rtol=1e-10, atol=1e-12)
+
+
+def test_mount_angle_turns_a_joint():
+    turned, straight = arm_of(ROD, {**ROD, "mount_angle": 0.9}), arm_of(ROD, ROD)
+    M = value(turned, "M", np.array([0.2, 0.1]))
+    np.testing.assert_allclose(M, value(straight, "M", np.array([0.2, 1.0])), rtol=1e-13)
 
 
 def free_frequencies(shapes, modes, hub=0.03):
@@ -59,6 +79,19 @@ def test_loaded_shapes_are_the_modes_with_payload():
     np.testing.assert_allclose(np.sqrt(eigh(K[1:, 1:], M[1:, 1:], eigvals_only=True)), exact, rtol=1e-10)
     given = arm_of({"mode_shapes": "clamped-loaded", "carried": {"mass": 0.2, "inertia": 0.004}}, effects=effects)
     np.testing.assert_allclose(value(given, "M", np.zeros(3)), M, rtol=1e-13, atol=1e-16)
+
+
+def test_bases_agree_on_a_tapered_link():
+    """Polynomial modes and finite elements of the same taper carry the same physics."""
+    sections = {"at": [0.0, 0.4, 1.0], "mass": [1.6, 1.0, 0.6], "stiffness": [2.0, 1.0, 0.4]}
+    arms = [
+        arm_of({"sections": sections, "mode_shapes": kind, "modes": 4}) for kind in ("clamped-free", "finite-element")
+    ]
+    frequencies = []
+    for arm in arms:
+        M, K = matrices_at_rest(arm)
+        frequencies.append(np.sqrt(np.abs(eigh(K, M, eigvals_only=True)))[1:])
+    np.testing.assert_allclose(frequencies[0], frequencies[1], rtol=3e-4)
 
 
 @pytest.mark.parametrize(

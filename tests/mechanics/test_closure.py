@@ -39,14 +39,27 @@ def rssr_equations(s):
     return crank + coupler - rocker
 
 
-FIVE_BAR = five_bar(0.25, (0.3, 0.5), (0.35, 0.45)), five_bar_equations, [2.2, -1.7, 0.9, 1.4, 0.1, 0.5]
-FOUR_BAR = four_bar(0.4, 0.2, 0.5, 0.35), four_bar_equations, [0.9, -0.8, 1.3]
 LOOPS = {
-    "5-bar inverse": (*FIVE_BAR, (4, 5)),
-    "5-bar forward": (*FIVE_BAR, (0, 2)),
-    "5-bar mixed": (*FIVE_BAR, (0, 5)),
-    "4-bar": (*FOUR_BAR, (0,)),
-    "4-bar from its rocker": (*FOUR_BAR, (2,)),
+    "5-bar inverse": (
+        five_bar(0.25, (0.3, 0.5), (0.35, 0.45)),
+        five_bar_equations,
+        [2.2, -1.7, 0.9, 1.4, 0.1, 0.5],
+        (4, 5),
+    ),
+    "5-bar forward": (
+        five_bar(0.25, (0.3, 0.5), (0.35, 0.45)),
+        five_bar_equations,
+        [2.2, -1.7, 0.9, 1.4, 0.1, 0.5],
+        (0, 2),
+    ),
+    "5-bar mixed": (
+        five_bar(0.25, (0.3, 0.5), (0.35, 0.45)),
+        five_bar_equations,
+        [2.2, -1.7, 0.9, 1.4, 0.1, 0.5],
+        (0, 5),
+    ),
+    "4-bar": (four_bar(0.4, 0.2, 0.5, 0.35), four_bar_equations, [0.9, -0.8, 1.3], (0,)),
+    "4-bar from its rocker": (four_bar(0.4, 0.2, 0.5, 0.35), four_bar_equations, [0.9, -0.8, 1.3], (2,)),
     "RSSR": (rssr(0.15, 0.4, 0.3, (0.2, 0.3, 0.1), (1, 0, 0)), rssr_equations, [0.7, 0.6, -0.3, 2.8], (0,)),
 }
 

@@ -1,15 +1,12 @@
-"""Each effect: what it adds when on, and that it adds nothing when off; sections and friction by closed forms."""
+"""Each effect: its energy or power, what it adds when on, and that it adds nothing when off."""
 
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.linalg import eigh, expm
-from scipy.optimize import brentq
 
-import flexlin as fl
 from flexlin.scene import known_effects
 
-from .scenes import arm_of, matrices_at_rest
+from .scenes import LINK, arm_of, random_state, value
 
 ON = {
     "gravity": {"acceleration": 9.81},
@@ -39,11 +36,90 @@ def test_all_effects_are_covered():
     assert set(ON) == set(known_effects())
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("shapes", ["clamped-loaded", "pinned-free"])
+@pytest.mark.parametrize("name", ON)
+def test_power_balance(name, shapes):
+    """d/dt (T + V) = -s'^T d + s'^T B tau: what the residual says of the energy, at random states."""
+    hub = {"hub": {"inertia": [0.02, 0.01]}} if name != "hub" else {}
+    tables = {**hub, name: ON[name]}
+    if name == "hub" and shapes == "pinned-free":
+        tables["hub"] = {**ON["hub"], "radius": 0.0}
+    arm = arm_of({"mode_shapes": shapes}, {"mode_shapes": shapes}, effects=tables)
+    assert arm.energy is not None
+    state, rates = ca.vertcat(arm.s, arm.s_dot), ca.vertcat(arm.s_dot, arm.s_ddot)
+    change = ca.Function("dE", [arm.s, arm.s_dot, arm.s_ddot], [ca.jtimes(arm.energy, state, rates)])
+    for seed in range(3):
+        s, s_dot, s_ddot = random_state(arm, seed)
+        left = s_dot @ (value(arm, "residual", s, s_dot, s_ddot) - value(arm, "damping", s, s_dot))
+        assert float(change(s, s_dot, s_ddot)) == pytest.approx(float(left[0]), rel=1e-10)
+
+
+def beam(arm, s_dot, link):
+    """The elastic rates of one link with two modes."""
+    return s_dot[2 + 2 * link : 4 + 2 * link]
+
+
+POWERS = {  # clamped-free shapes: int X^2 = 1, int X''^2 = beta^4
+    "modal_damping": lambda w, omega, m: np.sum(2 * np.array([0.01, 0.03]) * omega * m * w**2),
+    "rayleigh_damping": lambda w, omega, m: np.sum((0.1 + 1e-3 * omega**2) * m * w**2),
+    "kelvin_voigt_damping": lambda w, omega, m: np.sum(2e-3 * omega**2 * m * w**2),
+}
+
+
+@pytest.mark.parametrize("name", POWERS)
+def test_dissipated_power_of_the_links(name):
+    arm = arm_of({}, {}, effects={name: ON[name]})
+    s, s_dot, _ = random_state(arm)
+    omega = np.array([1.87510407, 4.69409113]) ** 2 * np.sqrt(1.0 / (0.2 * 0.5**4))
+    expected = sum(POWERS[name](beam(arm, s_dot, link), omega, 0.2 * 0.5) for link in (0, 1))
+    assert float(s_dot @ value(arm, "damping", s, s_dot)[:, 0]) == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("name", "power"),
+    [
+        ("viscous_friction", lambda q: 0.2 * q[0] ** 2 + 0.1 * q[1] ** 2),
+        ("coulomb_friction", lambda q: 0.3 * q[0] * np.tanh(q[0] / 0.05) + 0.1 * q[1] * np.tanh(q[1] / 0.05)),
+        ("motor", lambda q: 0.05**2 / 2.0 * (50.0**2 * q[0] ** 2 + 30.0**2 * q[1] ** 2)),
+    ],
+)
+def test_dissipated_power_of_the_joints(name, power):
+    arm = arm_of({}, {}, effects={name: ON[name]})
+    for seed in range(3):
+        s, s_dot, _ = random_state(arm, seed)
+        assert float(s_dot @ value(arm, "damping", s, s_dot)[:, 0]) == pytest.approx(power(s_dot[:2]), rel=1e-12)
+
+
 def test_motor_input_is_the_voltage():
     arm = arm_of({}, {}, effects={"motor": ON["motor"]})
     B = np.array(ca.DM(arm.B))
     np.testing.assert_allclose(B[:2], np.diag([50.0 * 0.05 / 2, 30.0 * 0.05 / 2]), rtol=1e-14)
     assert not B[2:].any()
+
+
+def test_rotor_inertia_is_that_of_a_hub():
+    """N^2 J_m on joint 1 of a fixed base is a hub's inertia; on joint 2 a hub turns with link 1 too, a geared rotor hardly."""
+    geared = arm_of({}, {}, effects={"motor": ON["motor"]})
+    plain = arm_of({}, {})
+    s, _, _ = random_state(plain)
+    difference = value(geared, "M", s) - value(plain, "M", s)
+    np.testing.assert_allclose(np.diag(difference)[:2], [50.0**2 * 1e-5, 30.0**2 * 1e-5], rtol=1e-9)
+    assert np.abs(difference - np.diag(np.diag(difference))).max() < 1e-15
+
+
+def test_payload_offset_is_the_parallel_axis():
+    """A body at offset d beyond the tip of a rigid link: m (l + d)^2 + J."""
+    bare = arm_of({"modes": 0})
+    arm = arm_of({"modes": 0}, effects={"payload": {"mass": 0.3, "inertia": 0.01, "offset": 0.2}})
+    added = value(arm, "M", np.zeros(1)) - value(bare, "M", np.zeros(1))
+    assert added[0, 0] == pytest.approx(0.3 * (LINK["length"] + 0.2) ** 2 + 0.01, rel=1e-13)
+
+
+def test_rotary_inertia_of_a_rigid_link():
+    arm, bare = arm_of({"modes": 0}, effects={"rotary_inertia": ON["rotary_inertia"]}), arm_of({"modes": 0})
+    added = value(arm, "M", np.zeros(1)) - value(bare, "M", np.zeros(1))
+    assert added[0, 0] == pytest.approx(0.2 * 0.5 * 0.02**2, rel=1e-9)
 
 
 NEUTRAL = {
@@ -76,70 +152,13 @@ def test_an_effect_adds_its_own_coordinates_and_instructions_only(name):
         assert instructions(arm_of({}, {}, effects={name: NEUTRAL[name]})) == instructions(bare)
 
 
-OMEGA_0 = np.sqrt(1.0 / (0.2 * 0.5**4))  # sqrt(EI / (rho A l^4)) of the tests' link
-
-
-def cantilever(effects, modes=8):
-    """Frequencies of one link with its joint locked."""
-    M, K = matrices_at_rest(arm_of({"modes": modes}, effects=effects))
-    return np.sqrt(eigh(K[1:, 1:], M[1:, 1:], eigvals_only=True))[:3]
-
-
-def timoshenko_cantilever(count, gyration, shear):
-    """Exact frequencies of a unit cantilever: state (w, psi, M, Q), exp of the state matrix, free end; no modes anywhere."""
-
-    def determinant(omega):
-        A = np.zeros((4, 4))
-        A[0, 1], A[0, 3] = 1.0, 1 / shear
-        A[1, 2] = 1.0
-        A[2, 1], A[2, 3] = -(omega**2) * gyration**2, -1.0
-        A[3, 0] = -(omega**2)
-        return np.linalg.det(expm(A)[2:, 2:])
-
-    grid = np.linspace(1.0, 70.0, 300)
-    signs = np.sign([determinant(omega) for omega in grid])
-    ends = np.flatnonzero(signs[:-1] != signs[1:])[:count]
-    return np.array([brentq(determinant, grid[i], grid[i + 1], xtol=1e-13) for i in ends])
-
-
-def test_timoshenko_against_the_exact_solution():
-    """r = 0.05 l and kappa G A l^2 / EI = l^2 / (3 r^2): a stubby steel beam."""
-    gyration, shear = 0.05, 1 / (3 * 0.05**2)
-    effects = {
-        "rotary_inertia": {"radius_of_gyration": gyration * 0.5},
-        "shear": {"stiffness": shear / 0.5**2},
-    }
-    exact = timoshenko_cantilever(3, gyration, shear) * OMEGA_0
-    np.testing.assert_allclose(cantilever(effects, 3), exact, rtol=1e-9)
-    assert np.all(cantilever({"shear": effects["shear"]}, 3) > exact * 1.0001)  # rotary inertia slows every mode
-
-
-FLEXIBLE = {"links.0.modes": 0, "effects.joint_flexibility": {"stiffness": 10.0, "motor_inertia": 0.1}}
-GREASE = {"coefficient": 0.7, "exponent": 0.4, "rate": 1e-3}
-LAWS = [
-    ("viscous_friction", {"coefficient": 0.7}, lambda rate: 0.7 * rate),
-    ("viscous_friction", GREASE, lambda rate: 0.7 * np.sign(rate) * abs(rate) ** 0.4),
-    ("coulomb_friction", {"torque": 0.3, "rate": 0.2}, lambda rate: 0.3 * np.tanh(rate / 0.2)),
-]
-
-
-@pytest.mark.parametrize(("name", "numbers", "law"), LAWS)
-@pytest.mark.parametrize("at", ["joint", "motor"])
-def test_it_resists_the_rate_that_it_is_said_to(name, numbers, law, at):
-    kept = {"effects.modal_damping": "off"}
-    scene = fl.load_scene("single-link", FLEXIBLE | {f"effects.{name}": numbers | {"at": at}, "designs": []} | kept)
-    arm = fl.build_manipulator(scene)
-    found = np.array(ca.Function("d", [arm.s, arm.s_dot], [arm.damping])([0.1, 0.2], [0.4, -0.5]))[:, 0]
-    before = fl.build_manipulator(fl.load_scene("single-link", FLEXIBLE | {"designs": []} | kept))
-    others = np.array(ca.Function("d", [before.s, before.s_dot], [before.damping])([0.1, 0.2], [0.4, -0.5]))[:, 0]
-    place = {"joint": 0, "motor": 1}[at]
-    expected = np.zeros(2)
-    expected[place] = law([0.4, -0.5][place])
-    assert arm.names == ("q1", "theta1")
-    assert found - others == pytest.approx(expected, rel=1e-5)
-
-
-def test_motors_do_not_stick():
-    table = {"torque": 0.1, "static": 0.2, "at": "motor"}
-    with pytest.raises(fl.errors.SceneError, match="only joints stick"):
-        fl.load_scene("single-link", FLEXIBLE | {"effects.coulomb_friction": table})
+@pytest.mark.slow
+def test_taking_effects_off_one_by_one_always_shortens_the_graph():
+    tables = {name: ON[name] for name in ON if name != "joint_flexibility"}
+    counts = [instructions(arm_of(SPATIAL, {}, effects=tables))]
+    for name in list(tables):
+        del tables[name]
+        counts.append(instructions(arm_of(SPATIAL, {}, effects=tables)))
+    assert counts == sorted(counts, reverse=True)
+    assert len(set(counts)) == len(counts)
+    assert counts[-1] == instructions(arm_of(SPATIAL, {}))

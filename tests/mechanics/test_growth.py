@@ -7,6 +7,7 @@ import flexlin as fl
 from flexlin.mechanics.beam import uniform
 from flexlin.scene import builtin_scenes
 from studies.scaling import scene_of as chain_of
+from tests.thinned import thin
 
 from .scenes import scene_of
 
@@ -28,6 +29,14 @@ def test_growth_with_the_number_of_links():
     """Linear for the residual; square for the matrices, which have that many entries."""
     n, residual, matrices = zip(*[instructions(links, 2) for links in (2, 3, 4, 6)], strict=True)
     assert exponent(n, residual) < 1.3
+    assert exponent(n, matrices) < 2.4
+
+
+@pytest.mark.parametrize("links", thin([1, 2]))
+def test_growth_with_the_number_of_modes(links):
+    """Square: the shortening's quadratic forms have modes^2 entries."""
+    n, residual, matrices = zip(*[instructions(links, modes) for modes in (3, 6, 12)], strict=True)
+    assert exponent(n, residual) < 2.1
     assert exponent(n, matrices) < 2.4
 
 

@@ -11,19 +11,17 @@ L, RHO_A, EI, J1, M_E, G = 1.3, 0.3, 2.0, 0.05, 0.1, 9.81
 FREQUENCY, AMPLITUDE, MEAN = 0.7, 0.6, 0.2
 
 
-def mode(x: float, sign: float) -> float:
-    """cosh + sign cos - sigma (sinh + sign sin) of a cantilever of length L. Source: Young, Felgar (1949), beta l = 1.87510407."""
+def first_mode(x: float) -> float:
+    """X = cosh - cos - sigma (sinh - sin) of a cantilever of length L. Source: Young, Felgar (1949), beta l = 1.87510407."""
     k = 1.8751040687119612 / L
     sigma = (np.cosh(k * L) + np.cos(k * L)) / (np.sinh(k * L) + np.sin(k * L))
-    return np.cosh(k * x) + sign * np.cos(k * x) - sigma * (np.sinh(k * x) + sign * np.sin(k * x))
-
-
-def first_mode(x: float) -> float:
-    return mode(x, -1.0)
+    return np.cosh(k * x) - np.cos(k * x) - sigma * (np.sinh(k * x) - np.sin(k * x))
 
 
 def second_derivative(x: float) -> float:
-    return (1.8751040687119612 / L) ** 2 * mode(x, 1.0)
+    k = 1.8751040687119612 / L
+    sigma = (np.cosh(k * L) + np.cos(k * L)) / (np.sinh(k * L) + np.sin(k * L))
+    return k**2 * (np.cosh(k * x) + np.cos(k * x) - sigma * (np.sinh(k * x) + np.sin(k * x)))
 
 
 def paper(q, q1, q2):

@@ -11,9 +11,9 @@ import pytest
 
 import flexlin as fl
 from flexlin.cli import BAD_INPUT, main
-from flexlin.errors import ArgumentError, Problem, SceneError
+from flexlin.errors import Problem, SceneError
 from flexlin.mechanics import Chain, Effect, Scale, register_effect
-from flexlin.scene import NonNegative, Positive, Table, Unit
+from flexlin.scene import NonNegative, Positive, Unit
 from flexlin.scene import effects as tables
 
 from .scenes import arm_of, random_state, value
@@ -122,11 +122,3 @@ def test_its_numbers_may_be_free_and_its_absence_costs_nothing() -> None:
 def test_a_dumped_scene_loads_as_the_same_scene() -> None:
     scene = fl.load_scene("single-link", {"effects.bearing_springs": {"stiffness": 2.0}})
     assert fl.parse_scene(scene.model_dump(mode="json", by_alias=True, exclude_unset=True)) == scene
-
-
-def test_names_that_are_taken_and_classes_that_are_no_effects_are_refused() -> None:
-    for taken in ("gravity", "bearing_springs", "model_copy", "on", "tip spring"):
-        with pytest.raises(ArgumentError, match="name"):
-            register_effect(taken, BearingSprings)
-    with pytest.raises(ArgumentError, match="no effect"):
-        register_effect("table", Table)

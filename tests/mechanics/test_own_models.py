@@ -1,13 +1,15 @@
-"""A user's own models: what is right passes, each mistake is named."""
+"""A user's own models: what is right passes, each mistake is named; a user's own effect."""
 
 import casadi as ca
 import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import ModelError
+from flexlin.errors import ArgumentError, InputError, ModelError, SceneError
+from flexlin.mechanics import Effect, register_effect
+from flexlin.scene import Positive, Table
 
-from .scenes import value
+from .scenes import arm_of, scene_of, value
 
 S, RATE = ca.SX.sym("s", 2), ca.SX.sym("s_dot", 2)
 COS, SIN = ca.cos(S[1]), ca.sin(S[1])
@@ -72,6 +74,15 @@ def test_each_mistake_is_named(wrong, message):
         two_rods(**wrong)
 
 
+def test_energies_must_be_mechanical():
+    with pytest.raises(ModelError, match="not positive definite"):
+        fl.Manipulator.from_lagrangian(S, RATE, RATE[0] ** 2, S[0] ** 2)
+    with pytest.raises(ModelError, match="rates"):
+        fl.Manipulator.from_lagrangian(S, RATE, ca.sumsqr(RATE), S[0] * RATE[0])
+    with pytest.raises(ModelError, match="rates"):
+        fl.Manipulator.from_lagrangian(S, RATE, ca.sumsqr(RATE) ** 2 + ca.sumsqr(RATE), S[0] ** 2)
+
+
 def test_a_model_must_stay_finite_along_the_motion():
     """A root of 1.2 - s1 is sound about rest, and not where the motion goes."""
     arm = fl.Manipulator.from_lagrangian(S, RATE, ca.sumsqr(RATE), ca.sumsqr(S) + (1.2 - S[0]) ** 1.5)
@@ -82,17 +93,49 @@ def test_a_model_must_stay_finite_along_the_motion():
         fl.linearize(arm, motion)
 
 
-@pytest.mark.parametrize(
-    ("kinetic", "potential", "says"),
-    [
-        (RATE[0] ** 2, S[0] ** 2, "not positive definite"),
-        (ca.sumsqr(RATE), S[0] * RATE[0], "rates"),
-        (ca.sumsqr(RATE) ** 2 + ca.sumsqr(RATE), S[0] ** 2, "rates"),
-        (ca.sumsqr(RATE) / 2 + RATE[1] * SIN, ca.SX(0), "linear in rate 1"),
-        (ca.sumsqr(RATE) / 2 + 1 + S[0] ** 2, ca.SX(0), "free of the rates"),
-    ],
-)
-def test_energies_must_be_mechanical(kinetic, potential, says):
-    """The Kronecker route knows M and C only: another part of T than the quadratic one would be lost in silence."""
+class TipSpring(Effect):
+    """A spring between the tip and a wall, V = 1/2 k y^2."""
+
+    stiffness: Positive
+
+    def potential_energy(self, chain):
+        return self.stiffness / 2 * chain.tips[-1].position[1] ** 2
+
+
+@pytest.fixture
+def tip_spring(monkeypatch):
+    from flexlin.scene import effects as tables
+
+    monkeypatch.setattr(tables, "_REGISTRY", tables.known_effects())
+    register_effect("tip_spring", TipSpring)
+
+
+@pytest.mark.usefixtures("tip_spring")
+def test_an_effect_of_ones_own():
+    arm = arm_of({"modes": 0}, effects={"tip_spring": {"stiffness": 3.0}})
+    q = 0.3
+    np.testing.assert_allclose(value(arm, "g", np.array([q])), 3.0 * 0.25 * np.sin(q) * np.cos(q), rtol=1e-12)
+    assert arm_of({"modes": 0}).functions["g"].n_instructions() < arm.functions["g"].n_instructions()
+    free = fl.build_manipulator(
+        scene_of({"modes": 0}, effects={"tip_spring": {"stiffness": 3.0}}), ["effects.tip_spring.stiffness"]
+    )
+    assert free.parameters.values.tolist() == [3.0]
+    with pytest.raises(SceneError, match=r"effects\.tip_spring\.stiffness"):
+        arm_of({"modes": 0}, effects={"tip_spring": {"stiffness": -3.0}})
+    for taken in ("gravity", "tip_spring", "model_copy", "on", "tip spring"):
+        with pytest.raises(ArgumentError, match="name"):
+            register_effect(taken, TipSpring)
+    with pytest.raises(ArgumentError, match="no effect"):
+        register_effect("table", Table)
+
+
+def test_unregistered_effects_are_refused():
+    with pytest.raises(InputError, match=r"effects\.tip_spring"):
+        arm_of({}, effects={"tip_spring": {"stiffness": 1.0}})
+
+
+@pytest.mark.parametrize(("extra", "says"), [(RATE[1] * SIN, "linear in rate 1"), (1 + S[0] ** 2, "free of the rates")])
+def test_kinetic_energy_must_be_quadratic(extra, says):
+    """The Kronecker route knows M and C only: another part of T would be lost in silence."""
     with pytest.raises(ModelError, match=says):
-        fl.Manipulator.from_lagrangian(S, RATE, kinetic, potential)
+        fl.Manipulator.from_lagrangian(S, RATE, ca.sumsqr(RATE) / 2 + extra, ca.SX(0))

@@ -3,8 +3,10 @@
 A unit column l = EI = rhoA = 1, clamped at its base; eight clamped-free modes come from above to within 1.3e-4 of its buckling load.
 """
 
+from collections.abc import Callable
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import eigvals
@@ -16,7 +18,7 @@ from flexlin.checks import Array
 from flexlin.errors import SceneError
 from flexlin.motion import SampledMotion
 
-from .scenes import scene_of
+from .scenes import arm_of, scene_of, value
 
 
 def column(effects: dict[str, Any], angle: float = 0.0) -> tuple[Array, Array]:
@@ -74,6 +76,58 @@ def test_beck_column() -> None:
     assert low == pytest.approx(20.0509, rel=1e-4)
     assert np.sqrt(squares(low)[0].real) == pytest.approx(11.016, rel=1e-3)
     assert all(np.linalg.det(bare + load * (unit - bare)) > 0 for load in np.linspace(0.0, 20.0, 9))
+
+
+def characteristic(load: float, follows: bool) -> Callable[[float], float]:
+    """Determinant of EI w'''' + P w'' = rhoA omega^2 w, w = w' = 0 at the base, w'' = 0 and w''' + P w' (follower: w''') = 0 at the tip."""
+
+    def determinant(omega: float) -> float:
+        roots = np.roots([1.0, 0.0, load, 0.0, -(omega**2)]).astype(complex)
+        tip = np.exp(roots)
+        shear = roots**3 + (0 if follows else load * roots)
+        found = np.linalg.det(np.array([np.ones(4), roots, roots**2 * tip, shear * tip]))
+        return float((found / np.linalg.det(np.vander(roots))).real)
+
+    return determinant
+
+
+@pytest.mark.parametrize(("load", "frame"), [(2.0, "world"), (-5.0, "world"), (8.0, "tip"), (-5.0, "tip")])
+def test_prestressed_frequencies(load: float, frame: str) -> None:
+    M, K = column(push(load, frame))
+    exact = characteristic(load, frame == "tip")
+    for omega in np.sqrt(np.sort(eigvals(K, M).real)[:2]):
+        assert brentq(exact, 0.97 * omega, 1.03 * omega) == pytest.approx(omega, rel=2e-3)
+
+
+@pytest.mark.parametrize("frame", ["world", "tip"])
+def test_forces_on_a_rigid_pendulum(frame: str) -> None:
+    """Q = l (F_y cos q - F_x sin q) + m_z in the world's axes, l F_y + m_z in the tip's."""
+    arm = arm_of(
+        {"modes": 0}, effects={"tip_force": {"force": [2.0, 3.0, 0.0], "torque": [0.0, 0.0, 0.4], "frame": frame}}
+    )
+    q = 0.6
+    expected = 0.5 * (3.0 if frame == "tip" else 3.0 * np.cos(q) - 2.0 * np.sin(q)) + 0.4
+    assert value(arm, "damping", np.array([q]), np.zeros(1))[0, 0] == pytest.approx(-expected, rel=1e-13)
+
+
+def test_a_torque_bends_the_tip() -> None:
+    """w(l) = m l^2 / (2 EI) under a torque m at the tip."""
+    links = {"length": 1.0, "bending_stiffness": 1.0, "modes": 8}
+    arm = arm_of(links, effects={"tip_force": {"torque": [0.0, 0.0, 0.01]}})
+    K = ca.Function("K", [arm.s], [ca.jacobian(arm.g, arm.s)])(np.zeros(arm.n)).full()[1:, 1:]
+    s = np.append(0.0, np.linalg.solve(K, -value(arm, "damping", np.zeros(arm.n), np.zeros(arm.n))[1:, 0]))
+    assert value(arm, "points", s)[1, -1] == pytest.approx(0.005, rel=5e-3)
+
+
+def test_a_force_in_the_world_is_the_gradient_of_its_potential() -> None:
+    """-F . r, in space too, where links bend both ways and twist."""
+    spatial = {"modes": {"y": 1, "z": 1, "torsion": 1}, "torsional_stiffness": 0.8, "polar_inertia": 1e-3}
+    force = [1.0, -2.0, 3.0]
+    effects = {"geometric_stiffening": {}, "tip_force": {"force": force}}
+    arm = arm_of(spatial, {"axis": [0, 1, 0]}, effects=effects)
+    s = 0.1 * np.random.default_rng(0).normal(size=arm.n)
+    slopes = ca.Function("slopes", [arm.s], [ca.jacobian(arm.points[:, -1], arm.s)])(s).full()
+    np.testing.assert_allclose(value(arm, "damping", s, np.zeros(arm.n))[:, 0], -slopes.T @ force, atol=1e-12)
 
 
 def test_a_frame_that_is_not_known_is_refused() -> None:

@@ -52,6 +52,10 @@ def implicit_derivatives(f, u, v, u0, v0, order):
     ]
 
 
+def slope(errors, steps):
+    return np.polyfit(np.log(steps), np.log(errors), 1)[0]
+
+
 @pytest.mark.parametrize("name", LOOPS)
 def test_engine_against_the_recursion_from_screws(name):
     closure, guess, independent = LOOPS[name]
@@ -68,6 +72,16 @@ def test_engine_against_repeated_implicit_differentiation(name):
     f, u, v = closure.equations(independent)
     for k, judge in enumerate(implicit_derivatives(f, u, v, c.u0, c.v0, order), start=1):
         assert_allclose(c.jacobian(k), judge, rtol=0, atol=1e-12 * np.abs(judge).max())
+
+
+@pytest.mark.parametrize("order", range(9))
+def test_error_falls_with_order(order):
+    c = expand("5-bar inverse", order)
+    steps = np.geomspace(0.025, 0.05, 4)
+    angles = np.linspace(0, 2 * np.pi, 9)[:-1]
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    errors = [np.linalg.norm(c(h * circle) - c.refined(h * circle)) for h in steps]
+    assert abs(slope(errors, steps) - (order + 1)) < 0.25
 
 
 def reach_circle_distances(point, d):

@@ -1,0 +1,89 @@
+"""Limits with their observed order: stiff shear, thin sections, stiff joints, stiff links; Timoshenko's beam solved by other means."""
+
+import numpy as np
+from scipy.linalg import eigh, expm
+from scipy.optimize import brentq
+
+from .scenes import arm_of, matrices_at_rest
+
+OMEGA_0 = np.sqrt(1.0 / (0.2 * 0.5**4))  # sqrt(EI / (rho A l^4)) of the tests' link
+
+
+def cantilever(effects, modes=8):
+    """Frequencies of one link with its joint locked."""
+    M, K = matrices_at_rest(arm_of({"modes": modes}, effects=effects))
+    return np.sqrt(eigh(K[1:, 1:], M[1:, 1:], eigvals_only=True))[:3]
+
+
+def observed_order(differences, factor=2.0):
+    return np.diff(np.log(np.abs(differences)), axis=0) / np.log(factor)
+
+
+def timoshenko_cantilever(count, gyration, shear):
+    """Exact frequencies of a unit cantilever: state (w, psi, M, Q), exp of the state matrix, free end; no modes anywhere."""
+
+    def determinant(omega):
+        A = np.zeros((4, 4))
+        A[0, 1], A[0, 3] = 1.0, 1 / shear
+        A[1, 2] = 1.0
+        A[2, 1], A[2, 3] = -(omega**2) * gyration**2, -1.0
+        A[3, 0] = -(omega**2)
+        return np.linalg.det(expm(A)[2:, 2:])
+
+    grid = np.linspace(1.0, 70.0, 300)
+    signs = np.sign([determinant(omega) for omega in grid])
+    ends = np.flatnonzero(signs[:-1] != signs[1:])[:count]
+    return np.array([brentq(determinant, grid[i], grid[i + 1], xtol=1e-13) for i in ends])
+
+
+def test_timoshenko_against_the_exact_solution():
+    """r = 0.05 l and kappa G A l^2 / EI = l^2 / (3 r^2): a stubby steel beam."""
+    gyration, shear = 0.05, 1 / (3 * 0.05**2)
+    effects = {
+        "rotary_inertia": {"radius_of_gyration": gyration * 0.5},
+        "shear": {"stiffness": shear / 0.5**2},
+    }
+    exact = timoshenko_cantilever(3, gyration, shear) * OMEGA_0
+    np.testing.assert_allclose(cantilever(effects, 3), exact, rtol=1e-9)
+    assert np.all(cantilever({"shear": effects["shear"]}, 3) > exact * 1.0001)  # rotary inertia slows every mode
+
+
+def test_stiff_shear_tends_to_euler_bernoulli():
+    differences = [cantilever({"shear": {"stiffness": 1e5 * 2.0**k}}) / cantilever({}) - 1 for k in range(3)]
+    np.testing.assert_allclose(observed_order(differences), -1, atol=0.02)
+    np.testing.assert_allclose(cantilever({"shear": {"stiffness": 1e12}}, 8), cantilever({}), rtol=1e-8)
+
+
+def test_thin_sections_have_no_rotary_inertia():
+    radii = 0.005 * 0.5 ** np.arange(3)
+    differences = [cantilever({"rotary_inertia": {"radius_of_gyration": float(r)}}) / cantilever({}) - 1 for r in radii]
+    np.testing.assert_allclose(observed_order(differences, 0.5), 2, atol=0.06)
+
+
+def compliance(arm, stiffness=7.0):
+    """Slowest frequencies of an arm whose motors are held by springs."""
+    M, K = matrices_at_rest(arm)
+    encoders = np.eye(arm.n)[list(arm.drives)]
+    return np.sqrt(eigh(K + stiffness * encoders.T @ encoders, M, eigvals_only=True))[:2]
+
+
+def test_stiff_joints_tend_to_none():
+    """A stiff joint leaves the motor's inertia on the joint, as a rotor without flexibility does."""
+    rotor = {"torque_constant": 1.0, "resistance": 1.0, "rotor_inertia": 0.05}
+    rigid = compliance(arm_of({}, {}, effects={"motor": rotor}))
+
+    def flexible(k):
+        return compliance(arm_of({}, {}, effects={"joint_flexibility": {"stiffness": k, "motor_inertia": 0.05}}))
+
+    differences = [flexible(1e4 * 2.0**k) / rigid - 1 for k in range(3)]
+    np.testing.assert_allclose(observed_order(differences), -1, atol=0.02)
+
+
+def test_stiff_links_tend_to_the_rigid_arm():
+    rigid = compliance(arm_of({"modes": 0}, {"modes": 0}))
+
+    def bending(stiffness):
+        return compliance(arm_of({"bending_stiffness": stiffness}, {"bending_stiffness": stiffness}))
+
+    differences = [bending(200.0 * 2.0**k) / rigid - 1 for k in range(3)]
+    np.testing.assert_allclose(observed_order(differences), -1, atol=0.02)

@@ -1,0 +1,97 @@
+"""Straight-line code: the same map as the numbers, at the point it was made for and at others, and as C."""
+
+import ctypes
+import shutil
+import subprocess
+import tracemalloc
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import flexlin as fl
+from flexlin.errors import TooLarge
+from flexlin.mechanics.closure import five_bar
+from flexlin.mechanics.screws import OpenChain, revolute
+from flexlin.series import c_code
+
+LOOP = five_bar(0.25, (0.3, 0.5), (0.35, 0.45))
+S0 = LOOP.close([2.2, -1.7, 0.9, 1.4, 0.1, 0.5], (4, 5))
+
+
+PARTITIONS = {"inverse": (4, 5), "forward": (0, 2)}
+
+
+def expand(s0, order, partition):
+    return LOOP.taylor(s0, PARTITIONS[partition], order)
+
+
+@pytest.mark.parametrize("partition", ["inverse", "forward"])
+def test_functions_equal_the_map(partition):
+    c = expand(S0, 4, partition)
+    du = np.array([0.03, -0.02])
+    assert_allclose(c.function()(du).full()[:, 0], c(du), rtol=1e-13)
+    assert_allclose(c.moving(c.u0, c.v0, du).full()[:, 0], c(du), rtol=1e-12)
+
+
+def test_choices_are_unrolled_too():
+    u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    f = ca.if_else(u < 1, v + v**3 - u, ca.sqrt(u - 2) - v)
+    c = fl.implicit_taylor(f, u, v, [0.2], [0.1928], 5)
+    assert_allclose(c.moving(c.u0, c.v0, [0.05]).full()[:, 0], c([0.05]), rtol=1e-14)
+    assert c.error([0.05]) < 1e-7
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
+def test_c_code(tmp_path):
+    c, du = expand(S0, 3, "inverse"), np.array([0.03, -0.02])
+    (tmp_path / "taylor.c").write_text(c_code(c.moving))
+    subprocess.run(["gcc", "-O1", "-fPIC", "-shared", "taylor.c", "-o", "taylor.so", "-lm"], cwd=tmp_path, check=True)
+    compiled = ca.external("taylor", str(tmp_path / "taylor.so"))
+    assert_allclose(compiled(c.u0, c.v0, du).full()[:, 0], c(du), rtol=1e-12)
+    assert ctypes.CDLL(str(tmp_path / "taylor.so")).taylor_n_in() == 3
+
+
+def six_joint_closure():
+    """A spatial arm with six hinges whose tip has a given place and attitude: f = [x - p; vee(R_u' R - R' R_u)/2]."""
+    screws = [
+        revolute((0, 0, 1), (0, 0, 0)),
+        revolute((0, 1, 0), (0, 0, 0.4)),
+        revolute((0, 1, 0), (0.5, 0, 0.4)),
+        revolute((1, 0, 0), (0.5, 0, 0.45)),
+        revolute((0, 1, 0), (0.9, 0, 0.45)),
+        revolute((1, 0, 0), (0.9, 0, 0.45)),
+    ]
+    home = np.eye(4)
+    home[:3, 3] = [1.0, 0, 0.45]
+    arm = OpenChain(screws, home)
+    u, v = ca.SX.sym("u", 6), ca.SX.sym("v", 6)
+    H = arm.expression([v[i] for i in range(6)])
+    turn = OpenChain([revolute(axis, (0, 0, 0)) for axis in ((0, 0, 1), (0, 1, 0), (1, 0, 0))])
+    E = turn.expression([u[i] for i in range(3, 6)])[:3, :3].T @ H[:3, :3]
+    vee = ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]) / 2
+    v0 = np.array([0.3, -0.4, 0.9, 0.5, 0.7, -0.2])
+    R, p = arm.pose(v0)[:3, :3], arm.pose(v0)[:3, 3]
+    angles = [np.arctan2(R[1, 0], R[0, 0]), -np.arcsin(R[2, 0]), np.arctan2(R[2, 1], R[2, 2])]
+    return ca.vertcat(H[:3, 3] - u[:3], vee), u, v, np.concatenate([p, angles]), v0
+
+
+def test_six_joints_at_order_5_stay_small():
+    f, u, v, u0, v0 = six_joint_closure()
+    tracemalloc.start()
+    c = fl.implicit_taylor(f, u, v, u0, v0, 5)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 200e6
+    du = 0.01 * np.array([1, -1, 0.5, 0.3, -0.8, 0.4])
+    true = c.refined(du)
+    assert np.linalg.norm(c(du) - true) < 1e-6
+    assert c.error(du) == pytest.approx(np.linalg.norm(c(du) - true), rel=0.2)
+
+
+def test_an_unreasonable_function_is_refused_with_its_size():
+    f, u, v, u0, v0 = six_joint_closure()
+    c = fl.implicit_taylor(f, u, v, u0, v0, 6)
+    with pytest.raises(TooLarge, match="bytes"):
+        _ = c.moving
