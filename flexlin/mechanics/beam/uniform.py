@@ -18,6 +18,8 @@ Boundary = Callable[[Array, Array, Array], Array]
 
 STEP = 0.02
 """Width of the scan for roots; roots of a uniform beam lie near pi apart."""
+LAST_BITS = 2 * float(np.finfo(float).eps)
+"""A root that moves by less than this, relative to itself, is found."""
 
 
 class UniformShapes(Shapes):
@@ -76,19 +78,30 @@ def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShap
     brackets = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)[:n]
     if len(brackets) < n:
         raise ToleranceNotReached("not all roots of the beam were found", got=len(brackets), expected=f"{n} roots")
-    beta = narrow(determinant, grid[brackets], grid[brackets + 1], values[brackets])
+    beta = narrow(determinant, grid[brackets], grid[brackets + 1], values[brackets], values[brackets + 1])
     null = np.linalg.svd(boundary_matrix(beta, boundary))[2][:, -1, :]
     return normalised(UniformShapes(beta, null))
 
 
-def narrow(function: Callable[[Array], Array], low: Array, high: Array, at_low: Array) -> Array:
-    """The root in each bracket (n,), by bisection of all together to the last bit; `at_low`: the function's values where they begin."""
+def narrow(function: Callable[[Array], Array], low: Array, high: Array, at_low: Array, at_high: Array) -> Array:
+    """The root in each bracket (n,), by Ridders' method for all together; `at_low` and `at_high` are the function's values at its ends.
+
+    Each step at least halves the bracket, and near a simple root doubles the digits.
+    Source: Ridders, A new algorithm for computing a single root of a real continuous function, IEEE Trans. Circuits Syst. 26 (1979).
+    """
+    last = high
     while True:
         middle = (low + high) / 2
-        if ((middle <= low) | (middle >= high)).all():
-            return middle
-        before = np.sign(function(middle)) == np.sign(at_low)
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
+        at_middle = function(middle)
+        size = np.sqrt(at_middle**2 - at_low * at_high) + np.finfo(float).tiny
+        root = middle + (middle - low) * np.sign(at_low - at_high) * at_middle / size
+        if (np.abs(root - last) <= LAST_BITS * root).all():
+            return root
+        last, at_root = root, function(root)
+        inside, below = (np.sign(value) != np.sign(at_root) for value in (at_middle, at_low))
+        low = np.where(inside, middle, np.where(below, low, high))
+        at_low = np.where(inside, at_middle, np.where(below, at_low, at_high))
+        high, at_high = root, at_root
 
 
 def normalised(shapes: UniformShapes) -> UniformShapes:
