@@ -13,7 +13,7 @@ from flexlin.periodic.floquet.exponents import answer_by_segments, floquet
 from flexlin.periodic.floquet.modes import MODES_TOL, solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.floquet.segmented import Factored
-from flexlin.periodic.precision import EPS, MINOR, PARTIAL, SAFETY
+from flexlin.periodic.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY
 from flexlin.periodic.product import Unknown
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.response.frequency import Segments, condense, place_stages
@@ -182,11 +182,22 @@ class Level:
     hidden: float
 
 
+def measure_parts(port: Array, vectors: Array, largest: float) -> tuple[Array, Array]:
+    """The largest parts of modes in a port over a period, and what these would be if nothing in them cancelled.
+
+    Infinite and 0 where a pulse of the port hides between the times.
+    """
+    if np.linalg.norm(port, 2, axis=(1, 2)).max() <= (1 - MINOR) * largest:
+        return np.array(np.inf), np.array(0.0)
+    part, whole = (np.linalg.norm(one, axis=1).max(axis=0) for one in (port @ vectors, np.abs(port) @ np.abs(vectors)))
+    return part, whole
+
+
 class PeakSearch:
     """The largest gain |y| / |u| under inputs exp(i omega t) v(t), v periodic, sought about the frequencies of the modes.
 
     shares: what each mode adds to a gain at the most, |c_i| |b_i| / |Re lambda_i| with the largest b_i = q_i^H B and c_i = C p_i;
-    best: the largest gain and its frequency; width: of the resonance there, in rad/s.
+    noise: what rounding may make of them; best: the largest gain and its frequency; width: of the resonance there, in rad/s.
     """
 
     def __init__(self, problem: BoundedReal, largest: tuple[float, float], direct: float):
@@ -194,20 +205,19 @@ class PeakSearch:
         rate = max(float(np.linalg.norm(system.resolved.mean(), 2)), 1 / system.period)
         self.floor = max(direct, EPS * largest[0] * largest[1] / rate)  # what rounding makes of nothing
         modes = solve_floquet_modes(system, found, quick=True)
-        ports = np.swapaxes(problem.B(modes.times), 1, 2), problem.C(modes.times)
-        reached, seen = (
-            np.linalg.norm(port @ vectors, axis=1).max(axis=0)
-            if np.linalg.norm(port, 2, axis=(1, 2)).max() > (1 - MINOR) * most  # else a pulse hides between the times
-            else np.inf
-            for port, vectors, most in zip(ports, (modes.left.conj(), modes.right), largest, strict=True)
-        )
-        self.exponents, self.period = modes.exponents, system.period
-        self.shares = np.where(np.isfinite(modes.errors), reached * seen / np.abs(self.exponents.real), np.inf)
+        reached, all_reached = measure_parts(np.swapaxes(problem.B(modes.times), 1, 2), modes.left.conj(), largest[0])
+        seen, all_seen = measure_parts(problem.C(modes.times), modes.right, largest[1])
+        self.exponents, self.period, damping = modes.exponents, system.period, np.abs(modes.exponents.real)
+        self.shares = np.where(np.isfinite(modes.errors), reached * seen / damping, np.inf)
+        self.noise = FAINT * all_reached * all_seen / damping
+        self.gains: dict[float, float] = {}
+
+    def begin(self) -> None:
+        """Try the frequencies of the modes that add most, and climb from the best."""
         greatest = float(self.shares[np.isfinite(self.shares)].max(initial=0.0))
         self.edges: Array | None = None
-        if not problem.constant:
-            self.edges, self.setting = problem.begin(max(greatest, 2 * self.floor))
-        self.gains: dict[float, float] = {}
+        if not self.problem.constant:
+            self.edges, self.setting = self.problem.begin(max(greatest, 2 * self.floor))
         first = self.exponents[np.argsort(-self.shares)].imag[: 2 * STARTS]
         for omega in (0.0, np.pi / self.period, *first.tolist()):
             self.gain(omega)

@@ -14,7 +14,7 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.grid import divide_segments
 from flexlin.periodic.interpolation import fourier_nodes
 from flexlin.periodic.levels import BoundedReal, PeakSearch
-from flexlin.periodic.precision import EPS, MINOR, TINY
+from flexlin.periodic.precision import EPS, MINOR, SAFETY, SLIGHT, TINY
 from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
@@ -256,6 +256,10 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
     if 0 in largest:
         return HinfNorm(direct, tol * direct, 0.0)
     search = PeakSearch(problem, largest, direct)
+    if (search.shares <= search.noise).all():  # what is reached is not seen
+        unknown = float((SAFETY * search.shares + SLIGHT * search.noise).sum())
+        return HinfNorm(direct + unknown, unknown + tol * direct, 0.0)
+    search.begin()
     peak, least = search.best[0], search.least()
     low, high, aside, hidden = direct, np.inf, tol / 2, list[float]()
     for _ in range(MOST):
