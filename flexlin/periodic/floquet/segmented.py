@@ -54,15 +54,17 @@ def solve_by_segments(
     fixed: bool = False,
     factor: Factoring = factor_twice,
 ) -> SegmentedSpectrum:
-    """Refine the segments until the errors of all exponents are below tol, or rounding allows no more.
+    """Refine the segments until the errors of all exponents are below tol, or rounding or max_segments allow no more.
 
     The first bases are those of no system; where rounding hides more than tol, they are found once more from where they ended.
 
     Parameters: tol: wanted error of an exponent, relative beyond 1/s; fixed: take the setting as it is.
-    Raises: TooManySegments.
+    Raises: TooManySegments, where many more seem to be needed.
     """
-    if setting.segments > max_segments:
+    most = int(np.ceil(FINER[0] * max_segments))
+    if setting.segments > most:
         raise report_too_many(setting.segments, max_segments, tol)
+    setting = setting.with_segments(min(setting.segments, max_segments))
     start, before, refined, factored = None, np.inf, False, None
     while True:
         factored = factored or factor(system, place_segments(system, setting), setting)
@@ -84,14 +86,15 @@ def solve_by_segments(
         ):
             setting, start, before, factored = setting.with_segments(twice), spectrum.start, rounded, None
             continue
-        if fixed or excess <= 1:
-            noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
-            return add_blind(compare_noise(system, spectrum, factor) if noisy else spectrum, system, tol)
         finer = np.clip(1.1 * excess ** (1 / setting.order), *FINER) if np.isfinite(excess) else FINER[1]
         count = int(np.ceil(setting.segments * finer))
-        if count > max_segments:
+        if fixed or excess <= 1 or (setting.segments == max_segments and count <= most):
+            noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
+            return add_blind(compare_noise(system, spectrum, factor) if noisy else spectrum, system, tol)
+        if count > most:
             raise report_too_many(count, max_segments, tol)
-        setting, start, refined, factored = setting.with_segments(count), spectrum.start, True, None
+        setting = setting.with_segments(min(count, max_segments))
+        start, refined, factored = spectrum.start, True, None
 
 
 def add_blind(spectrum: SegmentedSpectrum, system: PeriodicSystem, tol: float) -> SegmentedSpectrum:

@@ -62,26 +62,30 @@ def measure_segments(
 
     Raises: as `factor_segments`.
     """
-    h, made = np.diff(edges), []
-    error = resolved.mean_error(edges)
+    h, second = np.diff(edges), isinstance(resolved, ResolvedCompanion)
+    K, (m, columns), error = len(h), resolved.shape, resolved.mean_error(edges)
+    n = 2 * m if second else m
+    plain, better, hA = np.empty((3, K, n, n))
+    size, sides = np.empty((K, m, columns)), list[Array]()
+    if second:
+        sides = [np.zeros((K, n, m)), np.zeros((K, columns, n))]
     for part, staged, starts in sample_segments(resolved, edges, rules, True):
         lengths = h[part, None, None]
-        size = lengths * (EPS * np.abs(starts) + error[part])
-        factors = [factor(values, h[part], rule) for values, rule in zip(staged, rules, strict=True)]
+        size[part] = lengths * (EPS * np.abs(starts) + error[part])
+        for made, values, rule in zip((plain, better), staged, rules, strict=True):
+            made[part] = factor(values, h[part], rule)
         if not isinstance(resolved, ResolvedCompanion):
-            made.append((*factors, lengths * starts, size))
+            hA[part] = lengths * starts
             continue
         M, D, S = resolved.split(starts)
-        K, m = M.shape[:2]
         eye = np.broadcast_to(np.eye(m), M.shape)
         inverse, X, Y = np.split(solve_mass(M, np.concatenate([eye, -S, -D], axis=2), edges[:-1][part]), 3, axis=2)
-        A, left, right = stack_companion(X, Y), np.zeros((K, 2 * m, m)), np.zeros((K, 3 * m, 2 * m))
-        left[:, m:] = inverse
-        right[:, :m] = -A[:, m:]
-        right[:, m : 2 * m, m:] = right[:, 2 * m :, :m] = eye
-        made.append((*factors, lengths * A, size, left, right))
-    plain, better, hA, *unknown = made[0] if len(made) == 1 else map(np.concatenate, zip(*made, strict=True))
-    return [plain, better], hA, Unknown(*unknown)
+        hA[part] = lengths * stack_companion(X, Y)
+        left, right = sides
+        left[part, m:] = inverse
+        right[part, :m, :m], right[part, :m, m:] = -X, -Y
+        right[part, m : 2 * m, m:] = right[part, 2 * m :, :m] = eye
+    return [plain, better], hA, Unknown(size, *sides)
 
 
 def sample_segments(

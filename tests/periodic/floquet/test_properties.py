@@ -66,3 +66,16 @@ def test_the_memory_of_the_factors_is_bounded(monkeypatch):
     monkeypatch.setattr(module, "FACTOR_BYTES", 8 * 9 * 6)
     with pytest.raises(TooManySegments, match="segments"):
         floquet_of(random_system(1, 3))
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("share", [0.97, 0.9])
+def test_a_few_segments_too_few_cost_accuracy_and_no_answer(seed, share):
+    system = random_system(seed, 4)
+    needed, best = floquet_of(system).setting.segments, floquet_of(system, tol=1e-11)
+    found = floquet_of(system, max_segments=int(share * needed))
+    missed = match_logs(found.log_multipliers, best.log_multipliers)[1] / system.period
+    assert found.setting.method == "gauss"
+    assert found.setting.segments < needed
+    assert np.all(missed <= found.errors + best.errors)
+    assert found.error < 1e-7
