@@ -135,13 +135,13 @@ def steady_tip(a: Analysis, loop: Loop) -> str:
 
 
 def list_exponents(loop: Loop) -> dict[str, Any]:
-    """The exponents of a loop: growth rate, error, frequency, modulus of the multiplier."""
+    """The exponents of a loop: growth rate, error, frequency, modulus of the multiplier; of modes that are only bounded no error."""
     assert loop.floquet is not None
     result = loop.floquet
     rows = [
         (
             format_decimal(value.real, 6),
-            format_power(error),
+            format_power(error) if np.isfinite(error) else "–",
             f"{abs(value.imag) / (2 * np.pi):.4g}",
             format_modulus(float(log.real)),
         )

@@ -152,8 +152,9 @@ def format_power(value: float) -> str:
 
 def format_figures(table: dict[str, Any], units: dict[str, str]) -> str:
     """The figures of an effect with their units: mass 0.03 kg, inertia 0 kg m^2."""
+    given = {key: value for key, value in table.items() if value is not None}
     return (
-        ", ".join(f"{key} {format_list(value)} {units.get(key, '')}".rstrip() for key, value in table.items()) or "none"
+        ", ".join(f"{key} {format_list(value)} {units.get(key, '')}".rstrip() for key, value in given.items()) or "none"
     )
 
 

@@ -14,7 +14,7 @@ from flexlin.answers.audit import audit, figures, find_reach
 from flexlin.answers.audit.judging import Judge, again, mode_versions
 from flexlin.answers.audit.versions import Version, list_model_versions, read_scale, with_modes
 from flexlin.cli import main
-from flexlin.errors import TimeLimit
+from flexlin.errors import SingularMassMatrix, TimeLimit
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.report import audit_block, audit_lines, draw_effects, fitting, minimal_text
 from flexlin.scene import register_model
@@ -293,3 +293,14 @@ def test_a_robot_of_bodies_alone_has_a_reach_and_a_mass():
     scene = fl.load_scene("manutec-r3")
     assert find_reach(scene) == pytest.approx(np.hypot(0.324, 0.3) + 0.65 + np.hypot(0.414, 0.155) + 0.186 + 0.125)
     assert read_scale(scene).mass == pytest.approx(1 + 56.5 + 26.4 + 28.7 + 5.2 + 15.5)
+
+
+def test_a_link_that_spins_without_inertia_is_named():
+    changed = {
+        "links.0.axis": [1.0, 0.0, 0.0],
+        "links.0.modes": 0,
+        "effects": {"payload": {"mass": 0.03}},
+        "designs": [],
+    }
+    with pytest.raises(SingularMassMatrix, match="mass matrix is singular"):
+        fl.audit(fl.load_scene("single-link", changed))

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,9 +13,13 @@ from flexlin.cli import main
 from flexlin.report import audit_block, audit_lines, draw_effects, to_json
 
 
-def row(subject: str, on: bool, significance: float, verdict: str = "stable", problem: str = "") -> Row:
+def row(
+    subject: str, on: bool, significance: float, verdict: str = "stable", problem: str = "", table: Any = None
+) -> Row:
     change = f"{'without' if on else 'with'} {subject}"
-    return Row(change, "effect", subject, on, {}, 0.1, 0.2, 0.3, 4, 5.0, 6, verdict, significance, "advice", problem)
+    return Row(
+        change, "effect", subject, on, table or {}, 0.1, 0.2, 0.3, 4, 5.0, 6, verdict, significance, "advice", problem
+    )
 
 
 @pytest.fixture
@@ -23,7 +28,7 @@ def audited() -> Audit:
     rows = (
         row("gravity", True, np.inf, "unstable"),
         row("payload", True, 0.5),
-        row("motor", False, 0.02),
+        row("motor", False, 0.02, table={"static": None, "gear_ratio": 2.0}),
         row("hub", True, 0.0),
         row("shear", False, np.nan, "unknown", "it cannot be judged"),
     )
@@ -55,7 +60,7 @@ def test_the_lines_are_sorted_and_tell_the_problem(audited: Audit) -> None:
     assert lines[6].startswith("the scene: stable, −1 ± 1×10⁻⁹ 1/s")
     assert lines[7] == "effects of the scene, with its figures"
     assert lines[8:11] == ["  gravity: none", "  payload: none", "  hub: none"]
-    assert lines[11:] == ["effects that are off were tried with", "  motor: none", "  shear: none"]
+    assert lines[11:] == ["effects that are off were tried with", "  motor: gear_ratio 2", "  shear: none"]
 
 
 @pytest.mark.slow

@@ -69,8 +69,10 @@ def test_the_radius_of_a_multiplier_is_monotone_and_readable_at_both_ends() -> N
 
 def test_extreme_multipliers_can_be_drawn(single_link: Analysis) -> None:
     found = single_link.own.floquet
-    far = replace(found, exponents=np.array([2e3 + 1j, -2e3 + 0j, -1.0 + 0j, -1.0 + 0j]), verdict="unstable")
+    exponents, errors = np.array([2e3 + 1j, -2e3 + 0j, -1.0 + 0j, -1.0 + 0j]), np.array([1e-9, np.inf, 1e-9, 1e-9])
+    far = replace(found, exponents=exponents, errors=errors, verdict="unstable")
     extreme = replace(single_link, own=replace(single_link.own, floquet=far))
     html = render_page(extreme, record(extreme), list(draw_pictures(extreme)), "")
     assert "nan" not in html.lower().replace("nanoseconds", "")
     assert "10¹⁷³⁷" in html  # exp(2e3 T) with T = 2 s
+    assert '−2000</td><td class="number">–</td>' in html

@@ -16,6 +16,7 @@ from flexlin.control.drives import Demand, drive_load
 from flexlin.control.tracking import tip_positions
 from flexlin.errors import FlexlinError, MotionError, TimeLimit
 from flexlin.mechanics import build_manipulator
+from flexlin.periodic.coefficients import solve_mass
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.related import with_matrices
 from flexlin.scene.control import Drives
@@ -169,7 +170,8 @@ def judge_parts(lin: Linearization, tol: float, problems: list[str]) -> Iterator
     """Each part of the loop with its margin; all of it where it is one part."""
     labels, felt = part_coordinates(lin)
     names = (*lin.names, *(() if lin.controller is None else lin.controller.names))
-    coefficients = lin.sample(np.linspace(0, lin.period, PHASES, endpoint=False))
+    t = np.linspace(0, lin.period, PHASES, endpoint=False)
+    coefficients = lin.sample(t)
     for label in np.unique(labels):
         places = np.flatnonzero(labels == label)
         of_arm = places[places < lin.n]
@@ -178,7 +180,7 @@ def judge_parts(lin: Linearization, tol: float, problems: list[str]) -> Iterator
             tuple(names[i] for i in places),
             bool(felt[places].any()),
             *_judge_margin(lin, places if len(np.unique(labels)) > 1 else None, tol, problems),
-            _average_frequencies(coefficients.M[block], coefficients.K[block]),
+            _average_frequencies(coefficients.M[block], coefficients.K[block], t),
         )
 
 
@@ -221,9 +223,9 @@ def _judge_margin(
     return float(result.exponents[0].real), float(result.errors[0]), result.verdict
 
 
-def _average_frequencies(M: Array, K: Array) -> Array:
-    """sqrt |eigenvalues of M^-1 K|, each averaged over phases of the motion."""
-    squares = np.linalg.eigvals(np.linalg.solve(M, K))
+def _average_frequencies(M: Array, K: Array, t: Array) -> Array:
+    """sqrt |eigenvalues of M^-1 K|, each averaged over phases of the motion. Raises: SingularMassMatrix."""
+    squares = np.linalg.eigvals(solve_mass(M, K, t))
     return np.asarray(np.sort(np.sqrt(np.abs(squares)), axis=1).mean(axis=0))
 
 
