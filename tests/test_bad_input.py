@@ -113,6 +113,17 @@ def test_a_bad_override_is_named(kind: str, tmp_path: Path, capsys: pytest.Captu
     assert "problems" not in message, "one mistake is one problem"
 
 
+@pytest.mark.parametrize("kind", ['weights={joints="2 mm", input="1 N m"}', "sample_time=0.0123"])
+def test_a_design_that_does_not_fit_is_refused_before_any_loop_is_judged(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("flexlin.answers.analysis.judge_own_loops", lambda _: pytest.fail("too late"))
+    key, _, value = kind.partition("=")
+    change = ["--set", f"designs.1.{key}={value}"]
+    assert main(["report", "single-link", *change, "--out", str(tmp_path)]) == 2
+    assert ("weights.joints" if key == "weights" else "sample_time") in capsys.readouterr().err
+
+
 def test_all_mistakes_are_told_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mistakes = ["links.0.length=-1", "motion.frequency=0", "effects.payload.mas=1", "control.feedback.kp=[1.0, 2.0]"]
     message = refused(capsys, ["single-link", "--set", *mistakes], "4 problems", folder=tmp_path)

@@ -143,13 +143,18 @@ def analyse(scene: Scene, clock: Clock | None = None, free: Sequence[str] = ()) 
 
 
 def derive_equations(scene: Scene, clock: Clock, free: Sequence[str] = ()) -> Stages:
-    """The arm alone, and with the scene's own loop; limits of the drives that do not fit are refused before any other work."""
+    """The arm alone, and with the scene's own loop; limits of the drives and designs that do not fit are refused before any other work."""
     arm = clock.stage("equations of motion", scene.accuracy, lambda: build_with_free(scene, free))
 
     def work() -> tuple[Linearization, Linearization]:
         plant = linearize(arm, scene.motion)
         closed = with_control(plant, scene.control)
         drive_load(plant, np.zeros(1), np.zeros((1, 2 * plant.n)), plant.law, scene.drives)
+        if scene.designs:
+            from flexlin.control.catalogue import pose_design
+
+            for table in scene.designs:
+                pose_design(plant, table)
         return plant, closed
 
     plant, closed = clock.stage("linearization", scene.accuracy, work)

@@ -73,7 +73,7 @@ def limited(name: str, allowed: Allowance) -> Iterator[None]:
     except FlexlinError:
         raise
     except np.linalg.LinAlgError as error:
-        todo = "look at the scene's numbers: scales that lie very far apart do this"
+        todo = "look at the scene's numbers: a coordinate without inertia, or scales that lie very far apart, do this"
         raise NumericalError(f"{name}: linear algebra has no answer", got=str(error), todo=todo) from error
     except (MemoryError, RuntimeError) as error:
         if not lacks_memory(error):

@@ -14,7 +14,7 @@ from flexlin.checks import Array, real_array
 from flexlin.control.designed_loop import Design
 from flexlin.control.frozen import averaged_lqr, frozen_lqr
 from flexlin.control.lqr import finite_horizon_lqr, horizon_system, periodic_lqr
-from flexlin.control.sampled import sampled_lqr
+from flexlin.control.sampled import find_round, sampled_lqr
 from flexlin.control.sensors import joint_angles, tip_position
 from flexlin.errors import ArgumentError, counted
 from flexlin.mechanics.coordinates import Coordinate
@@ -66,13 +66,22 @@ def design(plant: Linearization | PeriodicSystem, table: DesignTable, tol: float
     >>> made.kind, made.error < 1e-6
     ('periodic-lqr', True)
     """
-    system = plant if isinstance(plant, PeriodicSystem) else system_of(plant, table.kind)
-    Q, R = design_weights(plant, system, table)
+    system, Q, R = pose_design(plant, table)
     if isinstance(plant, PeriodicSystem) or table.weights is None or table.weights.integrals is None:
         return solve_design(system, Q, R, table, tol)
     controller, sizes = joint_integrals(plant, table.weights)
     wide = combine(partial(widen, more=np.diag(sizes**-2.0)), Q)
     return replace(solve_design(extend_system(system, controller.rates), wide, R, table, tol), controller=controller)
+
+
+def pose_design(
+    plant: Linearization | PeriodicSystem, table: DesignTable
+) -> tuple[PeriodicSystem, MatrixFunction, MatrixFunction]:
+    """The system of a table's design, Q(t) and R(t); raises ArgumentError for what does not fit, before anything is solved."""
+    system = plant if isinstance(plant, PeriodicSystem) else system_of(plant, table.kind)
+    if table.sample_time is not None:
+        find_round(system, table.sample_time, 0.0)
+    return system, *design_weights(plant, system, table)
 
 
 def solve_design(

@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "report.advice": "advise",
         "report.audit": "audit_lines draw_effects draw_sensitivity fitting minimal_text",
         "report.animation": "animation_page collect_frames",
-        "report.charts": "Chart draw_charts say_bending",
+        "report.charts": "Chart draw_charts find_boundary say_bending",
         "report.exports": "export_all",
         "report.figures": "draw_pictures FIGURES",
         "report.figures.chart": "choose_scale thin trace_contour",

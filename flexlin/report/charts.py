@@ -14,7 +14,8 @@ import xarray
 
 from flexlin.answers.campbell import unfold_frequencies
 from flexlin.answers.clock import Clock
-from flexlin.answers.critical_values import CriticalValue, critical_values
+from flexlin.answers.critical_values import CriticalValue, search_family
+from flexlin.answers.spectra import make_family
 from flexlin.answers.stability_boundary import BoundaryCurve, search_boundary
 from flexlin.answers.steady import find_bending
 from flexlin.answers.sweep import worst_error
@@ -34,7 +35,7 @@ from flexlin.scene.names import label_number, name_number, name_unit, show_unit
 from flexlin.scene.scene import Scene
 
 BOUNDARY_SHARE = 0.15
-"""Of a command's time: after it, no more tongues' tips are searched for; a strip with three modes has dozens of them."""
+"""Of a command's time: after it, no more tongues are searched for; a strip with three modes has dozens of their tips."""
 BOUNDARY_TOL = 1e-4
 """Wanted error of a boundary that is drawn, as a share of its ranges: a tenth of what a picture shows."""
 CRITICAL_TOL = 1e-8
@@ -51,15 +52,19 @@ def find_boundary(
     Of what meets a limit there is none, and `data.attrs["search"]` says why.
     """
     asked, problems = scene.accuracy, dict[str, str]()
+    effort = Effort(BOUNDARY_SHARE * asked.seconds)
     if len(ranges) == 1:
-        ((path, limits),) = ranges.items()
-        tol = CRITICAL_TOL * (limits[1] - limits[0])
-        work = lambda: critical_values(scene, path, limits, tol, loop=loop)  # noqa: E731
-        values = clock.attempt(problems, "critical", "critical values", asked, work) or []
+        ((path, (low, high)),) = ranges.items()
+        find = lambda: search_family(  # noqa: E731
+            make_family(scene, ranges, loop), path, low, high, CRITICAL_TOL * (high - low), effort=effort
+        )
+        values = clock.attempt(problems, "critical", "critical values", asked, find) or []
+        if effort.gap:
+            gap = f"{effort.gap:.2g} {show_unit(scene, path)}".strip()
+            problems["gap"] = f"the {effort.values} values that time allowed leave gaps of up to {gap}"
         data.attrs["search"] = " ".join(problems.values())
         return values, []
     span = max(high - low for low, high in ranges.values())
-    effort = Effort(BOUNDARY_SHARE * asked.seconds)
     follow = partial(search_boundary, scene, ranges, BOUNDARY_TOL * max(1.0, span), loop, CELLS, effort)
     curves = clock.attempt(problems, "boundary", "boundary of stability", asked, follow) or []
     if effort.unfinished:

@@ -15,7 +15,16 @@ from flexlin.answers import (
     find_margin,
     unfold_frequencies,
 )
-from flexlin.report import choose_scale, describe_margins, record_margin, say_bending, trace_contour
+from flexlin.report import (
+    Chart,
+    choose_scale,
+    describe_margins,
+    draw_charts,
+    find_boundary,
+    record_margin,
+    say_bending,
+    trace_contour,
+)
 from flexlin.scene import label_number
 
 
@@ -32,6 +41,11 @@ def test_rounding_is_not_enlarged():
     noise = 1e-14 * np.random.default_rng(0).standard_normal((50, 2))
     low, high = choose_scale(noise, np.full(50, 1e-12)).ends
     assert high - low > 1e-6
+
+
+def test_a_mode_that_is_only_bounded_does_not_widen_the_scale():
+    low, high = choose_scale(np.linspace(-2.0, -1.0, 50), np.append(np.full(49, 1e-9), np.inf)).ends
+    assert -3 < low < high < 1
 
 
 def test_frequencies_follow_the_mode_through_its_tongues():
@@ -134,3 +148,14 @@ def test_a_chart_says_where_its_links_bend_too_far_for_linear_equations():
     said = say_bending(scene, {path: (0.0, 4.0)}, [onset], Clock())
     assert said.startswith("A link bends by 28.9 % of its length at payload mass 0.6 kg; by more than its length at")
     assert "linear model alone" in said
+
+
+def test_a_chart_over_one_number_says_where_its_search_had_to_end(monkeypatch):
+    scene, path = fl.load_scene("spinning-link"), "motion.joints.0.rate"
+    data = fl.sweep(scene, {path: np.linspace(2.0, 4.0, 9)})
+    monkeypatch.setattr("flexlin.report.charts.BOUNDARY_SHARE", 1e-4)
+    values, _ = find_boundary(scene, {path: (2.0, 4.0)}, data, Clock())
+    said = draw_charts(Chart(scene, data, values, []))[0].caption
+    assert "was not searched to the end" in said
+    assert "that time allowed leave gaps of up to" in said
+    assert "does not change" not in said

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from flexlin.about.family import PeriodicFamily
+    from flexlin.periodic.floquet.result import FloquetResult
     from flexlin.periodic.system import PeriodicSystem
     from flexlin.scene.scene import Scene
 
@@ -64,31 +65,41 @@ class Found:
 
     def put_alone(self, i: int, make: Callable[[], "PeriodicSystem"], tol: float) -> None:
         """Enter what `floquet` says of one value, or why its equations have no answer."""
-        from flexlin.periodic.floquet.exponents import floquet  # most workers do without
-
         self.one_by_one[i] = True
-        try:
-            system = make()
-            result = floquet(system, tol)
-        except (FlexlinError, np.linalg.LinAlgError) as error:
-            if isinstance(error, TimeLimit):
-                raise
-            self.verdict[i], self.reason[i] = FAILED, str(error)[:LONGEST]
+        result = solve_alone(make, tol)
+        if isinstance(result, str):
+            self.verdict[i], self.reason[i] = FAILED, result[:LONGEST]
             return
-        self.exponents[i], self.error[i], self.period[i] = result.exponents, result.errors.max(), system.period
+        self.exponents[i], self.error[i], self.period[i] = result.exponents, result.error, result.period
         self.verdict[i], self.reason[i] = VERDICTS.tolist().index(result.verdict), result.reason[:LONGEST]
 
-    def agrees(self, other: "Found", i: int) -> bool:
-        """Whether the exponents of a value are the other's, within the errors of both; imaginary parts modulo 2 pi / T."""
-        T, both = self.period[i], self.error[i] + other.error[i]
-        near = measure_distances(self.exponents[i] * T, other.exponents[i] * T).min(axis=1) <= both * T
-        return bool(near.all()) or self.verdict[i] == other.verdict[i] == FAILED
+    def is_confirmed(self, i: int, make: Callable[[], "PeriodicSystem"], tol: float) -> bool:
+        """Whether `floquet` finds the exponents of a value too, but for those that it only bounds, within the errors of both; imaginary
+        parts modulo 2 pi / T."""
+        result, T = solve_alone(make, tol), self.period[i]
+        if isinstance(result, str):
+            return bool(self.verdict[i] == FAILED)
+        resolved = result.log_multipliers[np.isfinite(result.errors)]
+        apart = measure_distances(resolved, self.exponents[i] * T).min(axis=1)
+        return bool((apart <= (self.error[i] + result.error) * T).all())
 
     def place(self, start: int, block: "Found") -> None:
         """Enter a block of values that begins at `start`."""
         for one in fields(self):
             part = getattr(block, one.name)
             getattr(self, one.name)[start : start + len(part)] = part
+
+
+def solve_alone(make: Callable[[], "PeriodicSystem"], tol: float) -> "FloquetResult | str":
+    """What `floquet` says of a system, or why there is no answer. Raises: TimeLimit."""
+    from flexlin.periodic.floquet.exponents import floquet  # most workers do without
+
+    try:
+        return floquet(make(), tol)
+    except TimeLimit:
+        raise
+    except (FlexlinError, np.linalg.LinAlgError) as error:
+        return str(error)
 
 
 def build_dataset(
@@ -118,7 +129,7 @@ def build_dataset(
 
 
 def worst_error(data: "xr.Dataset") -> float:
-    """The largest error of a sweep, in 1/s up to |exponent| = 1/s and relative beyond; values with unresolved exponents are left out."""
+    """The largest error of a sweep, in 1/s up to |exponent| = 1/s and relative beyond; those without a resolved exponent are left out."""
     size = np.abs(data["exponents"].values).max(axis=-1, initial=1.0)
     errors = data["error"].values / size
     return float(errors[np.isfinite(errors)].max(initial=0.0))

@@ -173,10 +173,10 @@ class Together:
     def is_confirmed(self, points: Array) -> bool:
         """Whether `floquet` agrees at a few values."""
         chosen = points[spread_over(len(points), WITNESSES)]
-        found, alone = self.compute(chosen), Found.empty(len(chosen), self.kernel.model.states)
-        for i, point in enumerate(chosen):
-            alone.put_alone(i, partial(self.source.system_at, point), self.tol)
-        return all(found.agrees(alone, i) for i in range(len(chosen)))
+        found = self.compute(chosen)
+        return all(
+            found.is_confirmed(i, partial(self.source.system_at, point), self.tol) for i, point in enumerate(chosen)
+        )
 
     @property
     def segments(self) -> int:

@@ -75,7 +75,8 @@ def describe_chart(chart: Chart) -> str:
     caption = write_caption(data["verdict"].to_numpy(), chart.loop)
     bending = [data.attrs["bending"]] if data.attrs.get("bending") else []
     if len(chart.paths) == 1:
-        found = [f"{describe_critical(chart.scene, one)}." for one in chart.critical] or say_none_was_found(data)
+        found = [f"{describe_critical(chart.scene, one)}." for one in chart.critical]
+        found += say_none_was_found(data) if not found or data.attrs.get("search") else []
         return "\n".join([caption, *found, *bending])
     said = "" if nearest is None else describe_distance(chart, nearest) + " "
     if nearest is None or data.attrs.get("search"):
@@ -169,7 +170,7 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
 def choose_scale(growth: Array, error: Array) -> Linear:
     """Decades where the rates differ much, else equal steps; never finer than the errors of the rates."""
     known = growth[np.isfinite(growth)]
-    noise = max(NOISE * float(np.nan_to_num(error).max(initial=0.0)), FLOOR)
+    noise = max(NOISE * float(error[np.isfinite(error)].max(initial=0.0)), FLOOR)
     low, high = float(known.min(initial=0.0)), float(known.max(initial=0.0))
     sizes = np.abs(known[np.abs(known) > noise])
     if sizes.size and sizes.max() > WIDE * sizes.min():
