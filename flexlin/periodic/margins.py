@@ -231,7 +231,7 @@ def find_first(make: Perturbed, start: Start, values: Iterable[float], tol: floa
 
 
 def judge_growth(loop: PeriodicSystem) -> float:
-    """The largest real part of the exponents, in 1/s. Raises: TooManySegments, beyond FEWER_SEGMENTS: a search asks for dozens."""
+    """The largest real part of the exponents, in 1/s. Raises: TooManySegments, far beyond FEWER_SEGMENTS: a search asks for dozens."""
     return float(floquet(loop, ROOT, max_segments=FEWER_SEGMENTS).exponents[0].real)
 
 

@@ -49,6 +49,19 @@ FOUND = [
     ("stiff", 991000006),
     ("stiff", 991000017),
 ]
+BOUNDED = [
+    ("rotation", 910000019),
+    ("shear", 910000012),
+    ("jordan", 910000014),
+    ("jordan", 910000064),
+    ("kept shapes", 910000006),
+    ("kept shapes", 910000030),
+    ("waving shapes", 910000056),
+    ("non-normal constant", 910000058),
+    ("non-normal rotated", 910000020),
+    ("undamped oscillators", 910000036),
+]
+"""Cases in which Radau's method hid a mode that was known, since it lay near the slowest one."""
 MUST_ANSWER = (
     "rotation",
     "shear",
@@ -67,6 +80,12 @@ def check(outcome, factor=1.0):
     assert not outcome.crash
     assert not outcome.wrong
     assert outcome.worst <= factor
+
+
+@pytest.mark.parametrize(("kind", "seed"), BOUNDED)
+def test_claims_hold_where_fast_modes_are_only_bounded(kind, seed):
+    case = draw(kind, seed)
+    check(judged(replace(case, options={**case.options, "method": "radau"})))
 
 
 @pytest.mark.slow

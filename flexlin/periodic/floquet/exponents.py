@@ -66,7 +66,8 @@ def floquet(
     segments : int, optional
         Segments of the period. They are kept, and not refined; the errors come from a second computation with free segments.
     max_segments : int
-        Most segments that are tried. They are also limited by memory: the factors take 8 n^2 bytes a segment, 128 MB at most.
+        Most segments that are tried; where tol needs a third more at most, their error is stated. They are also limited by memory: the
+        factors take 8 n^2 bytes a segment, 128 MB at most, and all of the work about nine times as much.
 
     Returns
     -------
@@ -82,7 +83,7 @@ def floquet(
     UnresolvedCoefficient
         When A cannot be followed near a time that is named.
     TooManySegments
-        With the figure, when tol needs more segments than the limits allow.
+        With the figure, when tol needs many more segments than the limits allow.
 
     References
     ----------

@@ -8,7 +8,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.circle import assign, measure_distances
 from flexlin.periodic.grid import FINER
-from flexlin.periodic.precision import CUBE, FAINT, ROOT, SLIGHT
+from flexlin.periodic.precision import CUBE, EPS, FAINT, ROOT, SLIGHT
 from flexlin.periodic.product import ProductSpectrum, Unknown, find_spectrum
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
@@ -22,6 +22,8 @@ LOST = 1e-2
 """A mode whose error exceeds this part of its size is not followed at all, and says nothing of the others."""
 TURNED, LOOKS = 2.0, 256
 """Radians by which a mode may turn in a segment of Radau's method, and segments at which the eigenvalues of A(t) are looked at."""
+EXTINCT = -float(np.log(EPS))
+"""Decay over a period, beside that of the slowest mode, after which rounding hides what is left."""
 HELPED = 0.7
 """Where rounding alone makes segments shorter: the part of it that half as long ones leave at the most."""
 
@@ -70,6 +72,8 @@ def solve_by_segments(
         factored = factored or factor(system, place_segments(system, setting), setting)
         spectrum, method = measure_spectrum(system, setting, factored, start)
         wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / SAFETY
+        if setting.method == "radau":
+            spectrum = bound_extinct(spectrum, method > wanted)
         resolved = np.isfinite(spectrum.errors)
         noise = (SAFETY if refined else 1.0) * spectrum.rounding  # below it, rounding alone may stand
         excess = float((method / np.maximum(wanted, noise))[resolved].max(initial=0.0))
@@ -95,6 +99,16 @@ def solve_by_segments(
             raise report_too_many(count, max_segments, tol)
         setting = setting.with_segments(min(count, max_segments))
         start, refined, factored = spectrum.start, True, None
+
+
+def bound_extinct(spectrum: SegmentedSpectrum, missed: Array) -> SegmentedSpectrum:
+    """Ask no digits of modes from the first of (n,) that missed what was wanted and of which nothing is left after a period.
+
+    By an L-stable method they decay beside the slowest one, however long the segments are; to follow them would take most of these.
+    """
+    below = spectrum.logs.real[0] - spectrum.logs.real
+    extinct = missed & (below > max(EXTINCT, spectrum.errors[0]))
+    return replace(spectrum, errors=np.where(np.logical_or.accumulate(extinct), np.inf, spectrum.errors))
 
 
 def add_blind(spectrum: SegmentedSpectrum, system: PeriodicSystem, tol: float) -> SegmentedSpectrum:
@@ -131,7 +145,7 @@ def measure_spectrum(
     if damped:
         grid = place_segments(system, setting)
         below, hidden = logs.real[0] - logs.real, system.period * hidden_growth(system, grid) - logs.real[0]
-        errors = np.where((errors > SLIGHT * below) & (below > errors[0]), np.inf, errors)
+        errors = np.where((errors > SLIGHT * below) & (below > max(EXTINCT, errors[0])), np.inf, errors)
         method, errors = (np.append(np.maximum(part[0], hidden), part[1:]) for part in (method, errors))
     errors = errors + liouville_excess(system, logs, errors)
     lost = (errors > 1) & np.isfinite(

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, expm
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
@@ -141,6 +141,24 @@ def test_modes_too_fast_to_resolve_are_bounded(method):
         assert result.errors[1] == np.inf
         assert result.exponents[1].real < -10
         assert "too fast" in result.status
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_modes_of_which_nothing_is_left_ask_for_no_segments(seed):
+    """Damped modes of 4e4 1/s and 600 +- 4000j 1/s between jumps: to follow them took 4e4 segments: beyond the limit, said after 14 s."""
+    rng, T = np.random.default_rng(seed), 6.0
+    fast = block_diag([[-600.0, 4000.0], [-4000.0, -600.0]], [[-4e4]])
+    halves = np.array(
+        [block_diag([[0.0, 1.0], [-k, -0.1]], fast) + 0.3 * rng.standard_normal((5, 5)) for k in (4.0, 7.0)]
+    )
+    found = fl.floquet(fl.PeriodicSystem(lambda t: halves[(t % T >= T / 2).astype(int)], T, breaks=(T / 2,)))
+    exact = np.log(np.linalg.eigvals(expm(halves[1] * T / 2) @ expm(halves[0] * T / 2)).astype(complex)) / T
+    slow = exact[np.argsort(-exact.real)[:2]]
+    missed = np.abs(found.exponents[:2].real - slow.real)
+    assert np.all(missed <= found.errors[:2] + 1e-11)
+    assert found.error < 1e-8
+    assert found.setting.segments < 2000
+    assert np.isinf(found.errors[2:]).all()
 
 
 def test_errors_name_the_figure():
