@@ -1,6 +1,7 @@
 """Answers to disturbances: against integrators that share nothing with them, by their order in the size, and as a command."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import flexlin as fl
 from flexlin.answers import answer_noise, overshoot, respond, settling_time, state_disturbance
 from flexlin.cli import main
 from flexlin.errors import ArgumentError
+from flexlin.report.figures.answers import draw_answer
 from tests.thinned import thin
 
 SMALL = {"links.0.modes": 1, "designs": []}
@@ -145,3 +147,12 @@ def test_the_command_writes_page_and_numbers(tmp_path, capsys):
 def test_words_that_say_nothing_are_refused(closed, kind, words, expected):
     with pytest.raises(ArgumentError, match=expected):
         respond(closed, state_disturbance(kind, words, closed))
+
+
+def test_what_settles_at_no_phase_is_said_so(closed):
+    found = respond(closed, state_disturbance("push", "tip 0.2 N 0.3 s", closed), periods=0.25)
+    found = replace(found, settling=np.full(len(found.settling), np.inf))
+    assert np.isinf(found.settling).all()
+    said = draw_answer(found).caption
+    assert "has not settled after" in said
+    assert "nor has it at any other" in said

@@ -49,16 +49,14 @@ def draw_answer(a: DisturbanceAnswer) -> Picture:
 
 def describe_answer(a: DisturbanceAnswer) -> str:
     """The answer in words."""
-    settled = a.settling[a.worst]
-    when = (
-        f"settles to 2 % in {format_duration(settled)}"
-        if np.isfinite(settled)
-        else f"has not settled after {a.t[-1]:.3g} s"
-    )
+    longest, least = float(a.settling[a.worst]), float(a.settling.min())
+    settles = f"settles to 2 % in {format_duration(longest)}"
+    if longest == np.inf:
+        settles = f"has not settled after {a.t[-1]:.3g} s"
+    others = f"over all phases settling takes {format_duration(least)} at the least"
     text = (
         f"{a.words}: at the worst phase, {a.phases[a.worst]:.3g} of the period, the {a.seen} moves by {format_quantity(a.peak, a.unit)}, "
-        f"overshoots by {100 * a.overshoot[a.worst]:.3g} % and {when}; over all phases settling takes "
-        f"{format_duration(float(a.settling.min()))} at the least. "
+        f"overshoots by {100 * a.overshoot[a.worst]:.3g} % and {settles}; {others if least < np.inf else 'nor has it at any other'}. "
     )
     if a.nonlinear is None:
         return f"{text}There is no nonlinear answer: {a.problem}."
