@@ -13,7 +13,7 @@ from flexlin.checks import Array, at_times, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import PROBES, Constant, has_nothing_narrow, refuse_signature
 from flexlin.periodic.grid import FINER, edges_of_short, place_edges
-from flexlin.periodic.precision import EPS, MINOR, ROOT, SAFETY, TINY
+from flexlin.periodic.precision import EPS, MINOR, ROOT, SAFETY, SLIGHT, TINY
 from flexlin.periodic.product import COHERENT, cyclic_system, find_spectrum
 from flexlin.periodic.resolved.matrix import couple_uncertainty
 from flexlin.periodic.resolved.panels import NODES, TAIL
@@ -236,7 +236,7 @@ def forced_response(
     family = "Radau" if rule.c[-1] == 1 else "Gauss"
     status = f"periodic response to {apart:.1e} on {count} segments of {stages} {family} stages; amplification {1 / sigma:.1e}"
     if apart > tol * scale:
-        status += f"; tol {tol:.0e} was not reached: the error above is what rounding allows"
+        status += f"; tol {tol:.0e} was not reached: the error above is what rounding and the number of segments allow"
     return ForcedResponse(solution, system.period, apart, 1 / sigma, count, status)
 
 
@@ -268,7 +268,7 @@ def refine_response(
     rule: Tableau,
     limits: tuple[int, int],
 ) -> tuple[PiecewiseSolution, float, float, float]:
-    """Solve on more and more segments until two resolutions that share no edges agree to tol, or to what rounding allows.
+    """Solve on more and more segments until two resolutions that share no edges agree to tol, or to what rounding and the limit allow.
 
     Parameters: limits: segments that would follow the fastest mode, and the most that may be used.
     Returns: the solution, the smallest singular value of its closure, how far the two are apart, and the size of the response.
@@ -293,13 +293,15 @@ def refine_response(
             misses.append(missed)
             if missed == min(misses):
                 best = solution, sigma, scale, rounded, len(misses)
-            if best is not None and stagnant(misses):
-                solution, sigma, scale, rounded, at = best
-                missed = max(misses[at - 1 : at + 1])
-                return solution, sigma, max(SAFETY * missed, missed + rounded), scale
+            if stagnant(misses):
+                break
             wanted = len(previous.start) * (MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
         previous, count = solution, int(np.ceil(np.clip(wanted, FINER[0] * count, 2 * count)))
-    raise report_too_many(count, limits[1], tol)
+    if best is None or (count > limits[1] and misses[-1] > SLIGHT * np.abs(best[0].start).max()):
+        raise report_too_many(count, limits[1], tol)
+    solution, sigma, scale, rounded, at = best
+    missed = max(misses[at - 1 : at + 1])
+    return solution, sigma, max(SAFETY * missed, missed + rounded), scale
 
 
 def solve_periodic(

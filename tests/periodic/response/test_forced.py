@@ -85,6 +85,23 @@ def test_bad_forces_are_refused():
         fl.forced_response(system, lambda t: np.cos(2 * np.pi * t)[:, None] * np.ones(2), max_segments=10)
 
 
+@pytest.mark.parametrize(
+    ("waves", "most", "refused"), [(20, 40, True), (20, 60, False), (20, 120, False), (60, 120, True)]
+)
+def test_too_few_segments_for_tol_give_an_answer_with_its_error_or_none(waves, most, refused):
+    """x' = -x + cos(w t) has x = (cos w t + w sin w t) / (1 + w^2)."""
+    w, t = 2 * np.pi * waves, np.linspace(0.0, 1.0, 50)
+    system, force = fl.PeriodicSystem([[-1.0]], 1.0), lambda t: np.cos(w * t)[:, None]
+    if refused:
+        with pytest.raises(TooManySegments):
+            fl.forced_response(system, force, tol=1e-13, max_segments=most)
+        return
+    found = fl.forced_response(system, force, tol=1e-13, max_segments=most)
+    missed = np.abs(found(t)[:, 0] - (np.cos(w * t) + w * np.sin(w * t)) / (1 + w * w)).max()
+    assert missed <= found.error < 1e-2 / w
+    assert "was not reached" in found.status
+
+
 def test_a_jump_of_the_force_that_nobody_named_is_found():
     """x' = -x + 1 for t < s, -x behind: x(s) = (1 - e^-s) / (1 - e^-T) by hand."""
     s = 0.512
