@@ -7,7 +7,7 @@ import flexlin as fl
 from flexlin.answers import gain_search
 from flexlin.answers.gain_search import LEVELS, Problem, follow_levels, lay_scenarios, smooth_growth
 from flexlin.answers.spectra import Family, make_family
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, NotStable
 from flexlin.periodic.boundary.spectra import Spectra
 
 
@@ -141,6 +141,12 @@ def test_arm_decays_twice_as_fast_in_all_scenarios():
     points = {path: rng.uniform(low, high, 100) for path, (low, high) in vary.items()}
     judged = fl.sweep(found.scene, points)
     assert float(judged["exponents"].real.max()) <= found.growth + 0.02 * abs(found.growth)
+
+
+def test_a_loop_that_no_gain_makes_stable_is_said_to_be_so():
+    """x' = x beside a mode that the gain moves."""
+    with pytest.raises(NotStable, match=r"got unstable, expected gains that hold everywhere"):
+        fl.tune(lambda k: fl.PeriodicSystem([[1.0, 0.0], [0.0, -k]], 1.0), {"k": 1.0}, starts=1)
 
 
 def test_what_cannot_be_tuned_is_refused():

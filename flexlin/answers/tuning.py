@@ -231,8 +231,9 @@ def report_tuning(
         result = floquet(problem.family.system_at(np.concatenate([tuned, every[k]])))
         scenario = dict(zip(vary, map(float, every[k]), strict=True))
         if result.verdict != "stable":
+            where = f" at {scenario}" if scenario else ""
             raise NotStable(
-                "the search found no gains that are stable in all scenarios", got=f"{result.verdict} at {scenario}",
+                "the search found no gains that are stable in all scenarios", got=f"{result.verdict}{where}",
                 expected="gains that hold everywhere", todo="widen the limits, or narrow the scenarios",
             )  # fmt: skip
         for exponent, error in zip(result.exponents, result.errors, strict=True):

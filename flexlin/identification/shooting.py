@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from flexlin.checks import Array, check_size
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, SingularMassMatrix
 from flexlin.identification.equations import Compiled, Logged
 from flexlin.identification.log import FEWEST, Log
 from flexlin.lazy import lazy
@@ -221,11 +221,14 @@ class Shooting:
         return value, slope
 
     def rates(self, p: Array) -> Array:
-        """Eigenvalues of the equations at rest, in 1/s."""
+        """Eigenvalues of the equations at rest, in 1/s. Raises: SingularMassMatrix."""
         n = self.model.n
         zero = [np.zeros((1, n)), np.zeros((1, n)), *[np.zeros((1, len(self.model.inputs)))] * 2]
         given = [*zero, *self.around(p, 1)]
         by = self.model.slopes(*given)[1][0][:, : 2 * n]
+        if not np.isfinite(by).all():
+            todo = "give every coordinate inertia, or remove the coordinate"
+            raise SingularMassMatrix("the mass matrix is singular at rest", todo=todo)
         return np.asarray(np.linalg.eigvals(np.concatenate([np.eye(n, 2 * n, n), by])))
 
     def fastest(self, p: Array) -> float:

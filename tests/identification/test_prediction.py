@@ -166,6 +166,13 @@ def test_arms_with_loops_and_unknown_names_are_refused_in_words():
             fl.predict(SCENE, fl.Log(TIME, inputs, outputs))
 
 
+def test_an_arm_that_spins_without_inertia_is_named():
+    bare = {"links.0.axis": [1.0, 0.0, 0.0], "links.0.modes": 0, "effects": {"payload": {"mass": 0.03}}, "designs": []}
+    log = fl.Log(TIME, {"q1": np.sin(TIME)}, {"q1": np.cos(TIME)})
+    with pytest.raises(fl.errors.SingularMassMatrix, match="at rest"):
+        fl.predict(fl.load_scene("single-link", bare), log)
+
+
 @pytest.mark.slow
 def test_a_filter_behind_a_sensor_is_followed():
     """Against SciPy's lsim of w^2 / (s^2 + 2 zeta w s + w^2) on the true angle."""
