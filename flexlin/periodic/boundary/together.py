@@ -92,6 +92,8 @@ class Interpolant:
         """The interpolant on as few points as serve, none where MOST_POINTS do not; `products_at` values, from a number of segments on."""
         between = low + (high - low) * golden(np.arange(1, CHECKS + 1))
         sure = products_at(between, 0)
+        if not sure.meets(tol).all():  # none does where even these do not: growth hides the other multipliers
+            return None
         scaled = sure.periods * between
         inverse = bool(low > 0 and np.ptp(scaled) < ROOT * scaled[0])
         missed, known = (
