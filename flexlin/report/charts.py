@@ -34,10 +34,10 @@ from flexlin.scene.loading import raw_tables, revise_scene
 from flexlin.scene.names import label_number, name_number, name_unit, show_unit
 from flexlin.scene.scene import Scene
 
-BOUNDARY_SHARE = 0.15
+BOUNDARY_SHARE = 0.18
 """Of a command's time: after it, no more tongues are searched for; a strip with three modes has dozens of their tips."""
-BOUNDARY_TOL = 1e-4
-"""Wanted error of a boundary that is drawn, as a share of its ranges: a tenth of what a picture shows."""
+BOUNDARY_TOL = 2e-4
+"""Wanted error of a boundary that is drawn, as a share of its ranges: a fifth of what a picture shows."""
 CRITICAL_TOL = 1e-8
 """Wanted error of a critical value, as a share of its range."""
 CRITICAL_SHOWN = 3
