@@ -152,7 +152,6 @@ def test_words_that_say_nothing_are_refused(closed, kind, words, expected):
 def test_what_settles_at_no_phase_is_said_so(closed):
     found = respond(closed, state_disturbance("push", "tip 0.2 N 0.3 s", closed), periods=0.25)
     found = replace(found, settling=np.full(len(found.settling), np.inf))
-    assert np.isinf(found.settling).all()
     said = draw_answer(found).caption
     assert "has not settled after" in said
     assert "nor has it at any other" in said

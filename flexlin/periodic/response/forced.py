@@ -13,7 +13,7 @@ from flexlin.checks import Array, at_times, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import PROBES, Constant, has_nothing_narrow, refuse_signature
 from flexlin.periodic.grid import FINER, edges_of_short, place_edges
-from flexlin.periodic.precision import EPS, MINOR, ROOT, SAFETY, SLIGHT, TINY
+from flexlin.periodic.precision import EPS, FOURTH, MINOR, ROOT, SAFETY, TINY
 from flexlin.periodic.product import COHERENT, cyclic_system, find_spectrum
 from flexlin.periodic.resolved.matrix import couple_uncertainty
 from flexlin.periodic.resolved.panels import NODES, TAIL
@@ -297,7 +297,7 @@ def refine_response(
                 break
             wanted = len(previous.start) * (MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
         previous, count = solution, int(np.ceil(np.clip(wanted, FINER[0] * count, 2 * count)))
-    if best is None or (count > limits[1] and misses[-1] > SLIGHT * np.abs(best[0].start).max()):
+    if best is None or (count > limits[1] and misses[-1] > FOURTH * np.abs(best[0].start).max()):
         raise report_too_many(count, limits[1], tol)
     solution, sigma, scale, rounded, at = best
     missed = max(misses[at - 1 : at + 1])
