@@ -14,8 +14,7 @@ import xarray
 
 from flexlin.answers.campbell import unfold_frequencies
 from flexlin.answers.clock import Clock
-from flexlin.answers.critical_values import CriticalValue, search_family
-from flexlin.answers.spectra import make_family
+from flexlin.answers.critical_values import CriticalValue, find_margin
 from flexlin.answers.stability_boundary import BoundaryCurve, search_boundary
 from flexlin.answers.steady import find_bending
 from flexlin.answers.sweep import worst_error
@@ -38,8 +37,6 @@ BOUNDARY_SHARE = 0.18
 """Of a command's time: after it, no more tongues are searched for; a strip with three modes has dozens of their tips."""
 BOUNDARY_TOL = 2e-4
 """Wanted error of a boundary that is drawn, as a share of its ranges: a fifth of what a picture shows."""
-CRITICAL_TOL = 1e-8
-"""Wanted error of a critical value, as a share of its range."""
 CRITICAL_SHOWN = 3
 """Critical values at which it is asked how far the links bend."""
 
@@ -52,18 +49,17 @@ def find_boundary(
     Of what meets a limit there is none, and `data.attrs["search"]` says why.
     """
     asked, problems = scene.accuracy, dict[str, str]()
-    effort = Effort(BOUNDARY_SHARE * asked.seconds)
+    seconds = BOUNDARY_SHARE * asked.seconds
     if len(ranges) == 1:
-        ((path, (low, high)),) = ranges.items()
-        find = lambda: search_family(  # noqa: E731
-            make_family(scene, ranges, loop), path, low, high, CRITICAL_TOL * (high - low), effort=effort
-        )
-        values = clock.attempt(problems, "critical", "critical values", asked, find) or []
-        if effort.gap:
-            gap = f"{effort.gap:.2g} {show_unit(scene, path)}".strip()
-            problems["gap"] = f"the {effort.values} values that time allowed leave gaps of up to {gap}"
+        ((path, limits),) = ranges.items()
+        find = partial(find_margin, scene, path, limits, seconds, loop=loop)
+        margin = clock.attempt(problems, "critical", "critical values", asked, find)
+        if margin is not None and margin.gap:
+            gap = f"{margin.gap:.2g} {show_unit(scene, path)}".strip()
+            problems["gap"] = f"the {margin.values} values that time allowed leave gaps of up to {gap}"
         data.attrs["search"] = " ".join(problems.values())
-        return values, []
+        return [] if margin is None else list(margin.critical), []
+    effort = Effort(seconds)
     span = max(high - low for low, high in ranges.values())
     follow = partial(search_boundary, scene, ranges, BOUNDARY_TOL * max(1.0, span), loop, CELLS, effort)
     curves = clock.attempt(problems, "boundary", "boundary of stability", asked, follow) or []
