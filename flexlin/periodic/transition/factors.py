@@ -15,7 +15,7 @@ from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, Tableau, collocate, collocate_accelerations, fold_samples
 
 Resolved = ResolvedMatrix | ResolvedCompanion
-MOST_UNKNOWNS = 100
+MOST_UNKNOWNS = 300
 """Stages times unknowns up to which the compiled code serves; LAPACK is as fast beyond."""
 
 
@@ -115,16 +115,35 @@ def factor(values: Array, h: Array, rule: Tableau) -> Array:
     rows, columns = values.shape[-2:]
     if columns == 3 * rows:
         return factor_accelerations(values, h, rule)
-    m, odd = divmod(columns, 2)
-    if odd or rule.c[-1] == 1.0 or np.any(values[..., :m, :] != np.eye(m, 2 * m, m)):
-        return factor_states(values, h, rule)
-    blocks = np.empty((*values.shape[:2], m, 3 * m))  # x = [y; y']: half the unknowns
-    blocks[..., :m], blocks[..., m : 2 * m], blocks[..., 2 * m :] = (
-        np.eye(m),
-        -values[..., m:, m:],
-        -values[..., m:, :m],
-    )
-    return factor_accelerations(blocks, h, rule)
+    m = count_integrals(values)
+    return factor_rates(values, m, h, rule) if m and rule.c[-1] != 1.0 else factor_states(values, h, rule)
+
+
+def count_integrals(A: Array) -> int:
+    """How many states are integrals of the ones behind them: m with A = [0 I 0; ...], rows (m, n - m), at all times (..., n, n)."""
+    n = A.shape[-1]
+    m = int(np.argmax(A.reshape(-1, n, n)[0, 0]))
+    return m if 2 * m <= n and not np.any(A[..., :m, :] != np.eye(m, n, m)) else 0
+
+
+def factor_rates(A: Array, m: int, h: Array, rule: Tableau) -> Array:
+    """From A whose first m states y are integrals of v in x = [y; v; z]: only the rates of v and z are unknown.
+
+        q'' = A_rr q' + [A_ry 0] q,   q' = [v; z]
+
+    is of second order; what z is the rate of stands nowhere. Units as for `factor_states`.
+    """
+    K, s, n = A.shape[:3]
+    r = n - m
+    blocks = np.zeros((K, s, r, 3 * r))
+    blocks[..., r : 2 * r], blocks[..., 2 * r : 2 * r + m] = -A[..., m:, m:], -A[..., m:, :m]
+    size = np.abs(blocks).sum(axis=(0, 1))
+    units = np.asarray(LAPACK.dgebal(size[:, r : 2 * r] + h.max() * size[:, 2 * r :], scale=1, permute=0)[3])
+    blocks *= np.tile(units, 3) / units[:, None]
+    blocks[..., :r] = np.eye(r)
+    units = np.append(units[:m], units)
+    kept = np.append(np.arange(m), np.arange(r, 2 * r))
+    return factor_accelerations(blocks, h, rule)[:, kept[:, None], kept] * (units[:, None] / units)
 
 
 def factor_accelerations(blocks: Array, h: Array, rule: Tableau) -> Array:

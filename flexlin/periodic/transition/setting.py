@@ -13,7 +13,7 @@ from flexlin.errors import ArgumentError, NumericalError, TooManySegments, count
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.product import GROUP_CONDITION, Unknown
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.factors import MOST_UNKNOWNS, factor_segments, measure_segments
+from flexlin.periodic.transition.factors import MOST_UNKNOWNS, count_integrals, factor_segments, measure_segments
 from flexlin.periodic.transition.gauss import Tableau, gauss, radau
 
 MAX_SEGMENTS, FEWER_SEGMENTS = 20_000, 4000
@@ -122,7 +122,7 @@ class Pace:
 
     length in s; rate: largest |eigenvalue| of A(t), at least the basic frequency (1/s); spread: of the real parts (1/s);
     waves: polynomial degree or harmonics of the coefficients that matter at the wanted accuracy; top: the largest real part;
-    unknowns of each stage: the states, or the accelerations alone where the equations are, or look like, those of y'' = X y + Y y'.
+    unknowns of each stage: the states that are no integrals of others.
     """
 
     length: Array
@@ -139,12 +139,11 @@ def measure_pace(system: PeriodicSystem, accuracy: float = 1e-9) -> Pace:
     length = np.diff(resolved.edges)
     each = max(1, min(PLACES, 16 * PLACES // len(length)))
     t = (resolved.edges[:-1, None] + length[:, None] * (np.arange(each) + 0.37) / each).ravel()
-    A, (m, odd) = resolved(t), divmod(system.n, 2)
-    plain = odd or (system.second_order is None and np.any(A[:, :m] != np.eye(m, 2 * m, m)))
+    A = resolved(t)
     values = np.linalg.eigvals(A).reshape(len(length), -1)
     rate = np.maximum(np.abs(values).max(axis=1), 2 * np.pi / system.period)
     waves = count_waves(system, accuracy)
-    unknowns = system.n if plain else m
+    unknowns = system.n - count_integrals(A)
     return Pace(length, rate, np.ptp(values.real, axis=1), waves, float(values.real.max()), unknowns)
 
 

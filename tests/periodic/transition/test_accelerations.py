@@ -8,7 +8,7 @@ import flexlin as fl
 from flexlin.errors import SingularMassMatrix
 from flexlin.periodic.transition import factors
 from flexlin.periodic.transition.factors import factor_segments
-from flexlin.periodic.transition.gauss import gauss
+from flexlin.periodic.transition.gauss import gauss, gauss_transitions
 from tests.periodic.transition.second_order import second_order_transitions
 
 EPS = np.finfo(float).eps
@@ -43,6 +43,26 @@ def test_compiled_code_and_numpy_give_the_same_matrices(n, monkeypatch):
         other = second_order_transitions(random_arm(seed, n, np.ones(n)).resolved.sample, grid, stages)
         scale = np.concatenate([units, units])
         apart = np.abs(found * (scale[:, None] / scale) - other).max(axis=(1, 2))
+        assert (apart <= 500 * EPS * np.linalg.norm(other, axis=(1, 2))).all(), (seed, apart.max())
+
+
+@pytest.mark.parametrize(("m", "k"), [(1, 0), (1, 3), (3, 1), (4, 6), (6, 5)])
+def test_integrals_among_the_states_are_left_out_of_the_unknowns(m, k):
+    """x = [y; v; z], y' = v, as of an arm with a controller, in units of any size; the other way has all states as unknowns."""
+    n, stages, segments = 2 * m + k, 9, 13
+    for seed in range(4):
+        rng = np.random.default_rng([seed, m, k])
+        edges, units = np.sort(rng.uniform(0, 1, segments + 1)), 10.0 ** rng.uniform(-3, 3, n)
+        units[m : 2 * m] = units[:m]
+        fixed, waves = 10 ** rng.uniform(0, 1.5) * rng.standard_normal((2, n, n))
+        fixed[:m], waves[:m] = np.eye(m, n, m), 0.0
+
+        def A(t, fixed=fixed, waves=waves):
+            return fixed + 0.1 * np.cos(2 * np.pi * t)[:, None, None] * waves
+
+        system = fl.PeriodicSystem(lambda t, A=A, u=units: A(t) * u[:, None] / u, 1.0, complete=True)
+        found, other = factor_segments(system.resolved, edges, gauss(stages)), gauss_transitions(A, edges, stages)
+        apart = np.abs(found / units[:, None] * units - other).max(axis=(1, 2))
         assert (apart <= 500 * EPS * np.linalg.norm(other, axis=(1, 2))).all(), (seed, apart.max())
 
 
