@@ -1,6 +1,7 @@
 """The periodic response of a periodic system to a periodic force, known between the grid points too, with its error."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, at_times, positive, real_array, whole
-from flexlin.errors import ArgumentError, ResonantForcing
+from flexlin.errors import ArgumentError, ResonantForcing, TooManySegments
 from flexlin.periodic.coefficients import PROBES, Constant, has_nothing_narrow, refuse_signature
 from flexlin.periodic.grid import FINER, edges_of_short, place_edges
 from flexlin.periodic.precision import EPS, FOURTH, MINOR, ROOT, SAFETY, TINY
@@ -19,17 +20,9 @@ from flexlin.periodic.resolved.matrix import couple_uncertainty
 from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.system import PeriodicSystem, as_system
-from flexlin.periodic.transition.gauss import (
-    Tableau,
-    collect_chunks,
-    gauss,
-    place_nodes,
-    radau,
-    sample_at,
-    solve_stages,
-    weigh_stages,
-)
-from flexlin.periodic.transition.setting import MARGIN, MAX_SEGMENTS, choose_setting, report_too_many
+from flexlin.periodic.transition.factors import factor, follow_rates
+from flexlin.periodic.transition.gauss import CHUNK_BYTES, Tableau, gauss, place_nodes, radau, sample_at
+from flexlin.periodic.transition.setting import MARGIN, MAX_SEGMENTS, Setting, choose_setting, report_too_many
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
 
@@ -40,8 +33,8 @@ if TYPE_CHECKING:
 VectorFunction = Callable[[Array], Array]
 RESONANT = 100.0
 """A response that loses this factor beyond tol to rounding is resonant."""
-STIFF = 1024
-"""Segments of Gauss collocation beyond which Radau IIA is taken: its smooth solution does not feel modes that are fast and damped."""
+STIFF, SMOOTH = 1024, 6
+"""Segments of Gauss collocation beyond which Radau IIA with so many stages is tried first: it does not feel fast modes that are damped."""
 
 
 @dataclass(frozen=True)
@@ -206,8 +199,8 @@ def forced_response(
 
     Notes
     -----
-    The cyclic system is condensed by orthogonal transformations, so fast modes of either sign do no harm. Working memory: the stages'
-    transition matrices, 16 s n^2 bytes a segment, and 32 MiB.
+    The cyclic system is condensed by orthogonal transformations, so fast modes of either sign do no harm. Working memory: some transition
+    matrices of each segment, 8 n^2 bytes each, and 64 MiB.
 
     Examples
     --------
@@ -224,17 +217,11 @@ def forced_response(
     force = as_vector_function(f, system)
     corners = find_corners(system, force, real_array("breaks", breaks, (None,)))
     setting = choose_setting(system, positive("tol", tol), "gauss", None, None)
-    stages, enough = max(6, setting.order // 2), setting.segments
-    rule = gauss(stages)
-    if enough > STIFF:
-        stages, enough = 6, STIFF // 4
-        rule = radau(stages)
-    limits = enough, max_segments
-    solution, sigma, apart, scale = refine_response(system, force, corners, tol, rule, limits)
+    rule, (solution, sigma, apart, scale) = follow_response(system, force, corners, tol, setting, max_segments)
     count = len(solution.start)
     apart += unknown_response(system, solution, corners, max(1, count // 2), rule)
     family = "Radau" if rule.c[-1] == 1 else "Gauss"
-    status = f"periodic response to {apart:.1e} on {count} segments of {stages} {family} stages; amplification {1 / sigma:.1e}"
+    status = f"periodic response to {apart:.1e} on {count} segments of {len(rule.c)} {family} stages; amplification {1 / sigma:.1e}"
     if apart > tol * scale:
         status += f"; tol {tol:.0e} was not reached: the error above is what rounding and the number of segments allow"
     return ForcedResponse(solution, system.period, apart, 1 / sigma, count, status)
@@ -260,6 +247,34 @@ def find_corners(system: PeriodicSystem, force: VectorFunction, breaks: Array) -
     )
 
 
+Refined = tuple[PiecewiseSolution, float, float, float]
+"""A response, the smallest singular value of its closure, how far two resolutions are apart, and the size of the response."""
+
+
+def follow_response(
+    system: PeriodicSystem, force: VectorFunction, corners: Array, tol: float, setting: Setting, most: int
+) -> tuple[Tableau, Refined]:
+    """By Gauss collocation. Where that needs very many segments Radau's method is tried before, which follows what is smooth on fewer,
+    but not modes that ring behind a break.
+
+    Raises: TooManySegments.
+    """
+    enough, found = setting.segments, None
+    if enough > STIFF:
+        rule = radau(SMOOTH)
+        with suppress(TooManySegments):
+            found = refine_response(system, force, corners, tol, rule, (STIFF // 4, min(enough, most)))
+        if found is not None and found[2] <= tol * found[3]:
+            return rule, found
+    try:
+        rule = gauss(max(SMOOTH, setting.order // 2))
+        return rule, refine_response(system, force, corners, tol, rule, (enough, most), at_once=enough > STIFF)
+    except TooManySegments:
+        if found is None:
+            raise
+        return radau(SMOOTH), found
+
+
 def refine_response(
     system: PeriodicSystem,
     force: VectorFunction,
@@ -267,13 +282,13 @@ def refine_response(
     tol: float,
     rule: Tableau,
     limits: tuple[int, int],
-) -> tuple[PiecewiseSolution, float, float, float]:
+    at_once: bool = False,
+) -> Refined:
     """Solve on more and more segments until two resolutions that share no edges agree to tol, or to what rounding and the limit allow.
 
-    Parameters: limits: segments that would follow the fastest mode, and the most that may be used.
-    Returns: the solution, the smallest singular value of its closure, how far the two are apart, and the size of the response.
+    Parameters: limits: segments that would follow the fastest mode, and the most that may be used; at_once: begin with the former.
     """
-    first = max(NODES, limits[0] // TAIL)
+    first = max(NODES, limits[0] if at_once else limits[0] // TAIL)
     count, previous, misses, best = first, None, list[float](), None
     while count <= limits[1]:
         grid = place_edges(system.period, corners, count, -(-count // first))
@@ -312,33 +327,32 @@ def solve_periodic(
     The force is one more column of A, which a constant state multiplies: z' = [[A, f], [0, 0]] z, z = [x; 1], gives Phi x + g over each
     segment. There is no solution where the singular value is one of rounding alone.
     """
-    n, h, before = system.n, np.diff(grid), np.nextafter(grid[1:], -np.inf)
-
-    def forced(t: Array, k: slice) -> Array:
-        """h [[A, f], [0, 0]] at the stages, before a jump at the end of a segment."""
-        t = np.minimum(t, before[k, None])
-        A, force = sample_at(system.resolved, t), real_array("f", sample_at(f, t))
-        out = np.zeros((*t.shape, n + 1, n + 1))
-        out[..., :n, :n], out[..., :n, n] = A, force
-        return out * h[k, None, None, None]
-
-    def stages(t: Array, k: slice) -> Array:
-        hA = forced(t, k)
-        Y = solve_stages(hA, rule, np.broadcast_to(np.eye(n + 1), hA.shape))
-        end = Y[:, -1] if rule.c[-1] == 1 else np.eye(n + 1) + weigh_stages(hA, rule, Y)
-        return np.concatenate([Y, end[:, None]], axis=1)[..., :n, :]
-
-    Y = collect_chunks(stages, grid, rule)
-    Phi, g = Y[:, -1, :, :n], Y[:, -1, :, n:]
-    cyclic = cyclic_system(Phi)
+    n, h = system.n, np.diff(grid)
+    Phi = np.concatenate([factor(A, h[part], rule) for part, A in sample_forced(system, f, grid, rule)])[:, :n]
+    cyclic = cyclic_system(Phi[:, :, :n])
     sigma = float(np.linalg.svd(cyclic.closure, compute_uv=False)[-1])
     if sigma <= SAFETY * EPS:
-        return None, sigma, Phi
-    x = cyclic.solve(g)[..., 0]
-    moved = (Y[:, :-1, :, :n] @ x[:, None, :, None] + Y[:, :-1, :, n:])[..., 0] - x[:, None]
+        return None, sigma, Phi[:, :, :n]
+    x = cyclic.solve(Phi[:, :, n:])[..., 0]
+    start = np.append(x, np.ones((len(x), 1)), axis=1)
+    parts = [follow_rates(A, h[part], rule, start[part]) for part, A in sample_forced(system, f, grid, rule)]
     legendre = legvander(2 * rule.c - 1, len(rule.c) - 1)
-    slope = np.linalg.solve(rule.a @ legendre, moved) / h[:, None, None]
-    return PiecewiseSolution(grid, x, slope), sigma, Phi
+    slope = np.linalg.solve(legendre, np.concatenate(parts)[..., :n])
+    return PiecewiseSolution(grid, x, slope), sigma, Phi[:, :, :n]
+
+
+def sample_forced(
+    system: PeriodicSystem, f: VectorFunction, grid: Array, rule: Tableau
+) -> Iterator[tuple[slice, Array]]:
+    """[[A, f], [0, 0]] at the stages (k, s, n + 1, n + 1), before a jump at the end of a segment, for CHUNK_BYTES of segments at a time."""
+    n, s = system.n, len(rule.c)
+    size = max(8, CHUNK_BYTES // (8 * s * (n + 1) ** 2))
+    for i in range(0, len(grid) - 1, size):
+        edges = grid[i : i + size + 1]
+        t = np.minimum(place_nodes(edges, rule.c), np.nextafter(edges[1:, None], -np.inf))
+        A = np.zeros((*t.shape, n + 1, n + 1))
+        A[..., :n, :n], A[..., :n, n] = sample_at(system.resolved, t), real_array("f", sample_at(f, t))
+        yield slice(i, i + size), A
 
 
 def stagnant(misses: list[float]) -> bool:

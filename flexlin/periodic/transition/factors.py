@@ -12,7 +12,14 @@ from flexlin.periodic.coefficients import solve_mass, stack_companion
 from flexlin.periodic.precision import EPS
 from flexlin.periodic.product import Unknown
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
-from flexlin.periodic.transition.gauss import CHUNK_BYTES, Tableau, collocate, collocate_accelerations, fold_samples
+from flexlin.periodic.transition.gauss import (
+    CHUNK_BYTES,
+    Tableau,
+    collocate,
+    collocate_accelerations,
+    fold_samples,
+    solve_accelerations,
+)
 
 Resolved = ResolvedMatrix | ResolvedCompanion
 MOST_UNKNOWNS = 300
@@ -38,6 +45,11 @@ FACTOR_ACCELERATIONS = declare(
     "int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "double *Phi, int *good)",
     shape_accelerations,
+)
+FOLLOW_ACCELERATIONS = declare(
+    "int follow_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
+    "const double *x, double *w, int *good)",
+    lambda m, s, K, *_: ((K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m), (K, s, m), (K,)),
 )
 
 
@@ -127,23 +139,49 @@ def count_integrals(A: Array) -> int:
 
 
 def factor_rates(A: Array, m: int, h: Array, rule: Tableau) -> Array:
-    """From A whose first m states y are integrals of v in x = [y; v; z]: only the rates of v and z are unknown.
+    """From A whose first m states are integrals: only the rates of the others are unknown. Units as for `factor_states`."""
+    blocks, kept, units = pose_rates(A, m, h)
+    return factor_accelerations(blocks, h, rule)[:, kept[:, None], kept] * (units[:, None] / units)
+
+
+def pose_rates(A: Array, m: int, h: Array) -> tuple[Array, Array, Array]:
+    """[M D K] of x = [y; v; z], y' = v, as equations of second order, the places of x among their states, and its units (n,).
 
         q'' = A_rr q' + [A_ry 0] q,   q' = [v; z]
 
-    is of second order; what z is the rate of stands nowhere. Units as for `factor_states`.
+    A (K, s, n, n), its first m states y. What z is the rate of stands nowhere.
     """
     K, s, n = A.shape[:3]
     r = n - m
+    size = np.abs(A[:, 0, m:]).sum(axis=0)
+    size[:, m : 2 * m] += h.max() * size[:, :m]
+    units = np.asarray(LAPACK.dgebal(size[:, m:], scale=1, permute=0)[3])
+    turn = -units / units[:, None]
     blocks = np.zeros((K, s, r, 3 * r))
-    blocks[..., r : 2 * r], blocks[..., 2 * r : 2 * r + m] = -A[..., m:, m:], -A[..., m:, :m]
-    size = np.abs(blocks).sum(axis=(0, 1))
-    units = np.asarray(LAPACK.dgebal(size[:, r : 2 * r] + h.max() * size[:, 2 * r :], scale=1, permute=0)[3])
-    blocks *= np.tile(units, 3) / units[:, None]
     blocks[..., :r] = np.eye(r)
-    units = np.append(units[:m], units)
-    kept = np.append(np.arange(m), np.arange(r, 2 * r))
-    return factor_accelerations(blocks, h, rule)[:, kept[:, None], kept] * (units[:, None] / units)
+    np.multiply(A[..., m:, m:], turn, out=blocks[..., r : 2 * r])
+    np.multiply(A[..., m:, :m], turn[:, :m], out=blocks[..., 2 * r : 2 * r + m])
+    return blocks, np.append(np.arange(m), np.arange(r, 2 * r)), np.append(units[:m], units)
+
+
+def follow_rates(A: Array, h: Array, rule: Tableau, x: Array) -> Array:
+    """x' (K, s, n) at the stages of segments that begin in states x (K, n). Raises: MemoryError, SingularMassMatrix."""
+    (K, s, n), m = A.shape[:3], count_integrals(A)
+    blocks, kept, units = pose_rates(A, m, h)
+    q, w, good = np.zeros((K, 2 * (n - m))), np.empty((K, s, n - m)), np.zeros(K, np.intc)
+    q[:, kept] = x / units
+    if s * (n - m) <= MOST_UNKNOWNS and not FOLLOW_ACCELERATIONS(
+        n - m, s, K, blocks, h, tabulate(rule, True), q, w, good
+    ):
+        raise MemoryError("the stages of a segment")
+    lost = np.flatnonzero(good == 0)
+    if len(lost):
+        M, D, S = np.split(blocks[lost], 3, axis=-1)
+        (y, v), c = np.split(q[lost, None, :, None], 2, axis=2), rule.c[:, None, None]
+        right = S @ (y + h[lost, None, None, None] * c * v) + D @ v
+        w[lost] = -solve_accelerations(M, D, S, h[lost], rule, right)[..., 0]
+    rates = q[:, None, n - m : n] + h[:, None, None] * (rule.a @ w[..., :m])
+    return np.concatenate([rates, w], axis=2) * units
 
 
 def factor_accelerations(blocks: Array, h: Array, rule: Tableau) -> Array:

@@ -51,6 +51,24 @@ def test_square_wave_on_a_relaxation():
     np.testing.assert_allclose(response(t + T / 2), -response(t), atol=1e-12)
 
 
+def test_a_mode_that_rings_behind_each_jump_of_the_force_is_followed():
+    """x'' + 2 z w x' + w^2 x = w^2 f, f = 1, then 0: exponentials from jump to jump, too fast for Radau's method to reach tol."""
+    w, z, T, jump = 3000.0, 1e-4, 4.0, 1.3
+    A = np.array([[0.0, 1.0], [-(w**2), -2 * z * w]])
+    found = fl.forced_response(
+        fl.PeriodicSystem(A, T, breaks=[jump]), lambda t: np.stack([0 * t, w**2 * (t < jump)], axis=1), breaks=[jump]
+    )
+    fall = -z * w + 1j * w * np.sqrt(1 - z**2)
+    up, down = (np.exp(fall * part) for part in (jump, T - jump))
+    ringing = (1 - down) / (
+        1 - up * down
+    )  # x = 1 + Re(c ringing): what is left of a jump after a period and before the next
+    t = np.linspace(0.01, 0.99, 37) * jump
+    rings = (1 - 1j * z / np.sqrt(1 - z**2)) * ringing * np.exp(fall * t)
+    known = np.stack([1 - rings.real, -(fall * rings).real], axis=1)
+    assert np.abs(found(t) - known).max() <= found.error <= 1e-9 * w * 2
+
+
 def test_resonance_names_the_multiplier():
     oscillator = fl.PeriodicSystem(np.array([[0, 1.0], [-4.0, 0]]), np.pi)
     with pytest.raises(ResonantForcing, match="the multiplier 1") as caught:
