@@ -14,6 +14,7 @@ from flexlin.errors import DesignError, NumericalError, SimulationStopped, TooLa
 from flexlin.simulation import NonlinearLoop, simulate
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import NonlinearEquations
+from flexlin.simulation.modes import ModedEquations
 from flexlin.simulation.stepping import TrialLeftRange
 from tests.closed_arm import closed
 
@@ -75,9 +76,9 @@ def test_a_simulation_of_unreasonable_size_is_refused_before_it_begins(lin):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("drive", [Drive(limit=(0.4,)), Drive(sample_time=0.001)])
-def test_a_trial_that_leaves_the_range_only_shortens_the_step(lin, monkeypatch, drive):
+def test_a_trial_that_leaves_the_range_only_shortens_the_step(lin, monkeypatch):
     """The equations refuse some evaluations ahead of the accepted time; the answer is the same as without."""
+    drive = Drive(sample_time=0.001)
     expected = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
     real, refused = NonlinearLoop.rate, []
 
@@ -93,10 +94,11 @@ def test_a_trial_that_leaves_the_range_only_shortens_the_step(lin, monkeypatch, 
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_a_window_that_leaves_the_range_only_shortens_the_steps(lin, monkeypatch):
+@pytest.mark.parametrize(("equations", "drive"), [(NonlinearEquations, Drive()), (ModedEquations, Drive(limit=(0.4,)))])
+def test_a_window_that_leaves_the_range_only_shortens_the_steps(lin, monkeypatch, equations, drive):
     """The same where many steps are solved at once: some residuals ahead are no numbers."""
-    expected = simulate(lin, 0.1, tol=1e-8).nonlinear
-    real, refused = NonlinearEquations.places, []
+    expected = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
+    real, refused = equations.places, []
 
     def touchy(self, t):
         at = real(self, t)
@@ -105,8 +107,8 @@ def test_a_window_that_leaves_the_range_only_shortens_the_steps(lin, monkeypatch
             at.offset[-1] = np.nan
         return at
 
-    monkeypatch.setattr(NonlinearEquations, "places", touchy)
-    found = simulate(lin, 0.1, tol=1e-8).nonlinear
+    monkeypatch.setattr(equations, "places", touchy)
+    found = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
     assert refused
     np.testing.assert_allclose(found, expected, atol=1e-6)
 

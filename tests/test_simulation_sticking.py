@@ -159,3 +159,16 @@ def test_a_mass_slips_along_the_falling_branch_from_static_to_sliding_friction()
 def test_a_stribeck_rate_needs_what_it_falls_from():
     with pytest.raises(SceneError, match="static beside stribeck"):
         block(**{"effects.coulomb_friction": {"torque": 0.05, "stribeck": 0.4}})
+
+
+def test_a_linear_motion_that_outgrows_all_numbers_is_said_to():
+    """A steep falling branch: what is left of the nonlinear motion is still an answer."""
+    tables = {"effects.coulomb_friction": {"torque": 0.05, "static": 0.08, "stribeck": 1e-3, "rate": 1e-4}}
+    lin = block(
+        **tables, **{"motion": {"kind": "rotation", "joints": [{"rate": 7e-4}]}, "control.feedforward": "rigid"}
+    )
+    run = fl.simulate(lin, 8.0 / lin.period, initial=[0.0, 1e-5], tol=1e-6)
+    assert np.isfinite(run.nonlinear).all()
+    assert not np.isfinite(run.tip_linear).all()
+    assert run.status.startswith("the linear motion outgrows all numbers")
+    assert run.is_lost

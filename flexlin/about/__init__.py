@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "about.harmonic_balance": "balance by_law miss_between Solver",
         "about.free": "parametric_loop ParametricLoop",
         "about.kernel_model": "make_kernel record_model",
-        "about.law": "is_constant Law",
+        "about.law": "Law",
         "about.layers": "Layers saturating_arguments",
         "about.linear": "by_jacobian by_kronecker with_control",
     },

@@ -121,11 +121,6 @@ class Law:
         return np.asarray(-reference @ self.controller.rates[:, : reference.shape[1]].T)
 
 
-def is_constant(samples: Array) -> bool:
-    """Whether samples (N, ...) are one value that was broadcast."""
-    return samples.strides[0] == 0
-
-
 @dataclass(frozen=True, eq=False)
 class Compensator:
     """The feedback u = -gain [s; s'; z], z' = rates [s; s'; z] + unwinding (asked - given), in all coordinates of the arm.

@@ -15,7 +15,7 @@ from flexlin.report.wording import (
     is_dimensionless,
     reason,
 )
-from flexlin.simulation.result import Simulation
+from flexlin.simulation.result import OUTGROWN, Simulation
 
 WORTHWHILE = 1.05
 """Factor from which on one figure counts as better, or worse, than another."""
@@ -364,6 +364,8 @@ def comment_on_trust(a: Analysis) -> list[str]:
 
 def agreement(a: Analysis, simulation: Simulation) -> str:
     """How far the linear answer is from the nonlinear one on this motion."""
+    if simulation.is_lost:
+        return f"{OUTGROWN}: {holds(a, simulation)}"
     (what, apart, largest, error), unit = simulation.apart, "" if is_dimensionless() else simulation.unit
     if apart <= error:
         agree = f"agree to the error of the integration, {error:.0e}{unit}" if error else "are the same"

@@ -13,9 +13,5 @@ __getattr__, __dir__, __all__ = load_lazily(
         "simulation.result": "Simulation",
         "simulation.run": "check_duration simulate",
     },
-    within={
-        "simulation.loop": "follow_cut",
-        "simulation.events": "Switching",
-        "simulation.controlled_arm": "LawTable",
-    },
+    within={"simulation.events": "Events"},
 )

@@ -17,6 +17,7 @@ from flexlin.simulation.equations import (
     to_coordinates,
     with_controller,
 )
+from flexlin.simulation.events import Event, Events
 from flexlin.simulation.marks import find_rough_times, with_breaks
 from flexlin.simulation.mesh import Mesh, Trail
 from flexlin.simulation.stepping import GENTLER, SHORTER, SHORTEST, stopped
@@ -45,6 +46,7 @@ Accept = Callable[[Array, Array, Array], None]
 """Looks at times (N,) and states (N, 2n) that were reached, and the torque (.., m) at the stages before; raises if they must not be."""
 Hurries = Callable[[Grid, Path], Array]
 """How many times too long each step (K,) of a window is for what it passes."""
+
 ROUNDING = 1e-12
 """A tolerance below this is not asked of a run."""
 RUNS = ((7, 0.25), (8, 0.025))
@@ -98,7 +100,8 @@ class Progress:
     t, x, work: what was reached; before: the acceleration there, None behind a break; largest: of each state so far; mesh: how long
     steps should be from here on; count: how many come next at the most; passed, windows: meshes of what was reached, behind the last
     break from `fresh` on, and its edges and accelerations; begin: how the sweeps begin, since deviations of size `far`; reach: the
-    longest window since one that did not settle; linear: the linear answer, where it is wanted too; trail: of a run before.
+    longest window since one that did not settle; linear: the linear answer, where it is wanted too; trail: of a run before; torque: what
+    was given last, (m,).
     """
 
     t: float
@@ -117,6 +120,7 @@ class Progress:
     steps: int = 0
     linear: LinearPath | None = None
     trail: Trail | None = None
+    torque: Array | None = None
 
     def behind_break(self) -> None:
         """Behind a break fast modes ring, as they did behind the last one."""
@@ -130,6 +134,14 @@ class Progress:
         known, self.mesh = self.mesh.learn(grid.edges, ratio, grid.stages + 1, good)
         if good:
             self.passed.append(known)
+
+    def stop_at(self, event: Event, x: Array) -> None:
+        """Go on from an event within the last window, in steps as long as they were to be there."""
+        known = self.passed.pop()
+        self.passed.append(Mesh(known.edges[: event.step + 2], known.lengths[: event.step + 1]))
+        edges = np.concatenate([[event.time], known.edges[event.step + 1 : -1], self.mesh.edges])
+        self.mesh = Mesh(edges, np.concatenate([known.lengths[event.step :], self.mesh.lengths]))
+        self.t, self.x, self.before, self.count = event.time, x, None, max(FEW, 2 * event.step + 2)
 
     def shorten(self, grid: Grid) -> None:
         """A window that did not settle: fewer steps, or where they are few already shorter ones; later windows reach hardly further."""
@@ -154,8 +166,9 @@ class Collocation:
         tol: float,
         accept: Accept | None = None,
         hurries: Hurries | None = None,
+        events: Events | None = None,
     ):
-        self._equations, self._period, self._stages, self._tol = equations, period, stages, tol
+        self._equations, self._period, self._stages, self._tol, self._events = equations, period, stages, tol, events
         self._accept, self._hurries = accept or (lambda t, x, torque: None), hurries
 
     def integrate(
@@ -182,6 +195,8 @@ class Collocation:
         out[:done] = np.concatenate([start, [0.0], start if linear else []])
         for mark in marks[1:]:
             at.behind_break()
+            if self._events is not None:
+                self._events.pass_break(at.t, at.x, at.torque)
             while at.t < mark:
                 self._foresee(at, at.t - float(t[0]), float(t[-1] - t[0]))
                 window = self._advance(at, float(mark), float(t[-1] - t[0]), most)
@@ -189,13 +204,14 @@ class Collocation:
                     continue
                 grid, path, power, beside = window
                 stop = int(np.searchsorted(t, at.t, side="right"))
-                states, work = between(grid, path, power, t[done:stop])
-                out[done:stop, : 2 * n + 1] = np.column_stack([states, at.work + work])
+                states, work = between(grid, path, power, np.append(t[done:stop], at.t))
+                out[done:stop, : 2 * n + 1] = np.column_stack([states, at.work + work])[:-1]
                 if beside is not None:
                     out[done:stop, 2 * n + 1 :] = LinearPath.states(grid, beside, t[done:stop])
-                at.work += float(grid.h @ (power @ grid.rule.tableau.b))
+                at.work += float(work[-1])
                 done = stop
-        return out, Trail.of(at.passed, at.windows, self._tol) if at.windows else None
+        whole_trail = at.windows and self._events is None
+        return out, Trail.of(at.passed, at.windows, self._tol) if whole_trail else None
 
     def _foresee(self, at: Progress, passed: float, whole: float) -> None:
         """Give up where too many steps were taken, or would be: some periods show how many the whole time needs."""
@@ -238,15 +254,25 @@ class Collocation:
         at.count, at.reach = min(most, max(FEW, 2 * at.count)), at.reach * FURTHER
         if not good:
             return None
-        part, path = grid.first(good), solved.path.first(good)
+        part, path, begin = grid.first(good), solved.path.first(good), at.t
+        event = None
+        if self._events is not None:
+            event = self._events.first(part, path, about.first(good).at)
+        if event is not None:
+            part, path = part.first(event.step + 1), path.first(event.step + 1)
+        edges, x, power = part.edges[1:].copy(), path.x[1:].copy(), solved.power[: part.count]
+        if event is not None:
+            edges[-1], x[-1] = event.time, between(part, path, power, np.array([event.time]))[0][0]
         at.windows.append((part.edges, path.w))
-        self._accept(part.edges[1:], path.x[1:], solved.torque[:good])
-        at.t, at.x, at.before = float(part.edges[-1]), path.x[-1], path.w[-1, -1]
+        self._accept(edges, x, solved.torque[: part.count])
+        at.t, at.x, at.before, at.torque = float(edges[-1]), x[-1], path.w[-1, -1], solved.torque[part.count - 1, -1]
         at.largest = np.maximum(at.largest, np.abs(path.x).max(axis=0))
+        if event is not None and self._events is not None:
+            at.stop_at(event, self._events.switch(event, begin, at.x))
         if at.linear is not None and beside is not None:
             beside = beside.first(good)
             at.linear.accept(beside)
-        return part, path, solved.power[:good], beside
+        return part, path, power, beside
 
     def _solve(self, at: Progress, about: Rigid, before: Array, scale: Array) -> Solved | None:
         """The motion on the grid, by the cheapest start of the sweeps that leads to it."""

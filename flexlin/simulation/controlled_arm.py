@@ -1,12 +1,10 @@
 """The nonlinear arm under a control law and its drive: torques and rates at one time after another, and why a run ended early."""
 
-from collections.abc import Callable
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlin.about.law import Law, is_constant
+from flexlin.about.law import Controller, Law
 from flexlin.about.layers import Layers
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
@@ -15,93 +13,18 @@ from flexlin.errors import ArgumentError, SimulationStopped
 from flexlin.lazy import lazy
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.friction import Friction, refuse
-from flexlin.simulation.marks import INSIDE, find_rough_times
+from flexlin.simulation.marks import find_rough_times
 from flexlin.simulation.mesh import Trail
 
 if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline, PPoly
-
     from flexlin.simulation.friction import Acceleration
 
-KNOTS, MOST_KNOTS = 32, 2**13
-"""Between two rough times, at the least and at the most."""
-MET = 1e-11
-"""Of the law's largest value: what splines may miss midway between their knots."""
 FARTHEST = 100.0
 """A deviation from the rigid motion, in rad or m, at which a simulation is given up as diverging."""
 MOST_CALLS = 1_000_000
 """Evaluations of the equations after which a simulation is given up."""
 SINGULAR = 1e-3
 """The mass matrix of a state is called singular where its smallest eigenvalue has fallen to this share of that on the rigid motion."""
-
-
-class LawTable:
-    """A law as offset(t) - gain(t) x, and the rate of its controller; what varies in time by cubic splines, what is constant as it is.
-
-    sampled: the law is asked for at few times, and may be known at these alone.
-    """
-
-    def __init__(self, law: Law, lin: Linearization, sampled: bool = False):
-        self._periodic, self._period = lin.motion.periodic, lin.period
-        few = lin.period * np.array([0.2, 0.6])
-        still = [is_constant(part(few)) for part in (law.forward, law.gain, law.reference)]
-        self._gain = law.gain(few)[0] if still[1] else None
-        self._offset = law.offset(few)[0] if all(still) else None
-        rough = np.empty(0) if sampled else find_rough_times(law, lin)
-
-        def tabulate(f: Callable[[Array], Array]) -> Callable[[float], Array]:
-            return (lambda t: f(np.array([t]))[0]) if sampled else tabulated(f, lin, rough)
-
-        self._gains = tabulate(law.gain) if self._gain is None else None
-        self._offsets = tabulate(law.offset) if self._offset is None else None
-        self.controller, self._steer, self._steers = law.controller, law.steer(law.reference(few))[0], None
-        if law.controller is not None and not still[2]:
-            self._steers = tabulate(lambda t: law.steer(law.reference(t)))
-
-    def __call__(self, t: float, x: Array) -> Array:
-        """The torque (m,) at one time; after the end of a one-way motion the law stays as it is there."""
-        t = self._now(t)
-        offset = self._offset if self._offsets is None else self._offsets(t)
-        gain = self._gain if self._gains is None else self._gains(t)
-        return offset - gain @ x
-
-    def rate(self, t: float, x: Array, missing: Array) -> Array:
-        """z' (k,) of the controller's states at one time, where `missing` (m,) is the torque that is asked but not given."""
-        if self.controller is None:
-            return x[:0]
-        steer = self._steer if self._steers is None else self._steers(self._now(t))
-        return self.controller.rates @ x + steer + self.controller.unwinding @ missing
-
-    def _now(self, t: float) -> float:
-        return t % self._period if self._periodic else min(t, self._period)
-
-
-def tabulated(f: Callable[[Array], Array], lin: Linearization, rough: Array) -> "PPoly":
-    """A function over one period by cubic splines between the rough times."""
-    from scipy.interpolate import PPoly
-
-    marks = np.unique([0.0, *rough, lin.period])
-    scale = float(np.abs(f(lin.period * (np.arange(KNOTS) + 0.5) / KNOTS)).max())
-    pieces = [spline(f, begin, end, INSIDE * lin.period, MET * scale) for begin, end in pairwise(marks)]
-    coefficients = np.concatenate([piece.c for piece in pieces], axis=1)
-    return PPoly(coefficients, np.concatenate([*[piece.x[:-1] for piece in pieces], marks[-1:]]))
-
-
-def spline(f: Callable[[Array], Array], begin: float, end: float, aside: float, tol: float) -> "CubicSpline":
-    """A cubic spline with knots doubled until it meets the function midway between them; looked at no nearer to its ends than `aside`."""
-    from scipy.interpolate import CubicSpline
-
-    count = KNOTS
-    t = np.linspace(begin, end, count + 1)
-    values = f(np.clip(t, begin + aside, end - aside))
-    while True:
-        found, between = CubicSpline(t, values, axis=0), (t[1:] + t[:-1]) / 2
-        there = f(between)
-        if np.abs(found(between) - there).max() <= tol or count >= MOST_KNOTS:
-            return found
-        count *= 2
-        values = np.insert(values, np.arange(1, len(t)), there, axis=0)
-        t = np.insert(t, np.arange(1, len(t)), between)
 
 
 class ControlledArm:
@@ -128,12 +51,10 @@ class ControlledArm:
         self.friction, self.events = Friction.of(lin), tuple[tuple[float, str, str], ...]()
         if self.friction is not None and self.drive.sample_time is not None:
             raise refuse("a sampled drive, [control.sampling]", "a drive that is not sampled")
-        if self.friction is not None and self.drive.rate is not None:
-            raise refuse("a drive of limited rate, [control.saturation] rate", "a drive that follows at once")
         self.given: Array | None = None
         self.reached = list[float]()
         self.trail: Trail | None = None
-        self._calls = 0
+        self._calls, self._switches = 0, False
 
     def command(self, t: float, x: Array) -> Array:
         """Return the torque that the motors give for a state at one time.
@@ -150,7 +71,51 @@ class ControlledArm:
         array, shape (m,)
             The torque, in N m.
         """
-        return self.drive.saturated(self.law(t, x))
+        return self.drive.saturated(self.asked(t, x))
+
+    def asked(self, t: float, x: Array) -> Array:
+        """Return what the law commands in a state at one time.
+
+        Parameters
+        ----------
+        t : float
+            Time in s.
+        x : array, shape (2n + k,)
+            State [y; y'; z].
+
+        Returns
+        -------
+        array, shape (m,)
+            The torque, in N m.
+        """
+        return self._law.torque(self._now(np.array([t])), x[None])[0]
+
+    def remembered(self, t: float, x: Array, missing: Array) -> Array:
+        """Return z' of the controller's states at one time.
+
+        Parameters
+        ----------
+        t : float
+            Time in s.
+        x : array, shape (2n + k,)
+            State [y; y'; z].
+        missing : array, shape (m,)
+            Torque that is asked but not given.
+
+        Returns
+        -------
+        array, shape (k,)
+            The rates.
+        """
+        controller = self.controller
+        if controller is None:
+            return x[:0]
+        steer = self._law.steer(self._law.reference(self._now(np.array([t]))))[0]
+        return controller.rates @ x + steer + controller.unwinding @ missing
+
+    def _now(self, t: Array) -> Array:
+        """After the end of a one-way motion the law stays as it is there."""
+        return t % self.lin.period if self.lin.motion.periodic else np.minimum(t, self.lin.period)
 
     def measure(self, t: float, x: Array) -> Array:
         """Return what encoders of finite steps make of a state; rates are taken as they are.
@@ -200,8 +165,7 @@ class ControlledArm:
         array, shape (N, m)
             Torques in N m (forces in N).
         """
-        now = t % self.lin.period if self.lin.motion.periodic else np.minimum(t, self.lin.period)
-        return self.drive.saturated(self._law.torque(now, x))
+        return self.drive.saturated(self._law.torque(self._now(t), x))
 
     def rate(
         self, t: float, z: Array, torque: Array, remembered: Array | None = None, slip: Array | None = None
@@ -262,14 +226,9 @@ class ControlledArm:
             raise self._lost(f"a state {where} off the rigid motion", float(t[first]), far=True)
 
     @property
-    def states(self) -> int:
-        """The number of states 2n + k of arm and controller."""
-        return 2 * self.n + self._law.memory
-
-    @lazy
-    def law(self) -> LawTable:
-        """The law as a step-by-step integrator asks for it."""
-        return LawTable(self._law, self.lin, self.drive.sample_time is not None)
+    def controller(self) -> Controller | None:
+        """What the law remembers."""
+        return self._law.controller
 
     @lazy
     def equations(self) -> "Acceleration":

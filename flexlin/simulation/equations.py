@@ -79,8 +79,7 @@ class LinearEquations:
 
     def places(self, t: Array) -> Places:
         """The coefficients and the law; a law lasts for a period, and after a one-way motion stays as it is at the end."""
-        lin, law, own, n = self.lin, self.law, self._own, self.lin.n
-        now = t % lin.period if lin.motion.periodic else np.minimum(t, lin.period)
+        lin, law, own, n, now = self.lin, self.law, self._own, self.lin.n, self.now(t)
         c, gain, place = lin.sample(t), law.gain(now), lin.about.place(t)
         offset = self._forward(law, now, c.tau) + np.einsum("tij,tj->ti", gain, law.reference(now))
         if law is own:
@@ -90,6 +89,14 @@ class LinearEquations:
         other = self._forward(own, now, c.tau) + np.einsum("tij,tj->ti", taken, own.reference(now))
         force = c.h + np.einsum("tij,tj->ti", c.B, offset - other)
         return Places(t, place, gain, offset, (c.M, c.D + added[:, :, n:], c.K + added[:, :, :n]), force)
+
+    def now(self, t: Array) -> Array:
+        """The times at which the law is asked."""
+        return t % self.lin.period if self.lin.motion.periodic else np.minimum(t, self.lin.period)
+
+    def input_matrix(self, at: Places) -> Array:
+        """B (N, n, m) of the rigid motion."""
+        return self.lin.mass_and_input(at.t)[1]
 
     def _forward(self, law: Law, t: Array, tau: Array) -> Array:
         """The law's forward part (N, m); that of the rigid motion is known already where the motion is periodic."""
@@ -141,13 +148,17 @@ class NonlinearEquations(LinearEquations):
         kept = list(self.lin.kept)
         return self.lin.about.of_arm("M", at.t, y)[:, kept][:, :, kept]
 
-    def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
+    def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices:
         """Exact derivatives, the gain's part included."""
         n = self.lin.n
-        inputs = [np.ascontiguousarray(part) for part in (y, v, w, at.torque(y, v), *at.place)]
-        M, D, K, B = symbolic.call(self._slopes, inputs)
+        M, D, K, B = self.at_places(self._slopes, at, y, v, w)
         added = B @ at.gain
         return M, D + added[:, :, n:], K + added[:, :, :n]
+
+    def at_places(self, function: ca.Function, at: Places, y: Array, v: Array, w: Array) -> list[Array]:
+        """The outputs (N, rows, columns) of a function of y, y', y'', the torque and the place."""
+        inputs = (y, v, w, at.torque(y, v), *at.place)
+        return symbolic.call(function, [np.ascontiguousarray(part) for part in inputs])
 
 
 def loop_expressions(about: Deviation) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX, ca.SX]:
@@ -193,17 +204,19 @@ def deviation_equations(about: Deviation) -> ca.Function:
 class ControlledPlaces(Places):
     """As `Places`, in the coordinates [y; c] with c' = z.
 
-    of_arm: the places of the arm alone; by_states: the gain (N, m, k) on z; of_states: what it does in the linear equations (N, n, k).
+    of_arm: the places of the arm alone; by_states: the gain (N, m, k) on z; of_states: what it does in the linear equations (N, n, k);
+    rates: what [y; y'; z] puts into z', (N, k, 2n + k).
     """
 
     of_arm: Places
     by_states: Array
     of_states: Array
+    rates: Array
 
     def some(self, which: Array | slice) -> "ControlledPlaces":
         """The same at some of the times."""
         some, arm = super().some(which), self.of_arm.some(which)
-        own = self.by_states[which], self.of_states[which]
+        own = self.by_states[which], self.of_states[which], self.rates[which]
         return ControlledPlaces(some.t, some.place, some.gain, some.offset, some.linear, some.force, arm, *own)
 
 
@@ -219,39 +232,46 @@ class ControlledEquations:
         assert law.controller is not None
         self._arm, self._law, self._n, self._controller = arm, law, arm.lin.n, law.controller
 
+    def rates(self, t: Array) -> tuple[Array, Array]:
+        """What the states [y; y'; z] and the time alone put into z', (N, k, 2n + k) and (N, k)."""
+        rates, steer = self._controller.rates, self._law.steer(self._law.reference(self._arm.now(t)))
+        return np.broadcast_to(rates, (len(t), *rates.shape)), steer
+
+    def steering(self, t: Array) -> Array:
+        """The gain on z, (N, m, k)."""
+        return self._law.gain(self._arm.now(t))[:, :, 2 * self._n :]
+
     def places(self, t: Array) -> ControlledPlaces:
         """The coefficients, with rows and columns for c."""
-        at, lin, n = self._arm.places(t), self._arm.lin, self._n
-        now = t % lin.period if lin.motion.periodic else np.minimum(t, lin.period)
-        gain = self._law.gain(now)
-        B, by_states = lin.mass_and_input(t)[1], gain[:, :, 2 * n :]
-        of_states = B @ by_states
-        force = np.concatenate([at.force, self._law.steer(self._law.reference(now))], axis=1)
-        linear = self.extended(*at.linear, of_states)
-        return ControlledPlaces(t, at.place, self.widened(gain), at.offset, linear, force, at, by_states, of_states)
+        at, by_states, (rates, steer) = self._arm.places(t), self.steering(t), self.rates(t)
+        of_states = self._arm.input_matrix(at) @ by_states
+        force, linear = np.concatenate([at.force, steer], axis=1), self.extended(*at.linear, of_states, rates)
+        gain = self.widened(at.gain, by_states)
+        return ControlledPlaces(t, at.place, gain, at.offset, linear, force, at, by_states, of_states, rates)
 
-    def widened(self, gain: Array) -> Array:
-        """The gain (N, m, 2n + k) in the coordinates [y; c; y'; c']."""
-        n, none = self._n, np.zeros((*gain.shape[:2], self._controller.states))
-        return np.concatenate([gain[:, :, :n], none, gain[:, :, n:]], axis=2)
+    def widened(self, gain: Array, by_states: Array) -> Array:
+        """The gain on [y; c; y'; c'], of that on [y; y'] (N, m, 2n) and that on z."""
+        return np.concatenate(
+            [gain[:, :, : self._n], np.zeros_like(by_states), gain[:, :, self._n :], by_states], axis=2
+        )
 
-    def extended(self, M: Array, D: Array, K: Array, of_states: Array) -> Matrices:
-        """M, D, K (N, n, n) with rows and columns for c; of_states (N, n, k): the force of z."""
-        n, k, rates = self._n, self._controller.states, self._controller.rates
+    def extended(self, M: Array, D: Array, K: Array, of_states: Array, rates: Array) -> Matrices:
+        """M, D, K (N, n, n) with rows and columns for c; of_states (N, n, k): the force of z; rates (N, k, 2n + k)."""
+        n, k = self._n, self._controller.states
         wide = np.zeros((3, len(M), n + k, n + k))
         wide[0, :, :n, :n], wide[1, :, :n, :n], wide[2, :, :n, :n] = M, D, K
         wide[0, :, n:, n:] = np.eye(k)
-        wide[1, :, :n, n:], wide[1, :, n:] = of_states, -rates[:, n:]
-        wide[2, :, n:, :n] = -rates[:, :n]
+        wide[1, :, :n, n:], wide[1, :, n:] = of_states, -rates[:, :, n:]
+        wide[2, :, n:, :n] = -rates[:, :, :n]
         return wide[0], wide[1], wide[2]
 
     def residual(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Array, Array]:
         """What is left of the equations, and the power that goes into the arm."""
         assert isinstance(at, ControlledPlaces)
-        n, rates, arm = self._n, self._controller.rates, self.moved(at, v)
+        n, arm = self._n, self.moved(at, v)
         F, power = self._arm.residual(arm, *(np.ascontiguousarray(part[:, :n]) for part in (y, v, w)))
-        of_states = w[:, n:] - np.concatenate([y[:, :n], v], axis=1) @ rates.T - at.force[:, n:]
-        return np.concatenate([F, of_states], axis=1), power
+        driven = np.einsum("tij,tj->ti", at.rates, np.concatenate([y[:, :n], v], axis=1))
+        return np.concatenate([F, w[:, n:] - driven - at.force[:, n:]], axis=1), power
 
     def ready(self, at: Places) -> Ready | None:
         """None: what the controller adds stands in no program."""
@@ -270,7 +290,7 @@ class ControlledEquations:
         assert isinstance(at, ControlledPlaces)
         n = self._n
         found = self._arm.slopes(self.moved(at, v), y[:, :n], v[:, :n], w[:, :n])
-        return None if found is None else self.extended(*found, at.of_states)
+        return None if found is None else self.extended(*found, at.of_states, at.rates)
 
     def moved(self, at: ControlledPlaces, v: Array) -> Places:
         """The places of the arm alone, with what z gives in the offset of the torque and in the force."""

@@ -1,298 +1,241 @@
-"""Integration from event to event: drives whose torque changes at a limited rate, joints that stick and slide, layers no step may skip."""
+"""Events of a loop: a torque reaches or leaves a limit, a joint sticks or breaks loose; found on whole windows of a motion at once."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlin.about.layers import Layers
+from flexlin.about.law import Law
 from flexlin.checks import Array
 from flexlin.simulation.controlled_arm import ControlledArm
-from flexlin.simulation.friction import Friction
-from flexlin.simulation.marks import INSIDE, with_breaks
-from flexlin.simulation.stepping import UNSEEN, TrialLeftRange, shorten, stopped
-from flexlin.simulation.window import Grid, Path, between
+from flexlin.simulation.equations import Places, from_coordinates, to_coordinates
+from flexlin.simulation.marks import INSIDE
+from flexlin.simulation.modes import Modes, find_holding
+from flexlin.simulation.stepping import stopped
+from flexlin.simulation.window import Grid, Path
 
-if TYPE_CHECKING:
-    from scipy.integrate import OdeSolver
-
-PARTS = np.linspace(0.0, 1.0, 9)
-"""Of a step: where the arguments of what saturates are looked at."""
-PROBES = (0.25, 0.5, 0.75, 1.0)
+LOOKS = np.arange(1, 17) / 16
 """Parts of a step at which the guards are looked at."""
 MOST_EVENTS, MOST_AT_ONCE = 20_000, 20
 """Events of a run, and at one time, after which it is given up."""
-STEP = 1e-6
-"""Half of the step, in periods, of the difference that is the rate at which the asked torque changes."""
-JUMP = 1e-9
-"""A torque further from what is asked than this share of it has not caught up."""
-Torque = Callable[[float, Array], tuple[Array, Array]]
-"""Time and state -> the torque that the drive gives, and the rates of the controller's states."""
 SLACK = 1e-9
-"""Of the static friction: a joint breaks loose beyond it, so that one exactly at the limit stays."""
+"""Of the static friction and of the largest torque: what is exactly at the limit stays within."""
+JUMP = 1e-8
+"""A torque further from what is asked than this share of it has not caught up."""
 
 
-def hurries(layers: Layers, grid: Grid, path: Path) -> Array:
-    """`Layers.hurry` of the steps (K,) of a window; coordinates of a controller stand behind those of the arm."""
-    t, n = grid.edges[:-1, None] + grid.h[:, None] * PARTS, layers.about.n
-    x = between(grid, path, np.zeros((grid.count, grid.stages)), t.ravel())[0].reshape(*t.shape, -1)
-    return layers.hurry(t, x[..., :n], x[..., x.shape[-1] // 2 :][..., :n])
+@dataclass(frozen=True)
+class Signals:
+    """What the guards look at on a grid: polynomials of each step, coefficients (K, s, q) of powers of the time from 0 to 1.
 
-
-def skips_layer(layers: Layers | None, begin: float, end: float, dense: Callable[[Array], Array]) -> bool:
-    """Whether one step of an integrator with states [y; y'; ...] (.., N) between passed a layer too fast to see it."""
-    if layers is None:
-        return False
-    t, n = begin + (end - begin) * PARTS, layers.about.n
-    x = dense(t).T
-    return bool(layers.hurry(t[None], x[None, :, :n], x[None, :, n : 2 * n])[0] > 1)
-
-
-class Switching(ABC):
-    """A loop whose equations change with its modes; the first states of z are those of the loop."""
-
-    loop: ControlledArm
-
-    @abstractmethod
-    def derivative(self, t: float, z: Array) -> Array:
-        """z' in the present modes."""
-
-    @abstractmethod
-    def guards(self, t: float, z: Array) -> Array:
-        """What stays above zero (p,) as long as the modes hold."""
-
-    @abstractmethod
-    def describe(self, which: int) -> str:
-        """What goes on happening where one guard reaches zero again and again."""
-
-    @abstractmethod
-    def switch(self, t: float, z: Array, which: int) -> Array:
-        """Change the modes where one guard has reached zero; returns the state from which it goes on."""
-
-    def follow(self, t: Array, z: Array, rtol: float) -> Array:
-        """States (N, len(z)) at increasing times t, from z at t[0].
-
-        Raises: SimulationStopped where no step is short enough, or events follow each other without end.
-        """
-        now, end, out, done = float(t[0]), float(t[-1]), np.empty((len(t), len(z))), 1
-        events = at_once = 0
-        out[0] = z
-        while now < end:
-            for reached, upto, dense in self.steps(now, z, end, rtol):
-                found = self.first_event(now, upto, dense)
-                event, joint = (upto, None) if found is None else found
-                count = int(np.searchsorted(t, event, side="right" if event >= end else "left"))
-                if count > done:
-                    out[done:count] = np.array([dense(one) for one in t[done:count]])
-                    done = count
-                at_once = at_once + 1 if event <= now else 0
-                now, z = event, reached
-                if joint is not None:
-                    events += 1
-                    if events > MOST_EVENTS or at_once > MOST_AT_ONCE:
-                        raise stopped(now, self.describe(joint), dense(now)[: 2 * self.loop.n])
-                    z = self.switch(now, dense(now), joint)
-                    break
-        return out
-
-    def steps(
-        self, now: float, z: Array, end: float, rtol: float
-    ) -> Iterator[tuple[Array, float, Callable[[float], Array]]]:
-        """Steps of an integrator in the present modes: state, time, and the polynomial between."""
-        from scipy.integrate import LSODA
-
-        first: float | None = None
-        while now < end:
-            solver: OdeSolver = LSODA(self.derivative, now, z, end, first_step=first, rtol=rtol, atol=rtol * 1e-2)
-            try:
-                while solver.status == "running":
-                    message = solver.step()
-                    if solver.status == "failed":
-                        raise stopped(now, str(message), z[: 2 * self.loop.n])
-                    dense = solver.dense_output()
-                    if skips_layer(self.loop.layers, now, solver.t, dense):
-                        first = shorten(solver.t - now, end - now, now, UNSEEN, z[: 2 * self.loop.n])
-                        break
-                    self.loop.accept(np.array([solver.t]), solver.y[None])
-                    now, z = solver.t, solver.y.copy()
-                    yield z, now, dense
-            except TrialLeftRange as reason:
-                first = shorten(min(first or end - now, end - now), end - now, now, str(reason), z[: 2 * self.loop.n])
-
-    def first_event(self, begin: float, end: float, dense: Callable[[float], Array]) -> tuple[float, int] | None:
-        """The first time in a step at which a guard reaches zero, and its joint."""
-        low = begin
-        for part in PROBES:
-            high = begin + part * (end - begin)
-            left = self.guards(high, dense(high))
-            crossed = [self.root(low, high, dense, int(i)) for i in np.flatnonzero(left < 0)]
-            if crossed:
-                return min(crossed)
-            low = high
-        return None
-
-    def root(self, low: float, high: float, dense: Callable[[float], Array], joint: int) -> tuple[float, int]:
-        """Where one guard reaches zero between two times; the first of them where it is below zero there already."""
-        from scipy.optimize import brentq  # takes longer to load than a report of a small arm
-
-        at = partial(self._guard, dense=dense, joint=joint)
-        inside = next((t for t in (low, *(low + (high - low) * 2.0**-k for k in range(1, 40))) if at(t) > 0), None)
-        return (low if inside is None else float(brentq(at, inside, high, xtol=1e-15, rtol=1e-14))), joint
-
-    def _guard(self, t: float, dense: Callable[[float], Array], joint: int) -> float:
-        return float(self.guards(t, dense(t))[joint])
-
-
-class Slewing(Switching):
-    """States [z; g] of a loop whose m inputs follow what is asked (mode 0), or move at their limit (mode 1 or -1).
-
-    mode 0: torque = asked, as long as |asked'| <= limit;   else torque = g, g' = mode limit, until g = asked
+    They are of what the law asks of the m inputs, of the rates of the p joints, and of the friction that these need.
     """
 
-    def __init__(self, loop: ControlledArm, limit: Array):
-        self.loop, self.limit, self.mode = loop, limit, np.zeros(len(limit))
+    grid: Grid
+    coefficients: Array
+    inputs: int
 
-    def asked(self, t: float, z: Array) -> tuple[Array, Array]:
-        """What the law asks (m,), and what of it the largest torque allows."""
-        asked = self.loop.law(t, z[: self.loop.states])
-        return asked, self.loop.drive.saturated(asked)
+    def at(self, step: int | slice, u: Array) -> tuple[Array, ...]:
+        """What is asked, its rate, the joints' rates and their friction at parts u (Q,) of a step, (Q, ..), or of all, (K, Q, ..)."""
+        c, m = self.coefficients[step], self.inputs
+        powers = np.arange(c.shape[-2])
+        values = u[:, None] ** powers @ c
+        slopes = powers[1:] * u[:, None] ** (powers[1:] - 1) @ c[..., 1:, :m]
+        rates, holding = np.split(values[..., m:], 2, axis=-1)
+        return values[..., :m], slopes / self.grid.h[step][..., None, None], rates, holding
 
-    def given(self, t: float, z: Array) -> Array:
-        """The torque (m,)."""
-        return np.where(self.mode == 0, self.asked(t, z)[1], z[-len(self.mode) :])
 
-    def flow(self, t: float, z: Array) -> Array:
-        """The rate of the loop's own states."""
-        given, m = self.given(t, z), len(self.mode)
-        remembered = self.loop.law.rate(t, z[: self.loop.states], self.asked(t, z)[0] - given)
-        return self.loop.rate(t, z[:-m], given, remembered)
+@dataclass(frozen=True)
+class Event:
+    """Where a mode ends: the time, the step of the window, the guard, and what is asked there with its rate, (m,) each."""
 
-    def pace(self, t: float, z: Array) -> Array:
-        """The rate (m,) at which what is asked, within the largest torque, changes along the motion."""
-        h, rate = STEP * self.loop.lin.period, np.concatenate([self.flow(t, z), np.zeros(len(self.mode))])
-        ahead, behind = (self.asked(t + sign * h, z + sign * h * rate)[1] for sign in (1, -1))
-        return np.asarray((ahead - behind) / (2 * h))
+    time: float
+    step: int
+    guard: int
+    asked: Array
+    pace: Array
 
-    def derivative(self, t: float, z: Array) -> Array:
-        slews = (
-            self.mode * self.limit
-            if self.mode.all()
-            else np.where(self.mode == 0, self.pace(t, z), self.mode * self.limit)
+
+class Events:
+    """The modes of a loop as they follow each other.
+
+    modes: the present ones; passed: the earlier ones with the times at which they began; notes: time, joint, and what it does then.
+    """
+
+    def __init__(self, loop: ControlledArm, law: Law):
+        self._loop, self._law, self._about = loop, law, loop.about
+        m, drive, self._friction = loop.about.m, loop.drive, loop.friction
+        self._limit = np.full(m, np.inf) if drive.limit is None else np.array(drive.limit)
+        self._fastest = np.full(m, np.inf) if drive.rate is None else np.array(drive.rate)
+        self.modes = Modes.free(m, 0 if self._friction is None else len(self._friction.rows))
+        self.passed: list[tuple[float, Modes]] = []
+        self.notes: list[tuple[float, str, str]] = []
+        self._count = self._at_once = 0
+
+    def begin(self, t: float, x: Array) -> Array:
+        """The modes of a start x = [y; y'; z]; returns the state, with the rates of joints that stick made exact."""
+        asked = self._asked(t, x)
+        for which, given in enumerate(np.clip(asked, -self._limit, self._limit)):
+            self._choose(t, which, asked[which], 0.0, given)
+        if self._friction is not None:
+            rates = self._rates(t, x)
+            self.modes.slip = np.where(np.abs(rates) > SLACK, np.sign(rates), 0.0)
+            x = self._settle(t, x.copy())
+        self.passed.append((t, self.modes.copy()))
+        return x
+
+    def pass_break(self, t: float, x: Array, before: Array | None) -> None:
+        """Behind a break of the motion what is asked may have jumped; before: the torque (m,) that was given until then."""
+        if np.isfinite(self._fastest).any() and before is not None:
+            asked = self._asked(t + INSIDE * self._loop.lin.period, from_coordinates(x, self._loop.n, self._law.memory))
+            for which in range(len(asked)):
+                self._choose(t, which, asked[which], 0.0, before[which])
+            self.passed.append((t, self.modes.copy()))
+
+    def first(self, grid: Grid, path: Path, at: Places) -> Event | None:
+        """The first event on a motion at the stages `at` of a grid."""
+        signals = self._signals(grid, path, at)
+        t = grid.edges[:-1, None] + grid.h[:, None] * LOOKS
+        left = self._guards(t, *signals.at(slice(None), LOOKS)) < 0
+        if not left.any():
+            return None
+        step, look = divmod(int(np.argmax(left.any(axis=2))), len(LOOKS))
+        low = LOOKS[look - 1] if look else 0.0
+        u, guard = min(
+            (self._root(signals, step, low, LOOKS[look], int(i)), int(i)) for i in np.flatnonzero(left[step, look])
         )
-        return np.concatenate([self.flow(t, z), slews])
+        asked, pace, *_ = (part[0] for part in signals.at(step, np.array([u])))
+        return Event(float(grid.edges[step] + u * grid.h[step]), step, guard, asked, pace)
 
-    def guards(self, t: float, z: Array) -> Array:
-        behind = self.mode * (self.asked(t, z)[1] - z[-len(self.mode) :])
-        return behind if self.mode.all() else np.where(self.mode == 0, self.limit - np.abs(self.pace(t, z)), behind)
+    def switch(self, event: Event, begin: float, x: Array) -> Array:
+        """Change the modes in a state x of the coordinates [y; c; y'; z]; returns the state from which it goes on.
 
-    def describe(self, which: int) -> str:
-        return f"input {which + 1} goes on leaving and reaching the limit of its rate"
+        Raises: SimulationStopped where events follow each other without end.
+        """
+        t, n, m = event.time, self._loop.n, len(self._limit)
+        self._count, self._at_once = self._count + 1, self._at_once + 1 if t <= begin else 0
+        if self._count > MOST_EVENTS or self._at_once > MOST_AT_ONCE:
+            raise stopped(t, self._describe(event.guard), np.concatenate([x[:n], x[len(x) // 2 :][:n]]))
+        z = from_coordinates(x, n, self._law.memory)
+        if event.guard < 2 * m:
+            which = event.guard % m
+            given = self.modes.given(np.array(t), event.asked)[which]
+            self._choose(t, which, event.asked[which], event.pace[which], given)
+        else:
+            z = self._change_joint(t, z, event.guard - 2 * m)
+        self.passed.append((t, self.modes.copy()))
+        return to_coordinates(z, n)
 
-    def switch(self, t: float, z: Array, which: int) -> Array:
-        z, m, asked = z.copy(), len(self.mode), self.asked(t, z)[1]
-        follows = self.mode[which] != 0
-        self.mode[which], z[which - m] = 0.0, asked[which]
-        pace = self.pace(t, z)[which]
-        if not follows or abs(pace) > self.limit[which]:
-            self.mode[which] = np.sign(pace)
-        return z
+    def torques(self, t: Array, asked: Array) -> Array:
+        """What was given (N, m) at times t (N,) at which the law asked for `asked`."""
+        begun = np.searchsorted([time for time, _ in self.passed], t, side="left") - 1
+        parts = [self.passed[max(0, which)][1].given(t[i], asked[i]) for i, which in enumerate(begun)]
+        return np.clip(np.array(parts), -self._limit, self._limit)
 
-    def enter(self, t: float, z: Array) -> Array:
-        """Go on from torques g behind a break of the motion, where what is asked may jump."""
-        asked, m = self.asked(t, z)[1], len(self.mode)
-        apart = asked - z[-m:]
-        self.mode = np.where(np.abs(apart) > JUMP * np.maximum(np.abs(asked), np.abs(z[-m:])), np.sign(apart), 0.0)
-        pace = self.pace(t, z)
-        self.mode = np.where((self.mode == 0) & (np.abs(pace) > self.limit), np.sign(pace), self.mode)
-        return z
+    def _asked(self, t: float, x: Array) -> Array:
+        """The torque (m,) for which the law asks in a state [y; y'; z]."""
+        return self._loop.asked(t, x)
 
-    def run(self, t: Array, z: Array, rtol: float) -> tuple[Array, Array]:
-        """States (N, len(z)) of the loop and torques (N, m) at times t; the drive begins with what is asked, within its largest torque."""
-        m, T = len(self.mode), self.loop.lin.period
-        z, out = np.concatenate([z, self.asked(float(t[0]), z)[1]]), np.empty((len(t), len(z) + m))
-        out[0], marks = z, with_breaks(t[[0, -1]], self.loop.lin, self.loop.rough)
-        for begin, end in pairwise(marks):
-            inside, first, last = (t > begin) & (t <= end), begin + INSIDE * T, end - INSIDE * T
-            times = np.concatenate([[first], np.clip(t[inside], first, last), [last]])
-            found = self.follow(times, self.enter(float(first), z), rtol)
-            out[inside], z = found[1:-1], found[-1]
-        return out[:, :-m], out[:, -m:]
-
-
-@dataclass
-class Sticking(Switching):
-    """The joints' modes `slip`: 0 where one sticks, else the direction in which it slides; `events`: time, joint, and what it does then."""
-
-    loop: ControlledArm
-    torque: Torque
-    slip: Array = field(default_factory=lambda: np.zeros(0))
-    events: list[tuple[float, str, str]] = field(default_factory=list)
-
-    @property
-    def friction(self) -> Friction:
-        """That of the loop."""
-        assert self.loop.friction is not None
-        return self.loop.friction
-
-    def derivative(self, t: float, z: Array) -> Array:
-        given, remembered = self.torque(t, z)
-        return self.loop.rate(t, z, given, remembered, self.slip)
-
-    def begin(self, t: float, z: Array) -> Array:
-        """Choose the modes of a start; returns the state, with the rates of joints that stick made exact."""
-        rates = self.rates(t, z)
-        self.slip = np.where(np.abs(rates) > SLACK, np.sign(rates), 0.0)
-        return self.settle(t, z.copy())
-
-    def rates(self, t: float, z: Array) -> Array:
+    def _rates(self, t: float, x: Array) -> Array:
         """The rates (p,) of the joints themselves, the motion's included."""
-        return self.loop.equations.rates(t, z[: 2 * self.loop.n])[list(self.friction.places)]
+        assert self._friction is not None
+        return self._loop.equations.rates(t, x[: 2 * self._loop.n])[list(self._friction.places)]
 
-    def guards(self, t: float, z: Array) -> Array:
-        """What stays above zero (p,) as long as the modes hold: the rate along the slip, or what static friction has left."""
-        left, stuck = self.slip * self.rates(t, z), self.slip == 0
-        if stuck.any():
-            holding = self.loop.equations.solve(t, z[: 2 * self.loop.n], self.torque(t, z)[0], self.slip)[1]
-            left[stuck] = (1 + SLACK) * self.friction.static[stuck] - np.abs(holding)
-        return left
+    def _signals(self, grid: Grid, path: Path, at: Places) -> Signals:
+        """The polynomials through the stages."""
+        n = self._loop.n
+        y, v, w = path.stages
+        lin, parts = self._loop.lin, tuple(np.ascontiguousarray(part[:, :n]) for part in (y, v, w))
+        now = at.t % lin.period if lin.motion.periodic else np.minimum(at.t, lin.period)
+        asked = self._law.torque(now, np.concatenate([parts[0], v], axis=1))
+        values = [asked]
+        if self._friction is not None:
+            values.append(self._about.positions(at.t, *parts[:2])[1][:, list(self._friction.places)])
+            given = self.modes.given(at.t, asked)
+            values.append(find_holding(self._about, self._friction, at.t, parts, given))
+        stages = np.concatenate(values, axis=1).reshape(grid.count, grid.stages, -1)
+        return Signals(grid, grid.rule.powers @ stages, len(self._limit))
 
-    def settle(self, t: float, z: Array) -> Array:
+    def _guards(self, t: Array, asked: Array, pace: Array, rates: Array, holding: Array) -> Array:
+        """What stays above zero (.., 2 m + p) as long as the modes hold."""
+        modes, sign = self.modes, np.sign(self.modes.held)
+        behind = sign * (np.clip(asked, -self._limit, self._limit) - modes.given(t, asked))
+        beyond = sign * asked - (1 - SLACK) * self._limit
+        free = (1 + SLACK) * self._limit - np.abs(asked)
+        size = np.where(modes.held == 0, free, np.where(np.abs(modes.held) == 1, beyond, behind))
+        speed = np.where(modes.held == 0, self._fastest - np.abs(pace), 1.0)
+        if self._friction is None:
+            return np.concatenate([size, speed], axis=-1)
+        stuck = (1 + SLACK) * self._friction.static - np.abs(holding)
+        return np.concatenate([size, speed, np.where(modes.slip == 0, stuck, modes.slip * rates)], axis=-1)
+
+    def _root(self, signals: Signals, step: int, low: float, high: float, guard: int) -> float:
+        """Where in a step a guard reaches zero; at `low` where it is not above zero there."""
+        from scipy.optimize import brentq  # takes longer to load than a report of a small arm
+
+        at = partial(self._guard, signals, step, guard)
+        return float(brentq(at, low, high, xtol=1e-15, rtol=1e-14)) if at(low) > 0 else low
+
+    def _guard(self, signals: Signals, step: int, guard: int, u: float) -> float:
+        t = signals.grid.edges[step] + np.array([u]) * signals.grid.h[step]
+        return float(self._guards(t, *signals.at(step, np.array([u])))[0, guard])
+
+    def _choose(self, t: float, which: int, asked: float, pace: float, given: float) -> None:
+        """The mode of an input of which so much is asked, at such a rate, and which gave so much until now."""
+        modes, limit, fastest = self.modes, self._limit[which], self._fastest[which]
+        target = np.clip(asked, -limit, limit)
+        apart = target - given if np.isfinite(fastest) else 0.0
+        held, base, ramp = 0.0, target, 0.0
+        if abs(apart) > JUMP * max(abs(target), abs(given)):
+            held, base, ramp = 2 * np.sign(apart), given, np.sign(apart) * fastest
+        elif abs(asked) >= limit:
+            held = np.sign(asked)
+        elif abs(pace) > fastest:
+            held, base, ramp = 2 * np.sign(pace), given, np.sign(pace) * fastest
+        modes.held[which], modes.base[which], modes.ramp[which], modes.since[which] = held, base, ramp, t
+
+    def _change_joint(self, t: float, x: Array, which: int) -> Array:
+        """What stuck breaks loose; what slid rests, and moves on only if friction cannot hold it."""
+        modes, before = self.modes, self.modes.slip.copy()
+        if before[which] == 0:
+            held = self._holding(t, x)
+            modes.slip[which] = np.sign(held[int(np.sum(before[:which] == 0))])
+        else:
+            modes.slip[which] = 0.0
+        x = self._settle(t, x.copy())
+        assert self._friction is not None
+        for i in np.flatnonzero(modes.slip != before):
+            self.notes.append((t, self._friction.names[i], "slides" if modes.slip[i] else "sticks"))
+        return x
+
+    def _holding(self, t: float, x: Array) -> Array:
+        """The friction of the joints that stick."""
+        given = self.modes.given(np.array(t), self._asked(t, x))
+        return self._loop.equations.solve(t, x[: 2 * self._loop.n], given, self.modes.slip)[1]
+
+    def _settle(self, t: float, x: Array) -> Array:
         """Let joints break loose that friction cannot hold, the worst first, and stop those that stick exactly."""
-        for row, place, mode in zip(self.friction.rows, range(len(self.slip)), self.slip, strict=True):
-            if mode == 0:
-                z[self.loop.n + row] -= self.rates(t, z)[place]
-        for _ in range(len(self.slip)):
-            stuck = np.flatnonzero(self.slip == 0)
+        assert self._friction is not None
+        slip = self.modes.slip
+        for place, row in enumerate(self._friction.rows):
+            if slip[place] == 0:
+                x[self._loop.n + row] -= self._rates(t, x)[place]
+        for _ in range(len(slip)):
+            stuck = np.flatnonzero(slip == 0)
             if not len(stuck):
                 break
-            holding = self.loop.equations.solve(t, z[: 2 * self.loop.n], self.torque(t, z)[0], self.slip)[1]
-            over = np.abs(holding) - (1 + SLACK) * self.friction.static[stuck]
+            holding = self._holding(t, x)
+            over = np.abs(holding) - (1 + SLACK) * self._friction.static[stuck]
             worst = int(np.argmax(over))
             if over[worst] <= 0:
                 break
-            self.slip[stuck[worst]] = np.sign(holding[worst])
-        return z
+            slip[stuck[worst]] = np.sign(holding[worst])
+        return x
 
-    def describe(self, which: int) -> str:
-        return f"joint {self.friction.names[which]} goes on changing between sticking and sliding"
-
-    def switch(self, t: float, z: Array, which: int) -> Array:
-        """One joint's guard has reached zero: what stuck breaks loose; what slid rests, and moves on only if friction cannot hold it."""
-        before = self.slip.copy()
-        if before[which] == 0:
-            held = self.loop.equations.solve(t, z[: 2 * self.loop.n], self.torque(t, z)[0], self.slip)[1]
-            self.slip[which] = np.sign(held[int(np.sum(before[:which] == 0))])
-        else:
-            self.slip[which] = 0.0
-        return self.note(t, z, before)
-
-    def note(self, t: float, z: Array, before: Array) -> Array:
-        """Settle the joints, and write down whose mode is no longer what it was before."""
-        z = self.settle(t, z.copy())
-        for i in np.flatnonzero(self.slip != before):
-            self.events.append((t, self.friction.names[i], "slides" if self.slip[i] else "sticks"))
-        return z
+    def _describe(self, guard: int) -> str:
+        """What goes on happening where one guard reaches zero again and again."""
+        m = len(self._limit)
+        if guard < 2 * m:
+            return f"input {guard % m + 1} goes on leaving and reaching {'its limit' if guard < m else 'the limit of its rate'}"
+        assert self._friction is not None
+        return f"joint {self._friction.names[guard - 2 * m]} goes on changing between sticking and sliding"

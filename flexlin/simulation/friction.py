@@ -1,6 +1,8 @@
 """Joints that stick: Coulomb friction as the set that it is, and the acceleration of an arm some of whose joints it holds."""
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +19,7 @@ from flexlin.simulation.equations import deviation_equations
 from flexlin.simulation.stepping import TrialLeftRange
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Friction:
     """Friction of p joints: sliding it is `sliding` against the rate; at rest it is whatever holds the joint, up to `static`.
 
@@ -34,8 +36,9 @@ class Friction:
     names: tuple[str, ...]
 
     @classmethod
+    @lru_cache(maxsize=8)
     def of(cls, lin: Linearization) -> "Friction | None":
-        """That of a scene whose friction sticks; None where there is none.
+        """That of a scene whose friction sticks; None where there is none. Kept, with the functions that are made of it.
 
         Raises: ArgumentError where a joint's rate is no coordinate.
         """
@@ -55,9 +58,13 @@ class Friction:
         places, names = tuple(lin.kept[row] for row in rows), tuple(lin.names[row] for row in rows)
         return cls(rows, places, table, links, static[hold], rate[hold], names)
 
+    def level(self, which: int, rate: Any) -> Any:
+        """The friction of one of the joints that slides at a rate, without its sign."""
+        return self.table.sliding(self.links[which], rate)
+
     def sliding(self, rates: Array) -> Array:
         """The friction (p,) of sliding at these rates, without its sign."""
-        return np.array([float(self.table.sliding(i, rate)) for i, rate in zip(self.links, rates, strict=True)])
+        return np.array([float(self.level(which, rate)) for which, rate in enumerate(rates)])
 
     def smooth(self, rates: Array) -> Array:
         """The friction (p,) that the arm's equations hold."""

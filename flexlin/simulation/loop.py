@@ -1,7 +1,6 @@
-"""The nonlinear equations of motion under a control law, integrated: by collocation, or step by step where the drive cuts the torque."""
+"""The nonlinear equations of motion under a control law, integrated: by collocation, from event to event, or from sample to sample."""
 
 from functools import partial
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,16 +19,18 @@ from flexlin.simulation.equations import (
     to_coordinates,
     with_controller,
 )
-from flexlin.simulation.events import Slewing, Sticking, hurries, skips_layer
-from flexlin.simulation.marks import INSIDE, with_breaks
+from flexlin.simulation.events import Events
+from flexlin.simulation.layers import hurries, skips_layer
+from flexlin.simulation.marks import with_breaks
 from flexlin.simulation.mesh import Trail
+from flexlin.simulation.modes import ModedEquations, with_modes
 from flexlin.simulation.stepping import march, stopped
 
 if TYPE_CHECKING:
-    from scipy.integrate import DOP853, LSODA
+    from scipy.integrate import DOP853
 
 CLOSE = 0.999
-"""A torque nearer to its limit than this, at any stage of the collocation, is integrated as one that is cut."""
+"""A torque nearer to its limit than this, at any stage of the collocation, may be cut between the stages."""
 CHECKED = 64
 """Windows after which the mass matrices of the states that they reached are looked at, all in one call."""
 
@@ -39,7 +40,9 @@ class TorqueCut(Exception):
 
 
 class NonlinearLoop(ControlledArm):
-    """A controlled arm, integrated: by collocation while the drive gives what is commanded, else step by step.
+    """A controlled arm, integrated by collocation: as a whole while the drive gives what is commanded, else from event to event.
+
+    Where the torque is sampled and held an explicit method follows it from sample to sample.
 
     Examples
     --------
@@ -102,30 +105,23 @@ class NonlinearLoop(ControlledArm):
         """
         z, self.reached = np.append(start, 0.0), []
         self.accept(t[:1], z[None])
-        stepped = any(one is not None for one in (self.drive.sample_time, self.drive.rate, self.friction))
         try:
-            if stepped:
-                return self._stepped(t, z, rtol), None
-            try:
-                found = self._collocated(t, start, rtol, stages, linear, trail)
-            except TorqueCut:
-                return self._stepped(t, z, rtol), None
+            if self.drive.sample_time is not None:
+                return follow_held(self, t, z, rtol), None
+            self._switches = self._switches or self.drive.rate is not None or self.friction is not None
+            if not self._switches:
+                try:
+                    found = self._collocated(t, start, rtol, stages, linear, trail)
+                except TorqueCut:
+                    self._switches, self.reached = True, self.reached[:1]
+            if self._switches:
+                linear, found = False, self._switched(t, start, rtol, stages)
         except SimulationStopped as end:
             raise (explain_end(self.lin, end) if end.reached is not None else end) from None
         n, k = self.n, self._law.memory
         states, beside = found[:, : 2 * (n + k)], found[:, 2 * (n + k) + 1 :]
         z = np.column_stack([from_coordinates(states, n, k), found[:, 2 * (n + k)]])
         return z, from_coordinates(beside, n, k) if linear else None
-
-    def _stepped(self, t: Array, z: Array, rtol: float) -> Array:
-        """Step by step where the torque is held, its rate limited, joints stick, or the torque is cut."""
-        if self.drive.sample_time is not None:
-            return follow_held(self, t, z, rtol)
-        if self.drive.rate is not None:
-            return follow_slewing(self, t, z, rtol)
-        if self.friction is not None:
-            return follow_sticking(self, t, z, rtol)
-        return follow_cut(self, t, z, rtol)
 
     @lazy
     def _collocation(self) -> Equations:
@@ -137,11 +133,37 @@ class NonlinearLoop(ControlledArm):
 
     def _collocated(self, t: Array, start: Array, rtol: float, stages: int, linear: bool, trail: Trail | None) -> Array:
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
+        found, self.trail = self._integrate(self._collocation, t, start, rtol, stages, None, linear, trail)
+        return found
+
+    def _switched(self, t: Array, start: Array, rtol: float, stages: int) -> Array:
+        """From event to event, in a mode at a time."""
+        events, law = Events(self, self._law), self._law
+        arm = ModedEquations(self.lin, law.direct, events.modes, self.friction)
+        x = events.begin(float(t[0]), start)
+        found, _ = self._integrate(with_modes(arm, law), t, x, rtol, stages, events)
+        n, k = self.n, law.memory
+        asked = law.torque(self._now(t), from_coordinates(found[:, :-1], n, k))
+        self.events, self.given = tuple(events.notes), events.torques(t, asked)
+        return found
+
+    def _integrate(
+        self,
+        equations: Equations,
+        t: Array,
+        start: Array,
+        rtol: float,
+        stages: int,
+        events: Events | None,
+        linear: bool = False,
+        trail: Trail | None = None,
+    ) -> tuple[Array, Trail | None]:
+        """States by collocation, each looked at once it is reached."""
         marks, limit = with_breaks(t[[0, -1]], self.lin, self.rough), self.drive.limit
         passed: list[tuple[Array, Array]] = []
 
         def accept(t: Array, x: Array, torque: Array) -> None:
-            if limit is not None and np.any(np.abs(torque) > CLOSE * np.array(limit)):
+            if events is None and limit is not None and np.any(np.abs(torque) > CLOSE * np.array(limit)):
                 raise TorqueCut
             self.accept(t, x)
             passed.append((t, x))
@@ -149,10 +171,10 @@ class NonlinearLoop(ControlledArm):
                 self._check_mass(passed)
 
         watched = None if self.layers is None else partial(hurries, self.layers)
-        integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept, watched)
+        tol = max(rtol, ROUNDING)
+        integrator = Collocation(equations, self.lin.period, stages, tol, accept, watched, events)
         try:
-            found, self.trail = integrator.integrate(t, to_coordinates(start, self.n), marks, linear, trail)
-            return found
+            return integrator.integrate(t, to_coordinates(start, self.n), marks, linear, trail)
         finally:
             self._check_mass(passed)
 
@@ -167,49 +189,6 @@ class NonlinearLoop(ControlledArm):
             raise stopped(float(t[first]), "the mass matrix is not positive definite there", x[first])
 
 
-def follow_cut(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
-    """States (N, 2n + k + 1) of a loop whose torque is cut, by a multistep method, which bears corners."""
-    from scipy.integrate import LSODA
-
-    def follow(now: float, z: Array) -> Array:
-        asked = loop.law(now, z[:-1])
-        given = loop.drive.saturated(asked)
-        return loop.rate(now, z, given, loop.law.rate(now, z[:-1], asked - given))
-
-    def make(now: float, z: Array, first: float | None, end: float) -> "LSODA":
-        return LSODA(follow, now, z, end, first_step=first, rtol=rtol, atol=rtol * 1e-2)
-
-    out, marks, aside = [z[None]], with_breaks(t[[0, -1]], loop.lin, loop.rough), INSIDE * loop.lin.period
-    for begin, end in pairwise(marks):
-        first, last, stops = begin + aside, end - aside, t[(t > begin) & (t <= end)]
-        stops = np.clip(stops, first, last)
-        z, values = march(
-            partial(make, end=last), z, first, last, stops, loop.accept, partial(skips_layer, loop.layers)
-        )
-        out.append(values)
-    return np.concatenate(out)
-
-
-def follow_sticking(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
-    """States (N, 2n + k + 1) of a loop whose joints stick and slide, from event to event; the loop's `events` are set."""
-
-    def torque(now: float, z: Array) -> tuple[Array, Array]:
-        asked = loop.law(now, z[:-1])
-        given = loop.drive.saturated(asked)
-        return given, loop.law.rate(now, z[:-1], asked - given)
-
-    joints = Sticking(loop, torque)
-    out = joints.follow(t, joints.begin(float(t[0]), z), rtol)
-    loop.events = tuple(joints.events)
-    return out
-
-
-def follow_slewing(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
-    """States (N, 2n + k + 1) of a loop whose drive changes its torque at a limited rate; the loop's `given` torques are set."""
-    out, loop.given = Slewing(loop, np.array(loop.drive.rate)).run(t, z, rtol)
-    return out
-
-
 def follow_held(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
     """States (N, 2n + k + 1) from instant to instant at which the torque changes, sampling measured `delay` before.
 
@@ -217,18 +196,18 @@ def follow_held(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
     torques are set.
     """
     step, delay = loop.drive.sample_time or 1.0, loop.drive.delay
-    law, plant = loop.law, 2 * loop.n
-    held = None if law.controller is None else hold_controller(law.controller.rates, step)
+    controller, plant = loop.controller, 2 * loop.n
+    held = None if controller is None else hold_controller(controller.rates, step)
     out, torque = np.empty((len(t), len(z))), loop.command(t[0], loop.measure(t[0], z[:-1]))
     out[0], now, done, sample = z, float(t[0]), 1, 0
     loop.given = np.tile(torque, (len(t), 1))
     while done < len(t):
         measured = t[0] + sample * step
         seen = loop.measure(measured, z[:-1])
-        asked = law(measured, seen)
+        asked = loop.asked(measured, seen)
         given, after = loop.drive.saturated(asked), z[plant:-1]
         if held is not None:
-            after = after + held @ law.rate(measured, seen, asked - given)
+            after = after + held @ loop.remembered(measured, seen, asked - given)
         for until, later in ((measured + delay, given), (measured + step, given)):
             if until > now:
                 stops = t[done : int(np.searchsorted(t, until + 1e-12 * step, side="right"))]

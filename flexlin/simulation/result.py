@@ -16,6 +16,8 @@ PARTS = 8
 """Parts of a step at whose ends peaks are looked for; between these they are a parabola's."""
 MOST_NUMBERS = 2**24
 """Numbers that are looked at, at the most; where steps are very many each has fewer parts."""
+OUTGROWN = "the linear motion outgrows all numbers, the nonlinear one does not"
+"""What to say of a linear motion that is lost."""
 
 
 @dataclass(frozen=True)
@@ -177,6 +179,8 @@ class Simulation(Shown):
     @property
     def status(self) -> str:
         """How far the linear model can be trusted here, and what to do."""
+        if self.is_lost:
+            return f"{OUTGROWN}: beyond the linear model; trust the simulation only"
         what, apart, largest, error = self.apart
         if apart <= error:
             agree = f"agree to the error of the integration, {error:.0e}{self.unit}" if error else "are the same"
@@ -210,12 +214,19 @@ class Simulation(Shown):
         return " m" if np.isfinite(self.difference) else ""
 
     @property
+    def is_lost(self) -> bool:
+        """Whether the linear motion outgrows all numbers."""
+        return not bool(np.isfinite(self.linear).all())
+
+    @property
     def apart(self) -> tuple[str, float, float, float]:
         """What is compared, how far the two answers are apart, the largest deviation of either, and the error of the difference.
 
         Tips in m against tips; for a model without points that coordinate of which the linear answer misses the largest share.
         """
         peaks = self.largest
+        if self.is_lost:
+            return "tips", np.inf, peaks.tip, 0.0
         if np.isfinite(peaks.difference):
             return "tips", peaks.difference, max(peaks.tip, peaks.tip_linear), self.difference_error
         error = (self.error + self.linear_error) * max(1.0, float(np.abs(self.nonlinear).max()))

@@ -103,15 +103,13 @@ def simulate(
         linear, coarse = predict(lin, often, start, law, tol)
         coarse = coarse[at]
     torque = loop.commands(often, fine[:, :-1]) if loop.given is None else loop.given
-    still = np.zeros_like(linear)
-    tips = tip_positions(lin, np.tile(often, 3), np.concatenate([fine[:, :-1], linear, still]))
-    tip, tip_linear, tip_rigid = tips.reshape(3, len(often), -1)
+    tip, tip_linear, tip_rigid = place_tips(lin, often, fine[:, :-1], linear, np.zeros_like(linear))
     peaks = Peaks.of(often, (fine[:, :n], linear[:, :n]), (tip, tip_linear, tip_rigid), torque)
     fine, linear, torque, tip, tip_linear, tip_rigid = (
         x[at] for x in (fine, linear, torque, tip, tip_linear, tip_rigid)
     )
     states, work = fine[:, :-1], fine[:, -1]
-    others = tip_positions(lin, np.tile(t, 2), np.concatenate([rough[:, :-1], coarse])).reshape(2, len(t), -1)
+    others = place_tips(lin, t, rough[:, :-1], coarse)
     missed = float(np.linalg.norm(np.stack([tip, tip_linear]) - others, axis=2).max(axis=1).sum())
     return Simulation(
         lin.names,
@@ -133,6 +131,14 @@ def simulate(
         events=loop.events,
         driven_by=describe_drive(law, lin.period),
     )
+
+
+def place_tips(lin: Linearization, t: Array, *states: Array) -> Array:
+    """The tips (k, N, 2 or 3) of motions (N, 2n + ..) at times t (N,), not numbers where a linear motion has outgrown them."""
+    x = np.stack(states)
+    known = np.isfinite(x).all(axis=2, keepdims=True)
+    tips = tip_positions(lin, np.tile(t, len(x)), np.where(known, x, 0.0).reshape(-1, x.shape[2]))
+    return np.where(known, tips.reshape(len(x), len(t), -1), np.nan)
 
 
 def describe_drive(law: Law, period: float) -> str:

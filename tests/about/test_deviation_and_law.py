@@ -5,10 +5,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.about import Law, is_constant
-from flexlin.control import feedforward, pd_feedback, periodic_motion
+from flexlin.control import feedforward, periodic_motion
 from flexlin.errors import ArgumentError
-from flexlin.simulation import LawTable
 from tests.closed_arm import closed
 
 
@@ -77,18 +75,7 @@ def test_a_gain_left_free_has_its_own_value_in_the_law():
     assert law.gain(np.zeros(1))[0, 0, 0] == scene.control.feedback.kp[0]
 
 
-def test_what_is_constant_is_not_tabulated(lin):
-    scene_table = LawTable(lin.law, lin)
-    assert scene_table._gains is None
-    x, t = np.arange(6.0), 0.37
-    np.testing.assert_allclose(scene_table(t, x), lin.law.torque(np.array([t]), x[None])[0], rtol=1e-9)
-    silent = Law.constant(np.ones((1, 6)), [2.0])
-    table = LawTable(silent, lin)
-    assert table._gains is table._offsets is None
-    np.testing.assert_array_equal(table(t, x), 2.0 - np.ones((1, 6)) @ x)
-    made = pd_feedback(fl.linearize(lin.arm, lin.motion).periodic_system(), [0], [10.0], [1.0])
-    assert is_constant(lin.law.with_gain(made.K).gain(np.zeros(2)))
-    assert is_constant(made.law.forward(np.zeros(2)))
+def test_a_gain_that_does_not_fit_is_refused(lin):
     with pytest.raises(ArgumentError, match="gain does not fit"):
         lin.law.with_gain(np.ones((2, 6)))
 
