@@ -11,11 +11,10 @@ import flexlin as fl
 from flexlin.control import linear_range, pd_feedback
 from flexlin.control.validity import LARGEST, SMALLEST
 from flexlin.errors import DesignError, NumericalError, SimulationStopped, TooLarge
-from flexlin.simulation import NonlinearLoop, simulate
+from flexlin.simulation import simulate
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.modes import ModedEquations
-from flexlin.simulation.stepping import TrialLeftRange
 from tests.closed_arm import closed
 
 
@@ -75,26 +74,10 @@ def test_a_simulation_of_unreasonable_size_is_refused_before_it_begins(lin):
             simulate(lin, **wrong)
 
 
-@pytest.mark.slow
-def test_a_trial_that_leaves_the_range_only_shortens_the_step(lin, monkeypatch):
-    """The equations refuse some evaluations ahead of the accepted time; the answer is the same as without."""
-    drive = Drive(sample_time=0.001)
-    expected = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
-    real, refused = NonlinearLoop.rate, []
-
-    def touchy(self, t, z, *given, **named):
-        if len(refused) < 20 and t > 0.013 * (1 + len(refused) // 4):
-            refused.append(t)
-            raise TrialLeftRange("no meaning here")
-        return real(self, t, z, *given, **named)
-
-    monkeypatch.setattr(NonlinearLoop, "rate", touchy)
-    found = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
-    assert refused
-    np.testing.assert_allclose(found, expected, atol=1e-6)
-
-
-@pytest.mark.parametrize(("equations", "drive"), [(NonlinearEquations, Drive()), (ModedEquations, Drive(limit=(0.4,)))])
+@pytest.mark.parametrize(
+    ("equations", "drive"),
+    [(NonlinearEquations, Drive()), (ModedEquations, Drive(limit=(0.4,))), (ModedEquations, Drive(sample_time=0.02))],
+)
 def test_a_window_that_leaves_the_range_only_shortens_the_steps(lin, monkeypatch, equations, drive):
     """The same where many steps are solved at once: some residuals ahead are no numbers."""
     expected = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
@@ -113,30 +96,22 @@ def test_a_window_that_leaves_the_range_only_shortens_the_steps(lin, monkeypatch
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_the_last_time_reached_is_named_when_no_window_leads_on(lin, monkeypatch):
-    real = NonlinearEquations.places
+@pytest.mark.parametrize(
+    ("equations", "drive"), [(NonlinearEquations, Drive()), (ModedEquations, Drive(sample_time=0.03))]
+)
+def test_the_last_time_reached_is_named_when_no_window_leads_on(lin, monkeypatch, equations, drive):
+    real = equations.places
 
     def wall(self, t):
         at = real(self, t)
         at.offset[t > 0.05] = np.nan
         return at
 
-    monkeypatch.setattr(NonlinearEquations, "places", wall)
-    with pytest.raises(NumericalError, match=r"stopped at t = 0\.05 s.*no step is short enough"):
-        simulate(lin, 0.1)
-
-
-def test_a_state_that_was_reached_is_named_when_no_step_leads_on(lin, monkeypatch):
-    def wall(self, t, z, torque):
-        if t > 0.05:
-            raise TrialLeftRange("no meaning")
-        return np.zeros_like(z)
-
-    monkeypatch.setattr(NonlinearLoop, "rate", wall)
+    monkeypatch.setattr(equations, "places", wall)
     with pytest.raises(
-        SimulationStopped, match=r"t = 0\.05 s.*a trial beyond it fails \(no meaning\).*its mass matrix is sound"
+        NumericalError, match=r"stopped at t = 0\.05 s.*no step is short enough.*its mass matrix is sound"
     ):
-        simulate(lin, 0.1, drive=Drive(sample_time=0.03))
+        simulate(lin, 0.1, drive=drive)
 
 
 def test_a_mass_matrix_that_becomes_singular_is_read_from_the_state_that_was_reached():

@@ -20,7 +20,7 @@ from flexlin.simulation.equations import (
 from flexlin.simulation.events import Event, Events
 from flexlin.simulation.marks import find_rough_times, with_breaks
 from flexlin.simulation.mesh import Mesh, Trail
-from flexlin.simulation.stepping import GENTLER, SHORTER, SHORTEST, stopped
+from flexlin.simulation.stopping import GENTLER, SHORTER, SHORTEST, stopped
 from flexlin.simulation.sweeps import Rigid, Solved, Start, solve_window
 from flexlin.simulation.window import Grid, Path, between
 
@@ -294,10 +294,8 @@ class Collocation:
         """The acceleration (n,) from which the window starts."""
         if at.before is None:
             n = len(at.x) // 2
-            places = self._equations.places(np.array([at.t + INSIDE * self._period]))
-            y, v, w = at.x[None, :n], at.x[None, n:], np.zeros((1, n))
-            F = self._equations.residual(places, y, v, w)[0][0]
-            at.before = -np.linalg.solve(self._equations.mass(places, y)[0], F)
+            t, y, v = np.array([at.t + INSIDE * self._period]), at.x[None, :n], at.x[None, n:]
+            (at.before,), places = self._equations.acceleration(t, y, v)
             if at.linear is not None:
                 at.linear.behind_break(places)
         return at.before

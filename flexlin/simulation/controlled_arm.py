@@ -12,7 +12,7 @@ from flexlin.control.sensors import encoder_rows
 from flexlin.errors import ArgumentError, SimulationStopped
 from flexlin.lazy import lazy
 from flexlin.simulation.drive import Drive
-from flexlin.simulation.friction import Friction, refuse
+from flexlin.simulation.friction import Friction
 from flexlin.simulation.marks import find_rough_times
 from flexlin.simulation.mesh import Trail
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 FARTHEST = 100.0
 """A deviation from the rigid motion, in rad or m, at which a simulation is given up as diverging."""
-MOST_CALLS = 1_000_000
-"""Evaluations of the equations after which a simulation is given up."""
 SINGULAR = 1e-3
 """The mass matrix of a state is called singular where its smallest eigenvalue has fallen to this share of that on the rigid motion."""
 
@@ -49,46 +47,10 @@ class ControlledArm:
         self.about, self.drive, self.n = lin.about, drive or Drive(), lin.n
         self._kept = list(lin.kept)
         self.friction, self.events = Friction.of(lin), tuple[tuple[float, str, str], ...]()
-        if self.friction is not None and self.drive.sample_time is not None:
-            raise refuse("a sampled drive, [control.sampling]", "a drive that is not sampled")
         self.given: Array | None = None
         self.reached = list[float]()
         self.trail: Trail | None = None
-        self._calls, self._switches = 0, False
-
-    def command(self, t: float, x: Array) -> Array:
-        """Return the torque that the motors give for a state at one time.
-
-        Parameters
-        ----------
-        t : float
-            Time in s.
-        x : array, shape (2n + k,)
-            State [y; y'; z].
-
-        Returns
-        -------
-        array, shape (m,)
-            The torque, in N m.
-        """
-        return self.drive.saturated(self.asked(t, x))
-
-    def asked(self, t: float, x: Array) -> Array:
-        """Return what the law commands in a state at one time.
-
-        Parameters
-        ----------
-        t : float
-            Time in s.
-        x : array, shape (2n + k,)
-            State [y; y'; z].
-
-        Returns
-        -------
-        array, shape (m,)
-            The torque, in N m.
-        """
-        return self._law.torque(self._now(np.array([t])), x[None])[0]
+        self._switches = bool(self.friction or self.drive.rate or self.drive.sample_time)
 
     def remembered(self, t: float, x: Array, missing: Array) -> Array:
         """Return z' of the controller's states at one time.
@@ -110,11 +72,22 @@ class ControlledArm:
         controller = self.controller
         if controller is None:
             return x[:0]
-        steer = self._law.steer(self._law.reference(self._now(np.array([t]))))[0]
+        steer = self._law.steer(self._law.reference(self.now(np.array([t]))))[0]
         return controller.rates @ x + steer + controller.unwinding @ missing
 
-    def _now(self, t: Array) -> Array:
-        """After the end of a one-way motion the law stays as it is there."""
+    def now(self, t: Array) -> Array:
+        """Return the times at which the law is asked: after the end of a one-way motion it stays as it is there.
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N,)
+            Times in the period.
+        """
         return t % self.lin.period if self.lin.motion.periodic else np.minimum(t, self.lin.period)
 
     def measure(self, t: float, x: Array) -> Array:
@@ -165,42 +138,7 @@ class ControlledArm:
         array, shape (N, m)
             Torques in N m (forces in N).
         """
-        return self.drive.saturated(self._law.torque(self._now(t), x))
-
-    def rate(
-        self, t: float, z: Array, torque: Array, remembered: Array | None = None, slip: Array | None = None
-    ) -> Array:
-        """Return the rate of z = [y; y'; controller; work] under a torque.
-
-        Parameters
-        ----------
-        t : float
-            Time in s.
-        z : array, shape (2n + k + 1,)
-            State, with the work in J.
-        torque : array, shape (m,)
-            The torque, in N m.
-        remembered : array, shape (k,), optional
-            The rates of the controller's states; zero by default.
-        slip : array, shape (p,), optional
-            Of joints that stick, 0 where one does and else the sign of its rate; by default their friction is the smooth one.
-
-        Returns
-        -------
-        array, shape (2n + k + 1,)
-            z'.
-
-        Raises
-        ------
-        TrialLeftRange
-            Where the mass matrix is not positive definite: an integrator's trial may come there, an arm does not.
-        """
-        self._calls += 1
-        if self._calls > MOST_CALLS:
-            raise self._lost(f"{MOST_CALLS} evaluations of the equations", t)
-        x, still = z[: 2 * self.n], np.zeros(self._law.memory)
-        acceleration, _, power = self.equations.solve(t, x, torque, slip)
-        return np.concatenate([x[self.n :], acceleration, still if remembered is None else remembered, [power]])
+        return self.drive.saturated(self._law.torque(self.now(t), x))
 
     def accept(self, t: Array, z: Array) -> None:
         """Look at states that were reached.
@@ -223,7 +161,14 @@ class ControlledArm:
         if not inside.all():
             first = int(np.argmin(inside))
             where = name_largest(self.lin, deviations[first])
-            raise self._lost(f"a state {where} off the rigid motion", float(t[first]), far=True)
+            now = float(t[first])
+            raise SimulationStopped(
+                f"the nonlinear simulation makes no headway at t = {now:.4g} s",
+                got=f"a state {where} off the rigid motion",
+                todo="the loop diverges or is very stiff: lower the gains, slow the motion down, or simulate fewer periods",
+                t=now,
+                left_range=True,
+            )
 
     @property
     def controller(self) -> Controller | None:
@@ -246,15 +191,6 @@ class ControlledArm:
     def layers(self) -> Layers | None:
         """Where resisting forces saturate; joints that stick are found by events."""
         return Layers.of(self.lin.about) if self.friction is None else None
-
-    def _lost(self, got: str, t: float, far: bool = False) -> SimulationStopped:
-        return SimulationStopped(
-            f"the nonlinear simulation makes no headway at t = {t:.4g} s",
-            got=got,
-            todo="the loop diverges or is very stiff: lower the gains, slow the motion down, or simulate fewer periods",
-            t=t,
-            left_range=far,
-        )
 
 
 def explain_end(lin: Linearization, end: SimulationStopped) -> SimulationStopped:

@@ -64,8 +64,8 @@ class Equations(Protocol):
     def ready(self, at: Places) -> Ready | None:
         """The residual as compiled code carries it out; None where it takes more than a program, or too few points for one."""
 
-    def mass(self, at: Places, y: Array) -> Array:
-        """dF/dy'' (N, n, n), for much less work than all slopes."""
+    def acceleration(self, t: Array, y: Array, v: Array) -> tuple[Array, Places]:
+        """y'' (N, n) at times t (N,), and what depends on the times alone."""
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
         """dF/dy'', dF/dy', dF/dy (N, n, n) there; None where those of y = 0 are exact."""
@@ -113,8 +113,12 @@ class LinearEquations:
         """None: these need no program."""
         return None
 
+    def acceleration(self, t: Array, y: Array, v: Array) -> tuple[Array, Places]:
+        """y'' (N, n), by the mass matrix alone."""
+        return solve_acceleration(self, self.places(t), y, v)
+
     def mass(self, at: Places, y: Array) -> Array:
-        """M of the rigid motion, wherever the arm is."""
+        """M (N, n, n) of the rigid motion, wherever the arm is."""
         return at.linear[0]
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
@@ -159,6 +163,14 @@ class NonlinearEquations(LinearEquations):
         """The outputs (N, rows, columns) of a function of y, y', y'', the torque and the place."""
         inputs = (y, v, w, at.torque(y, v), *at.place)
         return symbolic.call(function, [np.ascontiguousarray(part) for part in inputs])
+
+
+def solve_acceleration(
+    equations: "LinearEquations | ControlledEquations", at: Places, y: Array, v: Array
+) -> tuple[Array, Places]:
+    """y'' (N, n) of a motion y, y', and the places again."""
+    F = equations.residual(at, y, v, np.zeros_like(y))[0]
+    return -np.linalg.solve(equations.mass(at, y), F[..., None])[..., 0], at
 
 
 def loop_expressions(about: Deviation) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX, ca.SX]:
@@ -276,6 +288,10 @@ class ControlledEquations:
     def ready(self, at: Places) -> Ready | None:
         """None: what the controller adds stands in no program."""
         return None
+
+    def acceleration(self, t: Array, y: Array, v: Array) -> tuple[Array, Places]:
+        """[y''; z'] (N, n + k)."""
+        return solve_acceleration(self, self.places(t), y, v)
 
     def mass(self, at: Places, y: Array) -> Array:
         """That of the arm; rates z' stand alone."""

@@ -1,4 +1,4 @@
-"""Events of a loop: a torque reaches or leaves a limit, a joint sticks or breaks loose; found on whole windows of a motion at once."""
+"""Events of a loop: a torque reaches or leaves a limit or is sampled, a joint sticks or breaks loose; found on whole windows at once."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -7,11 +7,12 @@ import numpy as np
 
 from flexlin.about.law import Law
 from flexlin.checks import Array
+from flexlin.periodic.sampled import hold_controller
 from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.equations import Places, from_coordinates, to_coordinates
 from flexlin.simulation.marks import INSIDE
-from flexlin.simulation.modes import Modes, find_holding
-from flexlin.simulation.stepping import stopped
+from flexlin.simulation.modes import SAMPLED, Modes, find_holding
+from flexlin.simulation.stopping import stopped
 from flexlin.simulation.window import Grid, Path
 
 LOOKS = np.arange(1, 17) / 16
@@ -20,6 +21,8 @@ MOST_EVENTS, MOST_AT_ONCE = 20_000, 20
 """Events of a run, and at one time, after which it is given up."""
 SLACK = 1e-9
 """Of the static friction and of the largest torque: what is exactly at the limit stays within."""
+NEAR = 1e-6
+"""An instant nearer than this share of a sample is meant."""
 JUMP = 1e-8
 """A torque further from what is asked than this share of it has not caught up."""
 
@@ -74,15 +77,19 @@ class Events:
 
     def begin(self, t: float, x: Array) -> Array:
         """The modes of a start x = [y; y'; z]; returns the state, with the rates of joints that stick made exact."""
-        asked = self._asked(t, x)
-        for which, given in enumerate(np.clip(asked, -self._limit, self._limit)):
-            self._choose(t, which, asked[which], 0.0, given)
+        self._begin_inputs(t, x)
         if self._friction is not None:
             rates = self._rates(t, x)
             self.modes.slip = np.where(np.abs(rates) > SLACK, np.sign(rates), 0.0)
             x = self._settle(t, x.copy())
         self.passed.append((t, self.modes.copy()))
         return x
+
+    def _begin_inputs(self, t: float, x: Array) -> None:
+        """The modes of the inputs at a start."""
+        asked = self._asked(t, x)
+        for which, given in enumerate(np.clip(asked, -self._limit, self._limit)):
+            self._choose(t, which, asked[which], 0.0, given)
 
     def pass_break(self, t: float, x: Array, before: Array | None) -> None:
         """Behind a break of the motion what is asked may have jumped; before: the torque (m,) that was given until then."""
@@ -94,6 +101,8 @@ class Events:
 
     def first(self, grid: Grid, path: Path, at: Places) -> Event | None:
         """The first event on a motion at the stages `at` of a grid."""
+        if self._friction is None and np.all(self.modes.held == SAMPLED):
+            return None
         signals = self._signals(grid, path, at)
         t = grid.edges[:-1, None] + grid.h[:, None] * LOOKS
         left = self._guards(t, *signals.at(slice(None), LOOKS)) < 0
@@ -132,9 +141,12 @@ class Events:
         parts = [self.passed[max(0, which)][1].given(t[i], asked[i]) for i, which in enumerate(begun)]
         return np.clip(np.array(parts), -self._limit, self._limit)
 
+    def _asked_along(self, t: Array, x: Array) -> Array:
+        """The torque (N, m) for which the law asks in states [y; y'; z] (N, ..)."""
+        return self._law.torque(self._loop.now(t), x)
+
     def _asked(self, t: float, x: Array) -> Array:
-        """The torque (m,) for which the law asks in a state [y; y'; z]."""
-        return self._loop.asked(t, x)
+        return self._asked_along(np.array([t]), x[None])[0]
 
     def _rates(self, t: float, x: Array) -> Array:
         """The rates (p,) of the joints themselves, the motion's included."""
@@ -145,9 +157,8 @@ class Events:
         """The polynomials through the stages."""
         n = self._loop.n
         y, v, w = path.stages
-        lin, parts = self._loop.lin, tuple(np.ascontiguousarray(part[:, :n]) for part in (y, v, w))
-        now = at.t % lin.period if lin.motion.periodic else np.minimum(at.t, lin.period)
-        asked = self._law.torque(now, np.concatenate([parts[0], v], axis=1))
+        parts = tuple(np.ascontiguousarray(part[:, :n]) for part in (y, v, w))
+        asked = self._asked_along(at.t, np.concatenate([parts[0], v], axis=1))
         values = [asked]
         if self._friction is not None:
             values.append(self._about.positions(at.t, *parts[:2])[1][:, list(self._friction.places)])
@@ -162,7 +173,7 @@ class Events:
         behind = sign * (np.clip(asked, -self._limit, self._limit) - modes.given(t, asked))
         beyond = sign * asked - (1 - SLACK) * self._limit
         free = (1 + SLACK) * self._limit - np.abs(asked)
-        size = np.where(modes.held == 0, free, np.where(np.abs(modes.held) == 1, beyond, behind))
+        size = np.choose(np.abs(modes.held).astype(int), [free, beyond, behind, np.ones(len(sign))])
         speed = np.where(modes.held == 0, self._fastest - np.abs(pace), 1.0)
         if self._friction is None:
             return np.concatenate([size, speed], axis=-1)
@@ -239,3 +250,65 @@ class Events:
             return f"input {guard % m + 1} goes on leaving and reaching {'its limit' if guard < m else 'the limit of its rate'}"
         assert self._friction is not None
         return f"joint {self._friction.names[guard - 2 * m]} goes on changing between sticking and sliding"
+
+
+class Samples(Events):
+    """Those of a loop whose torque is computed from samples, takes effect some time later, and is held.
+
+    The controller's own states move from sample to sample, as what was measured and asked at the first of them has it.
+    remembered: these states with the times of the samples.
+    """
+
+    def __init__(self, loop: ControlledArm, law: Law):
+        super().__init__(loop, law)
+        self._step, self._delay, self._start = loop.drive.sample_time or 1.0, loop.drive.delay, 0.0
+        self._moves = None if loop.controller is None else hold_controller(loop.controller.rates, self._step)
+        self._next = self._after = np.zeros(0)
+        self.remembered: list[tuple[float, Array]] = []
+
+    def instants(self, end: float) -> Array:
+        """When samples are taken and torques take effect, up to a time."""
+        samples = self._start + self._step * np.arange(np.ceil((end - self._start) / self._step))
+        late = self._delay / self._step
+        found = np.union1d(samples, samples + self._delay) if NEAR < late < 1 - NEAR else samples
+        return found[found < end]
+
+    def pass_break(self, t: float, x: Array, before: Array | None) -> None:
+        """Let the torque of the last sample act, or take the next one, where it is time; a torque without delay acts behind its sample."""
+        passed, late = (t - self._start) / self._step, self._delay / self._step
+        sampled, acts = (abs(part - round(part)) < NEAR for part in (passed, passed - late))
+        if acts and late >= NEAR and passed > late - NEAR:
+            self._act(t)
+        if sampled:
+            seen, asked, self._next = self._take_sample(t, x)
+            self.remembered.append((t, self._after))
+            if self._moves is not None:
+                self._after = self._after + self._moves @ self._loop.remembered(t, seen, asked - self._next)
+        if acts and late < NEAR:
+            self._act(t)
+
+    def _act(self, t: float) -> None:
+        """From here on the torque is that of the last sample."""
+        self.modes.base = self._next
+        self.passed.append((t, self.modes.copy()))
+
+    def memory(self, t: Array) -> Array:
+        """The controller's states (N, k) at times (N,)."""
+        begun = np.searchsorted([time for time, _ in self.remembered], t, side="left") - 1
+        return np.array([self.remembered[max(0, which)][1] for which in begun])
+
+    def _begin_inputs(self, t: float, x: Array) -> None:
+        """The torque of the first sample acts at once."""
+        self._start, self._after = t, x[2 * self._loop.n :]
+        self.modes.held[:] = SAMPLED
+        self.modes.base = self._take_sample(t, x[: 2 * self._loop.n])[2]
+
+    def _take_sample(self, t: float, x: Array) -> tuple[Array, Array, Array]:
+        """What is measured in a state [y; y'], with the controller's states, the torque asked, and the torque given."""
+        seen = self._loop.measure(t, np.concatenate([x, self._after]))
+        asked = self._law.torque(self._loop.now(np.array([t])), seen[None])[0]
+        return seen, asked, self._loop.drive.saturated(asked)
+
+    def _asked_along(self, t: Array, x: Array) -> Array:
+        """What is held."""
+        return np.tile(self.modes.base, (len(t), 1))

@@ -16,7 +16,7 @@ from flexlin.lazy import lazy
 from flexlin.mechanics.effects.base import per_joint
 from flexlin.mechanics.effects.coulomb_friction import CoulombFriction
 from flexlin.simulation.equations import deviation_equations
-from flexlin.simulation.stepping import TrialLeftRange
+from flexlin.simulation.stopping import stopped
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +71,12 @@ class Friction:
         return self.sliding(rates) * np.tanh(rates / self.rate)
 
 
-def refuse(
-    what: str, expected: str = "an open chain of clamped links, whose joints' rates are coordinates"
-) -> ArgumentError:
+def refuse(what: str) -> ArgumentError:
     """What to say of an arm whose joints cannot stick here."""
     return ArgumentError(
         "[effects.coulomb_friction] static: joints cannot stick here",
         got=what,
-        expected=expected,
+        expected="an open chain of clamped links, whose joints' rates are coordinates",
         todo="leave static out: the smooth friction acts everywhere",
     )
 
@@ -101,7 +99,7 @@ class Acceleration:
         """y'' (n,), the friction that holds the joints that stick, and the power into the arm, in a state x = [y; y'] (2n,).
 
         Parameters: slip: (p,) of the joints that may stick, 0 where one does and else the sign of its rate; None: smooth friction.
-        Raises: TrialLeftRange where the mass matrix is not positive definite.
+        Raises: SimulationStopped where the mass matrix is not positive definite.
         """
         M, B, left, rates, lost = self._equations(x, *self.about.place_at(t))
         kept, left, rates, friction = self._kept, left[:, 0], rates[:, 0], self.friction
@@ -112,7 +110,7 @@ class Acceleration:
             lost = lost + rates[moving] @ added
         _, acceleration, failed = LAPACK.dposv(M[kept], (B @ torque - left)[kept])
         if failed:
-            raise TrialLeftRange("the mass matrix is not positive definite there")
+            raise stopped(t, "the mass matrix is not positive definite there", x)
         holding = np.zeros(0)
         if friction is not None and slip is not None and not np.all(slip):
             stuck = [row for row, mode in zip(friction.rows, slip, strict=True) if mode == 0]

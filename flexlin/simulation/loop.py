@@ -1,15 +1,14 @@
-"""The nonlinear equations of motion under a control law, integrated: by collocation, from event to event, or from sample to sample."""
+"""The nonlinear equations of motion under a control law, integrated by collocation: as a whole, or from event to event."""
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexlin.about.law import Law
+from flexlin.about.layers import Layers
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
 from flexlin.lazy import lazy
-from flexlin.periodic.sampled import hold_controller
 from flexlin.simulation.collocation import ROUNDING, Collocation
 from flexlin.simulation.controlled_arm import ControlledArm, explain_end, find_indefinite
 from flexlin.simulation.equations import (
@@ -19,18 +18,17 @@ from flexlin.simulation.equations import (
     to_coordinates,
     with_controller,
 )
-from flexlin.simulation.events import Events
-from flexlin.simulation.layers import hurries, skips_layer
+from flexlin.simulation.events import Events, Samples
 from flexlin.simulation.marks import with_breaks
 from flexlin.simulation.mesh import Trail
 from flexlin.simulation.modes import ModedEquations, with_modes
-from flexlin.simulation.stepping import march, stopped
-
-if TYPE_CHECKING:
-    from scipy.integrate import DOP853
+from flexlin.simulation.stopping import stopped
+from flexlin.simulation.window import Grid, Path, between
 
 CLOSE = 0.999
 """A torque nearer to its limit than this, at any stage of the collocation, may be cut between the stages."""
+PARTS = np.linspace(0.0, 1.0, 9)
+"""Of a step: where the arguments of what saturates are looked at."""
 CHECKED = 64
 """Windows after which the mass matrices of the states that they reached are looked at, all in one call."""
 
@@ -41,8 +39,6 @@ class TorqueCut(Exception):
 
 class NonlinearLoop(ControlledArm):
     """A controlled arm, integrated by collocation: as a whole while the drive gives what is commanded, else from event to event.
-
-    Where the torque is sampled and held an explicit method follows it from sample to sample.
 
     Examples
     --------
@@ -103,25 +99,17 @@ class NonlinearLoop(ControlledArm):
         x : array, shape (N, 2n + k), or None
             States of the linear equations; none where the torque is held or cut.
         """
-        z, self.reached = np.append(start, 0.0), []
-        self.accept(t[:1], z[None])
+        self.reached = []
+        self.accept(t[:1], start[None])
         try:
-            if self.drive.sample_time is not None:
-                return follow_held(self, t, z, rtol), None
-            self._switches = self._switches or self.drive.rate is not None or self.friction is not None
             if not self._switches:
                 try:
-                    found = self._collocated(t, start, rtol, stages, linear, trail)
+                    return self._collocated(t, start, rtol, stages, linear, trail)
                 except TorqueCut:
                     self._switches, self.reached = True, self.reached[:1]
-            if self._switches:
-                linear, found = False, self._switched(t, start, rtol, stages)
+            return self._switched(t, start, rtol, stages), None
         except SimulationStopped as end:
             raise (explain_end(self.lin, end) if end.reached is not None else end) from None
-        n, k = self.n, self._law.memory
-        states, beside = found[:, : 2 * (n + k)], found[:, 2 * (n + k) + 1 :]
-        z = np.column_stack([from_coordinates(states, n, k), found[:, 2 * (n + k)]])
-        return z, from_coordinates(beside, n, k) if linear else None
 
     @lazy
     def _collocation(self) -> Equations:
@@ -131,21 +119,32 @@ class NonlinearLoop(ControlledArm):
         """The equations of the arm under a law without a controller."""
         return NonlinearEquations(self.lin, law)
 
-    def _collocated(self, t: Array, start: Array, rtol: float, stages: int, linear: bool, trail: Trail | None) -> Array:
+    def _collocated(
+        self, t: Array, start: Array, rtol: float, stages: int, linear: bool, trail: Trail | None
+    ) -> tuple[Array, Array | None]:
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
-        found, self.trail = self._integrate(self._collocation, t, start, rtol, stages, None, linear, trail)
-        return found
+        n, k = self.n, self._law.memory
+        found, self.trail = self._integrate(
+            self._collocation, t, to_coordinates(start, n), rtol, stages, None, linear, trail
+        )
+        states, work, beside = np.split(found, [2 * (n + k), 2 * (n + k) + 1], axis=1)
+        z = np.column_stack([from_coordinates(states, n, k), work])
+        return z, from_coordinates(beside, n, k) if linear else None
 
     def _switched(self, t: Array, start: Array, rtol: float, stages: int) -> Array:
-        """From event to event, in a mode at a time."""
-        events, law = Events(self, self._law), self._law
+        """From event to event and from sample to sample, in a mode at a time."""
+        law, n, k = self._law, self.n, self._law.memory
+        events = Events(self, law) if self.drive.sample_time is None else Samples(self, law)
         arm = ModedEquations(self.lin, law.direct, events.modes, self.friction)
         x = events.begin(float(t[0]), start)
-        found, _ = self._integrate(with_modes(arm, law), t, x, rtol, stages, events)
-        n, k = self.n, law.memory
-        asked = law.torque(self._now(t), from_coordinates(found[:, :-1], n, k))
-        self.events, self.given = tuple(events.notes), events.torques(t, asked)
-        return found
+        if isinstance(events, Samples):
+            found, _ = self._integrate(arm, t, x[: 2 * n], rtol, stages, events)
+            x = np.column_stack([found[:, :-1], events.memory(t)])
+        else:
+            found, _ = self._integrate(with_modes(arm, law), t, to_coordinates(x, n), rtol, stages, events)
+            x = from_coordinates(found[:, :-1], n, k)
+        self.events, self.given = tuple(events.notes), events.torques(t, law.torque(self.now(t), x))
+        return np.column_stack([x, found[:, -1]])
 
     def _integrate(
         self,
@@ -159,7 +158,10 @@ class NonlinearLoop(ControlledArm):
         trail: Trail | None = None,
     ) -> tuple[Array, Trail | None]:
         """States by collocation, each looked at once it is reached."""
-        marks, limit = with_breaks(t[[0, -1]], self.lin, self.rough), self.drive.limit
+        ends, limit = t[[0, -1]], self.drive.limit
+        if isinstance(events, Samples):
+            ends = np.union1d(ends, events.instants(float(t[-1])))
+        marks = with_breaks(ends, self.lin, self.rough)
         passed: list[tuple[Array, Array]] = []
 
         def accept(t: Array, x: Array, torque: Array) -> None:
@@ -174,7 +176,7 @@ class NonlinearLoop(ControlledArm):
         tol = max(rtol, ROUNDING)
         integrator = Collocation(equations, self.lin.period, stages, tol, accept, watched, events)
         try:
-            return integrator.integrate(t, to_coordinates(start, self.n), marks, linear, trail)
+            return integrator.integrate(t, start, marks, linear, trail)
         finally:
             self._check_mass(passed)
 
@@ -189,43 +191,8 @@ class NonlinearLoop(ControlledArm):
             raise stopped(float(t[first]), "the mass matrix is not positive definite there", x[first])
 
 
-def follow_held(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
-    """States (N, 2n + k + 1) from instant to instant at which the torque changes, sampling measured `delay` before.
-
-    The controller's own states move from sample to sample, as what was measured and asked at the first of them has it. The loop's `given`
-    torques are set.
-    """
-    step, delay = loop.drive.sample_time or 1.0, loop.drive.delay
-    controller, plant = loop.controller, 2 * loop.n
-    held = None if controller is None else hold_controller(controller.rates, step)
-    out, torque = np.empty((len(t), len(z))), loop.command(t[0], loop.measure(t[0], z[:-1]))
-    out[0], now, done, sample = z, float(t[0]), 1, 0
-    loop.given = np.tile(torque, (len(t), 1))
-    while done < len(t):
-        measured = t[0] + sample * step
-        seen = loop.measure(measured, z[:-1])
-        asked = loop.asked(measured, seen)
-        given, after = loop.drive.saturated(asked), z[plant:-1]
-        if held is not None:
-            after = after + held @ loop.remembered(measured, seen, asked - given)
-        for until, later in ((measured + delay, given), (measured + step, given)):
-            if until > now:
-                stops = t[done : int(np.searchsorted(t, until + 1e-12 * step, side="right"))]
-                make = partial(explicit, loop, torque=torque, end=until, rtol=rtol)
-                z, values = march(
-                    make, z, now, until, stops, loop.accept, partial(skips_layer, loop.layers), first=until - now
-                )
-                out[done : done + len(stops)], loop.given[done : done + len(stops)] = values, torque
-                done, now = done + len(stops), until
-            torque = later
-        z = np.concatenate([z[:plant], after, z[-1:]])
-        sample += 1
-    return out
-
-
-def explicit(loop: ControlledArm, t: float, z: Array, first: float, torque: Array, end: float, rtol: float) -> "DOP853":
-    """An integrator under a constant torque."""
-    from scipy.integrate import DOP853
-
-    rate = partial(loop.rate, torque=torque)
-    return DOP853(rate, t, z, end, rtol=max(rtol, 1e-13), atol=rtol * 1e-2, first_step=first)
+def hurries(layers: Layers, grid: Grid, path: Path) -> Array:
+    """`Layers.hurry` of the steps (K,) of a window; coordinates of a controller stand behind those of the arm."""
+    t, n = grid.edges[:-1, None] + grid.h[:, None] * PARTS, layers.about.n
+    x = between(grid, path, np.zeros((grid.count, grid.stages)), t.ravel())[0].reshape(*t.shape, -1)
+    return layers.hurry(t, x[..., :n], x[..., x.shape[-1] // 2 :][..., :n])

@@ -11,17 +11,25 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
-from flexlin.lazy import lazy
-from flexlin.simulation.equations import ControlledEquations, Equations, NonlinearEquations, Places, loop_expressions
+from flexlin.simulation.equations import (
+    ControlledEquations,
+    Equations,
+    Matrices,
+    NonlinearEquations,
+    Places,
+    loop_expressions,
+)
 from flexlin.simulation.friction import Friction
+
+SAMPLED = 3
 
 
 @dataclass
 class Modes:
     """What the m inputs and the p joints that may stick do, from one event to the next.
 
-    held: 0 where an input follows the law, 1 or -1 at its limit, 2 or -2 where it changes as fast as it may; held inputs give
-    base + ramp (t - since); slip: 0 where a joint sticks, else the sign of its rate.
+    held: 0 where an input follows the law, 1 or -1 at its limit, 2 or -2 where it changes as fast as it may, SAMPLED from sample to
+    sample; held inputs give base + ramp (t - since); slip: 0 where a joint sticks, else the sign of its rate.
     """
 
     held: Array
@@ -54,23 +62,36 @@ class ModedEquations(NonlinearEquations):
     def __init__(self, lin: Linearization, law: Law, modes: Modes, friction: Friction | None):
         super().__init__(lin, law)
         self.modes, self._friction = modes, friction
-        if friction is not None:
-            self._residual = moded_functions(lin.about, friction)[0]
+        self._residual, self._all = moded_functions(lin.about, friction)
 
-    @lazy
-    def _slopes(self) -> ca.Function:
-        return super()._slopes if self._friction is None else moded_functions(self.lin.about, self._friction)[1]
+    def followed(self, t: Array) -> Places:
+        """What of the law is followed, without equations."""
+        law, modes, place, n = self.law, self.modes, self.lin.about.place(t), self.lin.n
+        if self._friction is not None:
+            place.insert(0, np.tile(modes.slip, (len(t), 1)))
+        if modes.held.all():
+            gain, offset = np.zeros((len(t), self.lin.about.m, 2 * n)), modes.given(t, modes.base)
+        else:
+            now = self.now(t)
+            gain, offset = np.where(modes.held[:, None] == 0, law.gain(now), 0.0), modes.given(t, law.offset(now))
+        none = np.zeros((len(t), n))
+        return Places(t, place, gain, offset, (none, none, none), none)
 
     def places(self, t: Array) -> Places:
         """What of the law is followed, and the equations about y = 0."""
-        law, now, modes, place = self.law, self.now(t), self.modes, self.lin.about.place(t)
-        if self._friction is not None:
-            place.insert(0, np.tile(modes.slip, (len(t), 1)))
-        gain = np.where(modes.held[:, None] == 0, law.gain(now), 0.0)
-        rest = np.zeros((len(t), self.lin.n))
-        at = Places(t, place, gain, modes.given(t, law.offset(now)), (rest, rest, rest), rest)
-        at = replace(at, linear=self.slopes(at, rest, rest, rest))
-        return replace(at, force=-self.residual(at, rest, rest, rest)[0])
+        at = self.followed(t)
+        linear, F, _ = self.linearized(at, at.force, at.force, at.force)
+        return replace(at, linear=linear, force=-F)
+
+    def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices:
+        """Exact derivatives, the gain's part included."""
+        return self.linearized(at, y, v, w)[0]
+
+    def acceleration(self, t: Array, y: Array, v: Array) -> tuple[Array, Places]:
+        """y'' (N, n), of which joints that stick have none."""
+        at = self.followed(t)
+        (M, _, _), F, _ = self.linearized(at, y, v, np.zeros_like(y))
+        return -np.linalg.solve(M, F[..., None])[..., 0], at
 
     def mass(self, at: Places, y: Array) -> Array:
         """dF/dy'', whose rows of joints that stick are those of the unit matrix."""
@@ -78,8 +99,15 @@ class ModedEquations(NonlinearEquations):
 
     def input_matrix(self, at: Places) -> Array:
         """B at y = 0, without joints that stick."""
-        rest = np.zeros((len(at.t), self.lin.n))
-        return self.at_places(self._slopes, at, rest, rest, rest)[3]
+        none = np.zeros((len(at.t), self.lin.n))
+        return self.linearized(at, none, none, none)[2]
+
+    def linearized(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Matrices, Array, Array]:
+        """dF/dy'', dF/dy', dF/dy with the gain's part, F and -dF/dtorque."""
+        n = self.lin.n
+        M, D, K, B, F = self.at_places(self._all, at, y, v, w)
+        added = B @ at.gain
+        return (M, D + added[:, :, n:], K + added[:, :, :n]), F[:, :, 0], B
 
 
 def with_modes(arm: ModedEquations, law: Law) -> Equations:
@@ -109,21 +137,21 @@ class ModedController(ControlledEquations):
 
 
 @lru_cache(maxsize=8)
-def moded_functions(about: Deviation, friction: Friction) -> tuple[ca.Function, ca.Function]:
-    """F and the power of y, y', y'', the torque, the slip and the place on the motion; and dF/dy'', dF/dy', dF/dy, -dF/dtorque."""
+def moded_functions(about: Deviation, friction: Friction | None) -> tuple[ca.Function, ca.Function]:
+    """F and the power; and dF/dy'', dF/dy', dF/dy, -dF/dtorque, F, of y, y', y'', the torque, the slip of joints that stick, the place."""
     inputs, angles, F, _, power = loop_expressions(about)
-    slip, places = ca.SX.sym("slip", len(friction.rows)), list(friction.places)
-    expressions = [about.arm.s_dot[places], about.arm.s_ddot[places]]
-    rates, accelerations = about.lift(expressions, angles, *(inputs[name] for name in ("y", "y1", "y2")))
-    slides = slip**2
-    for i, row in enumerate(friction.rows):
-        sliding = friction.level(i, rates[i])
-        left = F[row] + (slip[i] - ca.tanh(rates[i] / friction.rate[i])) * sliding
-        F[row] = slides[i] * left + (1 - slides[i]) * accelerations[i]
-    slopes = {name: ca.jacobian(F, inputs[by]) for name, by in (("M", "y2"), ("D", "y1"), ("K", "y"))}
-    slopes["B"] = -ca.jacobian(F, inputs["torque"])
-    inputs["slip"] = slip
-    return about.function(angles, inputs, {"F": F, "power": power}), about.function(angles, inputs, slopes)
+    moved = {"y2": inputs["y2"], "y1": inputs["y1"], "y": inputs["y"], "torque": inputs["torque"]}
+    if friction is not None:
+        slip, places = ca.SX.sym("slip", len(friction.rows)), list(friction.places)
+        expressions = [about.arm.s_dot[places], about.arm.s_ddot[places]]
+        rates, accelerations = about.lift(expressions, angles, inputs["y"], inputs["y1"], inputs["y2"])
+        for i, row in enumerate(friction.rows):
+            left = F[row] + (slip[i] - ca.tanh(rates[i] / friction.rate[i])) * friction.level(i, rates[i])
+            F[row] = slip[i] ** 2 * left + (1 - slip[i] ** 2) * accelerations[i]
+        inputs["slip"] = slip
+    M, D, K, against = (ca.jacobian(F, by) for by in moved.values())
+    both = {"M": M, "D": D, "K": K, "B": -against, "F": F}
+    return about.function(angles, inputs, {"F": F, "power": power}), about.function(angles, inputs, both)
 
 
 @lru_cache(maxsize=8)

@@ -99,9 +99,11 @@ def step_by_step(lin, limit, t, start):
     loop = NonlinearLoop(lin, lin.law)
 
     def rate(now, z):
-        asked = loop.asked(now, z[:-1])
+        x = z[:-1]
+        asked = lin.law.torque(np.array([now]), x[None])[0]
         given = np.clip(asked, -limit, limit)
-        return loop.rate(now, z, given, loop.remembered(now, z[:-1], asked - given))
+        acceleration, _, power = loop.equations.solve(now, x[: 2 * lin.n], given)
+        return np.concatenate([x[lin.n : 2 * lin.n], acceleration, loop.remembered(now, x, asked - given), [power]])
 
     return solve_ivp(rate, t[[0, -1]], start, "LSODA", t, rtol=1e-10, atol=1e-12).y.T
 
