@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from flexlin.checks import Array
+from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError, NumericalError, TooManySegments, counted
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.product import GROUP_CONDITION, Unknown
@@ -65,11 +65,19 @@ class Setting:
 
 
 def place_segments(system: PeriodicSystem, setting: Setting) -> Array:
-    """Edges (K + 1,) of the segments of a period: every panel of the resolved coefficients is divided evenly by its share."""
+    """Edges (K + 1,) of the segments of a period: every panel of the resolved coefficients is divided evenly by its share.
+
+    Raises: TooLarge where the transition matrices over them would not fit.
+    """
     corners = system.resolved.edges
     panels = np.diff(corners)
     shares = np.array(setting.shares) if len(setting.shares) == len(panels) else panels / system.period
     counts = np.maximum(1, np.ceil(setting.segments * shares * (1 - 1e-12)).astype(int))
+    check_size(
+        f"a period of {counts.sum():,} segments for {system.n} states",
+        8 * int(counts.sum()) * system.n**2,
+        "leave out the fastest modes, or lower the gains behind them",
+    )
     which = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     return np.append(np.repeat(corners[:-1], counts) + np.repeat(panels / counts, counts) * which, corners[-1])
 
