@@ -21,6 +21,8 @@ from flexlin.summary import represent
 
 TIMES = 1024
 """Times of the period at which the input's way to the output is looked at."""
+DERIVED = 1e-11
+"""Agreement that is asked for of an output's derivatives, whose rounding grows with each: narrower panels would chase it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +193,7 @@ def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) ->
 def take(system: PeriodicSystem, function: MatrixFunction, breaks: tuple[float, ...]) -> ResolvedMatrix:
     """What is made of series, as a series: smooth between the edges of their panels."""
     corners = sorted({*breaks, *edges_between(system.resolved, system.resolved_input)})
-    return resolve(function, system.period, corners, complete=True)
+    return resolve(function, system.period, corners, complete=True, tol=DERIVED)
 
 
 def jumps(row: ResolvedMatrix) -> bool:

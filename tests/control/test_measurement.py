@@ -106,3 +106,12 @@ def test_a_report_names_the_zero_that_bounds_every_controller():
     found = analyse(scene)
     assert found.zeros.verdict == "non-minimum phase"
     assert "non-minimum phase" in comment_on_zeros(found)[0]
+
+
+@pytest.mark.slow
+def test_rounding_of_an_outputs_derivatives_is_not_chased():
+    """A slow pick-and-place: narrower and narrower panels followed it, until none was left to try."""
+    scene = fl.load_scene("pick-and-place", {"motion.move_time": 1.0, "motion.dwell_time": 1.0})
+    found = tip_zeros(fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control))
+    assert found.verdict == "non-minimum phase"
+    assert found.exponents[0].real == pytest.approx(3222, abs=1)
