@@ -167,6 +167,15 @@ def test_bad_requests():
         fl.linearize(fl.build_manipulator(rigid), rigid.motion)
 
 
+def test_a_stiffness_that_is_zero_for_a_stiff_joint_cannot_be_left_free():
+    """The symbol would let the joint go: fits of such a number ended in overflow."""
+    scene = fl.load_scene("quanser-two-link")
+    with pytest.raises(
+        ArgumentError, match=r"stiffness of joint 1 is left free, but 0 there stands for a joint that is stiff"
+    ):
+        fl.build_manipulator(scene, ["effects.joint_flexibility.stiffness.0"])
+
+
 def test_things_of_another_kind_are_named():
     scene = two_links()
     arm = fl.build_manipulator(scene)

@@ -109,6 +109,7 @@ def _build(
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
     units = {i: "m" if link.joint == "prismatic" else "rad" for i, link in enumerate(scene.links) if link.moves}
+    _check_springs(effects_of(tables), effects, units)
     free_motors = [i for i in units if scene.links[i].driven and any(effect.frees_motor(i) for effect in effects)]
     free_bearings = [i for i in units if any(effect.frees_bearing(i) for effect in effects)]
     coordinates = list_coordinates(scene.links, units, free_motors, free_bearings)
@@ -120,6 +121,18 @@ def _build(
         return arm
 
     return close_scene_loops(arm, chain, scene, near)
+
+
+def _check_springs(own: tuple[Effect, ...], freed: tuple[Effect, ...], moving: Iterable[int]) -> None:
+    """Refuse free numbers that are 0 in the scene because a joint is stiff: the symbol would let it go."""
+    for i in moving:
+        for before, after in zip(own, freed, strict=True):
+            if before.frees_motor(i) != after.frees_motor(i) or before.frees_bearing(i) != after.frees_bearing(i):
+                raise ArgumentError(
+                    f"a stiffness of joint {i + 1} is left free, but 0 there stands for a joint that is stiff",
+                    got="0",
+                    expected="a stiffness greater than 0, to begin with",
+                )
 
 
 def _derive_equations(
