@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
+from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,7 @@ from flexlin.checks import Array, positive
 from flexlin.errors import NotStable, NumericalError, TimeLimit
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, combine
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.precision import ROOT
+from flexlin.periodic.precision import MINOR, ROOT
 from flexlin.periodic.related import with_matrices
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of
 from flexlin.periodic.transition.setting import FEWER_SEGMENTS
@@ -22,10 +23,15 @@ LARGEST_GAIN, STEP = 1e3, 1.4
 """Factors on the gain that are tried, and the ratio from one gain or delay to the next."""
 LONGEST_DELAY = 20.0
 """In times of the slowest exponent of A(t), or periods; the first delay is this part of the time of the fastest."""
-LINE = 8
-"""Order of the delay line, [7/8] Pade; an order more by four shows the error."""
+SHORTEST_LINE, LINE = 2, 8
+"""Orders of the delay line, [1/2] to [7/8] Pade, as short as tol allows at the fastest eigenvalue; the next order shows the error."""
+
+SCANNED, SURE = 1e-4, 1e3
+"""Accuracy with which loops are judged at first, and how many times its error a growth rate exceeds where no better one is needed."""
 
 Perturbed = Callable[[float], PeriodicSystem]
+Found = tuple[float, float]
+"""A margin and its error."""
 Start = tuple[float, float]
 """A value whose loop is the one without change, and the growth rate of that; the perturbed loop itself need not exist there."""
 
@@ -45,7 +51,7 @@ class Margins:
     errors : tuple of float
         Of the lower gain, the upper gain, the phase and the delay, in their units: on either side at this distance the verdict is decided.
     reason : str
-        Why margins are not a number: some perturbed loop on the way has no verdict. Empty where all are known.
+        Why margins are not a number: some perturbed loop on the way has no verdict, or time was over. Empty where all are known.
 
     Examples
     --------
@@ -123,26 +129,28 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     def with_phase(phi: float) -> PeriodicSystem:
         return with_matrices(nominal, Turned(system.A, B, K, phi), breaks=breaks)
 
-    def with_delay(tau: float, order: int = LINE) -> PeriodicSystem:
+    sizes = measure_rates(nominal)
+
+    def with_delay(tau: float, more: int = 0) -> PeriodicSystem:
+        order = choose_order(float(sizes.max()) * tau, MINOR * tol) + more
         return with_matrices(nominal, Delayed(system.A, B, K, tau, order), breaks=breaks)
 
-    def find_delay() -> tuple[float, float]:
-        delay, error = find_first(with_delay, (0.0, decay), list_delays(nominal), tol)
+    def find_delay() -> Found:
+        delay, error = find_first(with_delay, (0.0, decay), list_delays(nominal.period, sizes), tol)
         if np.isinf(delay):
             return delay, error
-        finer, reach = find_near(lambda tau: with_delay(tau, LINE + 4), delay, max(error, tol * delay))
+        finer, reach = find_near(lambda tau: with_delay(tau, 1), delay, max(error, tol * delay))
         return finer, reach + abs(finer - delay)
 
     steps = STEP ** np.arange(1, int(np.log(LARGEST_GAIN) / np.log(STEP)) + 1)
     angles = np.linspace(0.0, np.pi, len(steps) + 1)[1:]
-    searches: list[Callable[[], tuple[float, float]]] = [
+    searches: list[Callable[[], Found]] = [
         partial(find_first, with_gain, (1.0, decay), 1 / steps, tol),
         partial(find_first, with_gain, (1.0, decay), steps, tol),
         partial(find_first, with_phase, (0.0, decay), angles, tol),
         find_delay,
     ]
-    reasons: list[str] = []
-    (low, below), (high, above), (phase, turned), (delay, late) = (find_if_known(one, reasons) for one in searches)
+    (low, below), (high, above), (phase, turned), (delay, late), reasons = find_known(searches)
     gain = 0.0 if np.isinf(low) else low, high
     return Margins(gain, phase, delay, (below, above, turned, late), "; ".join(dict.fromkeys(reasons)))
 
@@ -189,56 +197,84 @@ class Delayed:
         return out
 
 
-def find_if_known(search: Callable[[], tuple[float, float]], reasons: list[str]) -> tuple[float, float]:
-    """A margin and its error; not a number, with a reason more, where a loop on the way has no verdict. Raises: TimeLimit."""
-    try:
-        return search()
-    except TimeLimit:
-        raise
-    except NumericalError as error:
-        reasons.append(str(error))
-        return np.nan, np.nan
+def find_known(searches: list[Callable[[], Found]]) -> tuple[Found, Found, Found, Found, list[str]]:
+    """The four margins and their errors, not a number where a loop on the way has no verdict or the time is over; and the reasons.
+
+    Raises: TimeLimit where it is over before the first is known.
+    """
+    found, reasons = [(np.nan, np.nan)] * len(searches), list[str]()
+    for k, search in enumerate(searches):
+        try:
+            found[k] = search()
+        except NumericalError as error:
+            if isinstance(error, TimeLimit) and not k:
+                raise
+            reasons.append(str(error))
+            if isinstance(error, TimeLimit):
+                break
+    first, second, third, last = found
+    return first, second, third, last, reasons
 
 
-def list_delays(loop: PeriodicSystem) -> Array:
+def measure_rates(loop: PeriodicSystem) -> Array:
+    """The sizes (33, n) of the eigenvalues of A(t) over a period, in 1/s."""
+    return np.abs(np.linalg.eigvals(loop.A(loop.period * np.arange(33) / 33)))
+
+
+def list_delays(period: float, sizes: Array) -> Array:
     """Rising delays, from a part of the fastest time of A(t) to several of the slowest."""
-    t = loop.period * np.arange(33) / 33
-    sizes = np.abs(np.linalg.eigvals(loop.A(t)))
-    longest = LONGEST_DELAY * max(
-        loop.period, 1 / max(float(sizes.max()) / LARGEST_GAIN, float(sizes.mean(axis=0).min()))
-    )
+    longest = LONGEST_DELAY * max(period, 1 / max(float(sizes.max()) / LARGEST_GAIN, float(sizes.mean(axis=0).min())))
     first = 1 / (LONGEST_DELAY * float(sizes.max()))
     return first * STEP ** np.arange(1 + int(np.log(longest / first) / np.log(STEP)))
 
 
-def find_first(make: Perturbed, start: Start, values: Iterable[float], tol: float) -> tuple[float, float]:
+def choose_order(z: float, tol: float) -> int:
+    """The least order q whose [q - 1 / q] Pade approximation misses exp(-z) by tol, z^(2 q) q! (q - 1)! / ((2 q)! (2 q - 1)!)."""
+    f = factorial
+    for q in range(SHORTEST_LINE, LINE):
+        if z ** (2 * q) * f(q) * f(q - 1) <= tol * f(2 * q) * f(2 * q - 1):
+            return q
+    return LINE
+
+
+def find_first(make: Perturbed, start: Start, values: Iterable[float], tol: float) -> Found:
     """The first change of verdict on the way from a stable start over the values, with its error; inf, 0 where there is none."""
     from scipy.optimize import brentq  # takes longer to load than most loops to judge
 
-    known = dict([start])
-
-    def growth(value: float) -> float:
-        if value not in known:
-            known[value] = judge_growth(make(value))
-        return known[value]
-
+    before, begun = start
     for value in map(float, values):
-        before = list(known)[-1]
-        if growth(value) > 0:
-            root = float(brentq(growth, before, value, xtol=tol * abs(value) / 4, rtol=1e-14))
+        growth = judge_sign(make(value))
+        if growth > 0:
+            ends = {before: begun, value: growth}
+
+            def at(x: float, ends: dict[float, float] = ends) -> float:
+                return ends[x] if x in ends else judge_growth(make(x))[0]
+
+            root = float(brentq(at, before, value, xtol=tol * abs(value) / 4, rtol=1e-14))
             return find_near(make, root, tol * abs(root) / 2)
+        before, begun = value, growth
     return np.inf, 0.0
 
 
-def judge_growth(loop: PeriodicSystem) -> float:
-    """The largest real part of the exponents, in 1/s. Raises: TooManySegments, far beyond FEWER_SEGMENTS: a search asks for dozens."""
-    return float(floquet(loop, ROOT, max_segments=FEWER_SEGMENTS).exponents[0].real)
+def judge_sign(loop: PeriodicSystem) -> float:
+    """The largest real part of the exponents, in 1/s, as exactly as its sign asks for."""
+    growth, error = judge_growth(loop, SCANNED)
+    return growth if abs(growth) > SURE * error else judge_growth(loop)[0]
 
 
-def find_near(make: Perturbed, value: float, reach: float) -> tuple[float, float]:
+def judge_growth(loop: PeriodicSystem, tol: float = ROOT) -> Found:
+    """The largest real part of the exponents, in 1/s, with its error.
+
+    Raises: TooManySegments, far beyond twice FEWER_SEGMENTS: a search asks for dozens.
+    """
+    found = floquet(loop, tol, max_segments=2 * FEWER_SEGMENTS)
+    return float(found.exponents[0].real), float(found.errors[0])
+
+
+def find_near(make: Perturbed, value: float, reach: float) -> Found:
     """The middle and half width of an interval about a value, at whose ends the verdicts are decided and differ."""
     while reach < abs(value):
-        verdicts = {floquet(make(value + side * reach), ROOT, max_segments=FEWER_SEGMENTS).verdict for side in (-1, 1)}
+        verdicts = {floquet(make(value + side * reach), ROOT).verdict for side in (-1, 1)}
         if verdicts == {"stable", "unstable"}:
             return value, reach
         reach *= 2

@@ -1,5 +1,6 @@
 """Margins of constant loops against python-control, of periodic ones against integrations of the perturbed loop by other means."""
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -149,15 +150,15 @@ def test_a_narrow_pulse_is_in_every_perturbed_loop(named):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("states", "lost", "kept"), [(10, "delay", "phase"), (4, "phase", "delay")])
-def test_a_margin_whose_loops_have_no_verdict_is_said_to_be_unknown(states, lost, kept, found, monkeypatch):
-    """Loops with a delay line have 10 states here, turned ones 4; the margins that are known stay as they are."""
+@pytest.mark.parametrize(("kind", "lost", "kept"), [("Delayed", "delay", "phase"), ("Turned", "phase", "delay")])
+def test_a_margin_whose_loops_have_no_verdict_is_said_to_be_unknown(kind, lost, kept, found, monkeypatch):
+    """The margins that are known stay as they are."""
     growth = search.judge_growth
 
-    def refuse(loop):
-        if loop.n == states:
+    def refuse(loop, *tol):
+        if type(loop.A).__name__ == kind:
             raise TooManySegments("tol 1e-7 needs too many segments")
-        return growth(loop)
+        return growth(loop, *tol)
 
     monkeypatch.setattr(search, "judge_growth", refuse)
     some = fl.margins(PLANT, many(K))
@@ -168,10 +169,19 @@ def test_a_margin_whose_loops_have_no_verdict_is_said_to_be_unknown(states, lost
     assert not found.reason
 
 
-def test_a_limit_of_time_ends_the_search(monkeypatch):
-    def late(loop):
-        raise TimeLimit("margins: stopped at the time limit")
+def test_a_limit_of_time_ends_the_search_with_what_is_known(found, monkeypatch):
+    growth = search.judge_growth
+
+    def late(loop, *tol, states=4):
+        if loop.n >= states:
+            raise TimeLimit("margins: stopped at the time limit")
+        return growth(loop, *tol)
 
     monkeypatch.setattr(search, "judge_growth", late)
+    some = fl.margins(PLANT, many(K))
+    assert some.gain == found.gain
+    assert np.isnan([some.phase, some.delay]).all()
+    assert some.reason == "margins: stopped at the time limit"
+    monkeypatch.setattr(search, "judge_growth", partial(late, states=0))
     with pytest.raises(TimeLimit):
         fl.margins(PLANT, many(K))
