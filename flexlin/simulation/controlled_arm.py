@@ -50,7 +50,7 @@ class ControlledArm:
         self.given: Array | None = None
         self.reached = list[float]()
         self.trail: Trail | None = None
-        self._switches = bool(self.friction or self.drive.rate or self.drive.sample_time)
+        self._cut = False
 
     def remembered(self, t: float, x: Array, missing: Array) -> Array:
         """Return z' of the controller's states at one time.

@@ -102,11 +102,11 @@ class NonlinearLoop(ControlledArm):
         self.reached = []
         self.accept(t[:1], start[None])
         try:
-            if not self._switches:
+            if not (self._cut or self.friction or self.drive.rate or self.drive.sample_time):
                 try:
                     return self._collocated(t, start, rtol, stages, linear, trail)
                 except TorqueCut:
-                    self._switches, self.reached = True, self.reached[:1]
+                    self._cut, self.reached = True, self.reached[:1]
             return self._switched(t, start, rtol, stages), None
         except SimulationStopped as end:
             raise (explain_end(self.lin, end) if end.reached is not None else end) from None

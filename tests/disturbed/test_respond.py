@@ -9,6 +9,8 @@ from scipy.interpolate import CubicSpline
 
 import flexlin as fl
 from flexlin.answers import answer_noise, overshoot, respond, settling_time, state_disturbance
+from flexlin.answers.disturbed import PushedLoop
+from flexlin.answers.disturbed.stated import Directions
 from flexlin.cli import main
 from flexlin.errors import ArgumentError
 from flexlin.report.figures.answers import draw_answer
@@ -75,6 +77,22 @@ def test_the_nonlinear_answer_tends_to_the_linear_one(closed, kind, words, half)
     assert small.difference < 0.6 * large.difference < 0.02 or large.difference < 2e-5
     np.testing.assert_allclose(large.linear, 2 * small.linear, atol=1e-9 * large.peak)
     assert np.isfinite(large.settling).all()
+
+
+def test_a_push_reaches_an_arm_whose_joint_may_stick():
+    """While it is pushed its friction is the smooth one, with `static` as without."""
+    t, found = np.linspace(0.0, 0.05, 6), []
+    for static in ({}, {"static": 0.012}):
+        scene = fl.load_scene(
+            "single-link", {**SMALL, "effects.coulomb_friction": {"torque": 0.01, "rate": 0.01} | static}
+        )
+        lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+        found += [
+            PushedLoop(lin, lin.law, Directions(lin), size).integrate(t, np.zeros(4), 1e-8) for size in (0.0, 0.5)
+        ]
+    still, pushed, _, again = found
+    assert np.abs(pushed - still).max() > 1e-3
+    np.testing.assert_allclose(again, pushed, atol=1e-7)
 
 
 def test_a_step_ends_where_the_stiffness_holds_it(closed):
