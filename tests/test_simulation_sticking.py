@@ -72,14 +72,17 @@ def test_a_force_below_the_static_friction_moves_nothing_and_one_above_does():
     assert abs(loose.nonlinear[-1, 0]) < 0.05
 
 
-def test_joints_stick_under_a_torque_that_is_sampled_and_held():
-    """J x'' = -K (x, x')_k - F over each sample, by its parabola: kd makes the joint stop, and come loose at a sample only."""
+@pytest.mark.parametrize("ki", [0.0, 6.0])
+def test_joints_stick_under_a_torque_that_is_sampled_and_held(ki):
+    """J x'' = -(kp x + kd x' + ki z)_k - F over each sample, by its parabola, z_(k+1) = z_k + h x_k: loose joints stop in between."""
     kp, kd, step, sliding, static, start = 4.0, 0.1, 0.05, 0.05, 0.08, 0.5
-    lin = block(**friction(sliding, static), **{"control.feedback": {"kind": "pd", "kp": [kp], "kd": [kd]}})
+    feedback = {"kind": "pid", "kp": [kp], "kd": [kd], "ki": [ki]} if ki else {"kind": "pd", "kp": [kp], "kd": [kd]}
+    lin = block(**friction(sliding, static), **{"control.feedback": feedback})
     run = fl.simulate(lin, 1.0, initial=[start, 0.0], tol=1e-10, drive=Drive(sample_time=step))
-    x, v, slip, found, inertia = start, 0.0, 0.0, [], lin.M(0.0)[0, 0]
+    x, v, z, slip, found, inertia = start, 0.0, 0.0, 0.0, [], lin.M(0.0)[0, 0]
     for k in range(int(np.ceil(lin.period / step))):
-        torque, left = -kp * x - kd * v, step
+        torque, left = -kp * x - kd * v - ki * z, step
+        z += step * x
         if slip == 0 and abs(torque) > static:
             slip = np.sign(torque)
             found += [(k * step, "slides")] * (k > 0)

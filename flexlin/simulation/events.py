@@ -73,7 +73,7 @@ class Events:
         self.modes = Modes.free(m, 0 if self._friction is None else len(self._friction.rows))
         self.passed: list[tuple[float, Modes]] = []
         self.notes: list[tuple[float, str, str]] = []
-        self._count = self._at_once = 0
+        self._count, self._at_once, self._memory = 0, 0, law.memory
 
     def begin(self, t: float, x: Array) -> Array:
         """The modes of a start x = [y; y'; z]; returns the state, with the rates of joints that stick made exact."""
@@ -94,7 +94,7 @@ class Events:
     def pass_break(self, t: float, x: Array, before: Array | None) -> None:
         """Behind a break of the motion what is asked may have jumped; before: the torque (m,) that was given until then."""
         if np.isfinite(self._fastest).any() and before is not None:
-            asked = self._asked(t + INSIDE * self._loop.lin.period, from_coordinates(x, self._loop.n, self._law.memory))
+            asked = self._asked(t + INSIDE * self._loop.lin.period, from_coordinates(x, self._loop.n, self._memory))
             for which in range(len(asked)):
                 self._choose(t, which, asked[which], 0.0, before[which])
             self.passed.append((t, self.modes.copy()))
@@ -125,7 +125,7 @@ class Events:
         self._count, self._at_once = self._count + 1, self._at_once + 1 if t <= begin else 0
         if self._count > MOST_EVENTS or self._at_once > MOST_AT_ONCE:
             raise stopped(t, self._describe(event.guard), np.concatenate([x[:n], x[len(x) // 2 :][:n]]))
-        z = from_coordinates(x, n, self._law.memory)
+        z = from_coordinates(x, n, self._memory)
         if event.guard < 2 * m:
             which = event.guard % m
             given = self.modes.given(np.array(t), event.asked)[which]
@@ -263,7 +263,7 @@ class Samples(Events):
         super().__init__(loop, law)
         self._step, self._delay, self._start = loop.drive.sample_time or 1.0, loop.drive.delay, 0.0
         self._moves = None if loop.controller is None else hold_controller(loop.controller.rates, self._step)
-        self._next = self._after = np.zeros(0)
+        self._next, self._after, self._memory = np.zeros(0), np.zeros(0), 0
         self.remembered: list[tuple[float, Array]] = []
 
     def instants(self, end: float) -> Array:

@@ -64,7 +64,7 @@ class NonlinearLoop(ControlledArm):
         rtol : float
             Relative tolerance of the integrator.
         stages : int
-            Of the collocation, which serves as long as the drive gives what is commanded; a torque that is held or cut is stepped through.
+            Of the collocation.
 
         Returns
         -------
