@@ -1,7 +1,7 @@
 """Events of a loop: a torque reaches or leaves a limit or is sampled, a joint sticks or breaks loose; found on whole windows at once."""
 
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from flexlin.simulation.equations import Places, from_coordinates, to_coordinate
 from flexlin.simulation.marks import INSIDE
 from flexlin.simulation.modes import SAMPLED, Modes, find_holding
 from flexlin.simulation.stopping import stopped
-from flexlin.simulation.window import Grid, Path
+from flexlin.simulation.window import Grid, Path, Rule, between
 
 LOOKS = np.arange(1, 17) / 16
 """Parts of a step at which the guards are looked at."""
@@ -29,7 +29,7 @@ JUMP = 1e-8
 
 @dataclass(frozen=True)
 class Signals:
-    """What the guards look at on a grid: polynomials of each step, coefficients (K, s, q) of powers of the time from 0 to 1.
+    """What the guards look at on a grid: polynomials of each step, coefficients (K, s + 1, q) of powers of the time from 0 to 1.
 
     They are of what the law asks of the m inputs, of the rates of the p joints, and of the friction that these need.
     """
@@ -57,6 +57,12 @@ class Event:
     guard: int
     asked: Array
     pace: Array
+
+
+@lru_cache(maxsize=16)
+def through_start(stages: int) -> Array:
+    """Values at the beginning and the stages of a step -> coefficients of the polynomial through them, (s + 1, s + 1)."""
+    return np.linalg.inv(np.vander(np.append(0.0, Rule.of(stages).tableau.c), increasing=True))
 
 
 class Events:
@@ -106,15 +112,14 @@ class Events:
         signals = self._signals(grid, path, at)
         t = grid.edges[:-1, None] + grid.h[:, None] * LOOKS
         left = self._guards(t, *signals.at(slice(None), LOOKS)) < 0
-        if not left.any():
-            return None
-        step, look = divmod(int(np.argmax(left.any(axis=2))), len(LOOKS))
-        low = LOOKS[look - 1] if look else 0.0
-        u, guard = min(
-            (self._root(signals, step, low, LOOKS[look], int(i)), int(i)) for i in np.flatnonzero(left[step, look])
-        )
-        asked, pace, *_ = (part[0] for part in signals.at(step, np.array([u])))
-        return Event(float(grid.edges[step] + u * grid.h[step]), step, guard, asked, pace)
+        for step, look in np.argwhere(left.any(axis=2)).tolist():
+            ends = LOOKS[look - 1] if look else 0.0, LOOKS[look]
+            roots = [(self._root(signals, path, step, ends, int(i)), int(i)) for i in np.flatnonzero(left[step, look])]
+            u, guard = min(roots)
+            if np.isfinite(u):
+                asked, pace, *_ = self._looked_at(signals, path, step, u)
+                return Event(float(grid.edges[step] + u * grid.h[step]), step, guard, asked[0], pace[0])
+        return None
 
     def switch(self, event: Event, begin: float, x: Array) -> Array:
         """Change the modes in a state x of the coordinates [y; c; y'; z]; returns the state from which it goes on.
@@ -154,18 +159,38 @@ class Events:
         return self._loop.equations.rates(t, x[: 2 * self._loop.n])[list(self._friction.places)]
 
     def _signals(self, grid: Grid, path: Path, at: Places) -> Signals:
-        """The polynomials through the stages."""
-        n = self._loop.n
+        """The polynomials through the beginnings and the stages of the steps."""
+        n, half = self._loop.n, path.x.shape[1] // 2
         y, v, w = path.stages
         parts = tuple(np.ascontiguousarray(part[:, :n]) for part in (y, v, w))
-        asked = self._asked_along(at.t, np.concatenate([parts[0], v], axis=1))
-        values = [asked]
+        begun = grid.edges[:-1] + INSIDE * self._loop.lin.period
+        stages, starts = self._follow(at.t, y, v), self._follow(begun, path.x[:-1, :half], path.x[:-1, half:])
+        values = np.concatenate([starts[:, None], stages.reshape(grid.count, grid.stages, -1)], axis=1)
         if self._friction is not None:
-            values.append(self._about.positions(at.t, *parts[:2])[1][:, list(self._friction.places)])
-            given = self.modes.given(at.t, asked)
-            values.append(find_holding(self._about, self._friction, at.t, parts, given))
-        stages = np.concatenate(values, axis=1).reshape(grid.count, grid.stages, -1)
-        return Signals(grid, grid.rule.powers @ stages, len(self._limit))
+            given = self.modes.given(at.t, stages[:, : len(self._limit)])
+            holding = find_holding(self._about, self._friction, at.t, parts, given)
+            holding = holding.reshape(grid.count, grid.stages, -1)
+            before = grid.rule.to_start @ holding
+            values = np.concatenate([values, np.concatenate([before[:, None], holding], axis=1)], axis=2)
+        return Signals(grid, through_start(grid.stages) @ values, len(self._limit))
+
+    def _follow(self, t: Array, y: Array, v: Array) -> Array:
+        """What is asked and the joints' rates (N, m + p) in a motion [y; c], [y'; z] (N, n + k)."""
+        n = self._loop.n
+        asked = self._asked_along(t, np.concatenate([y[:, :n], v], axis=1))
+        if self._friction is None:
+            return asked
+        rates = self._about.positions(t, y[:, :n], v[:, :n])[1][:, list(self._friction.places)]
+        return np.concatenate([asked, rates], axis=1)
+
+    def _looked_at(self, signals: Signals, path: Path, step: int, u: float) -> tuple[Array, ...]:
+        """The signals (1, ..) at a part of a step: what follows from the state, of the state itself."""
+        grid, m = signals.grid, len(self._limit)
+        t = grid.edges[step] + np.array([u]) * grid.h[step]
+        x = between(grid, path, np.zeros((grid.count, grid.stages)), t)[0]
+        _, pace, _, holding = signals.at(step, np.array([u]))
+        asked, rates = np.split(self._follow(t, *np.split(x, 2, axis=1)), [m], axis=1)
+        return asked, pace, rates, holding
 
     def _guards(self, t: Array, asked: Array, pace: Array, rates: Array, holding: Array) -> Array:
         """What stays above zero (.., 2 m + p) as long as the modes hold."""
@@ -180,16 +205,17 @@ class Events:
         stuck = (1 + SLACK) * self._friction.static - np.abs(holding)
         return np.concatenate([size, speed, np.where(modes.slip == 0, stuck, modes.slip * rates)], axis=-1)
 
-    def _root(self, signals: Signals, step: int, low: float, high: float, guard: int) -> float:
-        """Where in a step a guard reaches zero; at `low` where it is not above zero there."""
+    def _root(self, signals: Signals, path: Path, step: int, ends: tuple[float, float], guard: int) -> float:
+        """Where in a step a guard reaches zero: at the first end where it is not above zero there, infinite where it is at both."""
         from scipy.optimize import brentq  # takes longer to load than a report of a small arm
 
-        at = partial(self._guard, signals, step, guard)
-        return float(brentq(at, low, high, xtol=1e-15, rtol=1e-14)) if at(low) > 0 else low
+        def at(u: float) -> float:
+            t = signals.grid.edges[step] + np.array([u]) * signals.grid.h[step]
+            return float(self._guards(t, *self._looked_at(signals, path, step, u))[0, guard])
 
-    def _guard(self, signals: Signals, step: int, guard: int, u: float) -> float:
-        t = signals.grid.edges[step] + np.array([u]) * signals.grid.h[step]
-        return float(self._guards(t, *signals.at(step, np.array([u])))[0, guard])
+        if at(ends[0]) <= 0:
+            return ends[0]
+        return np.inf if at(ends[1]) > 0 else float(brentq(at, *ends, xtol=1e-15, rtol=1e-14))
 
     def _choose(self, t: float, which: int, asked: float, pace: float, given: float) -> None:
         """The mode of an input of which so much is asked, at such a rate, and which gave so much until now."""

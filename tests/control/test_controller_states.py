@@ -274,3 +274,14 @@ def test_a_filter_of_one_joint_leaves_the_others_alone():
     too_many = lin.control.model_copy(update={"filters": (lin.control.filters[0].model_copy(update={"joints": (3,)}),)})
     with pytest.raises(ArgumentError, match=r"filters\.0\.joints"):
         linearize(lin.arm, lin.motion, too_many)
+
+
+def test_a_stiff_loop_at_its_limits_switches_where_the_state_says():
+    """kp of 1e5 N m/rad makes of an error of the polynomials through the stages one of the torque as large as the limit."""
+    stiff = {"kind": "pd", "kp": [1e5], "kd": [10.0]}
+    cut = {"control__feedback": stiff, "control__saturation": {"torque": [1.5]}, "control__filters": []}
+    lin, start = loop_of(**cut), np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
+    run = fl.simulate(lin, 0.1, initial=start, tol=1e-6)
+    known = step_by_step(lin, 1.5, run.t, np.append(start, 0.0))
+    np.testing.assert_allclose(known[:, :6], run.nonlinear, atol=2e-6)
+    assert run.error < 1e-5
