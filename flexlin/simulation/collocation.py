@@ -46,7 +46,6 @@ Accept = Callable[[Array, Array, Array], None]
 """Looks at times (N,) and states (N, 2n) that were reached, and the torque (.., m) at the stages before; raises if they must not be."""
 Hurries = Callable[[Grid, Path], Array]
 """How many times too long each step (K,) of a window is for what it passes."""
-
 ROUNDING = 1e-12
 """A tolerance below this is not asked of a run."""
 RUNS = ((7, 0.25), (8, 0.025))

@@ -13,7 +13,7 @@ from flexlin.errors import ArgumentError, SimulationStopped
 from flexlin.lazy import lazy
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.friction import Friction
-from flexlin.simulation.marks import find_rough_times
+from flexlin.simulation.marks import find_rough_times, law_times
 from flexlin.simulation.mesh import Trail
 
 if TYPE_CHECKING:
@@ -72,23 +72,8 @@ class ControlledArm:
         controller = self.controller
         if controller is None:
             return x[:0]
-        steer = self._law.steer(self._law.reference(self.now(np.array([t]))))[0]
+        steer = self._law.steer(self._law.reference(law_times(self.lin, np.array([t]))))[0]
         return controller.rates @ x + steer + controller.unwinding @ missing
-
-    def now(self, t: Array) -> Array:
-        """Return the times at which the law is asked: after the end of a one-way motion it stays as it is there.
-
-        Parameters
-        ----------
-        t : array, shape (N,)
-            Times in s.
-
-        Returns
-        -------
-        array, shape (N,)
-            Times in the period.
-        """
-        return t % self.lin.period if self.lin.motion.periodic else np.minimum(t, self.lin.period)
 
     def measure(self, t: float, x: Array) -> Array:
         """Return what encoders of finite steps make of a state; rates are taken as they are.
@@ -138,7 +123,7 @@ class ControlledArm:
         array, shape (N, m)
             Torques in N m (forces in N).
         """
-        return self.drive.saturated(self._law.torque(self.now(t), x))
+        return self.drive.saturated(self._law.torque(law_times(self.lin, t), x))
 
     def accept(self, t: Array, z: Array) -> None:
         """Look at states that were reached.

@@ -13,6 +13,7 @@ from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.lazy import lazy
+from flexlin.simulation.marks import law_times
 from flexlin.simulation.window import Ready
 
 Matrices = tuple[Array, Array, Array]
@@ -79,7 +80,7 @@ class LinearEquations:
 
     def places(self, t: Array) -> Places:
         """The coefficients and the law; a law lasts for a period, and after a one-way motion stays as it is at the end."""
-        lin, law, own, n, now = self.lin, self.law, self._own, self.lin.n, self.now(t)
+        lin, law, own, n, now = self.lin, self.law, self._own, self.lin.n, law_times(self.lin, t)
         c, gain, place = lin.sample(t), law.gain(now), lin.about.place(t)
         offset = self._forward(law, now, c.tau) + np.einsum("tij,tj->ti", gain, law.reference(now))
         if law is own:
@@ -89,10 +90,6 @@ class LinearEquations:
         other = self._forward(own, now, c.tau) + np.einsum("tij,tj->ti", taken, own.reference(now))
         force = c.h + np.einsum("tij,tj->ti", c.B, offset - other)
         return Places(t, place, gain, offset, (c.M, c.D + added[:, :, n:], c.K + added[:, :, :n]), force)
-
-    def now(self, t: Array) -> Array:
-        """The times at which the law is asked."""
-        return t % self.lin.period if self.lin.motion.periodic else np.minimum(t, self.lin.period)
 
     def input_matrix(self, at: Places) -> Array:
         """B (N, n, m) of the rigid motion."""
@@ -246,12 +243,12 @@ class ControlledEquations:
 
     def rates(self, t: Array) -> tuple[Array, Array]:
         """What the states [y; y'; z] and the time alone put into z', (N, k, 2n + k) and (N, k)."""
-        rates, steer = self._controller.rates, self._law.steer(self._law.reference(self._arm.now(t)))
+        rates, steer = self._controller.rates, self._law.steer(self._law.reference(law_times(self._arm.lin, t)))
         return np.broadcast_to(rates, (len(t), *rates.shape)), steer
 
     def steering(self, t: Array) -> Array:
         """The gain on z, (N, m, k)."""
-        return self._law.gain(self._arm.now(t))[:, :, 2 * self._n :]
+        return self._law.gain(law_times(self._arm.lin, t))[:, :, 2 * self._n :]
 
     def places(self, t: Array) -> ControlledPlaces:
         """The coefficients, with rows and columns for c."""

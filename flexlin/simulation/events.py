@@ -10,7 +10,7 @@ from flexlin.checks import Array
 from flexlin.periodic.sampled import hold_controller
 from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.equations import Places, from_coordinates, to_coordinates
-from flexlin.simulation.marks import INSIDE
+from flexlin.simulation.marks import INSIDE, law_times
 from flexlin.simulation.modes import SAMPLED, Modes, find_holding
 from flexlin.simulation.stopping import stopped
 from flexlin.simulation.window import Grid, Path, Rule, between
@@ -143,12 +143,12 @@ class Events:
     def torques(self, t: Array, asked: Array) -> Array:
         """What was given (N, m) at times t (N,) at which the law asked for `asked`."""
         begun = np.searchsorted([time for time, _ in self.passed], t, side="left") - 1
-        parts = [self.passed[max(0, which)][1].given(t[i], asked[i]) for i, which in enumerate(begun)]
-        return np.clip(np.array(parts), -self._limit, self._limit)
+        modes = Modes.at_many([one for _, one in self.passed], np.maximum(begun, 0))
+        return np.clip(modes.given(t, asked), -self._limit, self._limit)
 
     def _asked_along(self, t: Array, x: Array) -> Array:
         """The torque (N, m) for which the law asks in states [y; y'; z] (N, ..)."""
-        return self._law.torque(self._loop.now(t), x)
+        return self._law.torque(law_times(self._loop.lin, t), x)
 
     def _asked(self, t: float, x: Array) -> Array:
         return self._asked_along(np.array([t]), x[None])[0]
@@ -332,7 +332,7 @@ class Samples(Events):
     def _take_sample(self, t: float, x: Array) -> tuple[Array, Array, Array]:
         """What is measured in a state [y; y'], with the controller's states, the torque asked, and the torque given."""
         seen = self._loop.measure(t, np.concatenate([x, self._after]))
-        asked = self._law.torque(self._loop.now(np.array([t])), seen[None])[0]
+        asked = self._law.torque(law_times(self._loop.lin, np.array([t])), seen[None])[0]
         return seen, asked, self._loop.drive.saturated(asked)
 
     def _asked_along(self, t: Array, x: Array) -> Array:

@@ -19,7 +19,7 @@ from flexlin.simulation.equations import (
     with_controller,
 )
 from flexlin.simulation.events import Events, Samples
-from flexlin.simulation.marks import with_breaks
+from flexlin.simulation.marks import law_times, with_breaks
 from flexlin.simulation.mesh import Trail
 from flexlin.simulation.modes import ModedEquations, with_modes
 from flexlin.simulation.stopping import stopped
@@ -143,7 +143,7 @@ class NonlinearLoop(ControlledArm):
         else:
             found, _ = self._integrate(with_modes(arm, law), t, to_coordinates(x, n), rtol, stages, events)
             x = from_coordinates(found[:, :-1], n, k)
-        self.events, self.given = tuple(events.notes), events.torques(t, law.torque(self.now(t), x))
+        self.events, self.given = tuple(events.notes), events.torques(t, law.torque(law_times(self.lin, t), x))
         return np.column_stack([x, found[:, -1]])
 
     def _integrate(

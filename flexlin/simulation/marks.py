@@ -29,6 +29,11 @@ class Column:
         return self.vector(t)[:, :, None]
 
 
+def law_times(lin: Linearization, t: Array) -> Array:
+    """The times (N,) at which a law is asked: in the period, and after the end of a one-way motion as it is there."""
+    return t % lin.period if lin.motion.periodic else np.minimum(t, lin.period)
+
+
 def with_breaks(t: Array, lin: Linearization, rough: Array) -> Array:
     """The times t, and between them all that lie in their periods as the rough ones do in the first."""
     T = lin.period

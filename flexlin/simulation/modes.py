@@ -20,6 +20,7 @@ from flexlin.simulation.equations import (
     loop_expressions,
 )
 from flexlin.simulation.friction import Friction
+from flexlin.simulation.marks import law_times
 
 SAMPLED = 3
 
@@ -43,6 +44,11 @@ class Modes:
         """All inputs follow the law; joints stick."""
         held, base, ramp, since = np.zeros((4, inputs))
         return cls(held, base, ramp, since, np.zeros(joints))
+
+    @classmethod
+    def at_many(cls, modes: "list[Modes]", which: Array) -> "Modes":
+        """Those of a list that held at many times, (N, m) and (N, p)."""
+        return cls(*(np.array(parts)[which] for parts in zip(*(vars(one).values() for one in modes), strict=True)))
 
     def copy(self) -> "Modes":
         """As they are now."""
@@ -72,7 +78,7 @@ class ModedEquations(NonlinearEquations):
         if modes.held.all():
             gain, offset = np.zeros((len(t), self.lin.about.m, 2 * n)), modes.given(t, modes.base)
         else:
-            now = self.now(t)
+            now = law_times(self.lin, t)
             gain, offset = np.where(modes.held[:, None] == 0, law.gain(now), 0.0), modes.given(t, law.offset(now))
         none = np.zeros((len(t), n))
         return Places(t, place, gain, offset, (none, none, none), none)
@@ -126,7 +132,7 @@ class ModedController(ControlledEquations):
         rates, steer = super().rates(t)
         arm, law = self._arm, self._law
         assert isinstance(arm, ModedEquations)
-        modes, now, unwinding = arm.modes, arm.now(t), self._controller.unwinding
+        modes, now, unwinding = arm.modes, law_times(arm.lin, t), self._controller.unwinding
         offset, missing = law.offset(now), unwinding * (modes.held != 0)
         return rates - missing @ law.gain(now), steer + (offset - modes.given(t, offset)) @ unwinding.T
 
