@@ -242,14 +242,50 @@ class Logged:
         return Compiled.of(self.given, [self.acceleration])
 
     @lazy
-    def slopes(self) -> Compiled:
-        """s'' and z'', (n, 1), and their slopes by coordinates, rates and p, (n, 2n + n_p): M ds'' = -d(left) with s'' held."""
+    def acceleration_slopes(self) -> ca.SX:
+        """Slopes of s'' and z'' by coordinates, rates and p, (n, 2n + n_p): M ds'' = -d(left) with s'' held."""
         (at, rate, acceleration), own = self.motion, self.arm.n
         by = ca.jacobian(self.left, ca.vertcat(at, rate, self.arm.parameters.symbols))
         arm = ca.ldl_solve(-by[:own, :], *self.factors)
         behind = -by[own:, :] - ca.jacobian(self.left[own:], acceleration[:own]) @ arm
-        held = ca.substitute(ca.vertcat(arm, behind), acceleration, self.acceleration)
-        return Compiled.of(self.given, [self.acceleration, held])
+        return ca.substitute(ca.vertcat(arm, behind), acceleration, self.acceleration)
+
+    @lazy
+    def slopes(self) -> Compiled:
+        """s'' and z'', (n, 1), and their slopes."""
+        return Compiled.of(self.given, [self.acceleration, self.acceleration_slopes])
+
+    @lazy
+    def stages(self) -> tuple[list[ca.SX], ca.SX, ca.SX]:
+        """Columns x, u and u' at t, t + h/2, t + h, known delays, p and h; x(t + h), and its slopes by x and p, (2n, 2n + n_p).
+
+        k1 = f(x), k2 = f(x + h/2 k1), k3 = f(x + h/2 k2), k4 = f(x + h k3), x + h/6 (k1 + 2 k2 + 2 k3 + k4); slopes by the chain rule.
+        """
+        n, m, p = self.n, len(self.inputs), self.arm.parameters.symbols
+        f = ca.Function("f", self.given, [ca.vertcat(self.motion[1], self.acceleration), self.acceleration_slopes])
+        x, h, known = ca.SX.sym("x", 2 * n), ca.SX.sym("h"), self.symbols[2]
+        u, du = ca.SX.sym("u", m, 3), ca.SX.sym("du", m, 3)
+        own = ca.horzcat(ca.SX.eye(2 * n), ca.SX(2 * n, p.numel()))
+        held = ca.horzcat(ca.SX(p.numel(), 2 * n), ca.SX.eye(p.numel()))
+        made, slopes, rate, faster = x, own, ca.SX(2 * n, 1), ca.SX(*own.shape)
+        for c, phase, weight in ((0.0, 0, 1.0), (0.5, 1, 2.0), (0.5, 1, 2.0), (1.0, 2, 1.0)):
+            at, moved = x + c * h * rate, own + c * h * faster
+            rate, by = f(at[:n], at[n:], u[:, phase], du[:, phase], known, p)
+            faster = ca.vertcat(moved[n:, :], by @ ca.vertcat(moved, held))
+            made, slopes = made + weight * h / 6 * rate, slopes + weight * h / 6 * faster
+        return [x, ca.vec(u), ca.vec(du), known, p, h], made, slopes
+
+    @lazy
+    def step(self) -> Compiled:
+        """x(t + h) of x(t) by the classical Runge-Kutta method."""
+        columns, made, _ = self.stages
+        return Compiled.of(columns, [made])
+
+    @lazy
+    def step_slopes(self) -> Compiled:
+        """The exact slopes of such a step."""
+        columns, _, slopes = self.stages
+        return Compiled.of(columns, [slopes])
 
     @lazy
     def readings(self) -> ca.SX:

@@ -23,6 +23,10 @@ TOGETHER = 0.9
 """Correlation that is worth a word."""
 WHITE = 4.0
 """Correlation of neighbours, in standard deviations of that of white noise, from which on residuals are coloured."""
+GOOD = 0.75
+"""Share of what a linear step promises that it should gain for the next to be damped less."""
+REACH = 2.0
+"""Times its size, or that in the scene, by which a step may change a number that has no sign: farther off no slope leads back."""
 BLOCKS = 4
 """Blocks of a window whose sums show how coloured residuals add up."""
 
@@ -51,7 +55,7 @@ class Point:
 class Problem:
     """Readings (W, N, outputs) to be met within sigma (outputs,), and bounds of the shared numbers; no bounds, no numbers are moved.
 
-    `allows`: whether shared numbers go together; where they do not, the cost is infinite.
+    usual: sizes of the shared numbers in the scene; `allows`: whether they go together; where they do not, the cost is infinite.
     """
 
     shooting: Shooting
@@ -59,6 +63,7 @@ class Problem:
     sigma: Array
     low: Array
     high: Array
+    usual: Array
     allows: Callable[[Array], bool] = lambda p: True
 
     def at(self, start: Array, p: Array) -> Point:
@@ -82,6 +87,11 @@ class Problem:
     def limited(self, p: Array) -> Array:
         """Which numbers are at a bound."""
         return (p <= self.low + 1e-9) | (p >= self.high - 1e-9)
+
+    def ends(self, p: Array) -> tuple[Array, Array]:
+        """Where the next step may end."""
+        reach = np.where(self.low >= 0, REACH * np.maximum(np.abs(p), self.usual), np.inf)
+        return np.maximum(self.low, p - reach), np.minimum(self.high, p + reach)
 
     def slopes(self, point: Point) -> Array:
         """Of the weighted readings by start and p, (W, N outputs, 2n + n_p)."""
@@ -108,17 +118,28 @@ def solve(
         slopes = problem.slopes(point)
         gained = np.zeros(len(start))
         for _ in range(8):
-            trial = problem.at(*take_step(problem, point, slopes, dampings))
+            to = take_step(problem, point, slopes, dampings)
+            trial = problem.at(*to)
             with np.errstate(invalid="ignore"):
                 gain = together(problem, point.costs - trial.costs)
+                expected = together(problem, promise(point, slopes, *to))
             better = gain > 0
             point, gained = choose(point, trial, better), np.where(better, gain, gained)
-            dampings = np.where(better, dampings / 5, dampings * 5)
+            dampings = dampings * np.where(gain > GOOD * expected, 0.2, np.where(better, 1.0, 5.0))
             if better.any() or late():
                 break
         if np.all(gained <= tol * together(problem, point.costs)):
             break
     return replace(point, damping=float(dampings.max()))
+
+
+def promise(point: Point, slopes: Array, start: Array, p: Array) -> Array:
+    """How much less each window's cost would be at another point if the readings were linear."""
+    shared = slopes.shape[2] - start.shape[1]
+    step = np.concatenate([start - point.start, np.tile((p - point.p)[:shared], (len(start), 1))], axis=1)
+    moved = np.einsum("wij,wj->wi", slopes, step)
+    residual = point.residual.reshape(moved.shape)
+    return np.einsum("wi,wi->w", moved, residual - 0.5 * moved)
 
 
 def together(problem: Problem, costs: Array) -> Array:
@@ -172,8 +193,9 @@ def take_step(problem: Problem, point: Point, slopes: Array, damping: Array) -> 
         sizes = 1 / np.maximum(norms, SMALLEST * norms.max() + 1e-300)
         rows = np.concatenate([R_p[:, :-1] * sizes, np.sqrt(damping[0]) * np.eye(len(move))])
         wanted = np.concatenate([R_p[:, -1], np.zeros(len(move))])
-        ends = (problem.low - point.p) / sizes - 1e-12, (problem.high - point.p) / sizes + 1e-12
-        move = np.clip(point.p + sizes * lsq_linear(rows, wanted, ends).x, problem.low, problem.high) - point.p
+        low, high = problem.ends(point.p)
+        ends = (low - point.p) / sizes - 1e-12, (high - point.p) / sizes + 1e-12
+        move = np.clip(point.p + sizes * lsq_linear(rows, wanted, ends).x, low, high) - point.p
     move_all = np.concatenate([move, np.zeros(len(point.p) - len(move))])
     y = np.linalg.solve(R, onto[:, :, -1:] - onto[:, :, :-1] @ move[:, None])[:, :, 0]
     return point.start + y / scale, point.p + move_all

@@ -12,12 +12,14 @@ from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.identification.equations import Logged
 from flexlin.identification.least_squares import Evidence, Point, Problem, leave_unknown, solve, weigh_evidence
 from flexlin.identification.log import Log
-from flexlin.identification.prediction import Prediction, deviations, find_starts, name_missed, predict, prepare
+from flexlin.identification.prediction import SETTLE, Prediction, deviations, find_starts, name_missed, predict, prepare
 from flexlin.identification.shooting import Windows
+from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.periodic.precision import MINOR, SLIGHT
 from flexlin.plots.view import Series, Shown, View
 from flexlin.progress import part
 from flexlin.resources import Stopwatch
+from flexlin.scene.links import DIRECTIONS
 from flexlin.scene.loading import raw_tables, revise_scene
 from flexlin.scene.parameters import get_value, path_in
 from flexlin.scene.scene import MOST, Scene
@@ -200,15 +202,15 @@ def identify(
     if not 0 <= hold_back < 0.9:
         raise ArgumentError("the share that is kept back does not fit", got=hold_back, expected="0 to 0.9")
     watch, most = Stopwatch(), np.inf if seconds is None else SEARCHED * positive("seconds", seconds)
-    late = lambda: watch.clock >= most  # noqa: E731
     edge = log.time[-1] - hold_back * (log.time[-1] - log.time[0])
     fitted, held = (log.part(log.time[0], edge), log.part(edge, log.time[-1])) if hold_back else (log, log)
     low, high = find_limits(scene, paths)
+    search = Search(scene, fitted, paths, low, high, lambda: watch.clock >= most)
     windows = Windows.of(fitted, positive("window", window))
     with part(0.0, 0.3):
-        values = choose_start(scene, fitted, windows, paths, (low, high), whole("starts", starts), late)
+        values = choose_start(search, windows, whole("starts", starts))
     with part(0.3, 0.9):
-        point, problem, evidence = refine(scene, fitted, windows, paths, values, (low, high), late)
+        point, problem, evidence = refine(search, windows, values)
     settled = evidence is not None
     evidence = leave_unknown(problem, point, paths) if evidence is None else evidence
     known = {path: float(point.p[k]) for k, path in enumerate(paths) if path in evidence.known}
@@ -254,99 +256,111 @@ def accepts(scene: Scene, numbers: dict[str, float], raw: Any) -> bool:
     return True
 
 
-def pose(
-    scene: Scene, log: Log, windows: Windows, paths: list[str], limits: tuple[Array, Array], sigma: Array | None
-) -> Problem:
-    """The least-squares problem of a scene's equations."""
-    shooting = prepare(Logged.of(scene, log, paths), windows)
-    readings, raw = shooting.windows.readings(), raw_tables(scene)
-    allows = lambda p: accepts(scene, dict(zip(paths, p.tolist(), strict=True)), raw)  # noqa: E731
-    return Problem(shooting, readings, deviations(readings) if sigma is None else sigma, *limits, allows)
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What is sought by a log: numbers of a scene at paths, within limits; `late` says when no step is begun any more."""
+
+    scene: Scene
+    log: Log
+    paths: list[str]
+    low: Array
+    high: Array
+    late: Callable[[], bool]
+
+    def at(self, values: Array) -> Scene:
+        """The scene with these numbers."""
+        return revise_scene(self.scene, dict(zip(self.paths, values.tolist(), strict=True)))
+
+    def model(self, values: Array) -> Logged:
+        """The equations, with shapes of links for what these carry then."""
+        return Logged.of(self.at(values), self.log, self.paths)
+
+    def pose(self, model: Logged, windows: Windows, values: Array, sigma: Array | None = None) -> Problem:
+        """The least-squares problem of these equations on a grid that is fine enough at these values."""
+        shooting, raw = prepare(model, windows, values), raw_tables(self.scene)
+        readings = shooting.windows.readings()
+        allows = lambda p: accepts(self.scene, dict(zip(self.paths, p.tolist(), strict=True)), raw)  # noqa: E731
+        size = np.abs([float(get_value(self.scene, path)) for path in self.paths])
+        scale = deviations(readings) if sigma is None else sigma
+        return Problem(shooting, readings, scale, self.low, self.high, size, allows)
 
 
-def choose_start(
-    scene: Scene,
-    log: Log,
-    windows: Windows,
-    paths: list[str],
-    limits: tuple[Array, Array],
-    starts: int,
-    late: Callable[[], bool],
-) -> Array:
+def choose_start(search: Search, windows: Windows, starts: int) -> Array:
     """The values, of several sets, from which a few windows are best met after a few steps; no set is tried when it is late.
 
     All but the first try have met the windows' heads before: over so short a time no vibration slips by a cycle.
     """
-    own = np.array([float(get_value(scene, path)) for path in paths])
+    own = np.array([float(get_value(search.scene, path)) for path in search.paths])
     if starts == 1:
         return own
     some = windows.chosen(np.unique(np.linspace(0, windows.count - 1, SCREENED).astype(int)))
-    problem = pose(scene, log, some, paths, limits, None)
-    short, rng, tried = None, np.random.default_rng(0), []
+    heads = some.head(HEAD * float((some.ends - some.starts).max()))
+    model = search.model(own)
+    problem, short = (search.pose(model, these, own) for these in (some, heads))
+    rng, tried = np.random.default_rng(0), []
     for k in range(starts):
-        values = np.clip(own * (np.exp(rng.normal(0, 0.5, len(own))) if k > 1 else 1.0), *limits)
+        values = np.clip(own * (np.exp(rng.normal(0, 0.5, len(own))) if k > 1 else 1.0), search.low, search.high)
         if k:
-            heads = some.head(HEAD * float((some.ends - some.starts).max()))
-            short = short or pose(scene, log, heads, paths, limits, None)
-            values = solve(short, start_states(short, values), values, SCREENED, late=late).p
-        point = solve(problem, start_states(problem, values), values, SCREENED, late=late)
+            values = compare(short, values, search.late).p
+        point = compare(problem, values, search.late)
         tried.append((float(point.costs.sum()), k, point.p))
         inside = not problem.limited(point.p).any()
-        if late() or (inside and tried[-1][0] < 0.5 * UNEXPLAINED**2 * np.count_nonzero(point.residual)):
+        if search.late() or (inside and tried[-1][0] < 0.5 * UNEXPLAINED**2 * np.count_nonzero(point.residual)):
             break
     cost, _, values = min(tried, key=lambda one: one[:2])
     if not np.isfinite(cost):
-        got = "; ".join(log.notes) or None
+        got = "; ".join(search.log.notes) or None
         raise NumericalError(
             "the equations diverge from every start", got=got, todo="check signs, units and gains of the inputs"
         )
     return values
 
 
-def start_states(problem: Problem, values: Array) -> Array:
-    """Starting states for these values."""
-    return find_starts(problem.shooting, 0.2, values).start
+def compare(problem: Problem, values: Array, late: Callable[[], bool]) -> Point:
+    """Where a few steps lead from these values."""
+    start = find_starts(problem.shooting, SETTLE, values, SCREENED).start
+    return solve(problem, start, values, SCREENED, late=late)
 
 
-def refine(
-    scene: Scene,
-    log: Log,
-    windows: Windows,
-    paths: list[str],
-    values: Array,
-    limits: tuple[Array, Array],
-    late: Callable[[], bool],
-) -> tuple[Point, Problem, Evidence | None]:
+def refine(search: Search, windows: Windows, values: Array) -> tuple[Point, Problem, Evidence | None]:
     """The maximum of the likelihood: noise and shapes of links are found anew until noise and numbers stay.
 
     No evidence where time or rounds ended first.
     """
-    sigma, start, damping = None, None, Point.damping
+    sigma, start, damping, shapes = None, None, Point.damping, list[Array]()
     for k in range(ROUNDS):
         with part(k / ROUNDS, (k + 1) / ROUNDS):
-            found = revise_scene(scene, dict(zip(paths, values.tolist(), strict=True)))
-            problem = pose(found, log, windows, paths, limits, sigma)
-            start = start_states(problem, values) if start is None else start
+            before, shapes = shapes, sample_shapes(search.at(values))
+            if not before or not all(map(np.array_equal, before, shapes)):
+                model = search.model(values)
+            problem = search.pose(model, windows, values, sigma)
+            start = find_starts(problem.shooting, SETTLE, values).start if start is None else start
             most, gain = (30, NEAR) if sigma is None else (STEPS, 1e-6)
-            point = solve(problem, start, values, most, gain, late, damping)
+            point = solve(problem, start, values, most, gain, search.late, damping)
         if not np.isfinite(point.costs).any():
-            got = "; ".join(log.notes) or None
+            got = "; ".join(search.log.notes) or None
             raise NumericalError(
                 "the equations diverge", got=got, todo="check signs, units and gains, or fit fewer numbers"
             )
         seen = np.count_nonzero(problem.weigh(np.ones_like(point.residual), point.p), axis=(0, 1))
         ratio = np.sum(point.residual**2, axis=(0, 1)) / np.maximum(seen, 1)
         size = problem.sigma * np.sqrt(np.where(seen > 0, ratio, 1.0))
-        evidence = weigh_evidence(problem, point, paths)
+        evidence = weigh_evidence(problem, point, search.paths)
         size = np.maximum(size, 1e-9 * deviations(problem.readings))
-        unsure = np.nan_to_num([evidence.errors.get(path, 0.0) for path in paths])
+        unsure = np.nan_to_num([evidence.errors.get(path, 0.0) for path in search.paths])
         still = np.abs(point.p - values) <= np.maximum(STILL * unsure, 1e-3 * np.abs(values))
         settled = sigma is not None and bool(np.all(np.abs(size / sigma - 1) < SETTLED) and still.all())
         sigma, values, start = size, point.p, point.start
         damping = min(point.damping, FREED)
-        if settled or late():
+        if settled or search.late():
             break
     return point, problem, evidence if settled else None
+
+
+def sample_shapes(scene: Scene) -> list[Array]:
+    """The shapes of a scene's links, which the masses that these carry may change, at some places."""
+    flexible = [(k, d) for k, link in enumerate(scene.links) for d in DIRECTIONS if getattr(link.counts, d)]
+    return [make_shapes(scene, k, direction).values(np.linspace(0, 1, 9), 0) for k, direction in flexible]
 
 
 def place_uncertainty(scene: Scene, evidence: Evidence, limits: tuple[Array, Array], paths: list[str]) -> Scene:

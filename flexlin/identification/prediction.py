@@ -134,8 +134,8 @@ def predict(scene: Scene, log: Log, window: float = 2.0, settle: float = SETTLE)
     """
     model = Logged.of(scene, log)
     windows = Windows.of(log, positive("window", window))
-    shooting = prepare(model, windows)
-    found = find_starts(shooting, positive("settle", settle))
+    shooting = prepare(model, windows, model.arm.parameters.values)
+    found = find_starts(shooting, positive("settle", settle), model.arm.parameters.values)
     with np.errstate(all="ignore"):
         states = shooting.run(found.start, found.p)
         made = shooting.predict(states, found.p)
@@ -155,20 +155,18 @@ def predict(scene: Scene, log: Log, window: float = 2.0, settle: float = SETTLE)
     return Prediction(fit, log.time[windows.rows[at]], outputs, measured, windows.starts, found.start, status)
 
 
-def prepare(model: Logged, windows: Windows) -> Shooting:
-    """The windows on a grid that is fine enough for the equations."""
-    shooting = Shooting(model, windows)
-    return Shooting(model, windows.refined(count_substeps(shooting)))
+def prepare(model: Logged, windows: Windows, values: Array) -> Shooting:
+    """The windows on a grid that is fine enough for the equations with these numbers."""
+    return Shooting(model, windows.refined(count_substeps(Shooting(model, windows), values)))
 
 
-def find_starts(shooting: Shooting, settle: float, values: Array | None = None) -> Point:
-    """The starting state of each window from its first seconds."""
+def find_starts(shooting: Shooting, settle: float, values: Array, steps: int = 12) -> Point:
+    """The starting state of each window from its first seconds, with these free numbers, by so many Gauss-Newton steps at the most."""
     head = Shooting(shooting.model, shooting.windows.head(settle))
     readings = head.windows.readings()
     nothing = np.zeros(0)
-    p = shooting.model.arm.parameters.values if values is None else values
-    fixed = Problem(head, readings, deviations(shooting.windows.readings()), nothing, nothing)
-    return solve(fixed, guess_starts(shooting.model, readings), p, 12, 1e-4)
+    fixed = Problem(head, readings, deviations(shooting.windows.readings()), nothing, nothing, nothing)
+    return solve(fixed, guess_starts(shooting.model, readings, values), values, steps, 1e-4)
 
 
 def deviations(readings: Array) -> Array:
@@ -178,11 +176,11 @@ def deviations(readings: Array) -> Array:
     return np.where(found > 0, found, 1.0)
 
 
-def guess_starts(model: Logged, readings: Array) -> Array:
+def guess_starts(model: Logged, readings: Array, values: Array) -> Array:
     """States at rest at the joint angles that some outputs read first; zero where none does."""
     n, arm, none = model.n, model.arm, np.zeros((1, len(model.inputs)))
     rest = np.zeros((1, n))
-    given = [rest, rest, none, none, none, arm.parameters.values[None, :], rest]
+    given = [rest, rest, none, none, none, values[None, :], rest]
     rows, zero = model.reading_slopes(*given)[0][0], model.read(*given)[0][0, :, 0]
     first = [np.array([one[np.isfinite(one)][:1].sum() for one in column]) for column in np.moveaxis(readings, 2, 0)]
     start = np.zeros((readings.shape[0], 2 * n))

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError, SingularMassMatrix
-from flexlin.identification.equations import Compiled, Logged
+from flexlin.identification.equations import Logged
 from flexlin.identification.log import FEWEST, Log
 from flexlin.lazy import lazy
 
@@ -134,6 +134,11 @@ class Windows:
         return first, weights, slopes / self.h, (place > -1e-6) & self.there
 
 
+def by_phase(values: Array) -> Array:
+    """Values at nodes and in their middles, (2 K + 1, W, m), as those at begin, middle and end of each step, (K, W, 3 m)."""
+    return np.concatenate([values[:-1:2], values[1::2], values[2::2]], axis=2)
+
+
 def lagrange(x: Array) -> tuple[Array, Array]:
     """Weights of values at 0, 1, 2, 3 for that at x, and their derivatives, (..., 4)."""
     weights, slopes = np.empty((*x.shape, 4)), np.empty((*x.shape, 4))
@@ -152,27 +157,6 @@ class Shooting:
     model: Logged
     windows: Windows
 
-    @lazy
-    def step(self) -> Compiled:
-        """x(t + h) of x(t), the inputs at t, t + h/2, t + h, their slopes, known delays, p and h.
-
-        k1 = f(x), k2 = f(x + h/2 k1), k3 = f(x + h/2 k2), k4 = f(x + h k3), x + h/6 (k1 + 2 k2 + 2 k3 + k4)
-        """
-        model, m = self.model, len(self.model.inputs)
-        f = ca.Function("f", model.given, [ca.vertcat(model.motion[1], model.acceleration)])
-        x, h, p = ca.SX.sym("x", 2 * model.n), ca.SX.sym("h"), model.arm.parameters.symbols
-        u, du, known = ca.SX.sym("u", m, 3), ca.SX.sym("du", m, 3), model.symbols[2]
-
-        def rate(at: ca.SX, phase: int) -> ca.SX:
-            return f(at[: model.n], at[model.n :], u[:, phase], du[:, phase], known, p)
-
-        k1 = rate(x, 0)
-        k2 = rate(x + h / 2 * k1, 1)
-        k3 = rate(x + h / 2 * k2, 1)
-        k4 = rate(x + h * k3, 2)
-        made = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        return Compiled.of([x, ca.vec(u), ca.vec(du), known, p, h], [made])
-
     def delays(self, p: Array) -> tuple[Array, Array]:
         """Of inputs and of outputs, in s."""
         both = [
@@ -186,13 +170,15 @@ class Shooting:
         w, count = self.windows, self.windows.count
         known = self.delays(p)[0]
         u, du = w.drive(known)
-        phases = [np.concatenate([one[:-1:2], one[1::2], one[2::2]], axis=2) for one in (u, du)]
+        phases = [by_phase(one) for one in (u, du)]
         same = [np.tile(value, (count, 1)) for value in (known, p, np.array([w.h]))]
         states = np.empty((w.steps + 1, count, 2 * self.model.n))
         states[0] = start
         block = max(1, BLOCK // count)
         for first in range(0, w.steps, block):
-            self.step.march(states[first : first + block + 1], [one[first : first + block] for one in phases], same)
+            self.model.step.march(
+                states[first : first + block + 1], [one[first : first + block] for one in phases], same
+            )
         return states
 
     def around(self, p: Array, count: int) -> list[Array]:
@@ -237,28 +223,12 @@ class Shooting:
         return float(np.maximum(np.abs(values.imag), np.abs(values) * FASTEST / DECAYING).max())
 
     def stages(self, states: Array, u: Array, du: Array, p: Array) -> Array:
-        """The slope of each step by x and p, (steps, W, 2n, 2n + n_p), by the chain of the four stages.
-
-        dk_i = F_i [E + c_i h dk_(i-1); I],   d x(t + h) = E + h/6 (dk1 + 2 dk2 + 2 dk3 + dk4)
-        """
-        n, h, (nodes, count) = self.model.n, self.windows.h, states.shape[:2]
+        """The slopes of each step by x and p, (steps, W, 2n, 2n + n_p)."""
+        (nodes, count), h = states.shape[:2], self.windows.h
         points = (nodes - 1) * count
-        x, around = states[:-1].reshape(points, 2 * n), self.around(p, points)
-        own = np.eye(2 * n, 2 * n + len(p))
-        slope = total = np.zeros_like(own)[None]
-        rate = np.zeros_like(x)
-        for c, phase, weight in ((0.0, 0, 1.0), (0.5, 1, 2.0), (0.5, 1, 2.0), (1.0, 2, 1.0)):
-            at = x + c * h * rate
-            end = len(u) - 2 + phase
-            inputs = [one[phase:end:2].reshape(points, -1) for one in (u, du)]
-            a, by = self.model.slopes(at[:, :n], at[:, n:], *inputs, *around)
-            rate = np.concatenate([at[:, n:], a[:, :, 0]], axis=1)
-            before = own + c * h * slope
-            faster = by[:, :, : 2 * n] @ before
-            faster[:, :, 2 * n :] += by[:, :, 2 * n :]
-            slope = np.concatenate([np.broadcast_to(before[:, n:], faster.shape), faster], axis=1)
-            total = total + weight * slope
-        made = own + h / 6 * total
+        driven = [by_phase(one).reshape(points, -1) for one in (u, du)]
+        given = [states[:-1].reshape(points, -1), *driven, *self.around(p, points), np.full((points, 1), h)]
+        made = self.model.step_slopes(*given)[0]
         return made.reshape(nodes - 1, count, *made.shape[1:])
 
     def sensitivities(self, states: Array, p: Array) -> Array:
@@ -315,7 +285,6 @@ class Shooting:
         return np.stack(columns, axis=2)
 
 
-def count_substeps(shooting: Shooting) -> int:
+def count_substeps(shooting: Shooting, p: Array) -> int:
     """Steps for one of the log's, so that the fastest motion of the equations is followed."""
-    rate = shooting.fastest(shooting.model.arm.parameters.values)
-    return int(np.clip(np.ceil(rate * shooting.windows.log.step / FASTEST), 1, FINEST))
+    return int(np.clip(np.ceil(shooting.fastest(p) * shooting.windows.log.step / FASTEST), 1, FINEST))

@@ -128,7 +128,7 @@ def test_slopes_are_those_of_the_simulation():
     time = TIME[:120]
     log = fl.Log(time, {"q1": swing(time)[0]}, {"q1": time, "tip_acceleration.y": time, "filtered": time})
     model = Logged.of(scene, log, free)
-    shooting = prepare(model, Windows.of(log, 0.3))
+    shooting = prepare(model, Windows.of(log, 0.3), model.arm.parameters.values)
     start, p = np.full((2, 6), 0.02), model.arm.parameters.values.copy()
     slopes = shooting.jacobian(shooting.run(start, p), p)
 
