@@ -33,25 +33,24 @@ def read_processor() -> float:
     with suppress(OSError):
         for thread in os.listdir("/proc/self/task"):
             with suppress(OSError, ValueError, IndexError):  # a thread or a child that has just ended
-                with open(f"/proc/self/task/{thread}/children") as file:
-                    children = file.read().split()
-                for child in children:
-                    with open(f"/proc/{child}/stat") as file:
-                        user, system = file.read().rpartition(")")[2].split()[11:13]
+                for child in _read(f"/proc/self/task/{thread}/children").split():
+                    user, system = _read(f"/proc/{child}/stat").rpartition(")")[2].split()[11:13]
                     spent += (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
     return spent
 
 
 def read_resident(process: int | str = "self") -> int:
-    """Bytes of memory that a process holds; 0 where the system does not say.
-
-    An alarm may end it anywhere: of a file object that is not closed then, Python would warn.
-    """
+    """Bytes of memory that a process holds; 0 where the system does not say."""
     try:
-        file = os.open(f"/proc/{process}/statm", os.O_RDONLY)
-        try:
-            return int(os.read(file, 256).split()[1]) * os.sysconf("SC_PAGE_SIZE")
-        finally:
-            os.close(file)
+        return int(_read(f"/proc/{process}/statm").split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError, IndexError):
         return 0
+
+
+def _read(path: str) -> str:
+    """A short file of the system. An alarm may end the reading anywhere: of a file object that is not closed then, Python would warn."""
+    file = os.open(path, os.O_RDONLY)
+    try:
+        return os.read(file, 2**16).decode()
+    finally:
+        os.close(file)
