@@ -56,13 +56,19 @@ def test_a_rate_that_is_never_reached_changes_nothing():
 
 
 @pytest.mark.slow
-def test_rate_and_size_are_limited_together_on_an_elastic_arm():
-    changes = {"designs": [], "control.saturation": {"torque": [0.9], "rate": [3.0]}}
+@pytest.mark.parametrize(
+    ("gains", "size", "rate", "begin"), [((25.0, 4.0), 0.9, 3.0, 0.1), ((300.0, 3.0), 0.2, 5.0, 0.05)]
+)
+def test_rate_and_size_are_limited_together_on_an_elastic_arm(gains, size, rate, begin):
+    """Under high gains what is asked falls, and soon rises again, when the ramp has caught up with it."""
+    feedback = {"kind": "pd", "kp": [gains[0]], "kd": [gains[1]]}
+    changes = {"designs": [], "control.feedback": feedback, "control.saturation": {"torque": [size], "rate": [rate]}}
     lin = loop(**{key.replace(".", "__"): value for key, value in changes.items()})
-    run = fl.simulate(lin, 0.25, initial=[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], tol=1e-6)
-    assert np.abs(run.torque).max() <= 0.9 * (1 + 1e-9)
-    assert np.abs(np.diff(run.torque[:, 0]) / np.diff(run.t)).max() <= 3.0 * (1 + 1e-4)
+    run = fl.simulate(lin, 0.25, initial=[begin, 0.0, 0.0, 0.0, 0.0, 0.0], tol=1e-6, points_per_period=512)
+    assert np.abs(run.torque).max() <= size * (1 + 1e-9)
+    assert np.abs(np.diff(run.torque[:, 0]) / np.diff(run.t)).max() <= rate * (1 + 1e-4)
     assert run.energy_error < 1e-4
+    assert run.error < 1e-5
 
 
 def test_a_rate_beside_sampling_is_refused_by_its_key():

@@ -17,6 +17,8 @@ from flexlin.simulation.window import Grid, Path, Rule, between
 
 LOOKS = np.arange(1, 17) / 16
 """Parts of a step at which the guards are looked at."""
+HALVINGS = 16
+"""Of a sixteenth of a step, in which a guard is looked for that rises from zero."""
 MOST_EVENTS, MOST_AT_ONCE = 20_000, 20
 """Events of a run, and at one time, after which it is given up."""
 SLACK = 1e-9
@@ -206,16 +208,26 @@ class Events:
         return np.concatenate([size, speed, np.where(modes.slip == 0, stuck, modes.slip * rates)], axis=-1)
 
     def _root(self, signals: Signals, path: Path, step: int, ends: tuple[float, float], guard: int) -> float:
-        """Where in a step a guard reaches zero: at the first end where it is not above zero there, infinite where it is at both."""
+        """Where in a step a guard reaches zero between two ends, infinite where it is above zero at the last one.
+
+        One that is zero at the first end, where a mode has just begun, may rise from there before it falls.
+        """
         from scipy.optimize import brentq  # takes longer to load than a report of a small arm
 
         def at(u: float) -> float:
             t = signals.grid.edges[step] + np.array([u]) * signals.grid.h[step]
             return float(self._guards(t, *self._looked_at(signals, path, step, u))[0, guard])
 
-        if at(ends[0]) <= 0:
-            return ends[0]
-        return np.inf if at(ends[1]) > 0 else float(brentq(at, *ends, xtol=1e-15, rtol=1e-14))
+        first, last = ends
+        if at(last) > 0:
+            return np.inf
+        above = first if at(first) > 0 else last
+        for _ in range(HALVINGS if above == last else 0):
+            above = (first + above) / 2
+            if at(above) > 0:
+                break
+            last = above
+        return float(brentq(at, above, last, xtol=1e-15, rtol=1e-14)) if above < last else first
 
     def _choose(self, t: float, which: int, asked: float, pace: float, given: float) -> None:
         """The mode of an input of which so much is asked, at such a rate, and which gave so much until now."""
