@@ -74,7 +74,7 @@ def test_table_motion_and_symbolic_motion_agree(tmp_path):
 
 def test_results_carry_names_errors_and_units():
     run = simulate(closed(), periods=0.25)
-    data = run.dataset()
+    data = run.to_xarray()
     assert data["nonlinear"].dims == ("time", "state")
     assert list(data["state"].values) == ["q1", "w11", "w12", "q1_rate", "w11_rate", "w12_rate"]
     assert 0 < run.error < 1e-6

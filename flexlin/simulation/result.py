@@ -123,7 +123,7 @@ class Simulation(Shown):
     >>> scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
     >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
     >>> run = fl.simulate(lin, periods=0.25, tol=1e-6)
-    >>> run.difference > run.difference_error, sorted(run.dataset().coords)
+    >>> run.difference > run.difference_error, sorted(run.to_xarray().coords)
     (True, ['axis', 'state', 'time', 'unit'])
     """
 
@@ -235,7 +235,7 @@ class Simulation(Shown):
         worst = int(np.argmax(share)) if share.any() else int(np.argmax(apart))
         return self.names[worst], float(apart[worst]), float(largest[worst]), error
 
-    def dataset(self) -> "xarray.Dataset":
+    def to_xarray(self) -> "xarray.Dataset":
         """Return all series as a dataset.
 
         Returns
@@ -256,30 +256,22 @@ class Simulation(Shown):
             "tip_linear": (("time", "axis"), self.tip_linear, metres),
             "tip_rigid": (("time", "axis"), self.tip_rigid, metres),
         }
+        coords = {
+            "time": ("time", self.t, {"units": "s"}),
+            "state": states,
+            "axis": list("xyz")[: self.tip.shape[1]],
+            "unit": ("state", units),
+        }
         if self.controller_names:
             series["controller"] = (("time", "memory"), self.controller)
-        data = xarray.Dataset(
-            series, coords={"time": self.t, "state": states, "axis": list("xyz")[: self.tip.shape[1]]}
-        )
-        data = data.assign_coords(unit=("state", units))
-        if self.controller_names:
-            data = data.assign_coords(memory=list(self.controller_names))
-        data["time"].attrs["units"] = "s"
-        data.attrs["integration_error"] = self.error
-        data.attrs["linear_error"] = self.linear_error
-        data.attrs["difference_error"] = self.difference_error
-        data.attrs["energy_error"] = self.energy_error
-        return data
-
-    def to_xarray(self) -> "xarray.Dataset":
-        """Return all series as a dataset: the same as `dataset`, by the name that all results share.
-
-        Returns
-        -------
-        xarray.Dataset
-            The series by time, with units, and the errors as attributes.
-        """
-        return self.dataset()
+            coords["memory"] = list(self.controller_names)
+        errors = {
+            "integration_error": self.error,
+            "linear_error": self.linear_error,
+            "difference_error": self.difference_error,
+            "energy_error": self.energy_error,
+        }
+        return xarray.Dataset(series, coords, errors)
 
     def _view(self) -> View:
         pairs = [("nonlinear", "line"), ("linear", "dashed")]

@@ -90,7 +90,7 @@ def simulate_loop(options: argparse.Namespace) -> int:
             lambda found: max(found.error, found.linear_error),
         )
         words = "deviations from the rigid motion as states [y; y'], tips in m"
-        data = described(result.dataset(), scene, closed.period, words)
+        data = described(result.to_xarray(), scene, closed.period, words)
         send_written(paths := work.write_files("simulation", {}, data))
         further = {
             "range of the linear equations": lambda: linear_range(closed, tol=tol).status,
