@@ -18,7 +18,7 @@ from flexlin.simulation.equations import (
     with_controller,
 )
 from flexlin.simulation.events import Event, Events
-from flexlin.simulation.marks import find_rough_times, with_breaks
+from flexlin.simulation.marks import INSIDE, find_rough_times, with_breaks
 from flexlin.simulation.mesh import Mesh, Trail
 from flexlin.simulation.stopping import GENTLER, SHORTER, SHORTEST, stopped
 from flexlin.simulation.sweeps import Rigid, Solved, Start, solve_window
@@ -40,8 +40,6 @@ EVEN, EXCESS = 10.0, 4.0
 """Periods after which the steps that are needed are foreseen, and how many times too many end the simulation."""
 FURTHER = 1.3
 """How much further windows reach, one after another, behind one whose sweeps did not settle."""
-INSIDE = 1e-13
-"""A break of the motion is looked at from so far before it, relative to the period."""
 Accept = Callable[[Array, Array, Array], None]
 """Looks at times (N,) and states (N, 2n) that were reached, and the torque (.., m) at the stages before; raises if they must not be."""
 Hurries = Callable[[Grid, Path], Array]

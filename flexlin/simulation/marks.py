@@ -14,7 +14,7 @@ from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.search import first_edges
 
 INSIDE = 1e-12
-"""How far beside a break of the motion steps taken one by one begin and end, in periods."""
+"""How far beside a break of the motion what holds there is taken, in periods."""
 SHORT = 64
 """Of the period: panels that are shorter begin and end with a step."""
 
