@@ -15,12 +15,11 @@ from flexlin.simulation.drive import Drive
 from flexlin.simulation.friction import Friction
 from flexlin.simulation.marks import find_rough_times, law_times
 from flexlin.simulation.mesh import Trail
+from flexlin.simulation.result import FARTHEST
 
 if TYPE_CHECKING:
     from flexlin.simulation.friction import Acceleration
 
-FARTHEST = 100.0
-"""A deviation from the rigid motion, in rad or m, at which a simulation is given up as diverging."""
 SINGULAR = 1e-3
 """The mass matrix of a state is called singular where its smallest eigenvalue has fallen to this share of that on the rigid motion."""
 

@@ -16,7 +16,9 @@ PARTS = 8
 """Parts of a step at whose ends peaks are looked for; between these they are a parabola's."""
 MOST_NUMBERS = 2**24
 """Numbers that are looked at, at the most; where steps are very many each has fewer parts."""
-OUTGROWN = "the linear motion outgrows all numbers, the nonlinear one does not"
+FARTHEST = 100.0
+"""A deviation from the rigid motion, in rad or m, at which a simulation is given up as diverging, and a linear motion as lost."""
+OUTGROWN = f"the linear motion grows beyond {FARTHEST:g} rad or m, the nonlinear one does not"
 """What to say of a linear motion that is lost."""
 
 
@@ -215,8 +217,8 @@ class Simulation(Shown):
 
     @property
     def is_lost(self) -> bool:
-        """Whether the linear motion outgrows all numbers."""
-        return not bool(np.isfinite(self.linear).all())
+        """Whether the linear motion has left all that an arm can do."""
+        return not bool((np.abs(self.linear[:, : len(self.names)]) < FARTHEST).all())
 
     @property
     def apart(self) -> tuple[str, float, float, float]:
