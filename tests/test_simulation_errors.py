@@ -59,8 +59,8 @@ def test_metres_are_compared_with_metres(lin):
     assert "33 %" in made.status
     assert "beyond the linear model" in made.status
     missing = np.full_like(run.tip, np.nan)
-    states = np.tile([100.0, 1e-3, 0.0, 0.0, 0.0, 0.0], (len(run.t), 1))
-    half = np.tile([100.0, 5e-4, 0.0, 0.0, 0.0, 0.0], (len(run.t), 1))
+    states = np.tile([50.0, 1e-3, 0.0, 0.0, 0.0, 0.0], (len(run.t), 1))
+    half = np.tile([50.0, 5e-4, 0.0, 0.0, 0.0, 0.0], (len(run.t), 1))
     bare = replace(
         run, tip=missing, tip_linear=missing, nonlinear=states, linear=half, error=1e-12, linear_error=0.0, peaks=None
     )
