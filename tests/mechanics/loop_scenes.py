@@ -9,7 +9,7 @@ import flexlin as fl
 from .linkages import Arms
 
 Z = np.array([0.0, 0.0, 1.0])
-ENDS = {"spatial-four-bar": [2], "delta": [2, 7, 12]}
+ENDS = {"five-bar": [2], "spatial-four-bar": [2], "delta": [2, 7, 12]}
 """Which drawn points of the tree without loops are the ends that loops hold to the last link."""
 
 

@@ -47,8 +47,3 @@ class Segments:
         """The springs' stiffness matrix."""
         difference = np.diff(np.eye(len(self.a)), axis=0)
         return difference.T @ (self.springs[:, None] * difference)
-
-    def spinning(self, rate: float) -> Array:
-        """Stiffness of the stretched-out chain that turns at a rate: the Hessian of -1/2 rate^2 sum a_ij cos(phi_i - phi_j)."""
-        off = self.a - np.diag(np.diag(self.a))
-        return self.stiffness() + rate**2 * (np.diag(off.sum(axis=1)) - off)

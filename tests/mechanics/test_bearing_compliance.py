@@ -3,7 +3,6 @@
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import flexlin as fl
 from flexlin.errors import SceneError
@@ -11,7 +10,7 @@ from flexlin.mechanics import directions_across, unit
 from flexlin.scene import parse_scene
 
 from .scenes import value
-from .spatial import GRAVITY, mount_of, random_chain, scene_table
+from .spatial import scene_table
 
 HARMONIC = {"kind": "harmonic", "frequency": 1.0}
 
@@ -19,66 +18,6 @@ HARMONIC = {"kind": "harmonic", "frequency": 1.0}
 def directions(axis):
     """The two directions across an axis that flexlin has chosen, which the test takes as given."""
     return np.array(ca.DM(ca.densify(directions_across(unit(axis)))))
-
-
-def place(links, q, give):
-    """Rotation and position of each link's frame: exp of the whole tilt before the joint's own turn."""
-    R, p, joint, found = Rotation.identity(), np.zeros(3), 0, []
-    for link in links:
-        turn, xyz = mount_of(link)
-        p, R = p + R.apply(xyz), R * Rotation.from_matrix(turn)
-        if link["joint"] != "fixed":
-            axis = np.array(link["axis"]) / np.linalg.norm(link["axis"])
-            slack, x = directions(link["axis"]) @ give[joint], q[joint]
-            joint += 1
-            if link["joint"] == "revolute":
-                R = R * Rotation.from_rotvec(slack) * Rotation.from_rotvec(axis * x)
-            else:
-                p = p + R.apply(slack + axis * x)
-        found.append((R, p))
-    return found
-
-
-def energy(links, stiffness, inertias, q, give, rates, give_rates):
-    """Kinetic and potential energy, with velocities by central differences of places, and springs across every joint."""
-    h, total, joint = 1e-5, 0.0, 0
-    at = [place(links, q + k * h * rates, give + k * h * give_rates) for k in (-1, 0, 1)]
-    for link, before, now, after in zip(links, *at, strict=True):
-        body, (R, p) = link["body"], now
-        w = R.inv().apply((after[0] * before[0].inv()).as_rotvec() / (2 * h))
-        J = np.array([[body["inertia"]["".join(sorted(a + b))] for b in "xyz"] for a in "xyz"])
-        if link["joint"] == "revolute":
-            axis = np.array(link["axis"]) / np.linalg.norm(link["axis"])
-            J = J + inertias[joint] * (np.eye(3) - np.outer(axis, axis))
-        joint += link["joint"] != "fixed"
-        c = np.array(body["centre"])
-        v = (after[1] + after[0].apply(c) - before[1] - before[0].apply(c)) / (2 * h)
-        total += body["mass"] * (v @ v / 2 - GRAVITY @ (p + R.apply(c))) + w @ J @ w / 2
-    return total + np.sum(np.array(stiffness)[:, None] * give**2) / 2
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_energies_of_any_chain_are_exact_to_second_order(seed):
-    """All that a linearization holds, of chains of turning and sliding joints: half the tilt, an eighth of the difference."""
-    rng = np.random.default_rng(seed)
-    links = random_chain(rng, 3, fixed=0.0)
-    stiffness, inertias = rng.uniform(1, 9, (2, 3)).tolist()
-    inertias = [0.05 * j for j in inertias]
-    tables = {"bearing_compliance": {"stiffness": stiffness, "inertia": inertias}}
-    arm = fl.build_manipulator(parse_scene(scene_table(links, **tables)))
-    assert arm.names[3:] == ("beta11", "beta12", "beta21", "beta22", "beta31", "beta32")
-    q, rates = rng.normal(size=(2, 3))
-    give, give_rates = rng.normal(size=(2, 3, 2))
-    off = []
-    for size in (0.04, 0.02):
-        tilt, tilt_rates = size * give, size * give_rates
-        state = [np.concatenate([a, b.ravel()]) for a, b in ((q, tilt), (rates, tilt_rates))]
-        expected = energy(links, stiffness, inertias, q, tilt, rates, tilt_rates)
-        off.append(abs(float(arm.functions["energy"](*state, [])) - expected))
-    still = energy(links, stiffness, inertias, q, 0 * give, rates, 0 * give)
-    straight = [np.concatenate([a, np.zeros(6)]) for a in (q, rates)]
-    assert float(arm.functions["energy"](*straight, [])) == pytest.approx(still, rel=1e-8)
-    assert off[0] < 1e-6 * abs(still) or off[0] / off[1] > 6.5
 
 
 @pytest.mark.parametrize("spin", [0.0, 3.0, 40.0])

@@ -7,7 +7,6 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 import flexlin as fl
-from flexlin.errors import SceneError
 from flexlin.scene import parse_scene
 
 BEAM = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0}
@@ -113,21 +112,3 @@ def test_a_flat_blade_turns_back_into_the_plane_of_rotation():
     about_z = radius**2
     expected = (np.pi / 2) ** 2 * 3.0 / polar + rate**2 * (2 * about_z - polar) / polar
     assert found[0] ** 2 == pytest.approx(expected, rel=3e-6)  # the root is to 1e-6
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"modes": {"torsion": 1}, "polar_inertia": 1.0}, "links.0.torsional_stiffness"),
-        ({"modes": {"torsion": 1}, "torsional_stiffness": 1.0}, "links.0.polar_inertia"),
-        ({"modes": {"z": 1}, "bending_stiffness": None}, "links.0.bending_stiffness"),
-        ({"modes": {"x": 1}}, "links.0.modes.x"),
-        ({"modes": {"y": -1}}, "links.0.modes.y"),
-        ({"modes": {"y": 1, "z": 1}, "mode_shapes": "pinned-free"}, "links.0.mode_shapes"),
-        ({"modes": 1, "bending_stiffness": [1.0, 2.0, 3.0]}, "links.0.bending_stiffness"),
-    ],
-)
-def test_what_a_link_in_space_must_say(change, key):
-    with pytest.raises(SceneError) as caught:
-        scene_of({**BEAM, **change}, {})
-    assert key in {problem.key for problem in caught.value.problems}, caught.value

@@ -1,6 +1,4 @@
-"""The 5-bar scene against the same two arms joined by Lagrange multipliers: no C_1, no C_2, no Taylor map."""
-
-from types import SimpleNamespace
+"""The 5-bar scene: closed along its motion, its forces, designs and limits; its equations by multipliers: `test_loops`."""
 
 import casadi as ca
 import numpy as np
@@ -11,11 +9,11 @@ import flexlin as fl
 from flexlin.control import physical_weights
 from flexlin.errors import FlexlinError, ModelError, ToleranceNotReached
 from flexlin.mechanics import close_loop
-from tests.mechanics.loop_scenes import raw
+
+from .scenes import arm_of
 
 U = np.array([2.3, 1.05, 2e-3, -1e-3])
 U_DOT = np.array([1.5, -2.0, 0.05, 0.1])
-TAU = np.array([0.3, -0.7])
 
 
 @pytest.fixture(scope="module")
@@ -26,51 +24,6 @@ def scene():
 @pytest.fixture(scope="module")
 def arm(scene):
     return fl.build_manipulator(scene)
-
-
-@pytest.fixture(scope="module")
-def joined(scene):
-    """Accelerations of the unreduced arms, all four joints driven, with the constraint's multipliers."""
-    table = raw("five-bar", designs=[], control={})
-    del table["loops"]
-    elbows = [i for i, link in enumerate(table["links"]) if link.pop("passive", False)]
-    angles = [link.pop("posture") for link in table["links"]]
-    table["motion"]["joints"] = [{"amplitude": 0.0}] * 4
-    pair = fl.build_manipulator(fl.parse_scene(table))
-    gap = pair.points[:, 2] - pair.points[:, -1]
-    independent = [i for i in range(pair.n) if i not in elbows]
-    s, s_dot = pair.s, pair.s_dot
-    J = ca.jacobian(gap, s)
-    rest = ca.substitute(pair.residual, pair.s_ddot, ca.SX.zeros(pair.n))
-    table = ca.Function("open", [s, s_dot], [pair.M, rest, pair.B[:, [0, 2]], J, ca.jtimes(J @ s_dot, s, s_dot), gap])
-
-    def configuration(u):
-        s = np.zeros(pair.n)
-        s[independent], s[elbows] = u, (angles[1], angles[3])
-        for _ in range(10):
-            *_, J, _, gap_now = (np.array(x) for x in table(s, np.zeros(pair.n)))
-            s[elbows] -= np.linalg.solve(J[:, elbows], gap_now[:, 0])
-        return s
-
-    def acceleration(u, u_dot, tau):
-        s = configuration(u)
-        _, _, _, J, _, _ = (np.array(x) for x in table(s, np.zeros(pair.n)))
-        s_dot = np.zeros(pair.n)
-        s_dot[independent] = u_dot
-        s_dot[elbows] = np.linalg.solve(J[:, elbows], -J @ s_dot)
-        M, rest, B, J, bend, _ = (np.array(x) for x in table(s, s_dot))
-        saddle = np.block([[M, -J.T], [J, np.zeros((2, 2))]])
-        right = np.concatenate([B @ tau - rest[:, 0], -bend[:, 0]])
-        return np.linalg.solve(saddle, right)[: pair.n][independent]
-
-    return SimpleNamespace(pair=pair, gap=gap, acceleration=acceleration, configuration=configuration)
-
-
-def test_acceleration_equals_that_with_multipliers(arm, joined):
-    at = [U, U_DOT]
-    M, B = (np.array(x) for x in ca.Function("f", [arm.s, arm.s_dot], [arm.M, arm.B]).call(at))
-    rest = np.array(arm.functions["residual"](*at, np.zeros(4), []))[:, 0]
-    assert_allclose(np.linalg.solve(M, B @ TAU - rest), joined.acceleration(U, U_DOT, TAU), rtol=1e-9)
 
 
 def test_rate_of_M_minus_twice_C_is_skew(arm):
@@ -85,25 +38,6 @@ def test_loop_stays_closed_along_the_motion(arm, scene):
     for q in lin.motion.sample(np.linspace(0, lin.period, 25))[0]:
         points = np.array(arm.functions["points"]([*q, 0, 0], []))
         assert np.abs(points[:, 2] - points[:, -1]).max() < 1e-12
-
-
-def test_linearization_equals_differences_of_the_joined_arms(arm, joined, scene):
-    """M a' = -K u - D u' - dM/ds (a - s_R'') u at constant torque; K_L holds dM/ds at the rigid acceleration s_R''."""
-    lin = fl.linearize(arm, scene.motion)
-    t = np.array([0.13])
-    c = lin.sample(t)
-    q, q1, q2 = (np.concatenate([x[0], [0, 0]]) for x in lin.motion.sample(t))
-    difference = joined.acceleration(q, q1, c.tau[0]) - q2
-    dM = np.array(ca.Function("dM", [arm.s], [ca.jacobian(arm.M @ ca.DM(difference), arm.s)])(q))
-
-    def slope(moved, h=1e-5):
-        columns = [8 * (moved(h * e) - moved(-h * e)) - moved(2 * h * e) + moved(-2 * h * e) for e in np.eye(4)]
-        return np.array(columns).T / (12 * h)
-
-    by_position = -c.M[0] @ slope(lambda e: joined.acceleration(q + e, q1, c.tau[0])) - dM
-    by_rate = -c.M[0] @ slope(lambda e: joined.acceleration(q, q1 + e, c.tau[0]))
-    assert_allclose(c.K[0], by_position, atol=1e-7 * np.abs(c.K[0]).max())
-    assert_allclose(c.D[0], by_rate, atol=1e-7 * np.abs(c.D[0]).max())
 
 
 @pytest.mark.slow
@@ -146,9 +80,10 @@ def test_a_motion_out_of_reach_is_refused(arm, scene):
         fl.linearize(arm, motion)
 
 
-def test_an_impossible_posture_is_refused(joined):
-    independent, posture = [0, 2, 4, 5], [2.2, -1.3, 0.95, 1.3, 0, 0]
+def test_an_impossible_posture_is_refused():
+    pair = arm_of(*[{"modes": 0}] * 4)
+    gap, posture = pair.points[:, 2] - pair.points[:, -1], [2.2, -1.3, 0.95, 1.3]
     with pytest.raises(ToleranceNotReached, match="no solution"):
-        close_loop(joined.pair, joined.gap + 1.0, independent, (0, 2), posture)
+        close_loop(pair, gap + 100.0, [0, 2], (0, 2), posture)
     with pytest.raises(ModelError, match="the motors' among them"):
-        close_loop(joined.pair, joined.gap, [4, 0, 1, 5], (0, 2), posture)
+        close_loop(pair, gap, [3, 0], (0, 2), posture)

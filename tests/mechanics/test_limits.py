@@ -52,38 +52,3 @@ def test_stiff_shear_tends_to_euler_bernoulli():
     differences = [cantilever({"shear": {"stiffness": 1e5 * 2.0**k}}) / cantilever({}) - 1 for k in range(3)]
     np.testing.assert_allclose(observed_order(differences), -1, atol=0.02)
     np.testing.assert_allclose(cantilever({"shear": {"stiffness": 1e12}}, 8), cantilever({}), rtol=1e-8)
-
-
-def test_thin_sections_have_no_rotary_inertia():
-    radii = 0.005 * 0.5 ** np.arange(3)
-    differences = [cantilever({"rotary_inertia": {"radius_of_gyration": float(r)}}) / cantilever({}) - 1 for r in radii]
-    np.testing.assert_allclose(observed_order(differences, 0.5), 2, atol=0.06)
-
-
-def compliance(arm, stiffness=7.0):
-    """Slowest frequencies of an arm whose motors are held by springs."""
-    M, K = matrices_at_rest(arm)
-    encoders = np.eye(arm.n)[list(arm.drives)]
-    return np.sqrt(eigh(K + stiffness * encoders.T @ encoders, M, eigvals_only=True))[:2]
-
-
-def test_stiff_joints_tend_to_none():
-    """A stiff joint leaves the motor's inertia on the joint, as a rotor without flexibility does."""
-    rotor = {"torque_constant": 1.0, "resistance": 1.0, "rotor_inertia": 0.05}
-    rigid = compliance(arm_of({}, {}, effects={"motor": rotor}))
-
-    def flexible(k):
-        return compliance(arm_of({}, {}, effects={"joint_flexibility": {"stiffness": k, "motor_inertia": 0.05}}))
-
-    differences = [flexible(1e4 * 2.0**k) / rigid - 1 for k in range(3)]
-    np.testing.assert_allclose(observed_order(differences), -1, atol=0.02)
-
-
-def test_stiff_links_tend_to_the_rigid_arm():
-    rigid = compliance(arm_of({"modes": 0}, {"modes": 0}))
-
-    def bending(stiffness):
-        return compliance(arm_of({"bending_stiffness": stiffness}, {"bending_stiffness": stiffness}))
-
-    differences = [bending(200.0 * 2.0**k) / rigid - 1 for k in range(3)]
-    np.testing.assert_allclose(observed_order(differences), -1, atol=0.02)

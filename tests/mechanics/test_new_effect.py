@@ -11,7 +11,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.cli import BAD_INPUT, main
-from flexlin.errors import Problem, SceneError
+from flexlin.errors import ArgumentError, Problem, SceneError
 from flexlin.mechanics import Chain, Effect, Scale, register_effect
 from flexlin.scene import NonNegative, Positive, Unit
 from flexlin.scene import effects as tables
@@ -117,6 +117,14 @@ def test_its_numbers_may_be_free_and_its_absence_costs_nothing() -> None:
     scene = fl.load_scene("single-link", {"effects.bearing_springs": {"stiffness": 2.0}})
     free = fl.build_manipulator(scene, ["effects.bearing_springs.stiffness"])
     assert free.parameters.values.tolist() == [2.0]
+
+
+def test_its_name_must_be_free_and_its_class_an_effect() -> None:
+    for taken in ("gravity", "bearing_springs", "model_copy", "on", "tip spring"):
+        with pytest.raises(ArgumentError, match="name"):
+            register_effect(taken, BearingSprings)
+    with pytest.raises(ArgumentError, match="no effect"):
+        register_effect("table", tables.Table)
 
 
 def test_a_dumped_scene_loads_as_the_same_scene() -> None:

@@ -1,15 +1,13 @@
-"""A user's own models: what is right passes, each mistake is named; a user's own effect."""
+"""A user's own models: what is right passes, each mistake is named."""
 
 import casadi as ca
 import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, InputError, ModelError, SceneError
-from flexlin.mechanics import Effect, register_effect
-from flexlin.scene import Positive, Table
+from flexlin.errors import InputError, ModelError
 
-from .scenes import arm_of, scene_of, value
+from .scenes import arm_of, value
 
 S, RATE = ca.SX.sym("s", 2), ca.SX.sym("s_dot", 2)
 COS, SIN = ca.cos(S[1]), ca.sin(S[1])
@@ -91,42 +89,6 @@ def test_a_model_must_stay_finite_along_the_motion():
     motion = fl.parse_scene({**raw, "motion": {"kind": "harmonic", "frequency": 1.0, "joints": joints}}).motion
     with pytest.raises(ModelError, match=r"K_L\[0, 0\] is not finite along the motion, at t = "):
         fl.linearize(arm, motion)
-
-
-class TipSpring(Effect):
-    """A spring between the tip and a wall, V = 1/2 k y^2."""
-
-    stiffness: Positive
-
-    def potential_energy(self, chain):
-        return self.stiffness / 2 * chain.tips[-1].position[1] ** 2
-
-
-@pytest.fixture
-def tip_spring(monkeypatch):
-    from flexlin.scene import effects as tables
-
-    monkeypatch.setattr(tables, "_REGISTRY", tables.known_effects())
-    register_effect("tip_spring", TipSpring)
-
-
-@pytest.mark.usefixtures("tip_spring")
-def test_an_effect_of_ones_own():
-    arm = arm_of({"modes": 0}, effects={"tip_spring": {"stiffness": 3.0}})
-    q = 0.3
-    np.testing.assert_allclose(value(arm, "g", np.array([q])), 3.0 * 0.25 * np.sin(q) * np.cos(q), rtol=1e-12)
-    assert arm_of({"modes": 0}).functions["g"].n_instructions() < arm.functions["g"].n_instructions()
-    free = fl.build_manipulator(
-        scene_of({"modes": 0}, effects={"tip_spring": {"stiffness": 3.0}}), ["effects.tip_spring.stiffness"]
-    )
-    assert free.parameters.values.tolist() == [3.0]
-    with pytest.raises(SceneError, match=r"effects\.tip_spring\.stiffness"):
-        arm_of({"modes": 0}, effects={"tip_spring": {"stiffness": -3.0}})
-    for taken in ("gravity", "tip_spring", "model_copy", "on", "tip spring"):
-        with pytest.raises(ArgumentError, match="name"):
-            register_effect(taken, TipSpring)
-    with pytest.raises(ArgumentError, match="no effect"):
-        register_effect("table", Table)
 
 
 def test_unregistered_effects_are_refused():

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import control
 import numpy as np
 import pytest
 
@@ -53,18 +52,6 @@ def test_its_rates_solve_the_equations() -> None:
     np.testing.assert_array_equal(rates[: arm.n], s_dot)
     left = value(arm, "residual", s, s_dot, rates[arm.n :])[:, 0]
     np.testing.assert_allclose(left, np.append(1.25 * u, np.zeros(4)), atol=1e-10)
-
-
-@pytest.mark.slow
-def test_python_control_simulates_what_flexlin_simulates() -> None:
-    """A link that is let go: it falls, and rings."""
-    _, lin = falling(**{"links.0.modes": 1})
-    run = fl.simulate(lin, 0.15, tol=1e-9, points_per_period=64)
-    start = np.append(lin.about.positions(np.zeros(1), np.zeros((1, lin.n)))[0][0], np.zeros(lin.n))
-    method = {"solve_ivp_method": "LSODA", "solve_ivp_kwargs": {"rtol": 1e-8, "atol": 1e-10}}
-    found = control.input_output_response(lin.arm.to_control(), run.t, 0.0, start, **method)
-    np.testing.assert_allclose(found.states.T, run.nonlinear + start, atol=1e-6)
-    assert np.ptp(found.states[0]) > 0.1
 
 
 def test_its_linearization_is_that_of_flexlin() -> None:

@@ -6,7 +6,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import flexlin as fl
-from flexlin.errors import SceneError
 from flexlin.scene import parse_scene
 
 from .scenes import random_state, value
@@ -81,28 +80,6 @@ def test_the_axis_may_stay_a_symbol():
         np.array(arm.functions["residual"](*state, p.values + sign * 1e-6 * np.ones(1)))[:, 0] for sign in (1, -1)
     ]
     np.testing.assert_allclose(np.array(slope(*state, p.values))[:, 0], (forces[0] - forces[1]) / 2e-6, rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"axis": [0, 0, 0]}, "links.0.axis"),
-        ({"axis": [0, 1]}, "links.0.axis.2"),
-        ({"axis": [0, 1, 0], "joint": "fixed"}, "links.0.axis"),
-        ({"mount": {"xyz": [0, 0]}}, "links.0.mount.xyz.2"),
-        ({"mount": {"rpy": [0, 0, float("inf")]}}, "links.0.mount.rpy.2"),
-        ({"body": {"mass": -1.0}}, "links.0.body.mass"),
-        ({"body": {"mass": 1.0, "inertia": {"xx": 1.0, "yy": 1.0, "xy": 2.0}}}, "links.0.body.inertia"),
-        ({"axis": [0, 1, 0], "modes": 1, "mode_shapes": "pinned-free"}, "links.0.mode_shapes"),
-    ],
-)
-def test_what_space_does_not_allow(change, key):
-    with pytest.raises(SceneError) as caught:
-        parse_scene(scene_table([{**LINK, "joint": "revolute", **change}]) | {"motion": MOTION})
-    assert key in {problem.key for problem in caught.value.problems}, caught.value
-
-
-MOTION = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}]}
 
 
 def test_the_puma_is_the_published_one():

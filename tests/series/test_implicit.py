@@ -16,6 +16,7 @@ POSE = [2.2, -1.7, 0.9, 1.4, 0.1, 0.5]
 LOOPS = {
     "5-bar inverse": (five_bar(BASE, LEFT, RIGHT), POSE, (4, 5)),
     "5-bar forward": (five_bar(BASE, LEFT, RIGHT), POSE, (0, 2)),
+    "5-bar mixed": (five_bar(BASE, LEFT, RIGHT), POSE, (0, 5)),
     "4-bar": (four_bar(0.4, 0.2, 0.5, 0.35), [0.9, -0.8, 1.3], (0,)),
     "4-bar from its rocker": (four_bar(0.4, 0.2, 0.5, 0.35), [0.9, -0.8, 1.3], (2,)),
     "RSSR": (rssr(0.15, 0.4, 0.3, (0.2, 0.3, 0.1), (1, 0, 0)), [0.7, 0.6, -0.3, 2.8], (0,)),

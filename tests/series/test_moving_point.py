@@ -3,9 +3,6 @@
 The judge shares nothing with the series: roots of f(u, v) = 0 in 40 digits by mpmath, or the closed map's own Newton refinement.
 """
 
-import shutil
-import subprocess
-
 import casadi as ca
 import mpmath as mp
 import numpy as np
@@ -13,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import flexlin as fl
-from flexlin.series import c_code, solve_implicit
+from flexlin.series import solve_implicit
 from flexlin.series.jets import binary, unary
 from tests.thinned import thin
 
@@ -167,17 +164,3 @@ def test_two_coordinates_and_a_coupled_solution():
     assert_allclose(c.moving(other_map.u0, other_map.v0, du).full()[:, 0], other_map(du), rtol=1e-11)
     errors = [np.linalg.norm(c.moving(c.u0, c.v0, h * du).full()[:, 0] - c.refined(h * du)) for h in (0.05, 0.1)]
     assert abs(np.log2(errors[1] / errors[0]) - (ORDER + 1)) < 0.3
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
-def test_c_code_of_all_functions_at_once(tmp_path):
-    """One system with an equation for each function, compiled, against 40 digits."""
-    u, v = ca.SX.sym("u"), ca.SX.sym("v", len(EVERY))
-    f = ca.vertcat(*[equation(function, u, v[i]) for i, function in enumerate(EVERY.values())])
-    here, there, end = (np.array([float(exact(name, at)) for name in EVERY]) for at in (HERE, THERE, THERE + 0.02))
-    c = fl.implicit_taylor(f, u, v, [HERE], here, ORDER)
-    (tmp_path / "taylor.c").write_text(c_code(c.moving))
-    subprocess.run(["gcc", "-O1", "-fPIC", "-shared", "taylor.c", "-o", "taylor.so", "-lm"], cwd=tmp_path, check=True)
-    compiled = ca.external("taylor", str(tmp_path / "taylor.so"))
-    assert_allclose(compiled(THERE, there, 0.02).full()[:, 0], end, rtol=0, atol=1e-9)
