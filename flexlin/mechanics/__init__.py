@@ -21,7 +21,9 @@ __getattr__ = load_lazily(
         "mechanics.manipulator": "Manipulator",
     },
     within={
-        "mechanics.beam": "clamped_free clamped_with_tip Ends finite_elements pinned_with_hub Profile shape_integrals tapered",
+        "mechanics.beam.integrals": "Profile shape_integrals",
+        "mechanics.beam.ritz": "Ends finite_elements tapered",
+        "mechanics.beam.uniform": "clamped_free clamped_with_tip pinned_with_hub",
         "mechanics.link_shapes": "make_shapes sum_carried",
         "mechanics.closed_loop": "close_loop",
         "mechanics.coordinates": "Coordinate Parameters",

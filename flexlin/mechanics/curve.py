@@ -13,7 +13,7 @@ that of `bending_torsion_coupling`; without that effect twist leaves the axis al
 Source: Reissner, J. Applied Mathematics and Physics 23 (1972) 795; Hodges, Dowell, NASA TN D-7818 (1974), section 3.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -25,8 +25,7 @@ from numpy.polynomial import legendre
 
 from flexlin.checks import Array
 from flexlin.lazy import lazy
-from flexlin.mechanics.beam import Profile, Shapes
-from flexlin.mechanics.beam.integrals import UNIFORM, gauss_legendre, panels
+from flexlin.mechanics.beam.integrals import UNIFORM, Profile, Shapes, gauss_legendre, panels
 from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, tensor
 from flexlin.mechanics.links import PLACES, BentLink, split_rotation
 
@@ -127,10 +126,7 @@ class CurvedLink(BentLink):
             (self.z, self.table.length),
             (self.y, self.table.length),
         )
-        parts = [(form, part.w, part.w_rate, over) for form, (part, over) in zip(forms, turned, strict=True)]
-        return stack_rows((form, w, over) for form, w, _, over in parts), stack_rows(
-            (form, w, over) for form, _, w, over in parts
-        )
+        return stack_rows(forms, [(part.w, part.w_rate, over) for part, over in turned])
 
     @lazy
     def twisting(self) -> tuple[ca.SX, ca.SX]:
@@ -138,13 +134,8 @@ class CurvedLink(BentLink):
         length, x, y, z = self.table.length, self.torsion, self.z, self.y
         pairs = (y, z, length**2), (x, z, length), (x, y, length)
         forms = self.rule.twists if self.coupled else [form[:, :0] for form in self.rule.twists]
-        parts = [
-            (form, ca.kron(a.w, b.w), ca.kron(a.w_rate, b.w) + ca.kron(a.w, b.w_rate), over)
-            for form, (a, b, over) in zip(forms, pairs, strict=True)
-        ]
-        return stack_rows((form, w, over) for form, w, _, over in parts), stack_rows(
-            (form, w, over) for form, _, w, over in parts
-        )
+        products = [(ca.kron(a.w, b.w), ca.kron(a.w_rate, b.w) + ca.kron(a.w, b.w_rate), over) for a, b, over in pairs]
+        return stack_rows(forms, products)
 
     @lazy
     def angles(self) -> tuple[tuple[ca.SX, ca.SX], ...]:
@@ -218,13 +209,12 @@ class CurvedLink(BentLink):
         return frame.turned_by(*angles)
 
 
-def stack_rows(parts: Iterable[tuple[Array, ca.SX, Any]]) -> ca.SX:
-    """The rows (form w / over)^T one below the other, empty where there is no w."""
-    return ca.sparsify(
-        ca.vertcat(
-            *[
-                (ca.DM(form) @ w / over).T if form.shape[1] and w.numel() else ca.SX(1, len(form))
-                for form, w, over in parts
-            ]
-        )
-    )
+def stack_rows(forms: Sequence[Array], parts: Sequence[tuple[ca.SX, ca.SX, Any]]) -> tuple[ca.SX, ca.SX]:
+    """The rows (form w / over)^T one below the other, empty where there is no w, and the same of their rates; parts: w, w', over."""
+
+    def row(form: Array, w: ca.SX, over: Any) -> ca.SX:
+        return (ca.DM(form) @ w / over).T if form.shape[1] and w.numel() else ca.SX(1, len(form))
+
+    rows = [(row(form, w, over), row(form, rate, over)) for form, (w, rate, over) in zip(forms, parts, strict=True)]
+    values, rates = (ca.sparsify(ca.vertcat(*part)) for part in zip(*rows, strict=True))
+    return values, rates

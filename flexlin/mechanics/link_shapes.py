@@ -4,25 +4,14 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.beam import (
-    Ends,
-    Profile,
-    Section,
-    Shapes,
-    clamped_free,
-    clamped_with_tip,
-    finite_elements,
-    pinned_with_hub,
-    shape_integrals,
-    tapered,
-    twisted,
-)
-from flexlin.mechanics.beam.integrals import couple_shapes
+from flexlin.mechanics.beam.integrals import Profile, Shapes, couple_shapes, shape_integrals
+from flexlin.mechanics.beam.ritz import Ends, Section, finite_elements, tapered, twisted
+from flexlin.mechanics.beam.uniform import clamped_free, clamped_with_tip, pinned_with_hub
 from flexlin.mechanics.body import RigidMass
 from flexlin.mechanics.curve import CurveRule, make_rule
 from flexlin.mechanics.effects import effects_of
 from flexlin.mechanics.links import PLACES, Basis, LinkBasis
-from flexlin.scene.links import DIRECTIONS, Direction, Inertia, Link, list_parents
+from flexlin.scene.links import DIRECTIONS, Direction, Link, list_parents
 from flexlin.scene.scene import Scene
 
 STRAIGHT = clamped_free(0)
@@ -177,20 +166,14 @@ def list_parts(link: Link) -> list[tuple[float, Array, Array]]:
     rod = np.diag([polar, own * link.length**2 / 12, own * link.length**2 / 12])
     parts = [(own, rod, np.array([link.length / 2, 0.0, 0.0]))]
     if link.body is not None:
-        parts.append((link.body.mass, as_matrix(link.body.inertia), np.array(link.body.centre)))
+        parts.append((link.body.mass, np.array(link.body.inertia.rows()), np.array(link.body.centre)))
     return parts
-
-
-def as_matrix(inertia: Inertia) -> Array:
-    """An inertia's table as a matrix (3, 3)."""
-    xx, yy, zz, xy, xz, yz = inertia.entries().values()
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def read_tensor(body: RigidMass) -> Array:
     """The inertia (3, 3) of a body on a tip."""
     about_z = np.diag([0.0, 0.0, body.inertia])
-    return about_z if body.tensor is None else about_z + as_matrix(body.tensor)
+    return about_z if body.tensor is None else about_z + np.array(body.tensor.rows())
 
 
 def place(body: RigidMass) -> Array:

@@ -8,15 +8,14 @@ import numpy as np
 
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.validation import Equations
 from flexlin.scene.control import RATE
 
 if TYPE_CHECKING:
     import control
 
 
-def nonlinear_system(arm: Equations, name: str, period: float | None) -> "control.NonlinearIOSystem":
-    """The arm with inputs named by what they drive, and states that are its outputs; `period`: in s, of a load that is periodic.
+def nonlinear_system(arm: Any, name: str, period: float | None) -> "control.NonlinearIOSystem":
+    """A `Manipulator` with inputs named by what they drive, and states that are its outputs; `period`: in s, of a load that is periodic.
 
     Raises: ArgumentError where such a load has no period.
     """

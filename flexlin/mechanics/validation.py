@@ -1,6 +1,6 @@
 """Does a model obey mechanics? Checked numerically at a few states; each error names the entry that is wrong."""
 
-from typing import Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,43 +15,8 @@ TOLERANCE = 1e-8
 """Relative size of a contradiction that rounding explains."""
 
 
-class Equations(Protocol):
-    """The parts of a manipulator that mechanics has a law for, and from which its rates follow."""
-
-    @property
-    def n(self) -> int: ...
-    @property
-    def s(self) -> ca.SX: ...
-    @property
-    def s_dot(self) -> ca.SX: ...
-    @property
-    def s_ddot(self) -> ca.SX: ...
-    @property
-    def residual(self) -> ca.SX: ...
-    @property
-    def phase(self) -> ca.SX | None: ...
-    @property
-    def M(self) -> ca.SX: ...
-    @property
-    def C(self) -> ca.SX: ...
-    @property
-    def g(self) -> ca.SX: ...
-    @property
-    def damping(self) -> ca.SX: ...
-    @property
-    def B(self) -> ca.SX: ...
-    @property
-    def coriolis(self) -> ca.SX | None: ...
-    @property
-    def drives(self) -> tuple[int, ...]: ...
-    @property
-    def names(self) -> tuple[str, ...]: ...
-    @property
-    def parameters(self) -> Parameters: ...
-
-
-def validate(arm: Equations) -> None:
-    """Check a manipulator's equations against the laws they must obey.
+def validate(arm: Any) -> None:
+    """Check the equations of a `Manipulator` against the laws they must obey.
 
         M = M^T > 0,   C(s, s') s' = Christoffel forces of M  (so that s'^T (M' - 2 C) s' = 0),   dg/ds = (dg/ds)^T,
 
@@ -97,7 +62,7 @@ def need_quadratic(T: ca.SX, s: ca.SX, s_dot: ca.SX, parameters: Parameters) -> 
         )
 
 
-def _states(arm: Equations) -> list[tuple[Array, Array]]:
+def _states(arm: Any) -> list[tuple[Array, Array]]:
     """Rest, and four random states."""
     rng = np.random.default_rng(0)
     scale = np.where(np.isin(np.arange(arm.n), arm.drives), 1.0, 0.01)
@@ -110,7 +75,7 @@ def _value(expression: ca.SX, inputs: list[tuple[ca.SX, Array]]) -> Array:
     return np.array(function(*[number for _, number in inputs]))
 
 
-def _need_independence(arm: Equations) -> None:
+def _need_independence(arm: Any) -> None:
     for name, expression in (("M", arm.M), ("g", arm.g)):
         if ca.depends_on(expression, arm.s_dot):
             entry = next(i for i in range(expression.numel()) if ca.depends_on(ca.vec(expression)[i], arm.s_dot))
@@ -151,7 +116,7 @@ def _need_positive(M: Array, names: tuple[str, ...], where: str) -> None:
         )
 
 
-def _need_christoffel(arm: Equations, inputs: list[tuple[ca.SX, Array]], where: str) -> None:
+def _need_christoffel(arm: Any, inputs: list[tuple[ca.SX, Array]], where: str) -> None:
     """Compare C s' with the forces that M implies, product of rates by product of rates."""
     expected = derive_coriolis(arm.M, arm.s, arm.s_dot) @ arm.s_dot
     products = [

@@ -45,12 +45,12 @@ class EffectTable(Table):
     @classmethod
     def count_motors(cls, raw: RawTable, moving: Sequence[int]) -> int:
         """How many motors a raw table gives a coordinate of their own, on an arm whose joints before these links move."""
-        return len(moving) if cls.frees_motors else 0
+        return count_soft(raw, moving) if cls.frees_motors else 0
 
     @classmethod
     def count_bearings(cls, raw: RawTable, moving: Sequence[int]) -> int:
         """How many bearings a raw table lets give, on an arm whose joints before these links move."""
-        return len(moving) if cls.frees_bearings else 0
+        return count_soft(raw, moving) if cls.frees_bearings else 0
 
     @classmethod
     def summary(cls) -> str:
@@ -66,6 +66,12 @@ class EffectTable(Table):
     def contradictions(cls, raw: RawTable, arm: RawArm) -> Iterator[Problem]:
         """List where a raw table does not fit the links or the motion; keys as in the file."""
         yield from ()
+
+
+def count_soft(raw: RawTable, moving: Sequence[int]) -> int:
+    """How many of these joints a raw table does not hold by a 0 in its list of stiffnesses."""
+    given = raw.get("stiffness")
+    return sum(not isinstance(given, list) or i >= len(given) or given[i] != 0 for i in moving)
 
 
 class Effects(Table):

@@ -171,14 +171,17 @@ class Inertia(Table):
 
     @model_validator(mode="after")
     def _is_an_inertia(self) -> "Inertia":
-        if not any(self.entries().values()):
-            return self
-        import numpy as np  # a scene without bodies in space is read without it
+        if any(self.entries().values()):
+            import numpy as np  # a scene without bodies in space is read without it
 
-        matrix = np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
-        if np.linalg.eigvalsh(matrix).min() < -ROUNDING * np.abs(matrix).max():
-            raise ValueError("principal inertias that are not negative")
+            matrix = np.array(self.rows())
+            if np.linalg.eigvalsh(matrix).min() < -ROUNDING * np.abs(matrix).max():
+                raise ValueError("principal inertias that are not negative")
         return self
+
+    def rows(self) -> list[list[Any]]:
+        """The inertia as a matrix (3, 3)."""
+        return [[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]]
 
     def entries(self) -> dict[str, Any]:
         """The six entries by name."""

@@ -14,7 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from flexlin.mechanics.beam import clamped_free
+from flexlin.mechanics import clamped_free
 
 from .scenes import arm_of
 from .test_large_bending import swing

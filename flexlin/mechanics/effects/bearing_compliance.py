@@ -5,7 +5,6 @@ joint beta_1, beta_2 are displacements across its direction. Assumes bearings th
 Source: Genta, Dynamics of Rotating Systems (2005), section 4.6.
 """
 
-from collections.abc import Sequence
 from typing import Annotated
 
 import casadi as ca
@@ -13,7 +12,6 @@ import casadi as ca
 from flexlin.mechanics.body import Body, about, rigid_body
 from flexlin.mechanics.effects.base import LOSS, PART, Chain, Effect, Scale, per_joint
 from flexlin.scene.base import NonNegative, PerLink, Positive, Unit
-from flexlin.scene.effects import RawTable
 
 
 class BearingCompliance(Effect):
@@ -28,17 +26,6 @@ class BearingCompliance(Effect):
     """Damping of the tilting (N s/m across a sliding joint)."""
     inertia: Annotated[PerLink, Unit("kg m^2")] = 0.0
     """Inertia about the axes across a turning joint of what turns in its bearing, which a link that is a slender rod lacks."""
-
-    @classmethod
-    def count_bearings(cls, raw: RawTable, moving: Sequence[int]) -> int:
-        stiffness = raw.get("stiffness")
-        if not isinstance(stiffness, list):
-            return len(moving)
-        return sum(i >= len(stiffness) or stiffness[i] != 0 for i in moving)
-
-    def frees_bearing(self, joint: int) -> bool:
-        stiffness = per_joint(self.stiffness, joint, single="every")
-        return not isinstance(stiffness, (int, float)) or stiffness > 0
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "BearingCompliance":

@@ -6,13 +6,13 @@ leaves out is `effects.rotor_spin`.
 Source: Spong (1987), Modeling and control of elastic joint robots.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Annotated
 
 import casadi as ca
 
 from flexlin.errors import Problem
-from flexlin.mechanics.effects.base import LOSS, PART, Chain, Effect, Scale, per_joint, per_motor
+from flexlin.mechanics.effects.base import LOSS, PART, Chain, Effect, Scale, per_motor
 from flexlin.scene.base import NonNegative, PerLink, Positive, Unit
 from flexlin.scene.effects import RawArm, RawTable
 
@@ -31,15 +31,6 @@ class JointFlexibility(Effect):
     """Damping between motor and link."""
 
     @classmethod
-    def count_motors(cls, raw: RawTable, moving: Sequence[int]) -> int:
-        stiffness = raw.get("stiffness")
-        return (
-            sum(i >= len(stiffness) or stiffness[i] != 0 for i in moving)
-            if isinstance(stiffness, list)
-            else len(moving)
-        )
-
-    @classmethod
     def contradictions(cls, raw: RawTable, arm: RawArm) -> Iterator[Problem]:
         """A motor behind a spring has inertia."""
         tables = [raw.get(key) for key in ("stiffness", "motor_inertia")]
@@ -47,10 +38,6 @@ class JointFlexibility(Effect):
             springs, inertias = (t[i : i + 1] if isinstance(t, list) else [t] for t in tables)
             if springs != [0] and inertias == [0]:
                 yield Problem(f"effects.joint_flexibility.motor_inertia.{i}", "0", "a positive number behind a spring")
-
-    def frees_motor(self, joint: int) -> bool:
-        stiffness = per_joint(self.stiffness, joint, single="every")
-        return not isinstance(stiffness, (int, float)) or stiffness > 0
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "JointFlexibility":
