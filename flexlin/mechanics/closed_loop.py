@@ -67,12 +67,10 @@ def close_loop(
         "g": K.T @ arm.g,
         "damping": K.T @ arm.damping,
         "B": K.T @ arm.B[:, list(motors)],
-        "energy": arm.energy,
-        "points": arm.points,
-        **({} if arm.axes is None else {"axes": arm.axes}),
         "coriolis": K.T @ (arm.M @ K_dot + arm.C @ K),
-        **({} if arm.rotation is None else {"rotation": arm.rotation}),
     }
+    known = {name: getattr(arm, name) for name in ("energy", "points", "axes", "rotation")}
+    parts |= {name: expression for name, expression in known.items() if expression is not None}
     moving = ca.substitute(list(parts.values()), [arm.s_dot, arm.s_ddot], [K @ u_dot, K @ u_ddot + K_dot @ u_dot])
     reduced = dict(zip(parts, map(ca.densify, ca.substitute(moving, [v], [solution])), strict=True))
     tip = None if arm.points is None else arm.points[:, -1]

@@ -446,23 +446,9 @@ class FlexibleManipulator(Manipulator):
         self.__init__(state["near"])  # type: ignore[misc]
 
 
-AT_LARGE = [
-    "residual",
-    "M",
-    "g",
-    "damping",
-    "B",
-    "energy",
-    "points",
-    "axes",
-    "coriolis",
-    "rotation",
-    "loops",
-    "C",
-    "functions",
-]
+AT_LARGE = ["residual", "M", "g", "damping", "B", "energy", "points", "axes", "coriolis", "rotation", "loops"]
 """What differs at large deflections."""
-for _name in AT_LARGE:
+for _name in (*AT_LARGE, "C", "functions"):
     setattr(FlexibleManipulator, _name, property(attrgetter(f"near.at_large.{_name}")))
 
 

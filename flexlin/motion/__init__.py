@@ -1,6 +1,6 @@
 """Basic motions, from a scene's motion table."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
@@ -15,14 +15,13 @@ from flexlin.mechanics.coordinates import Parameters
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
 from flexlin.motion.smooth import (
-    PROFILES as PROFILES,
-)
-from flexlin.motion.smooth import (
+    Expression,
     highest_harmonic,
     make_fourier,
     make_harmonic,
     make_point_to_point,
     make_rotation,
+    read_nominal,
 )
 from flexlin.motion.table import read_log_motion, read_table_motion
 from flexlin.plots.view import Series, View
@@ -110,13 +109,14 @@ def build_motion(
         return read_log_motion(table, joints, prescribed)
     parameters = parameters or Parameters()
     free, phase = parameters.placed_in(table, "motion."), ca.SX.sym("phase")
-    breaks: tuple[float, ...] = ()
-    if isinstance(free, PointToPoint):
-        angles, duration, breaks = make_point_to_point(free, phase)
-    else:
-        expressions: dict[type, Any] = {Harmonic: make_harmonic, Rotation: make_rotation, Fourier: make_fourier}
-        angles, duration = expressions[type(free)](free, phase, parameters)
-    period = float(ca.evalf(ca.substitute(duration, parameters.symbols, ca.DM(parameters.values))))
+    makers: dict[type, Callable[..., Expression]] = {
+        Harmonic: make_harmonic,
+        Rotation: make_rotation,
+        Fourier: make_fourier,
+        PointToPoint: make_point_to_point,
+    }
+    angles, duration, breaks = makers[type(free)](free, phase, parameters)
+    period = read_nominal(duration, parameters)
     return SymbolicMotion(
         joints,
         period,

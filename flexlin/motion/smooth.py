@@ -14,13 +14,17 @@ LARGEST_RATIO = 1000
 """Rates of rotating joints must be ratios of integers up to this one, or the common period would be unusably long."""
 
 
-def make_harmonic(table: Harmonic, phase: ca.SX, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+Expression = tuple[ca.SX, ca.SX, tuple[float, ...]]
+"""Angles (joints, 1) of the phase, duration in s, and the breaks as phases."""
+
+
+def make_harmonic(table: Harmonic, phase: ca.SX, parameters: Parameters) -> Expression:
     """q = mean + amplitude sin(2 pi t/T + phase), T = 1/frequency."""
     angles = [joint.mean + joint.amplitude * ca.sin(2 * pi * phase + joint.phase) for joint in table.joints]
-    return ca.vertcat(*angles), ca.SX(1) / table.frequency
+    return ca.vertcat(*angles), ca.SX(1) / table.frequency, ()
 
 
-def make_fourier(table: Fourier, phase: ca.SX, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+def make_fourier(table: Fourier, phase: ca.SX, parameters: Parameters) -> Expression:
     """q = mean + sum_k cos_k cos(2 pi k t/T) + sin_k sin(2 pi k t/T)."""
     angles = []
     for joint in table.joints:
@@ -30,7 +34,7 @@ def make_fourier(table: Fourier, phase: ca.SX, parameters: Parameters) -> tuple[
         for k, amplitude in enumerate(joint.sin, start=1):
             angle += amplitude * ca.sin(2 * pi * k * phase)
         angles.append(angle)
-    return ca.vertcat(*angles), ca.SX(table.period)
+    return ca.vertcat(*angles), ca.SX(table.period), ()
 
 
 def highest_harmonic(table: AnyMotion) -> int:
@@ -40,12 +44,12 @@ def highest_harmonic(table: AnyMotion) -> int:
     return max(len(row) for joint in table.joints for row in (joint.cos, joint.sin, (0.0,)))
 
 
-def make_rotation(table: Rotation, phase: ca.SX, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+def make_rotation(table: Rotation, phase: ca.SX, parameters: Parameters) -> Expression:
     """q = start + rate t: the angle grows, but sin q and cos q, and so the coefficients, are periodic.
 
     Raises: MotionError when no joint turns, or the rates have no common period.
     """
-    nominal = [_read_nominal(joint.rate, parameters) for joint in table.joints]
+    nominal = [read_nominal(joint.rate, parameters) for joint in table.joints]
     leader = next((i for i, rate in enumerate(nominal) if rate != 0), None)
     if leader is None:
         raise MotionError(
@@ -56,7 +60,7 @@ def make_rotation(table: Rotation, phase: ca.SX, parameters: Parameters) -> tupl
         )
     turns = _count_turns(nominal, leader)
     angles = [joint.start + 2 * pi * turn * phase for joint, turn in zip(table.joints, turns, strict=True)]
-    return ca.vertcat(*angles), 2 * pi * turns[leader] / ca.SX(table.joints[leader].rate)
+    return ca.vertcat(*angles), 2 * pi * turns[leader] / ca.SX(table.joints[leader].rate), ()
 
 
 def _count_turns(rates: list[float], leader: int) -> list[int]:
@@ -76,7 +80,7 @@ def _count_turns(rates: list[float], leader: int) -> list[int]:
     return [sign * turn // shared for turn in turns]
 
 
-def _read_nominal(value: object, parameters: Parameters) -> float:
+def read_nominal(value: object, parameters: Parameters) -> float:
     """The number behind a value that may be a free symbol."""
     if not isinstance(value, ca.SX):
         return float(value)  # type: ignore[arg-type]
@@ -87,10 +91,10 @@ PROFILES = {"quintic": 2, "septic": 3}
 """Derivatives of a step from 0 to 1 that vanish at both ends: rate, acceleration and jerk. Source: Biagiotti, Melchiorri (2008), 2.1."""
 
 
-def make_point_to_point(table: PointToPoint, phase: ca.SX) -> tuple[ca.SX, ca.SX, tuple[float, ...]]:
+def make_point_to_point(table: PointToPoint, phase: ca.SX, parameters: Parameters) -> Expression:
     """q = q_i + (q_(i+1) - q_i) step((t - t_i)/move_time), then rest for dwell_time, from waypoint to waypoint.
 
-    Returns: angles (joints, 1), duration, and the breaks as phases. Raises: MotionError when joints have unequal numbers of waypoints.
+    Raises: MotionError when joints have unequal numbers of waypoints.
     """
     counts = [len(joint.waypoints) for joint in table.joints]
     if len(set(counts)) != 1:

@@ -87,14 +87,17 @@ def _joint(key: str, link: RawTable) -> Iterator[Problem]:
     joint, axis = link.get("joint", "revolute"), link.get("axis")
     if joint == "fixed" and axis is not None:
         yield Problem(f"{key}.axis", "an axis beside joint = 'fixed'", "no axis, or a joint that moves")
-    if pinned(link) and any(count for direction, count in mode_counts(link).items() if direction != "y"):
-        yield Problem(
-            f"{key}.mode_shapes", repr(link["mode_shapes"]), "clamped shapes, because the link deflects in space"
-        )
-    if pinned(link) and joint == "fixed":
-        yield Problem(f"{key}.mode_shapes", repr(link["mode_shapes"]), "clamped shapes, because the joint is fixed")
-    if pinned(link) and axis not in (None, [0, 0, 1], (0, 0, 1)):
-        yield Problem(f"{key}.mode_shapes", repr(link["mode_shapes"]), "clamped shapes, or a joint that turns about z")
+    if not pinned(link):
+        return
+    reasons = {
+        ", because the link deflects in space": any(n for way, n in mode_counts(link).items() if way != "y"),
+        ", because the joint is fixed": joint == "fixed",
+        ", because the joint follows another": isinstance(link.get("mimic"), dict),
+        ", because the joint is passive": link.get("passive") is True,
+        ", or a joint that turns about z": axis not in (None, [0, 0, 1], (0, 0, 1)),
+    }
+    for reason in (words for words, holds in reasons.items() if holds):
+        yield Problem(f"{key}.mode_shapes", repr(link["mode_shapes"]), f"clamped shapes{reason}")
 
 
 def _mimic(key: str, link: RawTable, before: Sequence[RawTable]) -> Iterator[Problem]:
@@ -107,10 +110,6 @@ def _mimic(key: str, link: RawTable, before: Sequence[RawTable]) -> Iterator[Pro
         )
     if link.get("joint") == "fixed":
         yield Problem(f"{key}.mimic", "a rule beside joint = 'fixed'", "a joint that moves, or no rule")
-    if pinned(link):
-        yield Problem(
-            f"{key}.mode_shapes", repr(link["mode_shapes"]), "clamped shapes, because the joint follows another"
-        )
 
 
 COUNTED = tuple(
@@ -199,8 +198,6 @@ def _passive(key: str, link: RawTable, loops: bool) -> Iterator[Problem]:
         yield Problem(f"{key}.passive", "true", "a [[loops]] table, from which the joint's displacement follows")
     if not moves(link):
         yield Problem(f"{key}.passive", "true beside a joint that is fixed or follows another", "a joint that moves")
-    if pinned(link):
-        yield Problem(f"{key}.mode_shapes", repr(link["mode_shapes"]), "clamped shapes, because the joint is passive")
 
 
 COORDINATE = re.compile(r"(q|w|theta|phi|beta)\w*\d(_rate)?")
@@ -236,23 +233,19 @@ def _links(raw: dict[str, Any]) -> Iterator[Problem]:
     arm = RawArm(links, _motion_joints(raw, links))
     yield from link_contradictions(arm)
     yield from loop_contradictions(links, _tables(raw.get("loops")), model)
-    yield from effect_contradictions(_effects(raw), arm)
-
-
-def _effects(raw: dict[str, Any]) -> dict[str, Any]:
-    return raw["effects"] if isinstance(raw.get("effects"), dict) else {}
+    yield from effect_contradictions(_table(raw, "effects"), arm)
 
 
 def _motion_joints(raw: dict[str, Any], links: list[dict[str, Any]]) -> list[Any]:
     """The raw table of the motion of each link's joint, with the motion's default drive; empty for a fixed joint."""
-    motion = raw["motion"] if isinstance(raw.get("motion"), dict) else {}
+    motion = _table(raw, "motion")
     tables = iter([{"drive": motion.get("drive", "torque"), **joint} for joint in _tables(motion.get("joints"))])
     return [next(tables, {}) if driven(link) else {} for link in links]
 
 
 def _has_mass(link: dict[str, Any], raw: dict[str, Any]) -> bool:
     """Whether a link at the end, with what it carries, has inertia; unknown counts as yes."""
-    effects = _effects(raw)
+    effects = _table(raw, "effects")
     own = link.get("mass_per_length", 0 if "body" in link else None) != 0
     body = link["body"].get("mass") != 0 if isinstance(link.get("body"), dict) else False
     return own or body or any(effect.gives_inertia(effects[name]) for name, effect in tables_on(effects))
@@ -260,7 +253,7 @@ def _has_mass(link: dict[str, Any], raw: dict[str, Any]) -> bool:
 
 def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
     links = _tables(raw.get("links"))
-    motion = raw["motion"] if isinstance(raw.get("motion"), dict) else {}
+    motion = _table(raw, "motion")
     joints = motion.get("joints")
     if not links or not isinstance(joints, list):
         return
@@ -271,8 +264,7 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
         return
     default = motion.get("drive", "torque")
     powered = sum(joint.get("drive", default) == "torque" for joint in _tables(joints))
-    control = raw["control"] if isinstance(raw.get("control"), dict) else {}
-    yield from control_contradictions(control, powered)
+    yield from control_contradictions(_table(raw, "control"), powered)
     coordinates = powered + _added_coordinates(links, raw)
     for i, design in enumerate(_tables(raw.get("designs"))):
         for key, wanted, what in (
@@ -286,9 +278,9 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
 
 def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:
     """How many coordinates there are beside the driven joints: modes, free motors, two of each bearing that gives."""
-    modes = [count for link in links for count in mode_counts(link).values()]
+    modes, effects = [count for link in links for count in mode_counts(link).values()], _table(raw, "effects")
     own, moving = ([i for i, link in enumerate(links) if rule(link)] for rule in (driven, moves))
-    tables = [(effect, _effects(raw)[name]) for name, effect in tables_on(_effects(raw))]
+    tables = [(effect, effects[name]) for name, effect in tables_on(effects)]
     motors = max((effect.count_motors(table, own) for effect, table in tables), default=0)
     bearings = max((effect.count_bearings(table, moving) for effect, table in tables), default=0)
     return sum(modes) + motors + 2 * bearings
@@ -311,6 +303,11 @@ def _weighted(raw: dict[str, Any]) -> Iterator[Problem]:
                 hint = hint_at(str(key), groups)
                 expected = f"one of {', '.join(groups)}, or a coordinate such as q1, w11, w11_rate{hint}"
                 yield Problem(f"designs.{i}.weights.{printable(key)}", "an unknown key", expected)
+
+
+def _table(raw: RawTable, key: str) -> RawTable:
+    """A raw table in another; anything else is the schema's to complain about."""
+    return raw[key] if isinstance(raw.get(key), dict) else {}
 
 
 def _tables(value: object) -> list[dict[str, Any]]:

@@ -6,14 +6,12 @@ from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator, WithJso
 
 from flexlin.scene.base import NonNegative, NotEndless, Positive, Table, Text, Unit
 from flexlin.scene.units import (
-    NUMBER_OR_TEXT,
     ONE_OR_MORE,
     AnyDeviation,
     AnyDisplacement,
     AnyInput,
     AnyIntegral,
     AnyRate,
-    in_si,
     kept_quantities,
 )
 
@@ -56,16 +54,6 @@ class Weights(Table):
         return dict(self.__pydantic_extra__ or {})
 
 
-def _in(unit: str) -> BeforeValidator:
-    """Reads a text with a unit behind it."""
-    return BeforeValidator(lambda value: in_si(value, unit) if isinstance(value, str) else value)
-
-
-Frequency = Annotated[Positive, _in("Hz"), WithJsonSchema(NUMBER_OR_TEXT), Unit("Hz")]
-Curvature = Annotated[Positive, _in("1/m"), WithJsonSchema(NUMBER_OR_TEXT), Unit("1/m")]
-Duration = Annotated[Positive, _in("s"), WithJsonSchema(NUMBER_OR_TEXT), Unit("s")]
-
-
 class Filter(Table):
     """What all filters share: what they act on, and at which joints."""
 
@@ -80,7 +68,7 @@ class LowPass(Filter):
 
     kind: Literal["low-pass"]
     """The kind of filter."""
-    cutoff: Frequency
+    cutoff: Annotated[Positive, Unit("Hz")]
     """Frequency at which half of the power passes."""
     order: Literal[1, 2] = 2
     """Order of the filter."""
@@ -91,7 +79,7 @@ class Notch(Filter):
 
     kind: Literal["notch"]
     """The kind of filter."""
-    frequency: Frequency
+    frequency: Annotated[Positive, Unit("Hz")]
     """What it takes out."""
     damping: Annotated[Positive, Unit("")] = 0.5
     """Damping ratio of its poles: the notch is about twice this times its frequency wide."""
@@ -109,7 +97,7 @@ class Gauge(Table):
     """Number of the link, from 1."""
     at: Annotated[NonNegative, Field(le=1)] = 0.0
     """Place x / l on it, from 0 (joint) to 1 (tip)."""
-    noise: Curvature
+    noise: Annotated[Positive, Unit("1/m")]
     """Standard deviation of a sample."""
 
 
@@ -129,7 +117,7 @@ class EstimatorTable(Table):
     """Noise of a camera that sees the tip, along each axis."""
     torque: Annotated[AnyInput, Unit("N m, N or V")]
     """Noise of the torques, or a list of one each: what the model leaves out."""
-    sample_time: Duration = 1e-3
+    sample_time: Annotated[Positive, Unit("s")] = 1e-3
     """Time between two samples of the noise."""
 
     @model_validator(mode="after")
@@ -161,7 +149,7 @@ class Pid(Table):
     """Damping of each torque-driven joint's loop."""
     ki: Annotated[tuple[NonNegative, ...], Unit("N m/(rad s) or N/(m s)")]
     """Gain on the integral of each torque-driven joint's error; a joint with 0 has no integral."""
-    tracking_time: Duration | None = None
+    tracking_time: Annotated[Positive | None, Unit("s")] = None
     """Time in which a drive at its limit empties the integral: (int e)' = e + (asked - given) / (ki tracking_time)."""
 
 
@@ -238,7 +226,7 @@ class DesignTable(Table):
     """Sensors and their noise: the design is judged with its states estimated, too."""
     phases: Annotated[int, Field(strict=True, ge=1, le=4096)] = 16
     """Places of a period at which a frozen-lqr is designed."""
-    sample_time: Duration | None = None
+    sample_time: Annotated[Positive | None, Unit("s")] = None
     """Time between samples that fill whole periods: the gains are those of a periodic-lqr whose torque is held from sample to sample."""
 
     @model_validator(mode="after")

@@ -105,12 +105,11 @@ def registered_model(name: str) -> RegisteredModel:
 
     Raises: SceneError when no code has registered that name.
     """
-    if name not in _REGISTRY:
-        _register_shipped()
-    if name not in _REGISTRY:
+    found = _REGISTRY.get(name) or shipped_models().get(name)
+    if found is None:
         expected = f"a registered model, one of {', '.join(sorted(_REGISTRY))}; flexlin.scene.register_model adds one from Python"
         raise SceneError("scene", [Problem("model", repr(name), expected)])
-    return _REGISTRY[name]
+    return found
 
 
 def shipped_models() -> dict[str, RegisteredModel]:

@@ -16,7 +16,7 @@ from flexlin.scene.consistency import contradictions
 from flexlin.scene.library import builtin_scenes, place_motion_file, registered_model
 from flexlin.scene.links import expand_sections
 from flexlin.scene.motion import AnyMotion
-from flexlin.scene.parameters import PARAMETERS, apply_overrides, get_value, whole_path
+from flexlin.scene.parameters import PARAMETERS, apply_overrides, get_value, list_children, whole_path
 from flexlin.scene.problems import read_table, schema_problems
 from flexlin.scene.scene import Scene, uncertainty_problems
 from flexlin.scene.toml import explain_fault, parse_toml
@@ -174,7 +174,10 @@ def scene_text(source: str | Path) -> str:
 
     Raises: SceneError when there is no such scene, or its file cannot be read.
     """
-    path = _find(source)
+    return _read_text(_find(source))
+
+
+def _read_text(path: Path) -> str:
     try:
         return read_text(path, LARGEST_SCENE)
     except (UnicodeDecodeError, OSError) as error:
@@ -223,17 +226,14 @@ def _find(source: str | Path) -> Path:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    text = ""
+    text = _read_text(path)
     try:
-        text = read_text(path, LARGEST_SCENE)
         return parse_toml(text)
     except RecursionError:
         raise SceneError(printable(path), [Problem("file", "tables in tables without end", SHALLOW)]) from None
     except tomllib.TOMLDecodeError as error:
         got, expected = explain_fault(text, error)
         raise SceneError(printable(path), [Problem("file", printable(got), expected)]) from None
-    except (UnicodeDecodeError, OSError) as error:
-        raise SceneError(printable(path), [Problem("file", describe_unread(error), "a TOML file in UTF-8")]) from None
 
 
 def scene_from_urdf(path: str | Path, base: str | None = None, tip: str | None = None) -> Scene:
@@ -311,10 +311,8 @@ def is_written(raw: Any, path: str) -> bool:
     """Whether plain data has something at a dotted path; a model's table may be left out of the path."""
     node = raw
     for step in whole_path(path, raw, raw.get(PARAMETERS)).split("."):
-        if isinstance(node, list) and step.isdigit() and int(step) < len(node):
-            node = node[int(step)]
-        elif isinstance(node, dict) and step in node:
-            node = node[step]
-        else:
+        inside = list_children(node)
+        if step not in inside:
             return False
+        node = inside[step]
     return True

@@ -64,44 +64,31 @@ def numeric_paths(node: Any, prefix: str = "") -> list[str]:
     """List the dotted paths of all real numbers (not counts) below a table."""
     if isinstance(node, float):
         return [prefix]
-    if isinstance(node, BaseModel):
-        children = [(name, getattr(node, name)) for name in type(node).model_fields]
-    elif isinstance(node, (tuple, list)):
-        children = [(str(i), child) for i, child in enumerate(node)]
-    elif isinstance(node, dict):
-        children = list(node.items())
-    else:
-        return []
+    children = list_children(node).items()
     return [path for name, child in children for path in numeric_paths(child, f"{prefix}.{name}" if prefix else name)]
 
 
+def list_children(node: Any) -> dict[str, Any]:
+    """What stands at a node of a scene or of raw data, by the step that a path takes; what is off is left out."""
+    if isinstance(node, BaseModel):
+        held = {name: getattr(node, name) for name in type(node).model_fields}
+        return {name: child for name, child in held.items() if child is not None}
+    if isinstance(node, (tuple, list)):
+        return {str(i): child for i, child in enumerate(node)}
+    return node if isinstance(node, dict) else {}
+
+
 def _child(node: Any, step: str, path: str) -> Any:
-    try:
-        if isinstance(node, (tuple, list)):
-            return node[int(step)]
-        if isinstance(node, dict):
-            return node[step]
-        if isinstance(node, BaseModel) and step in type(node).model_fields and getattr(node, step) is not None:
-            return getattr(node, step)
-    except (IndexError, KeyError, ValueError):
-        pass
+    inside = list_children(node)
+    if step in inside:
+        return inside[step]
     off = isinstance(node, BaseModel) and step in type(node).model_fields
     raise ArgumentError(
         f"the scene has nothing at {path!r}",
         got=step,
-        expected=f"one of {', '.join(_names(node)) or 'none: the path is too long'}",
+        expected=f"one of {', '.join(inside) or 'none: the path is too long'}",
         todo=f"switch {step} on: give its whole table, in the scene or with --set" if off else None,
     )
-
-
-def _names(node: Any) -> list[str]:
-    """What a path may go on with at a table of the scene."""
-    if isinstance(node, (tuple, list)):
-        return [str(i) for i in range(len(node))]
-    if isinstance(node, dict):
-        return list(node)
-    fields = type(node).model_fields if isinstance(node, BaseModel) else ()
-    return [name for name in fields if getattr(node, name) is not None]
 
 
 OFF = "off"

@@ -45,12 +45,12 @@ def suggest_list(value: Any) -> str:
 def suggest_number(value: str, unit: str | None) -> str:
     """The SI value of a quantity with a unit: 96 cm may mean 0.96."""
     try:
-        found = read_quantity(value)
+        number, dimension = read_quantity(value)
     except ValueError:
         return name_units(unit) if unit and re.match(rf"\s*{NUMBER}\s*\D", value) else ""
-    if unit and found.dimension is not None:
+    if unit and dimension is not None:
         return name_units(unit)
-    return f"; did you mean {found.value:.12g}? Numbers are in {unit or 'SI units'}"
+    return f"; did you mean {number:.12g}? Numbers are in {unit or 'SI units'}"
 
 
 def name_units(units: str) -> str:

@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import PlainValidator, WithJsonSchema
@@ -50,14 +49,6 @@ NAMES = {
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A number in SI units; its dimension is None where no unit was written."""
-
-    value: float
-    dimension: Dimension | None
-
-
 def dimension_of(unit: str) -> tuple[float, Dimension]:
     """Return the size in SI units and the dimension of a unit such as "mN m" or "deg/s^2"; raises ValueError naming what is no unit."""
     size, powers = 1.0, [0, 0, 0, 0, 0]
@@ -91,32 +82,35 @@ def define_units() -> None:
 define_units()
 
 
-def read_quantity(value: Any) -> Quantity:
-    """Read a number, or a text such as "2 mm"; raises ValueError with what was expected."""
+def read_quantity(value: Any) -> tuple[float, Dimension | None]:
+    """Read a number, or a text such as "2 mm", in SI units; its dimension is None where no unit was written.
+
+    Raises: ValueError with what was expected.
+    """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise ValueError("a number, or a text such as '2 mm'")
     if not isinstance(value, str):
-        return Quantity(float(value), None)
+        return float(value), None
     found = _NUMBER.fullmatch(value)
     if found is None:
         raise ValueError("a number with a unit, such as '2 mm'")
     number, unit = read_number(found.group(1)), found.group(2)
     if not unit:
-        return Quantity(number, None)
+        return number, None
     size, powers = dimension_of(unit)
-    return Quantity(number * size, powers)
+    return number * size, powers
 
 
 def in_si(value: Any, *units: str) -> float:
     """Return a quantity in SI units; it must have the dimension of one of these units. Raises: ValueError with what was expected."""
     wanted = " or ".join(f"{NAMES[unit]} (a bare number is in {unit})" for unit in units)
     try:
-        found = read_quantity(value)
+        number, dimension = read_quantity(value)
     except ValueError as error:
         raise ValueError(f"{error}: {wanted}") from None
-    if found.dimension not in (None, *(dimension_of(unit)[1] for unit in units)):
+    if dimension not in (None, *(dimension_of(unit)[1] for unit in units)):
         raise ValueError(wanted)
-    return found.value
+    return number
 
 
 def in_unit(value: Any, unit: str, sliding: bool | None = False) -> Any:
@@ -131,12 +125,12 @@ def in_unit(value: Any, unit: str, sliding: bool | None = False) -> Any:
         return value
     turns, *slides = re.split(r" or |, ", unit)
     try:
-        found = read_quantity(value)
+        number, dimension = read_quantity(value)
         size, wanted = dimension_of(slides[0] if slides and sliding else turns)
     except ValueError:
         return value
-    fits = found.dimension == wanted and not (slides and sliding is None)
-    return found.value / size if fits else value
+    fits = dimension == wanted and not (slides and sliding is None)
+    return number / size if fits else value
 
 
 def kept_quantities(*units: str) -> Callable[[Any], Any]:

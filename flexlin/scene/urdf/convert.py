@@ -99,12 +99,12 @@ def choose_chain(robot: Robot, base: str | None, tip: str | None) -> list[UrdfJo
     parents = {joint.parent for joint in robot.joints.values()}
     roots, ends = [n for n in robot.links if n not in behind], [n for n in robot.links if n not in parents]
     base = choose("base", base, roots, robot)
-    reached = [end for end in ends if end != base and base in list_ancestors(end, behind)]
-    moved = [end for end in reached if any(joint.kind != "fixed" for joint in list_joints(base, end, behind))]
-    tip = choose("tip", tip, moved or reached, robot)
-    if base != tip and base not in list_ancestors(tip, behind):
-        raise SceneError(robot.element.source, [Problem("tip", repr(tip), f"a link behind {base!r}")])
+    ways = {end: way for end in ends if end != base and (way := list_joints(base, end, behind)) is not None}
+    moved = [end for end, way in ways.items() if any(joint.kind != "fixed" for joint in way)]
+    tip = choose("tip", tip, moved or list(ways), robot)
     joints = list_joints(base, tip, behind)
+    if joints is None:
+        raise SceneError(robot.element.source, [Problem("tip", repr(tip), f"a link behind {base!r}")])
     if not any(joint.kind != "fixed" for joint in joints):
         raise robot.element.refuse(f"no joint that moves from {base!r} on", "a chain of joints")
     for joint in joints:
@@ -113,22 +113,15 @@ def choose_chain(robot: Robot, base: str | None, tip: str | None) -> list[UrdfJo
     return joints
 
 
-def list_joints(base: str, tip: str, behind: dict[str, UrdfJoint]) -> list[UrdfJoint]:
-    """The joints from a link to one behind it."""
+def list_joints(base: str, tip: str, behind: dict[str, UrdfJoint]) -> list[UrdfJoint] | None:
+    """The joints from a link to one behind it; None where it is not behind."""
     joints = list[UrdfJoint]()
     while tip != base:
+        if tip not in behind:
+            return None
         joints.insert(0, behind[tip])
         tip = behind[tip].parent
     return joints
-
-
-def list_ancestors(name: str, behind: dict[str, UrdfJoint]) -> set[str]:
-    """The links that a link hangs on."""
-    found = set()
-    while name in behind:
-        name = behind[name].parent
-        found.add(name)
-    return found
 
 
 def choose(key: str, given: str | None, possible: list[str], robot: Robot) -> str:

@@ -121,13 +121,9 @@ def read_elements(path: Path) -> Element:
     """
     source = printable(path)
     try:
-        return parse_elements(read_text(path, LARGEST_ROBOT), source)
+        text = read_text(path, LARGEST_ROBOT)
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(source, [Problem("file", printable(error), "a readable URDF file")]) from None
-
-
-def parse_elements(text: str, source: str) -> Element:
-    """Parse XML text; errors as in `read_elements`."""
     builder = Builder(source)
     parser = builder.parser = DefusedXMLParser(target=builder, forbid_dtd=True)
     try:
