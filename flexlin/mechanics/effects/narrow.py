@@ -76,7 +76,11 @@ def turn_rounds(motion: Moving, joint: int) -> tuple[Rates, Array, Array, Array,
         return speed[:, joint].reshape(t.shape), acceleration[:, joint].reshape(t.shape)
 
     t = np.union1d(T * np.arange(-1, SAMPLES + 1) / SAMPLES, edges)
-    touching = minima(of, t, *of(t))
+    speed, acceleration = of(t)
+    bent = crossings(lambda s: of(s)[1], t, acceleration)
+    after = np.searchsorted(t, bent)
+    beside = np.minimum(np.abs(speed[after - 1]), np.abs(speed[after]))
+    touching = bent[np.abs(of(bent)[0]) <= beside]  # minima of |q'|, not its maxima
     t = np.union1d(t, touching)
     speed = of(t)[0]
     return of, t, speed, crossings(lambda s: of(s)[0], t, speed), np.union1d(touching, edges)
@@ -99,19 +103,6 @@ def pin_down(before: Callable[[Array], Array], low: Array, high: Array, rounds: 
         passed = np.logical_and.accumulate(before(t[1:-1])).sum(axis=0)
         low, high = t[passed, each], t[passed + 1, each]
     return low, high
-
-
-def minima(of: Rates, t: Array, speed: Array, acceleration: Array) -> Array:
-    """Times of the minima of |q'| that are no zeros of q' on the grid: there q'' changes its sign between neighbours."""
-    size = np.abs(speed)
-    low = np.concatenate(
-        [[size[0] <= size[1]], (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]), [size[-1] <= size[-2]]]
-    )
-    beside = low[:-1] | low[1:]
-    change = beside & (acceleration[:-1] * acceleration[1:] < 0)
-    first, last, sign = t[:-1][change], t[1:][change], np.sign(acceleration[:-1][change])
-    first, last = pin_down(lambda s: np.sign(of(s)[1]) == sign, first, last)
-    return np.union1d(0.5 * (first + last), t[:-1][low[:-1] & (acceleration[:-1] == 0) & (speed[:-1] != 0)])
 
 
 def widths(of: Rates, centres: Array, rate: float, period: float) -> Array:
