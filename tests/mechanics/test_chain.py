@@ -49,12 +49,6 @@ def test_moving_base_is_a_prescribed_carriage():
     np.testing.assert_allclose(lin.K(t)[:, 0, 0], expected, rtol=1e-10, atol=1e-12)
 
 
-def test_mount_angle_turns_a_joint():
-    turned, straight = arm_of(ROD, {**ROD, "mount_angle": 0.9}), arm_of(ROD, ROD)
-    M = value(turned, "M", np.array([0.2, 0.1]))
-    np.testing.assert_allclose(M, value(straight, "M", np.array([0.2, 1.0])), rtol=1e-13)
-
-
 def free_frequencies(shapes, modes, hub=0.03):
     M, K = matrices_at_rest(arm_of({"mode_shapes": shapes, "modes": modes}, effects={"hub": {"inertia": hub}}))
     return np.sqrt(np.abs(eigh(K, M, eigvals_only=True)))

@@ -32,18 +32,6 @@ def fourier(period=2.0, **joint):
     return build_motion(Fourier.model_validate(table), 1)
 
 
-@pytest.mark.parametrize("phase", [0.0, 0.3, np.pi / 2, -1.2, 3.1])
-@pytest.mark.parametrize("frequency", [1.0, 20.0])
-def test_a_harmonic_motion_turns_round_twice(phase, frequency):
-    """q' = a w cos(w t + phase): zeros where w t + phase = pi/2 + k pi, width rate / (a w^2)."""
-    table = {"kind": "harmonic", "frequency": frequency, "joints": [{"amplitude": 0.5, "phase": phase}]}
-    times, widths = found(build_motion(Harmonic.model_validate(table), 1))
-    w = 2 * np.pi * frequency
-    expected = np.sort(np.mod(np.array([np.pi / 2, 3 * np.pi / 2]) - phase, 2 * np.pi) / w)
-    assert times == pytest.approx(expected, abs=1e-12 / frequency)
-    assert widths == pytest.approx(1e-4 / (0.5 * w**2), rel=1e-6)
-
-
 def test_every_joint_has_its_own_turns_rates_and_torques():
     joints = [{"amplitude": 0.5}, {"amplitude": 0.2, "phase": 1.0}, {"amplitude": 0.3, "phase": 2.0}]
     table = {"kind": "harmonic", "frequency": 1.0, "joints": joints}

@@ -53,22 +53,6 @@ def test_turning_and_moving_a_whole_scene_changes_nothing():
     assert distance.max() <= 1e-9 * np.abs(plain).max()
 
 
-def test_arms_in_space_say_where_their_tip_is():
-    links, arm = chain_of(21, 5)
-    q, _, _ = random_state(arm, 3)
-    R, p, joint = np.eye(3), np.zeros(3), 0
-    for link in links:
-        p = p + R @ link["mount"]["xyz"]
-        R = R @ Rotation.from_euler("xyz", link["mount"]["rpy"]).as_matrix()
-        if link["joint"] == "fixed":
-            continue
-        step = np.array(link["axis"]) / np.linalg.norm(link["axis"]) * q[joint]
-        p = p + R @ step if link["joint"] == "prismatic" else p
-        R = R @ Rotation.from_rotvec(step).as_matrix() if link["joint"] == "revolute" else R
-        joint += 1
-    np.testing.assert_allclose(value(arm, "points", q)[:, -1], p, rtol=0, atol=1e-12)
-
-
 def test_the_axis_may_stay_a_symbol():
     """Its derivative is that of the forces by finite differences of the axis."""
     scene = parse_scene(scene_table(random_chain(np.random.default_rng(2), 2, fixed=0.0)))

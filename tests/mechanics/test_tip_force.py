@@ -99,26 +99,6 @@ def test_prestressed_frequencies(load: float, frame: str) -> None:
         assert brentq(exact, 0.97 * omega, 1.03 * omega) == pytest.approx(omega, rel=2e-3)
 
 
-@pytest.mark.parametrize("frame", ["world", "tip"])
-def test_forces_on_a_rigid_pendulum(frame: str) -> None:
-    """Q = l (F_y cos q - F_x sin q) + m_z in the world's axes, l F_y + m_z in the tip's."""
-    arm = arm_of(
-        {"modes": 0}, effects={"tip_force": {"force": [2.0, 3.0, 0.0], "torque": [0.0, 0.0, 0.4], "frame": frame}}
-    )
-    q = 0.6
-    expected = 0.5 * (3.0 if frame == "tip" else 3.0 * np.cos(q) - 2.0 * np.sin(q)) + 0.4
-    assert value(arm, "damping", np.array([q]), np.zeros(1))[0, 0] == pytest.approx(-expected, rel=1e-13)
-
-
-def test_a_torque_bends_the_tip() -> None:
-    """w(l) = m l^2 / (2 EI) under a torque m at the tip."""
-    links = {"length": 1.0, "bending_stiffness": 1.0, "modes": 8}
-    arm = arm_of(links, effects={"tip_force": {"torque": [0.0, 0.0, 0.01]}})
-    K = ca.Function("K", [arm.s], [ca.jacobian(arm.g, arm.s)])(np.zeros(arm.n)).full()[1:, 1:]
-    s = np.append(0.0, np.linalg.solve(K, -value(arm, "damping", np.zeros(arm.n), np.zeros(arm.n))[1:, 0]))
-    assert value(arm, "points", s)[1, -1] == pytest.approx(0.005, rel=5e-3)
-
-
 def test_a_force_in_the_world_is_the_gradient_of_its_potential() -> None:
     """-F . r, in space too, where links bend both ways and twist."""
     spatial = {"modes": {"y": 1, "z": 1, "torsion": 1}, "torsional_stiffness": 0.8, "polar_inertia": 1e-3}
