@@ -24,7 +24,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "scene.problems": "suggest",
         "scene.toml": "write_toml",
         "scene.units": "dimension_of in_si",
-        "scene.urdf": "read_robot scene_tables",
-        "scene.urdf.convert": "angles_of rotation_of",
+        "scene.urdf.convert": "angles_of rotation_of scene_tables",
+        "scene.urdf.robot": "read_robot",
     },
 )

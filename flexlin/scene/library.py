@@ -113,18 +113,16 @@ def registered_model(name: str) -> RegisteredModel:
 
 
 def shipped_models() -> dict[str, RegisteredModel]:
-    """The models that flexlin ships, and whatever Python code has registered beside them."""
-    _register_shipped()
-    return dict(_REGISTRY)
+    """The models that flexlin ships, and whatever Python code has registered beside them.
 
-
-def _register_shipped() -> None:
-    """Run the model files that flexlin itself ships: each calls `register_model`. No name from a scene is ever imported."""
+    The files that flexlin itself ships are run: each calls `register_model`. No name from a scene is ever imported.
+    """
     for path in sorted(models_folder().glob("*.py")):
         spec = importlib.util.spec_from_file_location(f"flexlin_models.{path.stem}", path)
         if spec is not None and spec.loader is not None:
             sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)  # where `inspect` looks for sources
             spec.loader.exec_module(module)
+    return dict(_REGISTRY)
 
 
 def place_motion_file(data: dict[str, Any], folders: Sequence[Path]) -> list[Problem]:

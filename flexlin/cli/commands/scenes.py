@@ -67,7 +67,8 @@ def import_robot(options: argparse.Namespace) -> int:
     from flexlin.files import write_text
     from flexlin.scene.loading import parse_scene
     from flexlin.scene.toml import write_toml
-    from flexlin.scene.urdf import read_robot, scene_tables
+    from flexlin.scene.urdf.convert import scene_tables
+    from flexlin.scene.urdf.robot import read_robot
 
     path = options.out
     refuse_existing(path)

@@ -82,10 +82,9 @@ def legendre_series(n: int, derivative: int, xi: Array) -> Array:
 
 @dataclass(frozen=True)
 class Ends:
-    """Rigid bodies on a beam's ends, relative to rhoA l, rhoA l^2 and rhoA l^3; `hub_inertia` turns with a pinned base."""
+    """Rigid bodies on a beam's ends, relative to rhoA l and rhoA l^3; `hub_inertia` turns with a pinned base."""
 
     mass: float = 0.0
-    moment: float = 0.0
     inertia: float = 0.0
     hub_inertia: float = 0.0
 
@@ -172,19 +171,23 @@ def reduce_by_modes(
     flexibility, vectors = eigh(M, k.bending + (section.shear or 0.0) * k.shear)
     c = vectors[:, ::-1][:, :n].T
     own = k.gram - np.outer(turn, k.mode_moment) - np.outer(k.mode_moment, turn) + k.second * np.outer(turn, turn)
+    return combine(basis, flexibility[::-1][:n] ** -0.25, c, own, turn, 0 if base == "pinned" else 1)
+
+
+def combine(basis: Shapes, beta: Array, c: Array, own: Array, turn: Array, derivative: int) -> ReducedShapes:
+    """Shapes of coefficients c, scaled to c own c = 1 and a positive rotation, or derivative of it, at the base."""
     c = c / np.sqrt(np.diag(c @ own @ c.T))[:, None]
-    shapes = ReducedShapes(flexibility[::-1][:n] ** -0.25, basis, c, c @ turn)
-    sign = np.sign(shapes.rotation(np.zeros(1), 0 if base == "pinned" else 1)[:, 0])
-    return ReducedShapes(shapes.beta, basis, c * sign[:, None], shapes.turn * sign)
+    start = ReducedShapes(beta, basis, c, c @ turn).rotation(np.zeros(1), derivative)
+    c = np.where(start < 0, -c, c)
+    return ReducedShapes(beta, basis, c, c @ turn)
 
 
 def mass_products(k: ShapeIntegrals, ends: Ends, gyration: float) -> tuple[Array, Array, float]:
     """Products in the whole mass, ends included: of the basis with itself, with the rotation xi, and of xi with itself."""
-    cross = np.outer(k.tip, k.tip_slope)
-    basis = k.gram + ends.mass * np.outer(k.tip, k.tip) + ends.moment * (cross + cross.T)
+    basis = k.gram + ends.mass * np.outer(k.tip, k.tip)
     basis = basis + ends.inertia * np.outer(k.tip_slope, k.tip_slope) + gyration**2 * k.rotations
-    coupling = k.mode_moment + (ends.mass + ends.moment) * k.tip + (ends.moment + ends.inertia) * k.tip_slope
-    rigid = k.second + ends.mass + 2 * ends.moment + ends.inertia + ends.hub_inertia
+    coupling = k.mode_moment + ends.mass * k.tip + ends.inertia * k.tip_slope
+    rigid = k.second + ends.mass + ends.inertia + ends.hub_inertia
     return basis, coupling + gyration**2 * k.rotation, rigid + gyration**2 * k.section
 
 
@@ -202,8 +205,4 @@ def twisted(n: int, stiffness: Profile | None = None, tip_inertia: float = 0.0) 
     basis = TwistPolynomials(n)
     k = shape_integrals(basis, None, stiffness)
     squares, vectors = eigh(k.bending, k.rotations + tip_inertia * np.outer(k.tip_slope, k.tip_slope))
-    c = vectors.T
-    c = c / np.sqrt(np.einsum("ij,jk,ik->i", c, k.rotations, c))[:, None]
-    shapes = ReducedShapes(np.maximum(squares, 0.0) ** 0.25, basis, c, np.zeros(n))
-    sign = np.where(shapes.rotation(np.zeros(1), 1)[:, 0] < 0, -1.0, 1.0)
-    return ReducedShapes(shapes.beta, basis, c * sign[:, None], shapes.turn)
+    return combine(basis, np.maximum(squares, 0.0) ** 0.25, vectors.T, k.rotations, np.zeros(n), 1)

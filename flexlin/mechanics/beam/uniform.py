@@ -126,29 +126,23 @@ def clamped_free(n: int) -> UniformShapes:
     return clamped_with_tip(n)
 
 
-def clamped_with_tip(n: int, mass: float = 0.0, inertia: float = 0.0, moment: float = 0.0) -> UniformShapes:
+def clamped_with_tip(n: int, mass: float = 0.0, inertia: float = 0.0) -> UniformShapes:
     """Return the n lowest modes of a uniform beam, clamped, with a rigid body on its tip.
 
-        X(0) = X'(0) = 0,   X''(1) = beta^4 (inertia X'(1) + moment X(1)),   -X'''(1) = beta^4 (mass X(1) + moment X'(1))
+        X(0) = X'(0) = 0,   X''(1) = beta^4 inertia X'(1),   -X'''(1) = beta^4 mass X(1)
 
-    Parameters: mass / (rhoA l), first moment along the beam / (rhoA l^2), inertia about the tip / (rhoA l^3); int X^2 = 1 along the beam.
+    Parameters: mass / (rhoA l), inertia about the tip / (rhoA l^3); int X^2 = 1 along the beam.
     Raises: ArgumentError when the numbers cannot belong to a rigid body.
-    Source: De Luca, Siciliano (1991), Eqs (9)-(11).
+    Source: De Luca, Siciliano (1991), Eqs (9)-(11), without a first moment.
     """
-    mass, inertia, moment = (
-        float(real_array(name, value, ())) for name, value in (("mass", mass), ("inertia", inertia), ("moment", moment))
-    )
-    if mass < 0 or inertia < 0 or moment**2 > mass * inertia:
-        raise ArgumentError(
-            "no rigid body has this mass, inertia and moment",
-            got=(mass, inertia, moment),
-            expected="mass >= 0, inertia >= 0, moment^2 <= mass * inertia",
-        )
+    mass, inertia = (float(real_array(name, value, ())) for name, value in (("mass", mass), ("inertia", inertia)))
+    if mass < 0 or inertia < 0:
+        raise ArgumentError("no rigid body has this mass and inertia", got=(mass, inertia), expected="0 or more")
 
     def boundary(beta: Array, start: Array, end: Array) -> Array:
         b = beta[:, None]
-        bending = end[:, 2] - inertia * b**3 * end[:, 1] - moment * b**2 * end[:, 0]
-        shear = end[:, 3] + mass * b * end[:, 0] + moment * b**2 * end[:, 1]
+        bending = end[:, 2] - inertia * b**3 * end[:, 1]
+        shear = end[:, 3] + mass * b * end[:, 0]
         return np.stack([start[:, 0], start[:, 1], bending, shear], axis=1)
 
     return solve_modes(n, boundary)

@@ -24,7 +24,7 @@ XI = np.linspace(0, 1, 23)
     ("shapes", "exact"),
     [
         (tapered(6), clamped_free(6)),
-        (tapered(6, ends=Ends(1.0, 0.2, 0.1)), clamped_with_tip(6, 1.0, 0.1, 0.2)),
+        (tapered(6, ends=Ends(1.0, 0.1)), clamped_with_tip(6, 1.0, 0.1)),
         (tapered(6, ends=Ends(hub_inertia=0.3), base="pinned"), pinned_with_hub(6, 0.3)),
     ],
 )
@@ -53,12 +53,11 @@ def test_elements_reproduce_uniform_beams(shapes, exact):
 
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None)
-@given(mass=st.floats(-3, 4), gyration=st.floats(-2, 1), offset=st.floats(-0.9, 0.9))
-def test_no_root_is_missed_whatever_the_tip_carries(mass, gyration, offset):
+@given(mass=st.floats(-3, 4), gyration=st.floats(-2, 1))
+def test_no_root_is_missed_whatever_the_tip_carries(mass, gyration):
     """The roots are found by a scan: Ritz's method counts them, for bodies from specks to a thousand beams, near and far."""
-    m, r = 10.0**mass, 10.0**gyration
-    inertia, moment = m * r**2, offset * m * r
-    exact, ritz = clamped_with_tip(4, m, inertia, moment), tapered(4, ends=Ends(m, moment, inertia))
+    m, inertia = 10.0**mass, 10.0 ** (mass + 2 * gyration)
+    exact, ritz = clamped_with_tip(4, m, inertia), tapered(4, ends=Ends(m, inertia))
     np.testing.assert_allclose(exact.beta, ritz.beta, rtol=1e-7)
 
 
