@@ -1,7 +1,7 @@
 """Basic motions of closed loops: the joints follow when other coordinates, such as a tip's position, are led along a path."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -11,17 +11,10 @@ from flexlin.motion.base import Angles, Motion, SampledMotion
 from flexlin.series.implicit import ImplicitMap
 
 
-@dataclass(frozen=True, eq=False)
-class LoopAngles:
+def loop_angles(loop: ImplicitMap, path: Motion, joints: Sequence[int], t: Array) -> Angles:
     """q, q', q'' of some dependent coordinates while the independent ones follow a path."""
-
-    loop: ImplicitMap
-    path: Motion
-    joints: tuple[int, ...]
-
-    def __call__(self, t: Array) -> Angles:
-        q, q1, q2 = (values[:, list(self.joints)] for values in self.loop.rates(*self.path.sample(t)))
-        return q, q1, q2
+    q, q1, q2 = (values[:, list(joints)] for values in loop.rates(*path.sample(t)))
+    return q, q1, q2
 
 
 def through_loop(c: ImplicitMap, path: Motion, joints: Sequence[int], prescribed: Sequence[bool] = ()) -> SampledMotion:
@@ -42,7 +35,7 @@ def through_loop(c: ImplicitMap, path: Motion, joints: Sequence[int], prescribed
             got=f"{counted(path.joints, 'coordinate')}, joints {list(joints)}",
             expected=f"{counted(len(c.u0), 'coordinate')}, joints below {len(c.v0)}",
         )
-    sample = LoopAngles(c, path, tuple(joints))
+    sample = partial(loop_angles, c, path, joints)
     drives = tuple(prescribed) or (False,) * len(joints)
     sample(np.linspace(0, path.period, 33))
     return SampledMotion(len(joints), path.period, drives, path.breaks, path.periodic, sampler=sample)

@@ -1,7 +1,7 @@
 """Motions read from a table of samples, joined by a periodic quintic spline, or found in a measured log."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,19 +27,6 @@ FEWEST_NOISY = 40
 """Rows from which on differences say what is noise."""
 
 
-@dataclass(frozen=True, eq=False)
-class SplineAngles:
-    """q, q', q'' of a periodic spline with a steady advance (rad/s) on top."""
-
-    spline: Callable[..., Array]
-    drift: Array
-    period: float
-
-    def __call__(self, t: Array) -> Angles:
-        inside, spline = t % self.period, self.spline
-        return spline(inside) + np.outer(inside, self.drift), spline(inside, 1) + self.drift, spline(inside, 2)
-
-
 def read_table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, ...]) -> SampledMotion:
     """A periodic motion through the samples of a CSV file: t, q1, q2 ..., the last row closing the period.
 
@@ -58,8 +45,14 @@ def read_table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, .
     residual[-1] = residual[0]
     spline = make_interp_spline(t - t[0], residual, k=5, bc_type="periodic")
     harmonics, features = resolution(t)
-    sampler = SplineAngles(spline, drift, period)
+    sampler = partial(spline_angles, spline, drift, period)
     return SampledMotion(joints, period, prescribed, harmonics=harmonics, features=features, sampler=sampler)
+
+
+def spline_angles(spline: Callable[..., Array], drift: Array, period: float, t: Array) -> Angles:
+    """q, q', q'' of a periodic spline with a steady advance (rad/s) on top."""
+    inside = t % period
+    return spline(inside) + np.outer(inside, drift), spline(inside, 1) + drift, spline(inside, 2)
 
 
 def resolution(t: Array) -> tuple[int, tuple[tuple[float, float], ...]]:
@@ -166,7 +159,7 @@ def refuse_noise(t: Array, q: Array, file: str) -> None:
 
     period = float(t[-1] - t[0])
     peaks = np.abs(make_interp_spline(t, q, k=5)(t, 2)).max(axis=0)
-    smooth = np.abs(series_angles(fit_cycles(t[:-1], q[:-1], period, 1)[0], period)(t - t[0])[2]).max(axis=0)
+    smooth = np.abs(series_angles(fit_cycles(t[:-1], q[:-1], period, 1)[0], period, t - t[0])[2]).max(axis=0)
     noisy = np.flatnonzero((turns > ALTERNATE) & (peaks > NOISY * smooth.max()))
     if len(noisy):
         j = int(noisy[np.argmax(peaks[noisy])])
@@ -205,7 +198,7 @@ def read_log_motion(table: LogMotion, joints: int, prescribed: tuple[bool, ...])
     if left > REPEATS:
         got, todo = f"{100 * left:.0f} % of the motion is left over", "correct motion.period, or leave it out"
         raise MotionError(f"motion: the log does not repeat every {period:.6g} s", got=got, todo=todo)
-    sampler = series_angles(c, period)
+    sampler = partial(series_angles, c, period)
     remains = np.sqrt(np.mean((q[kept] - sampler(t[kept] - t[0])[0]) ** 2, axis=0)).max()
     origin = (
         f"{counted(cycles, 'cycle')} of {period:.6g} s of the log, averaged; {counted(len(c) - 1, 'harmonic')} kept, "
@@ -233,16 +226,12 @@ def fit_cycles(t: Array, q: Array, period: float, cycles: int, harmonics: int | 
     return c, float(left)
 
 
-def series_angles(c: Array, period: float) -> Callable[[Array], Angles]:
+def series_angles(c: Array, period: float, t: Array) -> Angles:
     """q, q', q'' of a series, the real part of sum_k c_k exp(2 pi i k t / T)."""
     w = 2j * np.pi * np.arange(len(c)) / period
-
-    def sample(at: Array) -> Angles:
-        wave = np.exp(np.outer(at, w))
-        q, rate, acceleration = ((wave @ (c * w[:, None] ** k)).real for k in range(3))
-        return q, rate, acceleration
-
-    return sample
+    wave = np.exp(np.outer(t, w))
+    q, rate, acceleration = ((wave @ (c * w[:, None] ** k)).real for k in range(3))
+    return q, rate, acceleration
 
 
 def find_period(t: Array, q: Array) -> float:

@@ -92,8 +92,6 @@ def write_units(node: Any) -> None:
 
 ANY = "*"
 """Stands for the keys of a table that names things of the user's."""
-DEEP = 6
-"""Unions and references that lie on the way to one table's keys, at the most."""
 
 
 def commented_scene(data: dict[str, Any]) -> str:
@@ -122,18 +120,13 @@ def note(schema: dict[str, Any], data: dict[str, Any], path: tuple[str, ...]) ->
     return described[0].partition("\n")[0] if described else ""
 
 
-def keys_of(schema: dict[str, Any], node: dict[str, Any], depth: int = 0) -> list[dict[str, Any]]:
-    """The keys of all tables that a node allows, through references, unions and lists."""
-    if depth > DEEP:
-        return []
+def keys_of(schema: dict[str, Any], node: dict[str, Any]) -> list[dict[str, Any]]:
+    """The keys of all tables that a node allows, through references, unions and lists: no table holds itself."""
     if "$ref" in node:
-        return keys_of(schema, schema["$defs"][node["$ref"].rpartition("/")[2]], depth + 1)
+        return keys_of(schema, schema["$defs"][node["$ref"].rpartition("/")[2]])
     found = [node["properties"]] if "properties" in node else []
     if isinstance(node.get("additionalProperties"), dict):
         found.append({ANY: node["additionalProperties"]})
-    inner = [
-        *node.get("anyOf", []),
-        *node.get("oneOf", []),
-        *([node["items"]] if isinstance(node.get("items"), dict) else []),
-    ]
-    return found + [keys for child in inner for keys in keys_of(schema, child, depth + 1)]
+    items = [node["items"]] if isinstance(node.get("items"), dict) else []
+    inner = [*node.get("anyOf", []), *node.get("oneOf", []), *items]
+    return found + [keys for child in inner for keys in keys_of(schema, child)]

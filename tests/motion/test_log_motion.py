@@ -1,5 +1,7 @@
 """Motions from logs: the period and the cycles of noisy records."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -20,7 +22,7 @@ def test_noise_is_left_out_and_the_period_found(tmp_path):
     w = 2 * np.pi / 3.7
     noise = 2e-3 * np.random.default_rng(0).standard_normal(len(T))
     motion = fl.build_motion(written(tmp_path / "a.csv", 0.4 * np.sin(w * T) + 0.1 * np.cos(3 * w * T) + noise), 1)
-    assert motion.period == pytest.approx(3.7, rel=2e-3)
+    assert motion.period == pickle.loads(pickle.dumps(motion)).period == pytest.approx(3.7, rel=2e-3)
     q, _, acceleration = motion.sample(T[:700])
     assert np.abs(q[:, 0] - (0.4 * np.sin(w * T) + 0.1 * np.cos(3 * w * T))[:700]).max() < 4e-3
     assert np.abs(acceleration).max() < 1.2 * (0.4 * w**2 + 0.9 * w**2)
