@@ -1,18 +1,15 @@
 """What an effect may add to a chain and to its parts; each method's default adds nothing."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Optional
+from typing import Any, ClassVar, Optional
 
 import casadi as ca
 
 from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, RigidMass
 from flexlin.mechanics.effects.narrow import Features, Moving
+from flexlin.mechanics.links import BentLink
 from flexlin.scene.effects import EffectTable
 from flexlin.scene.links import Link
-
-if TYPE_CHECKING:
-    from flexlin.mechanics.links import BentLink
-
 
 SLENDERNESS = 0.01
 """Radius of gyration of a section, relative to the link's length."""
@@ -61,7 +58,7 @@ class Chain:
     mounts: tuple[Frame, ...]
     axes: tuple[ca.SX, ...]
     joints: tuple[Frame, ...]
-    links: tuple["BentLink", ...]
+    links: tuple[BentLink, ...]
     tips: tuple[Frame, ...]
     bearings: tuple[ca.SX, ...] = ()
     bearing_rates: tuple[ca.SX, ...] = ()
@@ -233,7 +230,7 @@ class Effect(EffectTable):
         """
         return 0.0
 
-    def section_inertia(self, link: "BentLink") -> tuple[Any, Any, Any] | None:
+    def section_inertia(self, link: BentLink) -> tuple[Any, Any, Any] | None:
         """Return the inertia of a link's sections about their principal axes x, y and z.
 
         Parameters
@@ -248,7 +245,7 @@ class Effect(EffectTable):
         """
         return None
 
-    def tip_displacement(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
+    def tip_displacement(self, link: BentLink) -> tuple[ca.SX, ca.SX]:
         """Return the displacement of a link's tip beside that of its modes.
 
         Parameters
@@ -265,7 +262,7 @@ class Effect(EffectTable):
         """
         return ca.SX(3, 1), ca.SX(3, 1)
 
-    def tip_turn(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
+    def tip_turn(self, link: BentLink) -> tuple[ca.SX, ca.SX]:
         """Return the rotation of a link's tip beside that of its modes.
 
         Parameters
@@ -282,7 +279,7 @@ class Effect(EffectTable):
         """
         return ca.SX(3, 1), ca.SX(3, 1)
 
-    def link_moments(self, link: "BentLink") -> Moments | None:
+    def link_moments(self, link: BentLink) -> Moments | None:
         """Return what is added to the moments of a link.
 
         Parameters

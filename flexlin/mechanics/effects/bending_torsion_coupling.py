@@ -9,16 +9,13 @@ plane then does work on phi and v'' together: the beam buckles sideways. Source:
 these are; Timoshenko, Gere, Theory of Elastic Stability (1961), section 6.3, for what follows.
 """
 
-from typing import TYPE_CHECKING, Optional
+from typing import Optional
 
 import casadi as ca
 
 from flexlin.mechanics.body import Moments, column, tensor
 from flexlin.mechanics.effects.base import Effect, Scale
-from flexlin.mechanics.links import product
-
-if TYPE_CHECKING:
-    from flexlin.mechanics.links import BentLink
+from flexlin.mechanics.links import BentLink, product
 
 
 class BendingTorsionCoupling(Effect):
@@ -31,7 +28,7 @@ class BendingTorsionCoupling(Effect):
     def tried_with(cls, scale: Scale) -> Optional["BendingTorsionCoupling"]:
         return None if scale.bending is None else cls()
 
-    def tip_displacement(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
+    def tip_displacement(self, link: BentLink) -> tuple[ca.SX, ca.SX]:
         k = link.couplings
         if k is None:
             return ca.SX(3, 1), ca.SX(3, 1)
@@ -40,12 +37,12 @@ class BendingTorsionCoupling(Effect):
         )
         return column(0, -across, up), column(0, -across_rate, up_rate)
 
-    def tip_turn(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
+    def tip_turn(self, link: BentLink) -> tuple[ca.SX, ca.SX]:
         if link.couplings is None:
             return ca.SX(3, 1), ca.SX(3, 1)
         return tuple(column(*part) for part in link.second_turns(link.couplings.turn))
 
-    def link_moments(self, link: "BentLink") -> Moments | None:
+    def link_moments(self, link: BentLink) -> Moments | None:
         k, m, length = link.couplings, link.mass, link.table.length
         if k is None:
             return None

@@ -10,15 +10,13 @@ that is all; elsewhere the link is the curve of `mechanics.curve`, of which this
 Source: Simo, Vu-Quoc (1987); Kane, Ryan, Banerjee (1987); Meirovitch, Analytical Methods in Vibrations (1967), section 10.4.
 """
 
-from typing import TYPE_CHECKING, Optional
+from typing import Optional
 
 import casadi as ca
 
 from flexlin.mechanics.body import Moments, column, tensor
 from flexlin.mechanics.effects.base import Effect, Scale
-
-if TYPE_CHECKING:
-    from flexlin.mechanics.links import BentLink
+from flexlin.mechanics.links import BentLink
 
 
 class GeometricStiffening(Effect):
@@ -31,11 +29,11 @@ class GeometricStiffening(Effect):
     def tried_with(cls, scale: Scale) -> Optional["GeometricStiffening"]:
         return None if scale.bending is None else cls()
 
-    def tip_displacement(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
+    def tip_displacement(self, link: BentLink) -> tuple[ca.SX, ca.SX]:
         drawn = [part.quadratic(part.integrals.tip_shortening, link.table.length) for part in link.bending]
         return tuple(column(-sum(part[i] for part in drawn), 0, 0) for i in (0, 1))
 
-    def link_moments(self, link: "BentLink") -> Moments | None:
+    def link_moments(self, link: BentLink) -> Moments | None:
         if not link.bending:
             return None
         m, length = link.mass, link.table.length

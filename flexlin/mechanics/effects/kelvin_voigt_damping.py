@@ -3,15 +3,13 @@
 Source: Banks, Inman (1991), On damping mechanisms in beams, Eq. (2.2).
 """
 
-from typing import TYPE_CHECKING, Annotated, Optional
+from typing import Annotated, Optional
 
 import casadi as ca
 
 from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_joint
+from flexlin.mechanics.links import BentLink
 from flexlin.scene.base import PerLink, Unit
-
-if TYPE_CHECKING:
-    from flexlin.mechanics.links import BentLink
 
 
 class KelvinVoigtDamping(Effect):
@@ -29,7 +27,7 @@ class KelvinVoigtDamping(Effect):
     def dissipation(self, chain: Chain) -> ca.SX:
         return sum((self._of_link(link) for link in chain.links), ca.SX(0))
 
-    def _of_link(self, link: "BentLink") -> ca.SX:
+    def _of_link(self, link: BentLink) -> ca.SX:
         eta = per_joint(self.retardation_time, link.index, single="every")
         forms = [
             part.rigidity * ca.bilin(ca.DM(part.integrals.bending), part.w_rate, part.w_rate)

@@ -4,16 +4,14 @@ With omega_k = beta_k^2 sqrt(EI / (rho A l^4)) and m_k = (mode's stiffness) / om
 Source: Craig, Kurdila, Fundamentals of Structural Dynamics (2006), section 10.3.
 """
 
-from typing import TYPE_CHECKING, Annotated, Optional
+from typing import Annotated, Optional
 
 import casadi as ca
 from pydantic import Field
 
 from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale
+from flexlin.mechanics.links import Deflection
 from flexlin.scene.base import NonNegative, Unit
-
-if TYPE_CHECKING:
-    from flexlin.mechanics.links import Deflection
 
 
 class ModalDamping(Effect):
@@ -31,7 +29,7 @@ class ModalDamping(Effect):
         """R = 1/2 sum_k d_k w_k'^2 over the modes of all links."""
         return sum((self._of(part) for link in chain.links for part in link.deflections), ca.SX(0))
 
-    def _of(self, part: "Deflection") -> ca.SX:
+    def _of(self, part: Deflection) -> ca.SX:
         given = self.ratio if isinstance(self.ratio, tuple) else (self.ratio,)
         ratios = ca.vertcat(*[given[min(k, len(given) - 1)] for k in range(part.n)])
         shape = ca.DM(part.basis.stiffness / part.basis.beta**2)

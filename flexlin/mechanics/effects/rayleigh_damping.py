@@ -3,15 +3,13 @@
 A mode of frequency omega has the ratio (alpha / omega + beta omega) / 2. Source: Rayleigh, Theory of Sound (1877), section 97.
 """
 
-from typing import TYPE_CHECKING, Annotated, Optional
+from typing import Annotated, Optional
 
 import casadi as ca
 
 from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale
+from flexlin.mechanics.links import Deflection
 from flexlin.scene.base import NonNegative, Unit
-
-if TYPE_CHECKING:
-    from flexlin.mechanics.links import Deflection
 
 
 class RayleighDamping(Effect):
@@ -30,7 +28,7 @@ class RayleighDamping(Effect):
     def dissipation(self, chain: Chain) -> ca.SX:
         return sum((self._of(part) for link in chain.links for part in link.deflections), ca.SX(0))
 
-    def _of(self, part: "Deflection") -> ca.SX:
+    def _of(self, part: Deflection) -> ca.SX:
         stiffness = self.stiffness_factor * part.rigidity
         bending = ca.bilin(ca.DM(part.integrals.bending), part.w_rate, part.w_rate)
         return (self.mass_factor * part.inertia_form() + stiffness * bending) / 2

@@ -4,13 +4,11 @@ With the radius of gyration r about z, rho I_z = rho A r^2; a section's inertia 
 turn out of the plane of rotation are pulled back into it: the propeller moment. Source: Rayleigh, Theory of Sound (1877), section 186.
 """
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from flexlin.mechanics.effects.base import SLENDERNESS, Effect, Scale, per_joint
+from flexlin.mechanics.links import BentLink
 from flexlin.scene.base import PerLink, Unit
-
-if TYPE_CHECKING:
-    from flexlin.mechanics.links import BentLink
 
 
 class RotaryInertia(Effect):
@@ -28,7 +26,7 @@ class RotaryInertia(Effect):
     def section_gyration(self, link: int) -> Any:
         return per_joint(self.radius_of_gyration, link, single="every")
 
-    def section_inertia(self, link: "BentLink") -> tuple[Any, Any, Any]:
+    def section_inertia(self, link: BentLink) -> tuple[Any, Any, Any]:
         """About z as given; about y what the polar inertia leaves, where the link has one."""
         about_z = link.mass * per_joint(self.radius_of_gyration, link.index, single="every") ** 2
         polar = link.table.polar_inertia

@@ -6,17 +6,15 @@ kappa G A to infinity leaves Euler-Bernoulli's. Source: Timoshenko (1921).
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import Annotated, Any, Optional
 
 import casadi as ca
 
 from flexlin.errors import Problem
 from flexlin.mechanics.effects.base import SLENDERNESS, Chain, Effect, Scale, per_joint
+from flexlin.mechanics.links import BentLink
 from flexlin.scene.base import AllPositive, Unit
 from flexlin.scene.effects import RawArm, RawTable
-
-if TYPE_CHECKING:
-    from flexlin.mechanics.links import BentLink
 
 SHEAR_RATIO = 0.32
 """kappa G / E of a rectangular section of steel or aluminium: 0.83 / (2 * 1.3)."""
@@ -54,6 +52,6 @@ class Shear(Effect):
     def potential_energy(self, chain: Chain) -> ca.SX:
         return sum((self._of_link(link) for link in chain.links if link.bending), ca.SX(0))
 
-    def _of_link(self, link: "BentLink") -> ca.SX:
+    def _of_link(self, link: BentLink) -> ca.SX:
         stiffness = per_joint(self.stiffness, link.index, single="every") / ca.SX(link.table.length)
         return stiffness * sum((part.quadratic(part.integrals.shear)[0] for part in link.bending), ca.SX(0))
