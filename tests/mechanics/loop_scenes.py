@@ -1,16 +1,45 @@
-"""Scenes with loops, and what their joints do by closed forms and by multipliers."""
+"""Scenes with loops, and where their joints are by closed forms."""
+
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 import flexlin as fl
-
-from .linkages import Arms
+from flexlin.checks import Array
 
 Z = np.array([0.0, 0.0, 1.0])
 ENDS = {"five-bar": [2], "spatial-four-bar": [2], "delta": [2, 7, 12]}
 """Which drawn points of the tree without loops are the ends that loops hold to the last link."""
+
+
+@dataclass(frozen=True)
+class Arms:
+    """Bars that turn about fixed axes: bases (k, 3), directions at zero (k, 3), axes (k, 3), lengths (k,)."""
+
+    bases: Array
+    along: Array
+    axes: Array
+    lengths: Array
+
+    def ends(self, q: Array) -> Array:
+        """Their ends (k, 3)."""
+        turned = Rotation.from_rotvec(self.axes * q[:, None]).apply(self.along)
+        return self.bases + self.lengths[:, None] * turned
+
+
+def rssr_angles(arms: Arms, coupler: float, crank: float) -> Array:
+    """Both rocker angles for a crank angle, by |a - b| = l; nan out of reach.
+
+    With b = b0 + r (n cos phi + (e x n) sin phi): A cos phi + B sin phi = C. Source: Hartenberg, Denavit (1964), chapter 12.
+    """
+    a = arms.ends(np.array([crank, 0.0]))[0]
+    n, across, r = arms.along[1], np.cross(arms.axes[1], arms.along[1]), arms.lengths[1]
+    d = arms.bases[1] - a
+    A, B, C = 2 * r * d @ n, 2 * r * d @ across, coupler**2 - d @ d - r**2
+    with np.errstate(invalid="ignore"):
+        return np.arctan2(B, A) + np.array([1.0, -1.0]) * np.arccos(C / np.hypot(A, B))
 
 
 def raw(name, **changes):
@@ -36,7 +65,6 @@ def random_rssr(rng):
         np.array([[1.0, 0.0, 0.0], whole.apply([1.0, 0.0, 0.0])]),
         np.array([Z, whole.apply(Z)]),
         np.array([crank, rocker]),
-        masses[:2],
     )
     ends = bars.ends(np.array([angle, start]))
     length = float(np.linalg.norm(ends[1] - ends[0]))
@@ -54,7 +82,7 @@ def random_rssr(rng):
     effects = {"gravity": {"direction": [0.0, 0.0, -1.0]}}
     loops = [{"link": "coupler", "to": "rocker"}]
     table = {"schema": 1, "title": "RSSR", "links": links, "loops": loops, "effects": effects, "motion": motion}
-    return table, bars, length, masses[2], angle, start
+    return table, bars, length, angle, start
 
 
 def nearest(angles, to):
@@ -67,12 +95,3 @@ def accelerations(arm, u, u_dot, torque):
     M, B = (np.array(x) for x in ca.Function("f", [arm.s], [arm.M, arm.B])(u))
     rest = np.array(arm.functions["residual"](u, u_dot, np.zeros(arm.n), []))[:, 0]
     return np.linalg.solve(M, B @ torque - rest)
-
-
-def delta_arms(table):
-    chosen = [link for link in table["links"] if link["name"].endswith("arm")]
-    yaws = np.array([link["mount"]["rpy"][2] for link in chosen])
-    along = np.stack([np.cos(yaws), np.sin(yaws), 0 * yaws], axis=1)
-    bases = np.array([link["mount"]["xyz"] for link in chosen])
-    length, density = chosen[0]["length"], chosen[0]["mass_per_length"]
-    return Arms(bases, along, np.cross(Z, along), np.full(3, length), np.full(3, length * density))

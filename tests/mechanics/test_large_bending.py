@@ -11,7 +11,6 @@ from flexlin.scene import builtin_scenes, parse_scene
 from tests.thinned import thin
 
 from .scenes import LINK, arm_of, scene_of
-from .segments import Segments
 from .test_jury import random_scene
 
 STIFFENED = {"geometric_stiffening": {}}
@@ -32,18 +31,29 @@ def swing(arm, start, t, dissipated=0.0):
     return np.array([arm.functions["points"](x[:n], []).full()[:, -1] for x in run.y.T]), energy
 
 
+def segment_form(length, mass, payload):
+    """a (n, n) with T = 1/2 sum a_ij e_i'.e_j' of rigid segments: the lever l_i times (m_j / 2 + all beyond j) l_j.
+
+    Source: the rigid finite element method, Wittbrodt, Adamiec-Wojcik, Wojciech (2006).
+    """
+    beyond = np.append(np.cumsum(mass[::-1])[::-1][1:], 0.0) + payload
+    a = np.triu(np.outer(length, length * (mass / 2 + beyond)), 1)
+    return a + a.T + np.diag(length**2 * (mass / 3 + beyond))
+
+
 def swing_segments(link, size, payload, count, t):
-    """The tip of rigid segments with springs, let go from the first mode's slopes."""
-    model, h = Segments.of_links([link], count, payload), 1.0 / count
+    """The tip of rigid segments, cut at springs EI / h, half a segment at both ends, let go from the first mode's slopes."""
+    h = 1.0 / count
     own = np.array([h / 2, *[h] * (count - 1), h / 2])
+    a, between = segment_form(own, own * link["mass_per_length"], payload), np.diff(np.eye(len(own)), axis=0)
     centres = np.cumsum(own) - own / 2
     phi = size * clamped_free(1).values(centres, 1)[0] / clamped_free(1).values(np.ones(1))[0, 0]
-    K, n = model.stiffness(), len(own)
+    K, n = link["bending_stiffness"] / h * between.T @ between, len(own)
 
     def rates(_, x):
         phi, rate = x[:n], x[n:]
-        turned = model.a * np.sin(phi[:, None] - phi) @ rate**2
-        return np.r_[rate, np.linalg.solve(model.mass(phi), -K @ phi - turned)]
+        apart = phi[:, None] - phi
+        return np.r_[rate, np.linalg.solve(a * np.cos(apart), -K @ phi - a * np.sin(apart) @ rate**2)]
 
     run = solve_ivp(rates, (0.0, t[-1]), np.r_[phi, np.zeros(n)], "LSODA", t, rtol=1e-7, atol=1e-9)
     return np.stack([own @ np.cos(run.y[:n]), own @ np.sin(run.y[:n])], axis=1)

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from flexlin.mechanics import clamped_free
 
 from .scenes import arm_of
-from .test_large_bending import swing
+from .test_large_bending import segment_form, swing
 
 EI_Y, EI_Z, GJ, MASS, POLAR = 2.0, 1.4, 0.8, 0.162, 4e-5
 PAYLOAD, BESIDE = 0.08, np.array([0.0, 0.04, 0.02])
@@ -35,10 +35,7 @@ def swing_segments(across, up, count, t, beside):
     """The tip (N, 3) of segments that hang on a hinge about z, let go from the first mode's slopes in both planes."""
     h, E = 1.0 / count, np.eye(3)
     length = np.r_[h / 2, np.full(count - 1, h), h / 2]
-    mass, bodies = MASS * length, count + 1
-    beyond = np.append(np.cumsum(mass[::-1])[::-1][1:], 0.0) + PAYLOAD
-    a = np.triu(np.outer(length, length * (mass / 2 + beyond)), 1)
-    a = a + a.T + np.diag(length**2 * (mass / 3 + beyond))
+    a, bodies = segment_form(length, MASS * length, PAYLOAD), count + 1
     a = np.block([[a, PAYLOAD * length[:, None]], [PAYLOAD * length, PAYLOAD]])
     on = np.append(np.arange(bodies), bodies - 1)  # the body of each vector
     sum_up = np.eye(bodies)[on]

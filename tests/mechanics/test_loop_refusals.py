@@ -13,7 +13,7 @@ from tests.mechanics.loop_scenes import random_rssr
 
 def test_a_dead_point_is_refused_with_its_time():
     """The crank leaves the range in which the rocker follows: the time is a root of the input-output equation."""
-    table, bars, length, _, angle, _ = random_rssr(np.random.default_rng(1))
+    table, bars, length, angle, _ = random_rssr(np.random.default_rng(1))
     table["motion"]["joints"] = [{"mean": angle, "amplitude": 3.1}]
 
     def room(crank):
