@@ -232,6 +232,18 @@ class RigidMass:
         figures = (self.mass, self.inertia, *(self.tensor.entries().values() if self.tensor else ()))
         return all(isinstance(figure, int | float) and figure == 0 for figure in figures)
 
+    @property
+    def place(self) -> tuple[Any, Any, Any]:
+        """Its centre on a tip (m)."""
+        x, y, z = self.centre
+        return self.offset + x, y, z
+
+    @property
+    def about_centre(self) -> Inertia:
+        """Its inertia about the centre on a tip (kg m^2)."""
+        own = self.tensor or Inertia()
+        return own.model_copy(update={"zz": own.zz + self.inertia})
+
 
 def rigid_body(frame: Frame, mass: Any, inertia: ca.SX, centre: ca.SX | None = None) -> Body:
     """A rigid body with its centre at `centre` (3, 1) in the frame's axes and `inertia` (3, 3) about its centre."""

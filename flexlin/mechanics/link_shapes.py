@@ -139,7 +139,7 @@ def sum_carried(scene: Scene, index: int, direction: Direction = "y") -> tuple[f
     effects, load, parents = effects_of(scene.effects), Mass(), list_parents(scene.links)
     tips = {index: (np.eye(3), np.zeros(3))}
     for body in find_bodies_at_tip(scene, index):
-        load.add(body.mass, read_tensor(body), np.eye(3), place(body))
+        load.add(body.mass, np.array(body.about_centre.rows()), np.eye(3), np.array(body.place))
     for k in range(index + 1, len(scene.links)):
         if parents[k] not in tips:
             continue
@@ -153,7 +153,7 @@ def sum_carried(scene: Scene, index: int, direction: Direction = "y") -> tuple[f
             load.add(mass, inertia, R, p + R @ centre)
         p = p + R[:, 0] * link.length
         for body in find_bodies_at_tip(scene, k):
-            load.add(body.mass, read_tensor(body), R, p + R @ place(body))
+            load.add(body.mass, np.array(body.about_centre.rows()), R, p + R @ np.array(body.place))
         tips[k] = (R, p)
     axis = AXES[direction]
     return load.mass, float(load.second[axis, axis])
@@ -168,17 +168,6 @@ def list_parts(link: Link) -> list[tuple[float, Array, Array]]:
     if link.body is not None:
         parts.append((link.body.mass, np.array(link.body.inertia.rows()), np.array(link.body.centre)))
     return parts
-
-
-def read_tensor(body: RigidMass) -> Array:
-    """The inertia (3, 3) of a body on a tip."""
-    about_z = np.diag([0.0, 0.0, body.inertia])
-    return about_z if body.tensor is None else about_z + np.array(body.tensor.rows())
-
-
-def place(body: RigidMass) -> Array:
-    """The centre of a body on a tip."""
-    return np.array([body.offset, 0.0, 0.0]) + np.array(body.centre)
 
 
 def find_bodies_on_joint(scene: Scene, index: int) -> list[RigidMass]:

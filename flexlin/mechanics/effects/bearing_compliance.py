@@ -5,7 +5,8 @@ joint beta_1, beta_2 are displacements across its direction. Assumes bearings th
 Source: Genta, Dynamics of Rotating Systems (2005), section 4.6.
 """
 
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Any
 
 import casadi as ca
 
@@ -44,12 +45,12 @@ class BearingCompliance(Effect):
         return ca.sparsify(ca.SX(inertia) * ca.SX.eye(3) - about(chain.axes[joint], inertia))
 
     def potential_energy(self, chain: Chain) -> ca.SX:
-        energies = [
-            per_joint(self.stiffness, i, single="every") / 2 * ca.sumsqr(chain.bearings[i]) for i in chain.moving
-        ]
-        return sum(energies, ca.SX(0))
+        return self._sum_squares(self.stiffness, chain.bearings, chain)
 
     def dissipation(self, chain: Chain) -> ca.SX:
-        rates = chain.bearing_rates
-        losses = [per_joint(self.damping, i, single="every") / 2 * ca.sumsqr(rates[i]) for i in chain.moving]
-        return sum(losses, ca.SX(0))
+        return self._sum_squares(self.damping, chain.bearing_rates, chain)
+
+    def _sum_squares(self, value: Any, parts: Sequence[ca.SX], chain: Chain) -> ca.SX:
+        """1/2 sum k x.x over the bearings."""
+        squares = [per_joint(value, i, single="every") / 2 * ca.sumsqr(parts[i]) for i in chain.moving]
+        return sum(squares, ca.SX(0))

@@ -9,10 +9,11 @@ plane then does work on phi and v'' together: the beam buckles sideways. Source:
 these are; Timoshenko, Gere, Theory of Elastic Stability (1961), section 6.3, for what follows.
 """
 
-from typing import Optional
+from typing import Any, Optional
 
 import casadi as ca
 
+from flexlin.mechanics.beam.integrals import Couplings
 from flexlin.mechanics.body import Moments, column, tensor
 from flexlin.mechanics.effects.base import Effect, Scale
 from flexlin.mechanics.links import BentLink, product
@@ -29,12 +30,9 @@ class BendingTorsionCoupling(Effect):
         return None if scale.bending is None else cls()
 
     def tip_displacement(self, link: BentLink) -> tuple[ca.SX, ca.SX]:
-        k = link.couplings
-        if k is None:
+        if link.couplings is None:
             return ca.SX(3, 1), ca.SX(3, 1)
-        (across, across_rate), (up, up_rate) = (
-            product(part.tip, link.torsion, bent) for part, bent in ((k.z, link.z), (k.y, link.y))
-        )
+        (across, across_rate), (up, up_rate) = with_twist(link, link.couplings, "tip")
         return column(0, -across, up), column(0, -across_rate, up_rate)
 
     def tip_turn(self, link: BentLink) -> tuple[ca.SX, ca.SX]:
@@ -46,15 +44,16 @@ class BendingTorsionCoupling(Effect):
         k, m, length = link.couplings, link.mass, link.table.length
         if k is None:
             return None
-        (v, v_rate), (w, w_rate) = (
-            product(part.mass, link.torsion, bent) for part, bent in ((k.z, link.z), (k.y, link.y))
-        )
-        (mv, mv_rate), (mw, mw_rate) = (
-            product(part.moment, link.torsion, bent) for part, bent in ((k.z, link.z), (k.y, link.y))
-        )
+        (v, v_rate), (w, w_rate) = with_twist(link, k, "mass")
+        (mv, mv_rate), (mw, mw_rate) = with_twist(link, k, "moment")
         return Moments(
             first=column(0, -m * v, m * w),
             first_rate=column(0, -m * v_rate, m * w_rate),
             second=tensor(xy=m * length * mv, xz=-m * length * mw),
             swirl=column(0, -m * length * mw_rate, -m * length * mv_rate),
         )
+
+
+def with_twist(link: BentLink, k: Couplings, name: str) -> list[tuple[Any, Any]]:
+    """The products of twist with bending in z and in y, and their rates."""
+    return [product(getattr(part, name), link.torsion, bent) for part, bent in ((k.z, link.z), (k.y, link.y))]

@@ -6,8 +6,6 @@ Source: Khang, Dat, Tuan (2019), Fig. 1 (m_E); the inertia as in De Luca, Sicili
 from dataclasses import replace
 from typing import Annotated
 
-import casadi as ca
-
 from flexlin.mechanics.body import Body, RigidMass, column, rigid_body, tensor
 from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, at_tip
 from flexlin.scene.base import Number, PerLink, Unit
@@ -47,17 +45,7 @@ class Payload(Effect):
         links = len(chain.links)
         on = [self.tip_body(link, links) for link in range(links)]
         return tuple(
-            rigid_body(frame, body.mass, self._inertia(body), self._centre(body))
+            rigid_body(frame, body.mass, tensor(**body.about_centre.entries()), column(*body.place))
             for frame, body in zip(chain.tips, on, strict=True)
             if not body.is_nothing
         )
-
-    def _centre(self, body: RigidMass) -> ca.SX:
-        """Centre (3, 1) of the body on a tip."""
-        x, y, z = body.centre
-        return column(body.offset + x, y, z)
-
-    def _inertia(self, body: RigidMass) -> ca.SX:
-        """Inertia (3, 3) of the body on a tip."""
-        extra = (Inertia() if body.tensor is None else body.tensor).entries()
-        return tensor(**extra | {"zz": extra["zz"] + body.inertia})
