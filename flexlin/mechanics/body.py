@@ -149,14 +149,7 @@ class Moments:
     agitation: ca.SX = field(default_factory=lambda: ca.SX(0))
 
     def __add__(self, other: "Moments") -> "Moments":
-        return Moments(
-            self.mass + other.mass,
-            self.first + other.first,
-            self.first_rate + other.first_rate,
-            self.second + other.second,
-            self.swirl + other.swirl,
-            self.agitation + other.agitation,
-        )
+        return Moments(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
 
 
 @dataclass(frozen=True)

@@ -104,19 +104,20 @@ def bend_links(chain: ChainTables, flexible: Mapping[str, Any]) -> list[Problem]
             continue
         index = chain.children.index(name)
         stated = chain.links[index]["body"]["mass"]
-        try:
-            bend_link(chain, index, beam.model_dump(exclude_unset=True))
-        except SceneError as error:
-            problems += error.problems
-            continue
-        if beam.section is not None:
+        problem = bend_link(chain, index, beam.model_dump(exclude_unset=True))
+        if problem is not None:
+            problems.append(problem)
+        elif beam.section is not None:
             mass = beam.section.figures()["mass_per_length"] * chain.links[index]["length"]
             chain.notes.append(f"{printable(name)} weighs {mass:.4g} kg by its section, {stated:.4g} kg in the file")
     return problems
 
 
-def bend_link(chain: ChainTables, index: int, table: Mapping[str, Any]) -> None:
-    """Lay a link's x along its beam: its joint's axis, the mount before it and the one behind it turn with it."""
+def bend_link(chain: ChainTables, index: int, table: Mapping[str, Any]) -> Problem | None:
+    """Lay a link's x along its beam: its joint's axis, the mount before it and the one behind it turn with it.
+
+    Returns: what is wrong, where nothing says which way the beam goes.
+    """
     link, body = chain.links[index], chain.links[index]["body"]
     after = chain.links[index + 1] if index + 1 < len(chain.links) else None
     key = f"flexible.{chain.children[index]}"
@@ -124,16 +125,8 @@ def bend_link(chain: ChainTables, index: int, table: Mapping[str, Any]) -> None:
     reach = float(np.linalg.norm(along))
     length = table.get("length", reach if after else 2 * reach)
     if not reach:
-        raise SceneError(
-            "scene",
-            [
-                Problem(
-                    f"{key}.length",
-                    repr(length)[:60],
-                    "a link whose next joint, or centre, lies off its own joint",
-                )
-            ],
-        )
+        expected = "a link whose next joint, or centre, lies off its own joint"
+        return Problem(f"{key}.length", repr(length)[:60], expected)
     B = turn_to(along / reach)
     link["mount"]["rpy"] = angles_of(rotation_of(link["mount"]["rpy"]) @ B)
     link["axis"] = as_numbers(B.T @ np.array(link["axis"]))
@@ -143,6 +136,7 @@ def bend_link(chain: ChainTables, index: int, table: Mapping[str, Any]) -> None:
     if after:
         after["mount"]["xyz"] = as_numbers(B.T @ along - np.array([length, 0.0, 0.0]))
         after["mount"]["rpy"] = angles_of(B.T @ rotation_of(after["mount"]["rpy"]))
+    return None
 
 
 def turn_to(direction: Any) -> Any:
