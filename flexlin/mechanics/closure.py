@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import ROUNDING, Array, real_array
-from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
+from flexlin.errors import ArgumentError, SingularClosure
 from flexlin.kronecker.expansion import closure_jacobians, refuse_if_large
 from flexlin.mechanics.screws import OpenChain, revolute
-from flexlin.series.implicit import ImplicitMap, implicit_taylor
+from flexlin.series.implicit import ImplicitMap, implicit_taylor, solve_implicit
 
 
 @dataclass(frozen=True)
@@ -94,20 +94,11 @@ class Closure:
         return implicit_taylor(f, u, v, at[list(independent)], at[self.dependent(independent)], order)
 
     def close(self, s: ArrayLike, independent: Sequence[int]) -> Array:
-        """Return s with its dependent coordinates moved by Newton's method until f(s) = 0.
-
-        Raises: ToleranceNotReached when 50 steps do not close the loop from this start; SingularClosure when V becomes singular.
-        """
+        """Return s with its dependent coordinates moved by Newton's method until f(s) = 0; errors as of `solve_implicit`."""
         s = real_array("s", s, (self.linear.shape[1],)).copy()
-        dependent = self.dependent(independent)
-        for _ in range(50):
-            step = np.linalg.solve(self.checked_V(s, dependent), self.derivative(s, 0)[:, 0])
-            s[dependent] -= step
-            if np.abs(step).max() < 1e-14 * (1 + np.abs(s).max()):
-                return s
-        raise ToleranceNotReached(
-            "the loop does not close", got=f"a step of {np.abs(step).max():.3g}", todo="start nearer to a solution"
-        )
+        dependent, (f, u, v) = self.dependent(independent), self.equations(independent)
+        s[dependent] = solve_implicit(f, u, v, s[list(independent)], s[dependent])
+        return s
 
     def jacobians(self, s: ArrayLike, independent: Sequence[int], order: int) -> list[Array]:
         """Return C_1 ... C_order of the dependent by the independent coordinates, from screw derivatives alone.

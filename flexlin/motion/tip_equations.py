@@ -80,9 +80,6 @@ def turn_between(rpy: Sequence[tuple[float, float, float]], rises: list[ca.SX]) 
     return rotation
 
 
-AXES = {axis: k for k, axis in enumerate("xyz")}
-
-
 @dataclass(frozen=True, eq=False)
 class TipEquations(Expressions):
     """F(z, phase) = 0 of the joints that lead the tip of the rigid arm along a path.
@@ -186,7 +183,8 @@ def make_tip_equations(arm: Manipulator, path: PosePath, follow: Sequence[str], 
     v = ca.SX(0, 1) if loops is None else loops.v
     s, p = ca.densify(arm.reference @ q), arm.parameters
     place = tip[:, -1]
-    c = [place[AXES[axis]] - path.position[AXES[axis]] for axis in choose_components(follow, place, path)]
+    led = ["xyz".index(axis) for axis in choose_components(follow, place, path)]
+    c = [place[k] - path.position[k] for k in led]
     turned, flip = compare_rotations(rotation, path, int(place.numel()))
     tips = len(c)
     c = ca.vertcat(*c, turned, *([] if loops is None else [loops.gap]))

@@ -27,11 +27,8 @@ class Table(BaseModel):
     @classmethod
     def units(cls) -> dict[str, str]:
         """The unit of each key that states one."""
-        stated = {
-            key: [mark.name for mark in field.metadata if isinstance(mark, Unit)]
-            for key, field in cls.model_fields.items()
-        }
-        return {key: names[0] for key, names in stated.items() if names}
+        marks = [(key, mark) for key, field in cls.model_fields.items() for mark in field.metadata]
+        return {key: mark.name for key, mark in marks if isinstance(mark, Unit)}
 
     @model_validator(mode="before")
     @classmethod

@@ -129,10 +129,15 @@ AnyEffects = Annotated[
 
 def effect_contradictions(effects: Mapping[str, Any], arm: RawArm) -> Iterator[Problem]:
     """List what does not fit in the raw tables of the effects."""
+    links = len(arm.links)
     for name, effect in tables_on(effects):
         for key, value in effects[name].items():
-            if isinstance(value, list) and key not in effect.vectors:
-                yield from _list_length(f"effects.{name}.{key}", effect.lists, len(value), len(arm.links))
+            count = len(value) if isinstance(value, list) and key not in effect.vectors else None
+            if effect.lists == "first" and count is not None and count > links:
+                yield Problem(f"effects.{name}.{key}", counted(count, "number"), f"at most {links}, one for each link")
+            if effect.lists == "each" and count not in (None, links):
+                expected = f"{links}, one for each link, or a single number"
+                yield Problem(f"effects.{name}.{key}", counted(len(value), "number"), expected)
         yield from effect.contradictions(effects[name], arm)
 
 
@@ -141,10 +146,3 @@ def tables_on(effects: Mapping[str, Any]) -> Iterator[tuple[str, type[EffectTabl
     for name, effect in known_effects().items():
         if isinstance(effects.get(name), dict):
             yield name, effect
-
-
-def _list_length(key: str, lists: str | None, got: int, links: int) -> Iterator[Problem]:
-    if lists == "first" and got > links:
-        yield Problem(key, counted(got, "number"), f"at most {links}, one for each link")
-    if lists == "each" and got != links:
-        yield Problem(key, counted(got, "number"), f"{links}, one for each link, or a single number")
