@@ -3,7 +3,10 @@
 import casadi as ca
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+import flexlin as fl
 from flexlin.scene import known_effects
 
 from .scenes import arm_of, random_state, value
@@ -117,3 +120,86 @@ def test_an_effect_adds_its_own_coordinates_and_instructions_only(name):
     assert instructions(alone) > instructions(bare)
     if name in NEUTRAL:  # an effect of no size leaves no trace in the graph
         assert instructions(arm_of({}, {}, effects={name: NEUTRAL[name]})) == instructions(bare)
+
+
+LENGTHS = st.floats(0.2, 1.0)
+LINKS = st.fixed_dictionaries(
+    {
+        "length": LENGTHS,
+        "mass_per_length": st.floats(0.1, 1.0),
+        "bending_stiffness": st.floats(0.5, 50.0),
+        "modes": st.integers(0, 2),
+        "mode_shapes": st.sampled_from(["clamped-free", "clamped-loaded", "pinned-free"]),
+        "joint": st.sampled_from(["revolute", "revolute", "prismatic"]),
+        "mount_angle": st.floats(-3.0, 3.0),
+    }
+)
+FIRST_ONLY = {"hub": {"inertia": 0.02, "mass": 0.1}, "payload": {"mass": 0.1, "inertia": 0.001, "offset": 0.02}}
+SCALAR = {
+    "joint_flexibility": {"stiffness": 50.0, "motor_inertia": 0.05},
+    "bearing_compliance": {"stiffness": 80.0, "damping": 0.3, "inertia": 0.02},
+    "viscous_friction": {"coefficient": 0.2},
+    "coulomb_friction": {"torque": 0.3, "rate": 0.05},
+    "motor": {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": 50.0, "rotor_inertia": 1e-5},
+    "rotor_spin": {"inertia": 1e-6, "gear_ratio": -40.0},
+}
+TABLES = ON | FIRST_ONLY | SCALAR
+
+
+@pytest.mark.slow
+@settings(max_examples=40, deadline=None)
+@given(
+    links=st.lists(LINKS, min_size=1, max_size=3),
+    names=st.sets(st.sampled_from(sorted(TABLES))),
+    seed=st.integers(0, 99),
+)
+def test_any_chain_obeys_mechanics(links, names, seed):
+    arm = arm_of(*links, effects={name: TABLES[name] for name in names})
+    s, s_dot, s_ddot = random_state(arm, seed, elastic=0.01)
+    M = value(arm, "M", s)
+    np.testing.assert_allclose(M, M.T, rtol=0, atol=1e-12 * np.abs(M).max())
+    # The shortening of bent links is kept to second order, so with it M is a sum of squares about the straight arm only.
+    bent = np.array([name.startswith("w") for name in arm.names])
+    upright = value(arm, "M", np.where(bent, 0.0, s)) if "geometric_stiffening" in names else M
+    assert np.linalg.eigvalsh(upright).min() > 0
+    damping = value(arm, "damping", s, s_dot)[:, 0]
+    assert "tip_force" in names or s_dot @ damping >= -1e-12
+    residual = value(arm, "residual", s, s_dot, s_ddot)[:, 0]
+    parts = M @ s_ddot + value(arm, "C", s, s_dot) @ s_dot + value(arm, "g", s)[:, 0] + damping
+    np.testing.assert_allclose(residual, parts, rtol=0, atol=1e-10 * (1 + np.abs(residual).max()))
+    state = ca.vertcat(arm.s, arm.s_dot)
+    change = ca.jtimes(arm.energy, state, ca.vertcat(arm.s_dot, arm.s_ddot))
+    rate = float(ca.Function("dE", [arm.s, arm.s_dot, arm.s_ddot], [change])(s, s_dot, s_ddot))
+    power = s_dot @ (residual - damping)
+    assert abs(rate - power) <= 1e-10 * (1 + np.abs(s_dot) @ np.abs(residual))
+
+
+FLEXIBLE = {"links.0.modes": 0, "effects.joint_flexibility": {"stiffness": 10.0, "motor_inertia": 0.1}}
+GREASE = {"coefficient": 0.7, "exponent": 0.4, "rate": 1e-3}
+LAWS = [
+    ("viscous_friction", {"coefficient": 0.7}, lambda rate: 0.7 * rate),
+    ("viscous_friction", GREASE, lambda rate: 0.7 * np.sign(rate) * abs(rate) ** 0.4),
+    ("coulomb_friction", {"torque": 0.3, "rate": 0.2}, lambda rate: 0.3 * np.tanh(rate / 0.2)),
+]
+
+
+@pytest.mark.parametrize(("name", "numbers", "law"), LAWS)
+@pytest.mark.parametrize("at", ["joint", "motor"])
+def test_it_resists_the_rate_that_it_is_said_to(name, numbers, law, at):
+    kept = {"effects.modal_damping": "off"}
+    scene = fl.load_scene("single-link", FLEXIBLE | {f"effects.{name}": numbers | {"at": at}, "designs": []} | kept)
+    arm = fl.build_manipulator(scene)
+    found = np.array(ca.Function("d", [arm.s, arm.s_dot], [arm.damping])([0.1, 0.2], [0.4, -0.5]))[:, 0]
+    before = fl.build_manipulator(fl.load_scene("single-link", FLEXIBLE | {"designs": []} | kept))
+    others = np.array(ca.Function("d", [before.s, before.s_dot], [before.damping])([0.1, 0.2], [0.4, -0.5]))[:, 0]
+    place = {"joint": 0, "motor": 1}[at]
+    expected = np.zeros(2)
+    expected[place] = law([0.4, -0.5][place])
+    assert arm.names == ("q1", "theta1")
+    assert found - others == pytest.approx(expected, rel=1e-5)
+
+
+def test_motors_do_not_stick():
+    table = {"torque": 0.1, "static": 0.2, "at": "motor"}
+    with pytest.raises(fl.errors.SceneError, match="only joints stick"):
+        fl.load_scene("single-link", FLEXIBLE | {"effects.coulomb_friction": table})

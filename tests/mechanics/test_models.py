@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import eigh
 
 import flexlin as fl
+from flexlin.mechanics import make_shapes, sum_carried
 
 from .scenes import matrices_at_rest
 
@@ -40,3 +41,23 @@ def test_rotating_beam_has_its_published_frequencies(rate, modes, frequency):
     c = fl.linearize(fl.build_manipulator(scene), scene.motion).sample(np.zeros(1))
     lowest = np.sqrt(eigh(c.K[0], c.M[0], eigvals_only=True)[0])
     assert lowest == pytest.approx(frequency, rel=1e-4)
+
+
+LENGTH, DENSITY = 0.5, 0.2
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return fl.load_scene("de-luca-siciliano-1991")
+
+
+def test_what_link_1_carries(scene):
+    """Hub 1 kg, link 0.1 kg, payload 0.1 kg; the paper's 1.2 kg and 0.133833 kg m^2."""
+    np.testing.assert_allclose(sum_carried(scene, 0), (1.2, 0.133833), rtol=3e-6)
+    np.testing.assert_allclose(sum_carried(scene, 1), (0.1, 5e-4), rtol=1e-15)
+
+
+def test_printed_frequencies(scene):
+    for link, printed in enumerate(([0.48, 1.80], [2.18, 15.91])):
+        omega = make_shapes(scene, link).beta ** 2 * np.sqrt(1.0 / (DENSITY * LENGTH**4))
+        np.testing.assert_allclose(omega / (2 * np.pi), printed, atol=0.005)
