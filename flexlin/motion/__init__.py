@@ -1,6 +1,6 @@
 """Basic motions, from a scene's motion table."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -14,29 +14,11 @@ from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.coordinates import Parameters
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
-from flexlin.motion.smooth import (
-    Expression,
-    highest_harmonic,
-    make_fourier,
-    make_harmonic,
-    make_point_to_point,
-    make_rotation,
-    read_nominal,
-)
+from flexlin.motion.smooth import highest_harmonic, make_angles, read_nominal
 from flexlin.motion.table import read_log_motion, read_table_motion
 from flexlin.plots.view import Series, View
 from flexlin.scene.loading import read_motion
-from flexlin.scene.motion import (
-    AnyMotion,
-    Fourier,
-    Harmonic,
-    LogMotion,
-    MotionTable,
-    PointToPoint,
-    Rotation,
-    TableMotion,
-    TipPath,
-)
+from flexlin.scene.motion import AnyMotion, LogMotion, MotionTable, TableMotion, TipPath
 from flexlin.scene.scene import Scene
 
 __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]
@@ -109,13 +91,7 @@ def build_motion(
         return read_log_motion(table, joints, prescribed)
     parameters = parameters or Parameters()
     free, phase = parameters.placed_in(table, "motion."), ca.SX.sym("phase")
-    makers: dict[type, Callable[..., Expression]] = {
-        Harmonic: make_harmonic,
-        Rotation: make_rotation,
-        Fourier: make_fourier,
-        PointToPoint: make_point_to_point,
-    }
-    angles, duration, breaks = makers[type(free)](free, phase, parameters)
+    angles, duration, breaks = make_angles(free, phase, parameters)
     period = read_nominal(duration, parameters)
     return SymbolicMotion(
         joints,

@@ -1,5 +1,6 @@
 """Harmonic, rotating and Fourier motions, and waypoints: expressions of the phase."""
 
+from collections.abc import Callable
 from fractions import Fraction
 from functools import reduce
 from math import comb, gcd, lcm, pi
@@ -121,3 +122,16 @@ def make_step(profile: str, x: ca.SX) -> ca.SX:
     n = PROFILES[profile]
     factors = [0] * (n + 1) + [comb(n + k, k) * comb(2 * n + 1, n - k) * (-1) ** k for k in range(n + 1)]
     return reduce(lambda value, factor: value * x + factor, reversed(factors), ca.SX(0))
+
+
+MAKERS: dict[type, Callable[..., Expression]] = {
+    Harmonic: make_harmonic,
+    Rotation: make_rotation,
+    Fourier: make_fourier,
+    PointToPoint: make_point_to_point,
+}
+
+
+def make_angles(table: AnyMotion, phase: ca.SX, parameters: Parameters) -> Expression:
+    """The expression of a motion table; `parameters`: free symbols that stand in it."""
+    return MAKERS[type(table)](table, phase, parameters)
