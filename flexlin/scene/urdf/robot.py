@@ -23,6 +23,11 @@ from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
 
 
+def shown(text: str) -> str:
+    """A piece of a file as a message shows it."""
+    return printable(text)[:LONGEST_SHOWN]
+
+
 @dataclass
 class Element:
     """An element of a file: its tag, line, attributes and children; the first words between these, with their line."""
@@ -36,9 +41,7 @@ class Element:
 
     def refuse(self, got: str, expected: str) -> SceneError:
         """The error that this element is the cause of."""
-        return SceneError(
-            self.source, [Problem(f"line {self.line}, <{printable(self.tag)[:LONGEST_SHOWN]}>", got, expected)]
-        )
+        return SceneError(self.source, [Problem(f"line {self.line}, <{shown(self.tag)}>", got, expected)])
 
     def all(self, tag: str) -> list["Element"]:
         """The children of one kind."""
@@ -57,9 +60,7 @@ class Element:
         if value is None or not value.strip():
             raise self.refuse(f"no {name}", f'{name}="..."')
         if "${" in value or "$(" in value:
-            raise self.refuse(
-                f"{name}={printable(repr(value))[:LONGEST_SHOWN]}", "a name; a xacro file must be expanded first"
-            )
+            raise self.refuse(f"{name}={shown(repr(value))}", "a name; a xacro file must be expanded first")
         return printable(value)[:200]
 
     def numbers(self, name: str, count: int, default: tuple[float, ...] | None = None) -> tuple[float, ...]:
@@ -74,7 +75,7 @@ class Element:
         except ValueError:
             values = ()
         if len(values) != count:
-            got = f"{name}={printable(repr(self.attributes[name]))[:LONGEST_SHOWN]}"
+            got = f"{name}={shown(repr(self.attributes[name]))}"
             raise self.refuse(got, f"{count} finite number{'s' if count > 1 else ''}")
         return values
 
@@ -177,9 +178,7 @@ def check_spelling(element: Element) -> None:
     """Look through an element and those below it that are read. Raises: SceneError naming the line."""
     if element.words is not None:
         line, words = element.words
-        raise element.refuse(
-            f"the text {printable(repr(words))[:LONGEST_SHOWN]} on line {line}", "elements and comments only"
-        )
+        raise element.refuse(f"the text {shown(repr(words))} on line {line}", "elements and comments only")
     expected = CHILDREN.get(element.tag, ())
     for child in element.children:
         if "xacro" in child.tag:
@@ -187,10 +186,10 @@ def check_spelling(element: Element) -> None:
         if child.tag in expected:
             check_spelling(child)
         else:
-            check_word(child, f"<{printable(child.tag)[:LONGEST_SHOWN]}>", child.tag, expected, element.tag)
+            check_word(child, f"<{shown(child.tag)}>", child.tag, expected, element.tag)
     for name in element.attributes:
         if name not in ATTRIBUTES[element.tag]:
-            check_word(element, f"{printable(name)[:LONGEST_SHOWN]}=", name, ATTRIBUTES[element.tag], element.tag)
+            check_word(element, f"{shown(name)}=", name, ATTRIBUTES[element.tag], element.tag)
 
 
 def check_word(element: Element, got: str, word: str, known: Iterable[str], inside: str) -> None:
