@@ -41,6 +41,13 @@ class Indices:
         self.start = np.array([comb(n + k - 1, n) if k else 0 for k in range(order + 2)])
         self.size = int(self.start[-1])
         self.kept: dict[Any, Any] = {}
+        parents, last = [np.zeros(1, dtype=np.int32)], [np.zeros(1, dtype=np.int32)]  # 0 for the constant
+        for k in range(order):
+            times = n - last[k]
+            parents.append(np.repeat(np.arange(self.start[k], self.start[k + 1], dtype=np.int32), times))
+            runs = np.arange(len(parents[-1])) - np.repeat(np.cumsum(times) - times, times)
+            last.append((np.repeat(last[k], times) + runs).astype(np.int32))
+        self.parent, self.last = np.concatenate(parents), np.concatenate(last)
 
     def __reduce__(self) -> tuple:
         return shared_indices, (self.n, self.order)
@@ -59,30 +66,9 @@ class Indices:
         return comb(2 * self.n + self.order, self.order) <= TABLES
 
     @lazy
-    def parts(self) -> tuple[Array, Array]:
-        """Parent and last of each monomial (size,), 0 for the constant."""
-        parents, last = [np.zeros(1, dtype=np.int32)], [np.zeros(1, dtype=np.int32)]
-        for k in range(self.order):
-            times = self.n - last[k]
-            parents.append(np.repeat(np.arange(self.start[k], self.start[k + 1], dtype=np.int32), times))
-            runs = np.arange(len(parents[-1])) - np.repeat(np.cumsum(times) - times, times)
-            last.append((np.repeat(last[k], times) + runs).astype(np.int32))
-        return np.concatenate(parents), np.concatenate(last)
-
-    @property
-    def parent(self) -> Array:
-        """The place of each monomial without its last factor (size,)."""
-        return self.parts[0]
-
-    @property
-    def last(self) -> Array:
-        """The last factor of each monomial (size,), 0 for the constant."""
-        return self.parts[1]
-
-    @lazy
     def up(self) -> Array:
         """The place of each monomial below the order times each variable (size below, n)."""
-        parent, last = self.parts
+        parent, last = self.parent, self.last
         table = np.zeros((int(self.start[self.order]), self.n), dtype=np.int32)
         if self.order:
             table[parent[1:], last[1:]] = np.arange(1, self.size)
