@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from flexlin.checks import Array
 from flexlin.errors import MotionError, ToleranceNotReached
@@ -34,21 +35,15 @@ SAME = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class TipAngles:
-    """q, q', q'' at any time: the solution from the cubic between two nodes, refined; its rates are exact derivatives.
-
-    nodes: phases (N + 1,), between which the solution is found again from its cubic; z, rate: solutions there and their slopes by the
-    phase, (N + 1, k).
-    """
+    """q, q', q'' at any time: the solution from `near`, the cubics between solutions, refined; its rates are exact derivatives."""
 
     equations: TipEquations
     period: float
-    nodes: Array
-    z: Array
-    rate: Array
+    near: CubicHermiteSpline
 
     def __call__(self, t: Array) -> Angles:
         phases = np.mod(t / self.period, 1.0)
-        z = self.guess(phases)
+        z = self.near(phases)
         for _ in range(6):
             step = self.equations.newton_steps(phases, z)
             z = z - step
@@ -61,14 +56,6 @@ class TipAngles:
         rate, second = self.equations.rates(phases, z)
         n, T = self.equations.joints, self.period
         return z[:, :n], rate[:, :n] / T, second[:, :n] / T**2
-
-    def guess(self, phases: Array) -> Array:
-        """The cubics between the nodes."""
-        k = np.clip(np.searchsorted(self.nodes, phases, side="right") - 1, 0, len(self.nodes) - 2)
-        h = (self.nodes[k + 1] - self.nodes[k])[:, None]
-        x = (phases[:, None] - self.nodes[k][:, None]) / h
-        a, b, da, db = self.z[k], self.z[k + 1], h * self.rate[k], h * self.rate[k + 1]
-        return a + x * (da + x * (3 * (b - a) - 2 * da - db + x * (2 * (a - b) + da + db)))
 
 
 def make_tip_path(table: TipPath, arm: Manipulator, prescribed: tuple[bool, ...]) -> SampledMotion:
@@ -94,8 +81,7 @@ def make_tip_path(table: TipPath, arm: Manipulator, prescribed: tuple[bool, ...]
         except MotionError as error:
             problems.append(error)
             continue
-        rate, _ = equations.rates(nodes, z)
-        angles = TipAngles(equations, path.period, nodes, z, rate)
+        angles = TipAngles(equations, path.period, CubicHermiteSpline(nodes, z, equations.rates(nodes, z)[0]))
         angles(path.period * (np.arange(4 * NODES) + 0.5) / (4 * NODES))
         breaks = tuple(path.period * phase for phase in path.breaks)
         return SampledMotion(arm.joints, path.period, prescribed, breaks, sampler=angles)
