@@ -14,7 +14,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "report.figures": "draw_pictures FIGURES",
         "report.figures.chart": "choose_scale thin trace_contour",
         "report.figures.exponents": "scale_radius",
-        "report.numbers": "audit_block record record_endured record_loop record_margin record_numbers to_json",
+        "report.numbers": "audit_block record record_endured record_loop record_margin to_json",
         "report.page": "render_page",
         "report.progress": "Progress",
         "report.terminal": "accuracy_lines loop_line",

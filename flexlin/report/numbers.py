@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
 from platform import libc_ver, machine, python_version, release, system
 from typing import TYPE_CHECKING, Any
 
@@ -23,53 +22,43 @@ from flexlin.scene.scene import Scene
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.answers.audit.result import Audit, Minimal, Row
+    from flexlin.answers.audit.result import Audit, Minimal
     from flexlin.answers.nearest import NearestInstability
 
 SCHEMA = 1
 PACKAGES = ("casadi", "control", "numpy", "pydantic", "scipy")
 
 
-def record(analysis: Analysis) -> dict[str, Any]:
-    """Everything that the report says, as data that JSON can hold.
-
-    A number that is not finite (a multiplier beyond 1e308, say) becomes null; its logarithm stands in `log_multipliers`.
-    """
-    a = analysis
-    return {
+def record(a: Analysis) -> dict[str, Any]:
+    """Everything that the report says, as data that `to_json` writes; of what was not asked for nothing."""
+    whole = {
         **record_scene(a.scene, a.steps),
-        "coordinates": list(a.plant.names),
-        "inputs": list(a.plant.inputs),
+        "coordinates": a.plant.names,
+        "inputs": a.plant.inputs,
         "period": a.plant.period,
         "validity": record_validity(a, a.own),
         "floquet": record_loop(a.own) | record_load(a, a.own) | record_controller(a),
-        "open_loop": record_loop(a.open_loop)
-        | {"validity": record_validity(a, a.open_loop)}
-        | record_load(a, a.open_loop),
-        **({} if a.elastic is None else {"elastic_motion": record_loop(a.elastic)}),
+        "open_loop": record_judged(a, a.open_loop),
         "resonances": None if "resonances" in a.problems else [str(resonance) for resonance in a.resonances],
-        "designs": {
-            loop.name: record_loop(loop) | {"validity": record_validity(a, loop)} | record_load(a, loop)
-            for loop in a.designs
-        },
-        **({"estimated": {loop.name: record_loop(loop) for loop in a.estimated}} if a.estimated else {}),
-        **({"sampled": {loop.name: record_loop(loop) for loop in a.sampled}} if a.sampled else {}),
-        "t": a.t.tolist(),
-        "coefficients": {
-            name: record_numbers(getattr(a.coefficients, name)) for name in ("M", "D", "K", "h", "B", "tau")
-        },
+        "designs": {loop.name: record_judged(a, loop) for loop in a.designs},
+        "t": a.t,
+        "coefficients": record_fields(a.coefficients, "M D K h B tau"),
         "forced_response": record_response(a),
         "simulation": record_simulation(a),
         "linear_range": record_linear_range(a),
-        "zeros": None
-        if a.zeros is None
-        else {"verdict": a.zeros.verdict, "real_parts": a.zeros.exponents.real.tolist()},
+        "zeros": a.zeros and {"verdict": a.zeros.verdict, "real_parts": a.zeros.exponents.real},
         "margins": [record_margin(margin) for margin in a.margins],
-        **({"loop_margins": {name: record_endured(one) for name, one in a.endured.items()}} if a.endured else {}),
-        **({} if a.nearest is None else {"nearest_instability": record_nearest(a.nearest)}),
-        **({} if a.audit is None else {"effects_audit": audit_block(a.audit)}),
-        **({} if a.sensitivity is None else {"sensitivity": record_sensitivity(a.sensitivity)}),
     }
+    asked = {
+        "elastic_motion": a.elastic and record_loop(a.elastic),
+        "estimated": {loop.name: record_loop(loop) for loop in a.estimated},
+        "sampled": {loop.name: record_loop(loop) for loop in a.sampled},
+        "loop_margins": {name: record_endured(one) for name, one in a.endured.items()},
+        "nearest_instability": a.nearest and record_nearest(a.nearest),
+        "effects_audit": a.audit and audit_block(a.audit),
+        "sensitivity": None if a.sensitivity is None else record_sensitivity(a.sensitivity),
+    }
+    return whole | {name: block for name, block in asked.items() if block}
 
 
 def record_scene(scene: Scene, steps: Sequence[Step]) -> dict[str, Any]:
@@ -90,15 +79,16 @@ def step_block(step: Step) -> dict[str, Any]:
     block: dict[str, Any] = {"name": step.name, "seconds": round(step.seconds, 4)}
     block["cpu_seconds"] = round(step.cpu_seconds, 4)
     if step.asked is not None:
-        block |= {"asked": step.asked, "reached": None if step.reached is None else record_numbers(step.reached)}
-    block |= {"notes": list(step.notes)} if step.notes else {}
+        block |= record_fields(step, "asked reached")
+    block |= {"notes": step.notes} if step.notes else {}
     return block | ({"problem": step.problem} if step.problem else {})
 
 
 def to_json(data: dict[str, Any]) -> str:
     """The text of report.json: a line for each of its first keys, since indentation would take longer than all else of a long one.
 
-    By Pydantic's own writer, which prints numbers, with every digit, ten times as fast as Python; what is no number becomes null.
+    By Pydantic's own writer, which prints numbers, with every digit, ten times as fast as Python. A number that is not finite (a multiplier
+    beyond 1e308, say) becomes null; its logarithm stands in `log_multipliers`.
     """
     lines = (f" {write_json(key)}: {write_json(value)}" for key, value in data.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
@@ -106,7 +96,12 @@ def to_json(data: dict[str, Any]) -> str:
 
 def write_json(value: Any) -> str:
     """One value in a line."""
-    return pydantic_core.to_json(value, inf_nan_mode="null").decode()
+    return pydantic_core.to_json(value, inf_nan_mode="null", fallback=list_numbers).decode()
+
+
+def list_numbers(array: Array) -> Any:
+    """An array as nested lists, complex numbers as [re, im]."""
+    return (np.stack([array.real, array.imag], axis=-1) if np.iscomplexobj(array) else array).tolist()
 
 
 def effects(scene: Scene) -> dict[str, Any]:
@@ -124,7 +119,7 @@ def record_loop(loop: Loop) -> dict[str, Any]:
     """What is known of one loop."""
     block: dict[str, Any] = {"name": loop.name, "kind": loop.kind, "verdict": loop.verdict}
     if loop.design is not None:
-        block |= {"design_error": record_numbers(loop.design.error), "design_status": loop.design.status}
+        block |= {"design_error": loop.design.error, "design_status": loop.design.status}
     if loop.floquet is None:
         return block | {"status": loop.problem}
     result, setting = loop.floquet, loop.floquet.setting
@@ -138,10 +133,15 @@ def record_loop(loop: Loop) -> dict[str, Any]:
     }
 
 
+def record_judged(a: Analysis, loop: Loop) -> dict[str, Any]:
+    """What is known of one loop, of the linear model under it, and of what it asks of the drives."""
+    return record_loop(loop) | {"validity": record_validity(a, loop)} | record_load(a, loop)
+
+
 def record_controller(a: Analysis) -> dict[str, Any]:
     """What the scene's own loop remembers, and what it holds beside its gains; nothing where there is nothing."""
     controller, said = a.closed.controller, describe_controller(a.scene.control)
-    block: dict[str, Any] = {} if controller is None else {"controller_states": list(controller.names)}
+    block: dict[str, Any] = {} if controller is None else {"controller_states": controller.names}
     return block | ({"controller": said} if said else {})
 
 
@@ -158,10 +158,10 @@ def record_response(analysis: Analysis) -> dict[str, Any]:
     if response is None:
         return {"problem": analysis.problems["response"]}
     return {
-        "states": record_numbers(response.states),
-        "tip_error_xy": record_numbers(response.tip),
-        "largest_tip_error": record_numbers(response.tip_error.max()),
-        "rms_tip_error": record_numbers(np.sqrt(np.mean(response.tip_error[:-1] ** 2))),
+        "states": response.states,
+        "tip_error_xy": response.tip,
+        "largest_tip_error": response.tip_error.max(),
+        "rms_tip_error": np.sqrt(np.mean(response.tip_error[:-1] ** 2)),
         **record_fields(response.solution, "error amplification status"),
     }
 
@@ -173,10 +173,10 @@ def record_simulation(analysis: Analysis) -> dict[str, Any]:
         return {"problem": analysis.problems["simulation"]}
     return {
         **record_fields(simulation, "t nonlinear linear torque tip tip_linear tip_rigid error linear_error status"),
-        "largest_tip_difference": record_numbers(simulation.difference),
-        "largest_tip_error": record_numbers(simulation.tip_error),
-        "largest_tip_difference_error": record_numbers(simulation.difference_error),
-        **({"events": [list(event) for event in simulation.events]} if simulation.events else {}),
+        "largest_tip_difference": simulation.difference,
+        "largest_tip_error": simulation.tip_error,
+        "largest_tip_difference_error": simulation.difference_error,
+        **({"events": simulation.events} if simulation.events else {}),
     }
 
 
@@ -196,21 +196,17 @@ def record_margin(margin: Margin) -> dict[str, Any]:
 
 
 def record_endured(found: Margins) -> dict[str, Any]:
-    """The margins of one loop as data that JSON can hold; null where there is no limit, or `reason` says
-    why it is not known. Phase in rad, delay in s."""
-    lists = {name: [record_numbers(one) for one in getattr(found, name)] for name in ("gain", "errors")}
-    return lists | record_fields(found, "phase delay reason" if found.reason else "phase delay")
+    """The margins of one loop; not finite where there is no limit, or `reason` says why it is not known. Phase in rad, delay in s."""
+    return record_fields(found, "gain errors phase delay reason" if found.reason else "gain errors phase delay")
 
 
 def record_nearest(found: "NearestInstability") -> dict[str, Any]:
-    """The nearest place of instability as data that JSON can hold; null where none was found."""
-    numbers = zip(found.paths, found.own.tolist(), record_numbers(found.values), strict=True)
-    block = record_fields(found, "scale error confirmed furthest tried growth status")
+    """The nearest place of instability; not finite where none was found."""
+    numbers = zip(found.paths, found.own, found.values, strict=True)
     return {
         "numbers": {path: {"own": own, "value": value} for path, own, value in numbers},
-        **block,
-        "error": None if block["scale"] is None else found.error,
-        "growth": list(found.growth),
+        **record_fields(found, "scale confirmed furthest tried growth status"),
+        "error": found.error if np.isfinite(found.scale) else None,
     }
 
 
@@ -223,39 +219,30 @@ def record_linear_range(analysis: Analysis) -> dict[str, Any]:
 
 
 def audit_block(audit: "Audit") -> dict[str, Any]:
-    """Which effects and modes the scene needs; a significance that is not finite (another verdict) is null."""
+    """Which effects and modes the scene needs; a significance that is not finite means another verdict."""
     return {
         **record_fields(audit, "tolerance needed droppable missing"),
-        "rows": [audit_row(row) for row in (*audit.effects, *audit.modes)],
-        "pairs": [audit_row(row) for row in audit.pairs],
-        "minimal": None if audit.minimal is None else record_minimal(audit.minimal),
+        "rows": (*audit.effects, *audit.modes),
+        "pairs": audit.pairs,
+        "minimal": audit.minimal and record_minimal(audit.minimal),
         **({"problem": audit.problem} if audit.problem else {}),
     }
-
-
-def audit_row(row: "Row") -> dict[str, Any]:
-    """One change; a figure that is not finite is null."""
-    return {key: record_value(value) for key, value in asdict(row).items()}
 
 
 def record_minimal(minimal: "Minimal") -> dict[str, Any]:
     """The smallest scene that was found to be enough, and its error."""
     return {
-        **record_fields(minimal, "dropped added coordinates"),
-        "error": audit_row(minimal.error),
+        **record_fields(minimal, "dropped added coordinates error"),
         "scene": minimal.scene.model_dump(mode="json", by_alias=True, exclude_none=True),
     }
 
 
 def record_sensitivity(data: "xarray.Dataset") -> dict[str, Any]:
     """What one percent more of each number does to each growth rate, in 1/s, beside the number and the exponents."""
-    return {
-        "parameters": [str(path) for path in data["parameter"].values],
-        "values": record_numbers(data["value"].values),
-        "exponents": record_numbers(data["exponents"].values),
-        "condition": record_numbers(data["condition"].values),
-        "percent": record_numbers(data["percent"].values),
+    names = {"parameters": "parameter", "values": "value"} | {
+        name: name for name in ("exponents", "condition", "percent")
     }
+    return {key: data[name].values for key, name in names.items()}
 
 
 def list_versions() -> dict[str, str]:
@@ -266,23 +253,5 @@ def list_versions() -> dict[str, str]:
 
 
 def record_fields(thing: Any, names: str) -> dict[str, Any]:
-    """Some attributes, as data that JSON can hold."""
-    return {name: record_value(getattr(thing, name)) for name in names.split()}
-
-
-def record_value(value: Any) -> Any:
-    """One attribute: numbers by `record_numbers`, what is none as it is."""
-    return record_numbers(value) if isinstance(value, np.ndarray | float) else value
-
-
-def record_numbers(value: Array | float) -> Any:
-    """A number, or an array as nested lists: complex ones as [re, im], nothing where they are not finite."""
-    array = np.asarray(value)
-    if np.iscomplexobj(array):
-        array = np.stack([array.real, array.imag], axis=-1)
-    plain = array.astype(float)
-    known = np.isfinite(plain)
-    if not known.all():
-        plain = plain.astype(object)
-        plain[~known] = None
-    return plain.tolist()
+    """Some attributes by their names."""
+    return {name: getattr(thing, name) for name in names.split()}

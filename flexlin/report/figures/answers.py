@@ -13,7 +13,7 @@ from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear
 from flexlin.report.advice import describe_demand
 from flexlin.report.figures.style import POINTS, Picture, make_period_panel, make_picture, resize
-from flexlin.report.numbers import record_fields, record_numbers
+from flexlin.report.numbers import record_fields
 from flexlin.report.wording import (
     format_decimal,
     format_duration,
@@ -150,21 +150,15 @@ def answer_lines(answer: Answer) -> list[str]:
 
 
 def answer_record(answer: Answer) -> dict[str, Any]:
-    """The answer as data that JSON can hold."""
+    """The answer as data that `to_json` writes."""
     head = {"disturbance": answer.words, **record_fields(answer, "t")}
     if isinstance(answer, NoiseAnswer):
-        return (
-            head
-            | record_fields(answer, "error")
-            | {"rms_states": record_numbers(answer.states), "rms_tip": record_numbers(answer.tip)}
-        )
-    load = answer.load
-    names = "seen unit phases linear settling overshoot peak nonlinear difference problem"
+        return head | {"error": answer.error, "rms_states": answer.states, "rms_tip": answer.tip}
     return (
         head
-        | record_fields(answer, names)
+        | record_fields(answer, "seen unit phases linear settling overshoot peak nonlinear difference problem")
         | {
-            "worst_phase": float(answer.phases[answer.worst]),
-            "peak_torque": None if load is None else np.abs(load.torque).max(axis=0).tolist(),
+            "worst_phase": answer.phases[answer.worst],
+            "peak_torque": answer.load and np.abs(answer.load.torque).max(axis=0),
         }
     )
