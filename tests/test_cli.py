@@ -11,8 +11,7 @@ import pytest
 import xarray
 
 import flexlin as fl
-from flexlin.cli import main
-from flexlin.cli.commands import COMMANDS
+from flexlin.cli import COMMANDS, main
 from flexlin.scene import builtin_scenes
 from tests.test_stability_boundary import distances
 

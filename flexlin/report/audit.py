@@ -8,7 +8,7 @@ from flexlin.answers.audit.result import Audit, Minimal, Row
 from flexlin.errors import SceneError, counted
 from flexlin.plots.panel import LINE, Panel
 from flexlin.plots.scales import Linear, Logarithmic, Named
-from flexlin.report.figures.style import WIDTH, Picture, make_picture
+from flexlin.report.figures import WIDTH, Picture, make_picture
 from flexlin.report.wording import format_figures, format_quantity, format_rate, in_unit
 from flexlin.scene.loading import parse_scene
 from flexlin.scene.scene import Scene

@@ -26,8 +26,8 @@ from flexlin.checks import Array
 from flexlin.errors import InputError, TimeLimit
 from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.spectra import Effort
+from flexlin.report.figures import Picture
 from flexlin.report.figures.chart import Chart, describe_chart, draw_campbell, draw_chart, thin
-from flexlin.report.figures.style import Picture
 from flexlin.report.wording import units_of_scene
 from flexlin.scene.loading import raw_tables, revise_scene
 from flexlin.scene.names import label_number, name_number, name_unit, show_unit

@@ -1,6 +1,6 @@
 """report.html: one self-contained page, which asks no other file or host for anything."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,18 @@ from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.report.advice import advise, drive_cells, name_condition
-from flexlin.report.figures.over_period import list_entries, name_entry
-from flexlin.report.figures.style import Picture
+from flexlin.report.figures import Picture
+from flexlin.report.figures.arm import draw_arm, draw_modes
+from flexlin.report.figures.exponents import draw_exponents, draw_multipliers
+from flexlin.report.figures.over_period import (
+    draw_coefficients,
+    draw_comparison,
+    draw_gains,
+    draw_response,
+    draw_tip,
+    list_entries,
+    name_entry,
+)
 from flexlin.report.wording import (
     colour,
     describe_controller,
@@ -49,6 +59,33 @@ TEMPLATES = Environment(
     finalize=typeset,
 )
 """Those of reports; a name in one that has no value is an error."""
+
+
+FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
+    draw_multipliers,
+    draw_arm,
+    draw_tip,
+    draw_response,
+    draw_comparison,
+    draw_exponents,
+    draw_modes,
+    draw_coefficients,
+    draw_gains,
+)
+
+
+def draw_pictures(analysis: Analysis) -> Iterator[Picture]:
+    """All figures that this analysis has numbers for, in the order of the page."""
+    with units_of(analysis):
+        yield from (picture for draw in FIGURES if (picture := draw(analysis)) is not None)
+        if analysis.sensitivity is not None:
+            from flexlin.report.audit import draw_sensitivity
+
+            yield draw_sensitivity(analysis.sensitivity)
+        if analysis.audit is not None:
+            from flexlin.report.audit import draw_effects
+
+            yield draw_effects(analysis.audit)
 
 
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from flexlin.answers.analysis import Analysis
     from flexlin.answers.critical_values import Margin
-    from flexlin.report.figures.style import Picture
+    from flexlin.report.figures import Picture
 
 
 USUAL = 4.0
@@ -105,7 +105,7 @@ def write_report(
 
 def draw_in_time(analysis: "Analysis", clock: Clock) -> "list[Picture]":
     """The figures, as far as they meet no limit: the numbers stand without them, and the step says what was left out."""
-    from flexlin.report.figures import draw_pictures
+    from flexlin.report.page import draw_pictures
 
     drawn: list[Picture] = []
 
@@ -120,7 +120,7 @@ def draw_in_time(analysis: "Analysis", clock: Clock) -> "list[Picture]":
 
 def write_why(scene: Scene, folder: Path, command: str, clock: Clock, error: FlexlinError) -> "list[Path]":
     """The report of a scene that has no linear equations, or none within its limits: what was asked, and how far it came."""
-    from flexlin.report.figures.style import Picture
+    from flexlin.report.figures import Picture
     from flexlin.report.numbers import record_scene, to_json
     from flexlin.report.page import picture_page
 

@@ -12,7 +12,7 @@ from flexlin.answers import Clock, judging
 from flexlin.answers import analysis as stages
 from flexlin.cli import main
 from flexlin.errors import NumericalError, TimeLimit, TooLarge
-from flexlin.report import figures
+from flexlin.report import page as pages
 
 WEIGHTS = "state_weight=[1, 1, 1, 1], input_weight=[1.0]"
 DESIGNS = f"designs=[{{name='one', kind='periodic-lqr', {WEIGHTS}}}, {{name='two', kind='frozen-lqr', {WEIGHTS}}}]"
@@ -84,7 +84,7 @@ def test_a_figure_that_meets_a_limit_leaves_the_others_and_the_numbers(
     def fails(_: object) -> None:
         raise TimeLimit("figures: stopped at the time limit")
 
-    monkeypatch.setattr(figures, "FIGURES", (*figures.FIGURES[:2], fails, *figures.FIGURES[2:]))
+    monkeypatch.setattr(pages, "FIGURES", (*pages.FIGURES[:2], fails, *pages.FIGURES[2:]))
     assert main(["report", *SCENE[:3], "designs=[]", "--out", str(tmp_path)]) == 0
     data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
     assert data["floquet"]["verdict"] == "stable"
@@ -101,7 +101,7 @@ def test_numbers_stand_before_the_figures_are_begun(tmp_path: Path, monkeypatch:
     def fails(_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(figures, "FIGURES", (fails,))
+    monkeypatch.setattr(pages, "FIGURES", (fails,))
     assert main(["report", *SCENE[:3], "designs=[]", "--out", str(tmp_path)]) == 1
     data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
     assert data["floquet"]["verdict"] == "stable"

@@ -7,9 +7,9 @@ import time
 import pytest
 
 from flexlin.answers import Clock
+from flexlin.cli import Progress
+from flexlin.cli import shared as shown
 from flexlin.progress import advance, listening, part
-from flexlin.report import Progress
-from flexlin.report import progress as shown
 from flexlin.scene import Accuracy
 
 

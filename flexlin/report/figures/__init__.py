@@ -1,36 +1,95 @@
-"""The figures of the report, one file each."""
+"""What all figures share: a picture with its words, colours by the page's variables, and panels over a period."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from flexlin.answers.analysis import Analysis
-from flexlin.report.figures.arm import draw_arm, draw_modes
-from flexlin.report.figures.exponents import draw_exponents, draw_multipliers
-from flexlin.report.figures.over_period import draw_coefficients, draw_comparison, draw_gains, draw_response, draw_tip
-from flexlin.report.figures.style import Picture
-from flexlin.report.wording import units_of
+from flexlin.answers.judging import Loop
+from flexlin.plots.panel import Mark, Panel, draw
+from flexlin.plots.scales import Linear
+from flexlin.plots.view import COLOURS
+from flexlin.report.wording import time_label
 
-FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
-    draw_multipliers,
-    draw_arm,
-    draw_tip,
-    draw_response,
-    draw_comparison,
-    draw_exponents,
-    draw_modes,
-    draw_coefficients,
-    draw_gains,
-)
+WIDTH, GAP = 760.0, 16.0
+"""Of a page, and of what is free between two panels."""
+POINTS = 2000
+"""Points of a curve at the most, about two a pixel."""
+SERIES = tuple(COLOURS)
+PARTS = ("indigo", "rose", "teal", "olive", "wine", "ink")
+"""Of joints, inputs and components, which are no loops. Source: Tol (2021), the muted scheme."""
+SHAPES = ("circle", "square", "diamond", "triangle")
+DASHES = ("", "6 3", "2 2.5", "8 3 2 3")
+OPEN = "faint"
+"""The colour of the arm without feedback, where it stands beside other loops."""
 
 
-def draw_pictures(analysis: Analysis) -> Iterator[Picture]:
-    """All figures that this analysis has numbers for, in the order of the page."""
-    with units_of(analysis):
-        yield from (picture for draw in FIGURES if (picture := draw(analysis)) is not None)
-        if analysis.sensitivity is not None:
-            from flexlin.report.audit import draw_sensitivity
+@dataclass(frozen=True)
+class Picture:
+    """One figure of the page: its name, title, caption, its panels as HTML, and further panels that are folded, under a heading."""
 
-            yield draw_sensitivity(analysis.sensitivity)
-    if analysis.audit is not None:
-        from flexlin.report.audit import draw_effects
+    name: str
+    title: str
+    caption: str
+    svg: str = ""
+    folded: str = ""
+    heading: str = ""
 
-        yield draw_effects(analysis.audit)
+
+def share_width(panels: int) -> float:
+    """The width of one of so many panels that stand beside each other on a page."""
+    return (WIDTH + GAP) // panels - GAP
+
+
+def make_picture(
+    name: str,
+    title: str,
+    caption: str,
+    panels: Sequence[Panel],
+    legend: Sequence[Mark] = (),
+    folded: Sequence[Panel] = (),
+    heading: str = "",
+) -> Picture:
+    """Draw a figure: its panels below their legend, and further ones that are folded under a heading; four as two and two."""
+    if len(panels) in (2, 4) and all(panel.width == share_width(3) for panel in panels):
+        resize(panels, panels[0].height, (share_width(2),))
+    shown, more = (draw(part, key) if part else "" for part, key in ((panels, legend), (folded, ())))
+    return Picture(name, title, caption, shown, more, heading)
+
+
+def choose_views(dimension: int) -> tuple[tuple[int, int], ...]:
+    """World axes across and up of the pictures of a path: one is enough for an arm in its plane."""
+    return ((0, 1), (0, 2), (1, 2)) if dimension == 3 else ((0, 1),)
+
+
+def make_period_panel(period: float, title: str) -> Panel:
+    """A panel of something over one period."""
+    return Panel(title, x=Linear(0.0, period), x_label=time_label())
+
+
+def resize(panels: Sequence[Panel], height: float, widths: Sequence[float] = (WIDTH,)) -> Sequence[Panel]:
+    """The panels with axes of one height, and their widths: the last of these for all that come after."""
+    for i, panel in enumerate(panels):
+        panel.width, panel.height = widths[min(i, len(widths) - 1)], height
+    return panels
+
+
+def share_legend(panels: Sequence[Panel]) -> list[Mark]:
+    """The legend of panels that show the same, taken from each of them."""
+    legend = panels[0].legend if panels else []
+    for panel in panels:
+        panel.marks = [replace(mark, label="") for mark in panel.marks]
+    return legend
+
+
+def choose_colour(a: Analysis, loop: Loop) -> str:
+    """The one colour of a loop on the whole page: blue for the scene's own, grey for the open loop beside it, then the series in order."""
+    if loop is a.own:
+        return SERIES[0]
+    others = [other for other in a.loops if other is not a.own and other is not a.open_loop]
+    place = next((i for i, other in enumerate(others) if other is loop), None)
+    return OPEN if place is None else SERIES[1 + place % (len(SERIES) - 1)]
+
+
+def style_part(i: int) -> tuple[str, str]:
+    """Colour and dash of the i-th joint, input or component."""
+    return PARTS[i % len(PARTS)], DASHES[i % len(DASHES)]

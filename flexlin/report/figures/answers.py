@@ -12,7 +12,7 @@ from flexlin.identification.prediction import Prediction
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear
 from flexlin.report.advice import describe_demand
-from flexlin.report.figures.style import POINTS, Picture, make_period_panel, make_picture, resize
+from flexlin.report.figures import POINTS, Picture, make_period_panel, make_picture, resize
 from flexlin.report.numbers import record_fields
 from flexlin.report.wording import (
     format_decimal,

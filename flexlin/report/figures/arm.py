@@ -12,7 +12,7 @@ from flexlin.control.tracking import arm_positions
 from flexlin.mechanics.axes import COLUMNS
 from flexlin.periodic.precision import CUBE, ROOT
 from flexlin.plots.panel import Panel
-from flexlin.report.figures.style import (
+from flexlin.report.figures import (
     Picture,
     choose_colour,
     choose_views,

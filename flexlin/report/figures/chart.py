@@ -14,7 +14,7 @@ from flexlin.errors import counted
 from flexlin.periodic.circle import assign
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Symlog
-from flexlin.report.figures.style import GAP, POINTS, SERIES, WIDTH, Picture, make_picture, resize
+from flexlin.report.figures import GAP, POINTS, SERIES, WIDTH, Picture, make_picture, resize
 from flexlin.report.wording import in_unit, page_unit, with_unit, without_units
 from flexlin.scene.names import label_number, name_number, show_unit
 from flexlin.scene.parameters import get_value

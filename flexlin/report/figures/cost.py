@@ -9,7 +9,7 @@ from flexlin.answers.accuracy.result import STAGES
 from flexlin.periodic.precision import EPS
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Logarithmic, format_power_of_ten
-from flexlin.report.figures.style import (
+from flexlin.report.figures import (
     DASHES,
     PARTS,
     SERIES,

@@ -9,7 +9,7 @@ from flexlin.periodic.floquet.modes import follow_frozen_modes
 from flexlin.periodic.precision import SLIGHT
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic, Symlog
-from flexlin.report.figures.style import (
+from flexlin.report.figures import (
     SHAPES,
     Picture,
     choose_colour,

@@ -12,7 +12,7 @@ from flexlin.periodic.precision import ROOT, SLIGHT
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import SUPERSCRIPTS, Linear
 from flexlin.report.advice import agreement, sentence
-from flexlin.report.figures.style import (
+from flexlin.report.figures import (
     DASHES,
     Picture,
     choose_colour,

@@ -70,7 +70,7 @@ def chart(options: argparse.Namespace) -> int:
             say_without_picture,
         )
         from flexlin.report.exports import storable
-        from flexlin.report.figures.style import Picture
+        from flexlin.report.figures import Picture
 
         counts = [number or (60 if len(spans) > 1 else 200) for *_, number in spans]
 
