@@ -1,5 +1,6 @@
 """What a control engineer should do with the result."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,57 +10,133 @@ from flexlin.answers.judging import Loop
 from flexlin.answers.validity import REPEATABLE
 from flexlin.control.drives import Demand, DriveLoad
 from flexlin.plots.scales import write_powers
-from flexlin.report.wording import (
-    caution,
-    format_quantity,
-    is_dimensionless,
-    reason,
-)
+from flexlin.report.wording import caution, format_quantity, is_dimensionless, reason
 from flexlin.simulation.result import OUTGROWN, Simulation
 
 WORTHWHILE = 1.05
 """Factor from which on one figure counts as better, or worse, than another."""
+NEAR = 0.2
+"""A resonance is named when it is detuned by less than this share of the motion's frequency."""
+
+
+def advise(analysis: Analysis) -> list[str]:
+    """What to do, most urgent first."""
+    comments = (
+        *(comment_on_model, comment_on_verdict, comment_on_elastic_motion, comment_on_sampling, comment_on_drives),
+        *(comment_on_designs, comment_on_tip, comment_on_zeros, comment_on_trust),
+    )
+    return [said for comment in comments for said in comment(analysis)]
+
+
+def comment_on_model(a: Analysis) -> Iterator[str]:
+    """What to do where the linear model itself does not hold along the motion: its verdict then says little."""
+    found = a.validity(a.own)
+    if found.verdict == "invalid" and a.own.floquet is not None:
+        remedies = ["slow the motion down", "stiffen the links", "lower the payload"]
+        remedies += [("add feedback" if a.own.kind == "open" else "raise the gains")] * bool(a.plant.inputs)
+        yield (
+            f"The linear model does not hold along this motion: {reason(found)}. The verdict is about that model alone, so this is no "
+            f"prediction of the arm; {', '.join(remedies[:-1])} or {remedies[-1]}."
+        )
+
+
+def comment_on_verdict(a: Analysis) -> Iterator[str]:
+    """What the verdict on the own loop asks for."""
+    free, condition = a.own.kind == "open", name_condition(a.own)
+    if a.own.floquet is None:
+        yield f"There is no verdict {condition}: {a.own.problem}."
+    elif a.own.verdict == "undecided":
+        yield (
+            "The growth rate cannot be distinguished from zero, as for a mode that is free or undamped: "
+            "add feedback or damping, or treat the motion as marginal."
+        )
+    elif a.own.verdict != "stable":
+        better = [f"use the design “{loop.name}”, which is" for loop in a.designs if trusts(a, loop)]
+        change = "add feedback" if free else "change its gains"
+        remedy = [*better, f"{change}, the speed or the payload until it is"][0]
+        yield f"The arm is unstable along this motion {condition}: {remedy} stable."
+        yield from comment_on_cause(a)
+    elif weak := caution(a.own, a.plant.period):
+        add = "feedback or damping" if free else "damping, or gain on the mode that is slow"
+        yield f"The arm is stable only in the mathematical sense, {weak}: add {add}, and do not count on this verdict as a margin."
+
+
+def comment_on_cause(a: Analysis) -> Iterator[str]:
+    """The resonances behind an instability, as far as they are clear."""
+    if "resonances" in a.problems:
+        yield f"What is behind it was not found: {a.problems['resonances']}."
+        return
+    base = 1 / a.plant.period
+    for found in a.resonances:
+        if found.kind != "average" and found.detuning < NEAR * 2 * np.pi * base and min(found.frequencies) > 0:
+            high, low = (f"{w / (2 * np.pi):.4g}" for w in found.frequencies)
+            rule = {"principal": f"2 × {high}", "sum": f"{high} + {low}", "difference": f"{high} − {low}"}[found.kind]
+            yield (
+                f"Behind it is a parametric resonance: {rule} Hz of the averaged arm is near {found.order} × {base:.4g} Hz of the motion. "
+                "Move the motion's frequency or the natural frequencies apart, or add damping."
+            )
+
+
+def comment_on_zeros(a: Analysis) -> Iterator[str]:
+    """What no controller of the tip can overcome."""
+    if a.zeros is not None and a.zeros.verdict == "non-minimum phase":
+        slowest = min(z.real for z in a.zeros.exponents if z.real > 0)
+        yield (
+            f"From motors to tip the arm is non-minimum phase, with a zero at {slowest:.3g} 1/s: whatever the controller, the tip first "
+            f"moves the wrong way, and does not follow in much less than {format_quantity(1 / slowest, 's')}."
+        )
+
+
+def comment_on_elastic_motion(a: Analysis) -> Iterator[str]:
+    """How much the verdict moves when the loop is linearized about the elastic motion."""
+    if a.elastic is not None and a.elastic.floquet is not None:
+        moved = f"moves the growth rate from {a.own.growth[0]:.4g} to {a.elastic.growth[0]:.4g} 1/s"
+        same = a.elastic.verdict == a.own.verdict
+        trust = "the verdict stands" if same else f"the verdict becomes {a.elastic.verdict}: believe this one"
+        yield f"Linearizing about the elastic motion instead of the rigid one {moved}; {trust}."
+
+
+def comment_on_sampling(a: Analysis) -> Iterator[str]:
+    """Which loops are stable only as long as nothing samples them."""
+    sampling, continuous = a.scene.control.sampling, {loop.name: loop for loop in (a.own, *a.designs)}
+    for loop in a.sampled:
+        base = continuous[loop.name.removesuffix(", sampled")]
+        if sampling is not None and base.verdict == "stable" and loop.verdict != "stable":
+            late = f" and {format_quantity(sampling.delay, 's')} late" if sampling.delay else ""
+            yield (
+                f"Sampled every {format_quantity(sampling.period, 's')}{late}, {name_loop(base)} is {loop.verdict}, though stable when "
+                "continuous: sample faster, or lower the gains."
+            )
 
 
 @dataclass(frozen=True)
 class Trade:
-    """A design beside the own loop: ratios of its figures, each below 1 where the design is better, and each in words;
-    missing: what is not known of one of the two."""
+    """A design beside the own loop: what it does clearly better and what clearly worse, in words, how much longer it takes to settle, and
+    what is not known of one of the two."""
 
     loop: Loop
-    ratios: dict[str, float]
-    words: dict[str, str]
-    missing: tuple[str, ...] = ()
-
-    @property
-    def better(self) -> list[str]:
-        """In words, what the design does clearly better."""
-        return [self.words[key] for key, ratio in self.ratios.items() if ratio * WORTHWHILE < 1]
-
-    @property
-    def worse(self) -> list[str]:
-        """In words, what it does clearly worse."""
-        return [self.words[key] for key, ratio in self.ratios.items() if ratio > WORTHWHILE]
+    better: list[str]
+    worse: list[str]
+    settling: float
+    missing: list[str]
 
 
 def weigh_design(a: Analysis, loop: Loop) -> Trade:
-    """The figures of a stable design beside those of the own loop, as far as both are known."""
+    """The figures of a stable design beside those of the own loop, as far as both are known: ratios below 1 where the design is better."""
     pace = a.own.growth[0] / loop.growth[0]
-    settling = (
-        f"it settles {1 / pace:.3g} times as fast" if pace <= 1 else f"it takes {pace:.3g} times as long to settle"
-    )
-    ratios, words = {"settling": pace}, {"settling": settling}
+    settling = f"settles {1 / pace:.3g} times as fast" if pace <= 1 else f"takes {pace:.3g} times as long to settle"
+    figures = [(pace, f"it {settling}")]
     before, after = largest_figures(a, replace(a.own, response=a.response)), largest_figures(a, loop)
     for (what, unit), own in before.items():
         design = after.get((what, unit), float("nan"))
         if np.isfinite(own) and np.isfinite(design) and max(own, design) > 0:
-            ratios[what + unit] = design / own if own else float("inf")
-            words[what + unit] = (
-                f"its {what} is {format_quantity(design, unit)} instead of {format_quantity(own, unit)}"
-            )
+            ratio = design / own if own else float("inf")
+            sizes = f"{format_quantity(design, unit)} instead of {format_quantity(own, unit)}"
+            figures.append((ratio, f"its {what} is {sizes}"))
     known = {what for what, _ in before} & {what for what, _ in after}
     asked = ("tip error",) * bool(np.isfinite(a.length)) + ("peak torque", "peak power") * bool(a.plant.about.m)
-    return Trade(loop, ratios, words, tuple(what for what in asked if what not in known))
+    better, worse = [words for r, words in figures if r * WORTHWHILE < 1], [w for r, w in figures if r > WORTHWHILE]
+    return Trade(loop, better, worse, pace, [what for what in asked if what not in known])
 
 
 def largest_figures(a: Analysis, loop: Loop) -> dict[tuple[str, str], float]:
@@ -79,19 +156,19 @@ def choose_trade(trades: list[Trade]) -> Trade:
     better = [trade for trade in trades if trade.better]
     free = [trade for trade in better if not trade.worse]
     known = [trade for trade in free if not trade.missing]
-    return min(known or free or better or trades, key=lambda trade: trade.ratios["settling"])
+    return min(known or free or better or trades, key=lambda trade: trade.settling)
 
 
 def describe_trade(trade: Trade, own: str) -> str:
     """What the design buys, and what it costs, in one sentence."""
-    better, worse = trade.better, trade.worse
-    rest = f"; {join_words(list(trade.missing))} could not be compared" if trade.missing else ""
+    better, worse, named = join_words(trade.better), join_words(trade.worse), f"The design “{trade.loop.name}” is"
+    rest = f"; {join_words(trade.missing)} could not be compared" if trade.missing else ""
     if better and worse:
-        return f"The design “{trade.loop.name}” is a trade against {own}: {join_words(better)}, but {join_words(worse)}{rest}."
+        return f"{named} a trade against {own}: {better}, but {worse}{rest}."
     if better and rest:
-        return f"The design “{trade.loop.name}” is better than {own} as far as is known: {join_words(better)}{rest}, and may be worse."
+        return f"{named} better than {own} as far as is known: {better}{rest}, and may be worse."
     if better:
-        return f"The design “{trade.loop.name}” is better than {own}: {join_words(better)}, and nothing else compared is worse."
+        return f"{named} better than {own}: {better}, and nothing else compared is worse."
     if rest:
         return f"No design was found to be better than {own}{rest}."
     return f"No design is better than {own}: change the weights, or keep the loop you have."
@@ -99,138 +176,17 @@ def describe_trade(trade: Trade, own: str) -> str:
 
 def join_words(parts: list[str]) -> str:
     """Several facts as one."""
-    return ", ".join(parts[:-1]) + " and " + parts[-1] if len(parts) > 1 else parts[0]
+    return ", ".join(parts[:-1]) + " and " + parts[-1] if len(parts) > 1 else "".join(parts)
 
 
-NEAR = 0.2
-"""A resonance is named when it is detuned by less than this share of the motion's frequency."""
-
-
-def advise(analysis: Analysis) -> list[str]:
-    """What to do, most urgent first."""
-    return [
-        *comment_on_model(analysis),
-        *comment_on_verdict(analysis),
-        *comment_on_elastic_motion(analysis),
-        *comment_on_sampling(analysis),
-        *comment_on_drives(analysis),
-        *comment_on_designs(analysis),
-        *comment_on_tip(analysis),
-        *comment_on_zeros(analysis),
-        *comment_on_trust(analysis),
-    ]
-
-
-def comment_on_model(a: Analysis) -> list[str]:
-    """What to do where the linear model itself does not hold along the motion: its verdict then says little."""
-    found = a.validity(a.own)
-    if found.verdict != "invalid" or a.own.floquet is None:
-        return []
-    remedies = ["slow the motion down", "stiffen the links", "lower the payload"]
-    remedies += [("add feedback" if a.own.kind == "open" else "raise the gains")] if a.plant.inputs else []
-    return [
-        f"The linear model does not hold along this motion: {reason(found)}. The verdict is about that model alone, so this is no "
-        f"prediction of the arm; {', '.join(remedies[:-1])} or {remedies[-1]}."
-    ]
-
-
-def comment_on_verdict(a: Analysis) -> list[str]:
-    """What the verdict on the own loop asks for."""
-    if a.own.floquet is None:
-        return [f"There is no verdict {name_condition(a.own)}: {a.own.problem}."]
-    if a.own.verdict == "undecided":
-        return [
-            "The growth rate cannot be distinguished from zero, as for a mode that is free or undamped: "
-            "add feedback or damping, or treat the motion as marginal."
-        ]
-    if a.own.verdict == "stable":
-        return comment_on_slowness(a)
-    better = [loop for loop in a.designs if trusts(a, loop)]
-    change = "add feedback" if a.own.kind == "open" else "change its gains"
-    remedy = (
-        f"use the design “{better[0].name}”, which is" if better else f"{change}, the speed or the payload until it is"
-    )
-    return [f"The arm is unstable along this motion {name_condition(a.own)}: {remedy} stable.", *comment_on_cause(a)]
-
-
-def comment_on_slowness(a: Analysis) -> list[str]:
-    """What a decay asks for that is too slow to be felt."""
-    weak = caution(a.own, a.plant.period)
-    if not weak:
-        return []
-    add = "feedback or damping" if a.own.kind == "open" else "damping, or gain on the mode that is slow"
-    return [
-        f"The arm is stable only in the mathematical sense, {weak}: add {add}, and do not count on this verdict as a margin."
-    ]
-
-
-def comment_on_cause(a: Analysis) -> list[str]:
-    """The resonances behind an instability, as far as they are clear."""
-    if "resonances" in a.problems:
-        return [f"What is behind it was not found: {a.problems['resonances']}."]
-    base = 1 / a.plant.period
-    clear = [
-        r
-        for r in a.resonances
-        if r.kind != "average" and r.detuning < NEAR * 2 * np.pi * base and min(r.frequencies) > 0
-    ]
-    advice = []
-    for resonance in clear:
-        high, low = (f"{w / (2 * np.pi):.4g}" for w in resonance.frequencies)
-        rule = {"principal": f"2 × {high}", "sum": f"{high} + {low}", "difference": f"{high} − {low}"}[resonance.kind]
-        advice.append(
-            f"Behind it is a parametric resonance: {rule} Hz of the averaged arm is near {resonance.order} × {base:.4g} Hz of the motion. "
-            "Move the motion's frequency or the natural frequencies apart, or add damping."
-        )
-    return advice
-
-
-def comment_on_zeros(a: Analysis) -> list[str]:
-    """What no controller of the tip can overcome."""
-    if a.zeros is None or a.zeros.verdict != "non-minimum phase":
-        return []
-    slowest = min(z.real for z in a.zeros.exponents if z.real > 0)
-    return [
-        f"From motors to tip the arm is non-minimum phase, with a zero at {slowest:.3g} 1/s: whatever the controller, the tip first moves "
-        f"the wrong way, and does not follow in much less than {format_quantity(1 / slowest, 's')}."
-    ]
-
-
-def comment_on_elastic_motion(a: Analysis) -> list[str]:
-    """How much the verdict moves when the loop is linearized about the elastic motion."""
-    if a.elastic is None or a.elastic.floquet is None:
-        return []
-    (rigid, _), (elastic, _) = a.own.growth, a.elastic.growth
-    moved = f"moves the growth rate from {rigid:.4g} to {elastic:.4g} 1/s"
-    same = a.elastic.verdict == a.own.verdict
-    trust = "the verdict stands" if same else f"the verdict becomes {a.elastic.verdict}: believe this one"
-    return [f"Linearizing about the elastic motion instead of the rigid one {moved}; {trust}."]
-
-
-def comment_on_sampling(a: Analysis) -> list[str]:
-    """Which loops are stable only as long as nothing samples them."""
-    sampling, continuous = a.scene.control.sampling, {loop.name: loop for loop in (a.own, *a.designs)}
-    said = []
-    for loop in a.sampled if sampling is not None else ():
-        base = continuous[loop.name.removesuffix(", sampled")]
-        if sampling is not None and base.verdict == "stable" and loop.verdict != "stable":
-            late = f" and {format_quantity(sampling.delay, 's')} late" if sampling.delay else ""
-            said.append(
-                f"Sampled every {format_quantity(sampling.period, 's')}{late}, {name_loop(base)} is {loop.verdict}, though stable when "
-                "continuous: sample faster, or lower the gains."
-            )
-    return said
-
-
-def comment_on_designs(a: Analysis) -> list[str]:
+def comment_on_designs(a: Analysis) -> Iterator[str]:
     """Which designed controller is worth a try, and which is not."""
     stable = [loop for loop in a.designs if trusts(a, loop)]
-    said = [warn_of_design(a, loop) for loop in a.designs if not trusts(a, loop) and not loop.ends]
-    if not stable or a.own.verdict != "stable":
-        return said
-    best = choose_trade([weigh_design(a, loop) for loop in stable])
-    room = f" As to the drives, {comment_on_gains(a, best.loop)}." if best.better else ""
-    return [*said, describe_trade(best, name_loop(a.own)) + room]
+    yield from (warn_of_design(a, loop) for loop in a.designs if not trusts(a, loop) and not loop.ends)
+    if stable and a.own.verdict == "stable":
+        best = choose_trade([weigh_design(a, loop) for loop in stable])
+        room = f" As to the drives, {comment_on_gains(a, best.loop)}." if best.better else ""
+        yield describe_trade(best, name_loop(a.own)) + room
 
 
 def largest(load: DriveLoad, what: str) -> str:
@@ -263,21 +219,16 @@ def drive_line(a: Analysis, loop: Loop) -> str:
     return "" if load is None or not load.exceeded else f"above the drive: {describe_demand(load.exceeded[0])}"
 
 
-def comment_on_drives(a: Analysis) -> list[str]:
-    """Which loops ask more than the drives give, and how much room the others leave."""
-    if a.scene.drives is None:
-        return []
-    said = []
-    for loop in a.loops:
+def comment_on_drives(a: Analysis) -> Iterator[str]:
+    """Which loops ask more than the drives give."""
+    for loop in a.loops if a.scene.drives is not None else ():
         load = a.load(loop)
         if load is not None and load.exceeded:
-            worst = load.exceeded[0]
             more = f" ({len(load.exceeded)} limits in all)" if len(load.exceeded) > 1 else ""
-            said.append(
-                f"In steady motion {name_loop(loop)} asks more than the drives give: {describe_demand(worst)}{more}. "
+            yield (
+                f"In steady motion {name_loop(loop)} asks more than the drives give: {describe_demand(load.exceeded[0])}{more}. "
                 "Slow down, lower the payload, or take a stronger drive."
             )
-    return said
 
 
 def comment_on_gains(a: Analysis, loop: Loop) -> str:
@@ -315,66 +266,68 @@ def warn_of_design(a: Analysis, loop: Loop) -> str:
     return f"The design “{loop.name}” is {loop.verdict} along this motion: do not use it as it is."
 
 
-def comment_on_tip(a: Analysis) -> list[str]:
+def comment_on_tip(a: Analysis) -> Iterator[str]:
     """Where the steady tip error comes from, and what lowers it, if it is worth lowering."""
     if a.response is None:
-        return [f"No periodic response was found: {a.problems['response']}."]
+        yield f"No periodic response was found: {a.problems['response']}."
+        return
     if a.own.verdict == "unstable":
-        return ["The periodic response shown here exists but is unstable: the arm leaves it."]
-    largest = float(a.response.tip_error.max())
-    if not np.isfinite(largest) or largest == 0 or not_small(a):
-        return []
+        yield "The periodic response shown here exists but is unstable: the arm leaves it."
+        return
+    largest, evidence = float(a.response.tip_error.max()), a.validity(a.own).evidence
+    said_before = any(found.against and found.what in ("bending", "tip") for found in evidence)
+    if not np.isfinite(largest) or largest == 0 or said_before:
+        return
+    size = format_quantity(largest, "m")
     if largest <= REPEATABLE * a.length:
-        return [
-            f"In steady motion the tip stays within {format_quantity(largest, 'm')} of its rigid path: nothing has to be done about it."
-        ]
-    found = f"In steady motion the tip stays up to {format_quantity(largest, 'm')} away from its rigid path"
+        yield f"In steady motion the tip stays within {size} of its rigid path: nothing has to be done about it."
+    else:
+        yield f"In steady motion the tip stays up to {size} away from its rigid path, {explain_tip_error(a, largest)}."
+
+
+ELASTIC = "feed forward the elastic motion too (flexlin.control.feedforward: joint-exact, tip-exact)"
+
+
+def explain_tip_error(a: Analysis, largest: float) -> str:
+    """What makes most of a tip error, and what lowers it: what the scene does already is no advice."""
+    assert a.response is not None
+    forward = a.scene.control.feedforward
     if not a.plant.inputs:
-        return [f"{found}, by bending alone: slow down, or stiffen the links."]
+        return "by bending alone: slow down, or stiffen the links"
     if a.response.law is not None:
-        return [f"{found}, with the {a.scene.control.feedforward} feedforward: what is left is what it does not close."]
+        return f"with the {forward} feedforward: what is left is what it does not close"
     if np.linalg.norm(a.response.tip_by_bending, axis=1).max() > largest / 2:
-        return [
-            f"{found}, most of it the links' bending, which no joint feedback removes: slow down, or feed forward the elastic motion too "
-            "(flexlin.control.feedforward: joint-exact, tip-exact)."
-        ]
-    return [f"{found}, most of it the joints' error: {joint_remedy(a)}."]
-
-
-def joint_remedy(a: Analysis) -> str:
-    """What lowers the joints' error: what the scene does already is no advice."""
+        return f"most of it the links' bending, which no joint feedback removes: slow down, or {ELASTIC}"
     gains = "add feedback" if a.own.kind == "open" else "raise the gains"
-    if a.scene.control.feedforward == "none":
-        return f'feed the rigid torque forward (control.feedforward = "rigid"), or {gains}'
-    return f"{gains}, or feed forward the elastic motion too (flexlin.control.feedforward: joint-exact, tip-exact)"
+    rigid = f'feed the rigid torque forward (control.feedforward = "rigid"), or {gains}'
+    return f"most of it the joints' error: {rigid if forward == 'none' else f'{gains}, or {ELASTIC}'}"
 
 
-def not_small(a: Analysis) -> bool:
-    """Whether the steady deflections are too large for the linear model, which has been said then."""
-    return any(found.against and found.what in ("bending", "tip") for found in a.validity(a.own).evidence)
-
-
-def comment_on_trust(a: Analysis) -> list[str]:
+def comment_on_trust(a: Analysis) -> Iterator[str]:
     """How far the linear numbers can be trusted."""
-    said = [] if a.linear_range is None else [without_metres(a.linear_range.status)]
     if a.simulation is None:
-        return [f"The nonlinear simulation has no answer: {a.problems['simulation']}.", *map(sentence, said)]
-    return [sentence(status) for status in (agreement(a, a.simulation), *said)]
+        yield f"The nonlinear simulation has no answer: {a.problems['simulation']}."
+    else:
+        yield sentence(agreement(a, a.simulation))
+    if a.linear_range is not None:
+        status = a.linear_range.status
+        yield sentence(status.replace(" m in ", " in ") if is_dimensionless() else status)
 
 
 def agreement(a: Analysis, simulation: Simulation) -> str:
     """How far the linear answer is from the nonlinear one on this motion."""
+    (what, apart, largest, error), unit = simulation.apart, simulation.unit
+    answers, length = f"linear and nonlinear {what}", a.length if np.isfinite(a.length) else 1.0
     if simulation.is_lost:
-        return f"{OUTGROWN}: {holds(a, simulation)}"
-    (what, apart, largest, error), unit = simulation.apart, "" if is_dimensionless() else simulation.unit
-    if apart <= error:
-        agree = f"agree to the error of the integration, {error:.0e}{unit}" if error else "are the same"
-        return f"linear and nonlinear {what} {agree}: {holds(a, simulation)}"
-    if apart <= REPEATABLE * (a.length if np.isfinite(a.length) else 1.0):
-        facts = f"linear and nonlinear {what} differ by no more than {format_quantity(apart, simulation.unit.strip())}".rstrip()
-        return f"{facts}: {holds(a, simulation)}"
-    share = f"{100 * apart / largest:.2g} % of the largest deviation"
-    facts = f"linear and nonlinear {what} differ by {format_quantity(apart, unit.strip())}, {share}".replace(" ,", ",")
+        facts = OUTGROWN
+    elif apart <= error:
+        bound = f"{error:.0e}{'' if is_dimensionless() else unit}"
+        facts = f"{answers} {f'agree to the error of the integration, {bound}' if error else 'are the same'}"
+    elif apart <= REPEATABLE * length:
+        facts = f"{answers} differ by no more than {format_quantity(apart, unit.strip())}".rstrip()
+    else:
+        share = f"{100 * apart / largest:.2g} % of the largest deviation"
+        facts = f"{answers} differ by {format_quantity(apart, unit.strip()).rstrip()}, {share}"
     return f"{facts}: {holds(a, simulation)}"
 
 
@@ -384,12 +337,9 @@ def holds(a: Analysis, simulation: Simulation) -> str:
     found = a.validity(a.own)
     if found.verdict == "invalid":
         assert found.reason is not None
-        apart = found.reason.what == "difference"
-        return (
-            "beyond the linear model; reduce speed, payload or disturbance, or trust the simulation only"
-            if apart
-            else "both rest on equations of small deflections, and these are large"
-        )
+        if found.reason.what == "difference":
+            return "beyond the linear model; reduce speed, payload or disturbance, or trust the simulation only"
+        return "both rest on equations of small deflections, and these are large"
     if a.linear_range is None:
         return "the linear model is close on this motion; how far it holds beside it is not known"
     outgrown = largest_beyond_range(a, simulation)
@@ -406,11 +356,6 @@ def largest_beyond_range(a: Analysis, simulation: Simulation) -> str:
         if own > amplitude:
             return f"{own:.2g} {at.unit} in {at.title}"
     return ""
-
-
-def without_metres(status: str) -> str:
-    """A status about coordinates; on the page of a scene without dimensions it names no metres."""
-    return status.replace(" m in ", " in ") if is_dimensionless() else status
 
 
 def sentence(text: str) -> str:
