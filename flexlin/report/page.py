@@ -48,7 +48,7 @@ from flexlin.report.wording import (
 )
 from flexlin.scene.base import Table
 from flexlin.scene.names import choose_unit
-from flexlin.scene.scene import Accuracy, Scene
+from flexlin.scene.scene import Scene
 
 TEMPLATES = Environment(
     loader=PackageLoader("flexlin.report"),
@@ -58,6 +58,7 @@ TEMPLATES = Environment(
     lstrip_blocks=True,
     finalize=typeset,
 )
+TEMPLATES.filters |= {"power": format_power, "prefixed": format_with_prefix}
 """Those of reports; a name in one that has no value is an error."""
 
 
@@ -113,8 +114,7 @@ def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture
             effects=data["effects"],
             versions=data["versions"],
             command=command,
-            asked=asked_for(analysis.scene.accuracy),
-            took=[step_row(step) for step in (*analysis.steps, Step("together", *took(analysis.steps)))],
+            took=[*analysis.steps, Step("together", *took(analysis.steps))],
         )
 
 
@@ -143,9 +143,6 @@ def list_facts(a: Analysis) -> list[tuple[str, str]]:
 def describe_loop(a: Analysis, loop: Loop) -> dict[str, str]:
     """One row of the comparison of loops."""
     (growth, error), period, model = loop.growth, a.plant.period, a.validity(loop)
-    settled = "–"
-    if loop.verdict == "stable":
-        settled = format_duration(np.log(50) / -growth)
     return {
         "name": loop.name,
         "verdict": loop.verdict,
@@ -154,7 +151,7 @@ def describe_loop(a: Analysis, loop: Loop) -> dict[str, str]:
         "tip": steady_tip(a, loop),
         "rate": format_rate(growth, error) if loop.floquet is not None else "–",
         "multiplier": format_largest_multiplier(loop),
-        "settled": settled,
+        "settled": format_duration(np.log(50) / -growth) if loop.verdict == "stable" else "–",
         "status": without_units(loop.problem or (loop.floquet.status if loop.floquet else "")),
         "design": loop.design.status if loop.design is not None else "",
         "controller": describe_controller(a.scene.control) if loop is a.own and loop.kind != "open" else "",
@@ -186,26 +183,6 @@ def list_exponents(loop: Loop) -> dict[str, Any]:
         if value.imag >= -error
     ]
     return {"name": loop.name, "rows": rows}
-
-
-def asked_for(accuracy: Accuracy) -> dict[str, str]:
-    """What the scene asks of every stage."""
-    memory = format_with_prefix(accuracy.memory, "B") if accuracy.memory < 1e9 else f"{accuracy.memory / 1e9:.3g} GB"
-    return {"tol": format_power(accuracy.tol), "seconds": format_with_prefix(accuracy.seconds, "s"), "memory": memory}
-
-
-def step_row(step: Step) -> dict[str, Any]:
-    """One stage: what was asked, what was reached, what it took."""
-    return {
-        "name": step.name,
-        "asked": "" if step.asked is None else format_power(step.asked),
-        "reached": "" if step.asked is None else "–" if step.reached is None else format_power(step.reached),
-        "missed": step.missed,
-        "seconds": f"{step.seconds:.3f}",
-        "cpu": f"{step.cpu_seconds:.3f}",
-        "problem": step.problem,
-        "notes": step.notes,
-    }
 
 
 def list_constants(a: Analysis) -> list[tuple[str, str, str]]:

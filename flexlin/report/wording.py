@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 
 SLOW = 1e5
 """Periods to settle beyond which a decay is not felt."""
-PREFIXES = dict(zip(range(-9, 9, 3), ("n", "µ", "m", "", "k", "M"), strict=True))
-
-
+PREFIXES = dict(zip(range(-9, 12, 3), ("n", "µ", "m", "", "k", "M", "G"), strict=True))
 ANGLES = ("rad", "mrad", "µrad", "nrad", "°")
 NONE = "none"
 _length: ContextVar[int | str | None] = ContextVar("length", default=None)
@@ -166,7 +164,7 @@ def format_list(value: Any) -> str:
     return ", ".join(f"{v:.4g}" if isinstance(v, float) else str(v) for v in values)
 
 
-UNITS = r"(?:1/s|%|°|kg|[nµmkM]?(?:m|s|N|W|V|A|B|Hz|rad)(?:/\w+)?)(?!\w)"
+UNITS = r"(?:1/s|%|°|kg|[nµmkMG]?(?:m|s|N|W|V|A|B|Hz|rad)(?:/\w+)?)(?!\w)"
 
 
 def typeset(value: Any) -> Any:
