@@ -1,14 +1,10 @@
 """One tol for every stage: it is asked of each, what each reached is said, and a limit that ends one leaves the rest."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import flexlin as fl
 from flexlin.answers import Step, analyse
-from flexlin.cli import main
 from flexlin.errors import TooManySegments
 from flexlin.report import accuracy_lines
 
@@ -31,9 +27,8 @@ def test_every_stage_with_an_error_is_asked_for_the_scene_s_tol(two_accuracies) 
     for found, tol in zip(two_accuracies, (1e-4, 1e-10), strict=True):
         asked = {step.name: step.asked for step in found.steps if step.asked is not None}
         assert set(asked.values()) == {tol}
-        assert (
-            len(asked) == 9
-        )  # three loops and one about the elastic motion, that motion, the gain, two responses, simulation
+        # three loops and one about the elastic motion, that motion, the gain, two responses, simulation
+        assert len(asked) == 9
 
 
 @pytest.mark.slow
@@ -62,23 +57,22 @@ def test_what_is_said_to_be_reached_is_the_error_of_the_answer(two_accuracies) -
 
 
 @pytest.mark.slow
-def test_the_option_stands_for_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_option_stands_for_the_table(report) -> None:
     options = ["--set", *SMALL, "designs=[]", "accuracy.tol=1e-3", "--tol", "1e-5", "--limit-seconds", "50"]
-    assert main(["report", "single-link", *options, "--out", str(tmp_path)]) == 0
-    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
-    assert data["accuracy"] == {"tol": 1e-5, "seconds": 50.0, "memory": 7e8}
-    assert {step["asked"] for step in data["steps"] if "asked" in step} == {1e-5}
-    assert all(step["reached"] >= 0 for step in data["steps"] if "asked" in step)
-    assert all({"seconds", "cpu_seconds"} <= set(step) for step in data["steps"])
-    assert "--tol 1e-05 --limit-seconds 50" in page
-    assert "1×10⁻⁵" in page
-    assert "accuracy: tol 1×10⁻⁵ reached in" in capsys.readouterr().out
+    ran = report("single-link", *options)
+    assert ran.code == 0
+    assert ran.data["accuracy"] == {"tol": 1e-5, "seconds": 50.0, "memory": 7e8}
+    asked = [step for step in ran.data["steps"] if "asked" in step]
+    assert {step["asked"] for step in asked} == {1e-5}
+    assert all(step["reached"] >= 0 for step in asked)
+    assert all({"seconds", "cpu_seconds"} <= set(step) for step in ran.data["steps"])
+    assert "--tol 1e-05 --limit-seconds 50" in ran.page
+    assert "1×10⁻⁵" in ran.page
+    assert "accuracy: tol 1×10⁻⁵ reached in" in ran.out
 
 
 @pytest.mark.slow
-def test_a_stage_beyond_its_time_says_so_and_the_rest_stands(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stage_beyond_its_time_says_so_and_the_rest_stands(report, monkeypatch: pytest.MonkeyPatch) -> None:
     """The simulation never ends: it is stopped, and what comes before and after it is there."""
 
     def endless(*_: object, **__: object) -> None:
@@ -86,37 +80,34 @@ def test_a_stage_beyond_its_time_says_so_and_the_rest_stands(
             np.linalg.eigvals(np.eye(8))
 
     monkeypatch.setattr("flexlin.answers.analysis.simulate", endless)
-    options = ["--set", *SMALL, DESIGN, "--limit-seconds", "12", "--out", str(tmp_path)]
-    assert main(["report", "single-link", *options, "--require", "stable"]) == 0
-    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
-    stopped = {step["name"]: step["problem"] for step in data["steps"] if "problem" in step}
-    assert "nonlinear simulation of 3 periods" in stopped
-    assert "ask for a larger tol, or allow more time (--limit-seconds above 12" in data["simulation"]["problem"]
-    assert data["floquet"]["verdict"] == data["designs"]["lqr"]["verdict"] == "stable"
-    assert data["forced_response"]["error"] < 1e-8
-    assert "stopped at the time limit" in page
-    assert capsys.readouterr().out.count("nonlinear simulation of 3 periods: stopped at the time limit") == 1
+    ran = report("single-link", "--set", *SMALL, DESIGN, "--limit-seconds", "12", "--require", "stable")
+    assert ran.code == 0
+    assert "nonlinear simulation of 3 periods" in {step["name"] for step in ran.data["steps"] if "problem" in step}
+    longer = "ask for a larger tol, or allow more time (--limit-seconds above 12"
+    assert longer in ran.data["simulation"]["problem"]
+    assert ran.data["floquet"]["verdict"] == ran.data["designs"]["lqr"]["verdict"] == "stable"
+    assert ran.data["forced_response"]["error"] < 1e-8
+    assert "stopped at the time limit" in ran.page
+    assert ran.out.count("nonlinear simulation of 3 periods: stopped at the time limit") == 1
 
 
 @pytest.mark.slow
-def test_an_own_loop_without_verdict_leaves_the_rest(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_own_loop_without_verdict_leaves_the_rest(report, monkeypatch: pytest.MonkeyPatch) -> None:
     """The report is written and says why; that is no stable loop, where one is required."""
 
     def refuse(*_: object) -> None:
         raise TooManySegments("this needs 10^9 segments")
 
     monkeypatch.setattr("flexlin.answers.judging.floquet", refuse)
-    options = ["--set", *SMALL, DESIGN, "--out", str(tmp_path)]
-    assert main(["report", "single-link", *options]) == 4
-    assert main(["report", "single-link", *options, "--require", "stable"]) == 3
-    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
-    assert data["floquet"] == {**data["floquet"], "verdict": "failed", "status": "this needs 10^9 segments"}
-    assert data["simulation"]["error"] < 1e-6
-    assert data["designs"]["lqr"]["design_error"] < 1e-9
-    assert "this needs 10⁹ segments" in page
-    assert "scene's PD           failed" in capsys.readouterr().out
+    ran = report("single-link", "--set", *SMALL, DESIGN)
+    assert ran.code == 4
+    assert report("single-link", "--set", *SMALL, "designs=[]", "--require", "stable").code == 3
+    own = ran.data["floquet"]
+    assert (own["verdict"], own["status"]) == ("failed", "this needs 10^9 segments")
+    assert ran.data["simulation"]["error"] < 1e-6
+    assert ran.data["designs"]["lqr"]["design_error"] < 1e-9
+    assert "this needs 10⁹ segments" in ran.page
+    assert "scene's PD           failed" in ran.out
 
 
 def test_the_terminal_names_what_missed_and_what_has_no_answer() -> None:

@@ -1,16 +1,13 @@
 """Whatever breaks in one stage is that stage's message; the rest of the report stands, with the verdict of every design."""
 
-import json
 import warnings
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flexlin.answers import Clock, judging
 from flexlin.answers import analysis as stages
-from flexlin.cli import main
 from flexlin.errors import NumericalError, TimeLimit, TooLarge
 from flexlin.report import page as pages
 
@@ -42,77 +39,60 @@ ALL_BUT_THE_LOOP = {"simulate": "memory", "linear_range": "LAPACK", "find_respon
 
 @pytest.mark.slow
 @pytest.mark.parametrize("broken", [{"floquet": "memory"}, ALL_BUT_THE_LOOP], ids=lambda b: " ".join(b.values()))
-def test_broken_stages_leave_the_rest(broken: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_broken_stages_leave_the_rest(broken: dict[str, str], report, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first call to `floquet` is that of the scene's own loop."""
     for stage, kind in broken.items():
         where = judging if stage == "floquet" else stages
         monkeypatch.setattr(where, stage, first_call_fails(getattr(where, stage), BREAKS[kind]))
-    failed = "floquet" in broken
-    assert main(["report", *SCENE, "--out", str(tmp_path)]) == (4 if failed else 0)
-    data = json.loads((tmp_path / "report.json").read_text())
-    assert {name: loop["verdict"] for name, loop in data["designs"].items()} == {"one": "stable", "two": "stable"}
-    assert data["open_loop"]["verdict"] == "unstable"
-    problems = " ".join(step["problem"] for step in data["steps"] if "problem" in step)
-    for kind in broken.values():
-        assert str(BREAKS[kind]()) in problems
+    ran = report(*SCENE)
+    assert ran.code == (4 if "floquet" in broken else 0)
+    assert {name: loop["verdict"] for name, loop in ran.data["designs"].items()} == {"one": "stable", "two": "stable"}
+    assert ran.data["open_loop"]["verdict"] == "unstable"
+    problems = " ".join(step["problem"] for step in ran.data["steps"] if "problem" in step)
+    assert all(str(BREAKS[kind]()) in problems for kind in broken.values())
 
 
 @pytest.mark.parametrize("fault", [NumericalError("no equations within 1 s"), TooLarge("equations too large")])
-def test_a_report_without_equations_says_why(
-    fault: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_report_without_equations_says_why(fault: Exception, report, monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(*_: object) -> None:
         raise fault
 
     monkeypatch.setattr(stages, "linearize", fails)
-    code = main(["report", *SCENE, "--out", str(tmp_path)])
-    assert code == (2 if isinstance(fault, TooLarge) else 4)
-    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
-    assert data["problem"] == str(fault)
-    assert [step["name"] for step in data["steps"] if "problem" in step] == ["linearization"]
-    assert data["scene"]["links"][0]["length"] == 0.96
-    assert str(fault) in page.replace("\u00a0", " ")
-    said = capsys.readouterr()
-    assert f"wrote {tmp_path / 'report.html'}" in said.out
-    assert f"single-link: {fault}" in said.err
+    ran = report(*SCENE)
+    assert ran.code == (2 if isinstance(fault, TooLarge) else 4)
+    assert ran.data["problem"] == str(fault)
+    assert [step["name"] for step in ran.data["steps"] if "problem" in step] == ["linearization"]
+    assert ran.data["scene"]["links"][0]["length"] == 0.96
+    assert str(fault) in ran.page.replace("\u00a0", " ")
+    assert "report.html" in ran.out
+    assert f"single-link: {fault}" in ran.err
+
+
+def fail_to_draw(_: object) -> None:
+    raise TimeLimit("figures: stopped at the time limit")
+
+
+def end_the_program(_: object) -> None:
+    raise KeyboardInterrupt
 
 
 @pytest.mark.slow
-def test_a_figure_that_meets_a_limit_leaves_the_others_and_the_numbers(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def fails(_: object) -> None:
-        raise TimeLimit("figures: stopped at the time limit")
-
-    monkeypatch.setattr(pages, "FIGURES", (*pages.FIGURES[:2], fails, *pages.FIGURES[2:]))
-    assert main(["report", *SCENE[:3], "designs=[]", "--out", str(tmp_path)]) == 0
-    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
-    assert data["floquet"]["verdict"] == "stable"
-    assert data["steps"][-1]["problem"] == "figures: stopped at the time limit"
-    assert page.count("<figure") == 2
-    assert "figures: stopped at the time limit" in page
-    assert "no answer from figures" in capsys.readouterr().out
+@pytest.mark.parametrize(("fault", "drawn"), [(fail_to_draw, 2), (end_the_program, 0)])
+def test_numbers_stand_whatever_becomes_of_the_figures(fault, drawn, report, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A figure that meets a limit leaves the others; a kill, or a call that no alarm ends, leaves the numbers."""
+    monkeypatch.setattr(pages, "FIGURES", (*pages.FIGURES[:drawn], fault, *pages.FIGURES[drawn:]))
+    ran = report(*SCENE[:3], "designs=[]")
+    why = "figures: stopped at the time limit" if drawn else "the program was ended before they were drawn"
+    assert ran.code == (0 if drawn else 1)
+    assert ran.data["floquet"]["verdict"] == "stable"
+    assert why in ran.data["steps"][-1]["problem"]
+    assert why in ran.page
+    assert ran.page.count("<figure") == drawn
+    assert ("no answer from figures" in ran.out) is bool(drawn)
 
 
 @pytest.mark.slow
-def test_numbers_stand_before_the_figures_are_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A call that no alarm ends, a kill: what was found is there, and says that the figures are not."""
-
-    def fails(_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(pages, "FIGURES", (fails,))
-    assert main(["report", *SCENE[:3], "designs=[]", "--out", str(tmp_path)]) == 1
-    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
-    assert data["floquet"]["verdict"] == "stable"
-    assert "the program was ended before they were drawn" in data["steps"][-1]["problem"]
-    assert "the program was ended before they were drawn" in page
-
-
-@pytest.mark.slow
-def test_what_libraries_warn_of_is_a_note_of_the_stage(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_libraries_warn_of_is_a_note_of_the_stage(report, monkeypatch: pytest.MonkeyPatch) -> None:
     work = stages.simulate
 
     def warns(*arguments, **options):
@@ -123,19 +103,16 @@ def test_what_libraries_warn_of_is_a_note_of_the_stage(
     monkeypatch.setattr(stages, "simulate", warns)
     with warnings.catch_warnings():
         warnings.simplefilter("default")
-        assert main(["report", *SCENE[:3], "designs=[]", "--out", str(tmp_path)]) == 0
-    steps = json.loads((tmp_path / "report.json").read_text())["steps"]
-    noted = {step["name"]: step["notes"] for step in steps if "notes" in step}
+        ran = report(*SCENE[:3], "designs=[]")
     said = [
         "UserWarning in test_broken_stages: lsoda: excess work <b>done</b>",
         "RuntimeWarning in test_broken_stages: overflow encountered in multiply",
     ]
+    noted = {step["name"]: step["notes"] for step in ran.data["steps"] if "notes" in step}
     assert noted == {"nonlinear simulation of 3 periods": said}
-    captured = capsys.readouterr()
-    assert captured.err == ""
-    assert all(line in captured.out for line in said)
-    page = (tmp_path / "report.html").read_text()
-    assert "excess work &lt;b&gt;done" in page
+    assert (ran.code, ran.err) == (0, "")
+    assert all(line in ran.out for line in said)
+    assert "excess work &lt;b&gt;done" in ran.page
 
 
 def test_a_note_is_one_line_and_steers_nothing() -> None:

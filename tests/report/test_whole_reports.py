@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -10,32 +11,58 @@ import xarray
 import flexlin as fl
 from flexlin.answers import analyse
 from flexlin.cli import main
-from flexlin.report import advise, record, to_json
+from flexlin.report import advise, draw_sensitivity, record, to_json
 
 
 @pytest.mark.slow
-def test_a_design_without_an_answer_is_told_and_the_others_stand(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_design_without_an_answer_is_told_and_the_others_stand(report, tmp_path: Path) -> None:
     blind = "designs=[{name='blind', kind='frozen-lqr', state_weight=[0.0, 0.0], input_weight=[1.0]}]"
-    scene = ["single-link", "--set", "links.0.modes=0", "effects.gravity=off", blind, "--out", str(tmp_path)]
-    assert main(["report", *scene]) == 0
-    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
-    assert data["floquet"]["verdict"] == "stable"
-    assert data["designs"]["blind"]["verdict"] == "failed"
-    assert "weight Q" in data["designs"]["blind"]["status"]
-    assert "no answer" in page
-    assert "has no answer" in capsys.readouterr().out
-    assert main(["design", *scene]) == 4
+    scene = ["single-link", "--set", "links.0.modes=0", "effects.gravity=off", blind]
+    ran = report(*scene)
+    assert ran.code == 0
+    assert ran.data["floquet"]["verdict"] == "stable"
+    assert ran.data["designs"]["blind"]["verdict"] == "failed"
+    assert "weight Q" in ran.data["designs"]["blind"]["status"]
+    assert "no answer" in ran.page
+    assert "has no answer" in ran.out
+    assert main(["design", *scene, "--out", str(tmp_path)]) == 4
 
 
-def test_a_motion_without_a_periodic_response_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    free = ["--set", "links.0.modes=0", "effects.gravity=off", "control={}", "designs=[]", "--out", str(tmp_path)]
-    assert main(["report", "single-link", *free]) == 0
-    data = json.loads((tmp_path / "report.json").read_text())
-    assert data["floquet"]["verdict"] == "undecided"
-    assert "multiplier" in data["forced_response"]["problem"]
-    assert "No periodic response was found" in capsys.readouterr().out
+def test_a_motion_without_a_periodic_response_says_so(report) -> None:
+    ran = report("single-link", "--set", "links.0.modes=0", "effects.gravity=off", "control={}", "designs=[]")
+    assert ran.code == 0
+    assert ran.data["floquet"]["verdict"] == "undecided"
+    assert "multiplier" in ran.data["forced_response"]["problem"]
+    assert "No periodic response was found" in ran.out
+
+
+@pytest.mark.slow
+def test_a_parametric_resonance_is_named() -> None:
+    # The link is Mathieu's equation with a near 4: its second tongue, where the mean frequency equals that of rotation.
+    scene = fl.load_scene(
+        "spinning-link", {"effects.gravity.acceleration": 10.0, "motion.joints.0.rate": 3.9, "accuracy.tol": 1e-7}
+    )
+    found = analyse(scene)
+    assert found.own.verdict == "unstable"
+    assert any("parametric resonance" in said and "2 × 0.6207 Hz" in said for said in advise(found))
+    assert "order 2" in record(found)["resonances"][0]
+
+
+def test_a_stable_loop_has_no_cause(single_link) -> None:
+    assert single_link.resonances == ()
+
+
+@pytest.mark.slow
+def test_the_sensitivities_are_those_of_the_library(report) -> None:
+    ran = report("single-link", "--set", "links.0.modes=0", "designs=[]", "--sensitivity")
+    block = ran.data["sensitivity"]
+    expected = fl.sensitivity(fl.load_scene("single-link", {"links.0.modes": 0, "designs": []}))
+    assert block["parameters"] == list(expected["parameter"].values)
+    assert np.allclose(block["percent"], expected["percent"].values)
+    assert 'id="sensitivity"' in ran.page
+    picture = draw_sensitivity(expected)
+    ElementTree.fromstring(picture.svg)
+    assert picture.svg.count('z" style') == len(block["parameters"])
 
 
 @pytest.mark.slow
@@ -124,15 +151,14 @@ SETS = [
 
 
 @pytest.mark.slow
-def test_a_report_of_a_motion_that_ends(tmp_path, capsys):
-    assert main(["report", "single-link", *SETS, "--out", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    assert "the motion ends after" in said
-    assert "nan" not in said
-    data = json.loads((tmp_path / "report.json").read_text())
-    assert data["floquet"]["verdict"] == data["designs"]["end"]["verdict"] == "one-way"
-    assert data["simulation"]["t"][-1] == pytest.approx(1.5 * data["period"])
-    assert "Multipliers" not in (tmp_path / "report.html").read_text()
+def test_a_report_of_a_motion_that_ends(report):
+    ran = report("single-link", *SETS)
+    assert ran.code == 0
+    assert "the motion ends after" in ran.out
+    assert "nan" not in ran.out
+    assert ran.data["floquet"]["verdict"] == ran.data["designs"]["end"]["verdict"] == "one-way"
+    assert ran.data["simulation"]["t"][-1] == pytest.approx(1.5 * ran.data["period"])
+    assert "Multipliers" not in ran.page
 
 
 @pytest.mark.slow
