@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
-from flexlin.plots.scales import Linear, Scale
+from flexlin.plots.scales import Linear
 
 FONT = 11.0
 SMALL = 9.0
@@ -46,8 +46,8 @@ class Panel:
     """
 
     title: str = ""
-    x: Scale = field(default_factory=Linear)
-    y: Scale = field(default_factory=Linear)
+    x: Linear = field(default_factory=Linear)
+    y: Linear = field(default_factory=Linear)
     x_label: str = ""
     y_label: str = ""
     equal: bool = False
@@ -96,9 +96,8 @@ class Panel:
 
     def hatch(self, x: tuple[Array, Array], y: tuple[Array, Array], colour: str) -> "Panel":
         """Hatch rectangles from low to high ends, ((N,), (N,)) on each axis."""
-        return self._add(
-            Mark("hatch", *_points(np.concatenate(x), np.concatenate(y)), f"stroke:var(--{colour});stroke-opacity:.45")
-        )
+        style = f"stroke:var(--{colour});stroke-opacity:.45"
+        return self._add(Mark("hatch", *_points(np.concatenate(x), np.concatenate(y)), style))
 
     def probe(self, data: str) -> "Panel":
         """Lay a sheet without colour over the axes, which bears data (JSON) for a script that reads the pointer's place."""
@@ -125,7 +124,7 @@ class Panel:
         """The marks that bear a label."""
         return [mark for mark in self.marks if mark.label]
 
-    def fitted(self) -> tuple[Scale, Scale]:
+    def fitted(self) -> tuple[Linear, Linear]:
         """Both scales with their open ends set by the marks."""
         x = np.concatenate([mark.x for mark in self.marks] or [np.zeros(1)])
         y = np.concatenate([mark.y for mark in self.marks] or [np.zeros(1)])
@@ -165,8 +164,8 @@ class Axes:
     top: float
     width: float
     height: float
-    x_scale: Scale
-    y_scale: Scale
+    x_scale: Linear
+    y_scale: Linear
 
     def x(self, values: Array) -> Array:
         return self.left + self.width * self.x_scale.place(values)
@@ -221,11 +220,8 @@ def draw_svg(panel: Panel) -> str:
     style = f"fill:var(--{'faint' if panel.x_label else panel.footer_colour});text-anchor:middle"
     parts += [write_text(axes.left + axes.width / 2, below + 12, foot, style)] if foot else []
     size = f"{panel.width:g} {below + LINE * bool(foot) + 4:.0f}"
-    return (
-        f'<svg class="drawing" viewBox="0 0 {size}" role="img" aria-label="{escape(panel.title)}">\n'
-        + "\n".join(parts)
-        + "\n</svg>"
-    )
+    head = f'<svg class="drawing" viewBox="0 0 {size}" role="img" aria-label="{escape(panel.title)}">'
+    return "\n".join([head, *parts, "</svg>"])
 
 
 def lay_axes(panel: Panel) -> tuple[Axes, list[tuple[float, str]]]:
@@ -255,10 +251,10 @@ def draw_axes(panel: Panel, axes: Axes, y_ticks: list[tuple[float, str]]) -> lis
         f'<path d="{frame}" style="stroke:var(--faint);stroke-width:.8;fill:none"/>',
     ]
     style = "fill:var(--faint);text-anchor:"
-    parts += [
-        write_text(at, axes.bottom + 14, text, f"{style}middle") for at, (_, text) in zip(across, x_ticks, strict=True)
-    ]
-    parts += [write_text(axes.left - 5, at + 4, text, f"{style}end") for at, (_, text) in zip(up, y_ticks, strict=True)]
+    for at, (_, text) in zip(across, x_ticks, strict=True):
+        parts.append(write_text(at, axes.bottom + 14, text, f"{style}middle"))
+    for at, (_, text) in zip(up, y_ticks, strict=True):
+        parts.append(write_text(axes.left - 5, at + 4, text, f"{style}end"))
     if panel.y_label:
         at, middle = 10.0, axes.top + axes.height / 2
         turned = f"rotate(-90 {at:.1f} {middle:.1f})"
@@ -335,10 +331,8 @@ def draw_trace(across: Array, up: Array) -> str:
     )
 
 
-def equalize_units(x: Scale, y: Scale, width: float, height: float) -> tuple[Scale, Scale]:
+def equalize_units(x: Linear, y: Linear, width: float, height: float) -> tuple[Linear, Linear]:
     """Widen one of two linear scales until a unit is as long on both axes."""
-    if not (isinstance(x, Linear) and isinstance(y, Linear)):
-        return x, y
     (x_low, x_high), (y_low, y_high) = x.ends, y.ends
     unit = max((x_high - x_low) / width, (y_high - y_low) / height)
     more_x, more_y = (unit * width - (x_high - x_low)) / 2, (unit * height - (y_high - y_low)) / 2

@@ -143,25 +143,14 @@ class Logarithmic(Linear):
 
 
 @dataclass(frozen=True)
-class Named:
+class Named(Linear):
     """Names at 0, 1, 2 ..., each as wide as the others."""
 
-    names: tuple[str, ...]
-
-    def fitted(self, values: Array) -> "Named":
-        """Names need no data."""
-        return self
-
-    def place(self, values: Array) -> Array:
-        """The middle of each name's share of [0, 1]."""
-        return (np.asarray(values, dtype=float) + 0.5) / len(self.names)
+    names: tuple[str, ...] = ()
 
     def ticks(self, most: int) -> list[tuple[float, str]]:
         """Every name."""
         return [(float(i), name) for i, name in enumerate(self.names)]
-
-
-Scale = Linear | Named
 
 
 def format_ticks(marks: Array, step: float) -> list[str]:

@@ -138,12 +138,8 @@ def draw_small(view: View) -> str:
         else:
             panel.line(series.x, series.y, colour, dash="5 3" * (series.style == "dashed"))
     if view.zero:
-        panel.line(
-            [0.0, 0.0],
-            [min(min(series.y) for series in shown), max(max(series.y) for series in shown)],
-            "faint",
-            dash="3 3",
-        )
+        y = np.concatenate([series.y for series in shown])
+        panel.line([0.0, 0.0], [y.min(), y.max()], "faint", dash="3 3")
     variables = ";".join(f"--{name}:{shade}" for name, shade in (COLOURS | PAPER).items())
     return f'<div style="flex:0 1 {width:g}px;max-width:100%;font-size:11px;{variables}">{draw([panel])}</div>'
 
@@ -183,18 +179,14 @@ def open_axes(ax: "Axes | None") -> "Axes":
     """
     if ax is not None:
         if not hasattr(ax, "plot") or not hasattr(ax, "set_xlabel"):
-            raise ArgumentError(
-                "ax is of another kind", got=repr(ax)[:80], expected="matplotlib axes, or None for a new figure"
-            )
+            expected = "matplotlib axes, or None for a new figure"
+            raise ArgumentError("ax is of another kind", got=repr(ax)[:80], expected=expected)
         return ax
     try:
         from matplotlib import pyplot
     except ImportError:
-        raise ArgumentError(
-            "drawing needs matplotlib",
-            got="no such package",
-            todo="pip install matplotlib, or read the numbers: to_xarray()",
-        ) from None
+        todo = "pip install matplotlib, or read the numbers: to_xarray()"
+        raise ArgumentError("drawing needs matplotlib", got="no such package", todo=todo) from None
     return pyplot.subplots(layout="constrained")[1]
 
 
@@ -255,11 +247,7 @@ def compare(results: Mapping[str, Any]) -> Comparison:
     loops compared
       damping 0.1: stable, growth rate -0.05
     """
-    wrong = [
-        name
-        for name, found in dict(results).items()
-        if not hasattr(found, "exponents") or not hasattr(found, "verdict")
-    ]
+    wrong = [name for name, found in dict(results).items() if not hasattr(found, "log_multipliers")]
     if wrong or not results:
         got = ", ".join(map(repr, wrong)) or "nothing"
         raise ArgumentError("a comparison is of Floquet results", got=got, expected="a result of floquet for each name")
@@ -300,11 +288,8 @@ def plot_chart(data: Any, ax: "Axes | None" = None) -> "Axes":
     'motion.joints.0.rate'
     """
     if not hasattr(data, "coords") or "verdict" not in data or data["verdict"].ndim not in (1, 2):
-        raise ArgumentError(
-            "there is no chart of this",
-            got=repr(data)[:80],
-            expected="what sweep hands back, over one or two parameters",
-        )
+        expected = "what sweep hands back, over one or two parameters"
+        raise ArgumentError("there is no chart of this", got=repr(data)[:80], expected=expected)
     growth = np.real(data["exponents"].values).max(axis=-1)
     names = [str(name) for name in data.coords if data[name].ndim == 1 and data[name].dims[0] in data["verdict"].dims]
     axes = open_axes(ax)

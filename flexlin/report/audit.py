@@ -28,21 +28,20 @@ def draw_effects(audit: Audit) -> Picture:
     """Bars of significance, the largest on top, with the tolerance as a line."""
     rows = [*audit.effects, *audit.modes]
     rows.sort(key=clip_significance)
-    panel = Panel(
-        x=Logarithmic(LEAST, WHOLE),
-        y=Named(tuple(row.change for row in rows)),
-        x_label="largest relative change",
-        width=WIDTH,
-        height=LINE * len(rows),
-    )
-    for i, row in enumerate(rows):
-        if not np.isnan(row.significance):
-            size = max(LEAST, min(clip_significance(row), WHOLE))
-            panel.area(
-                [LEAST, size, size, LEAST], [i - 0.3, i - 0.3, i + 0.3, i + 0.3], colour_need(row, audit.tolerance)
-            )
+    bars = {row.change: (row.significance, colour_need(row, audit.tolerance)) for row in rows}
+    panel = draw_bars(Logarithmic(LEAST, WHOLE), "largest relative change", bars, LEAST)
     panel.line([audit.tolerance] * 2, [-0.5, len(rows) - 0.5], "ink", width=1.2, dash="4 3")
     return make_picture("effects", "Which effects this scene needs", describe_findings(audit), [panel] if rows else [])
+
+
+def draw_bars(x: Linear, x_label: str, bars: dict[str, tuple[float, str]], begin: float = 0.0) -> Panel:
+    """A bar for each name, of a length and a colour, from the lowest row up; none for what is no number."""
+    panel = Panel("", x, Named(-0.5, len(bars) - 0.5, tuple(bars)), x_label, width=WIDTH, height=LINE * len(bars))
+    for i, (size, colour) in enumerate(bars.values()):
+        if not np.isnan(size):
+            end = float(np.clip(size, *x.ends))
+            panel.area([begin, end, end, begin], [i - 0.3, i - 0.3, i + 0.3, i + 0.3], colour)
+    return panel
 
 
 def clip_significance(row: Row) -> float:
@@ -84,13 +83,11 @@ def draw_sensitivity(data: "xarray.Dataset") -> Picture:
     slowest = int(np.argmax(data["exponents"].values.real))
     change = data["percent"].values[:, slowest]
     order = np.argsort(np.abs(change))[-MOST:]
-    names = tuple(f"{data['parameter'].values[i]} = {data['value'].values[i]:.4g}" for i in order)
+    names = [f"{data['parameter'].values[i]} = {data['value'].values[i]:.4g}" for i in order]
     reach = 1.08 * float(np.abs(change).max()) or 1.0
-    label = in_unit("change of the growth rate for 1 % more", "1/s")
-    panel = Panel(x=Linear(-reach, reach), y=Named(names), x_label=label, width=WIDTH, height=LINE * len(order))
-    for row, i in enumerate(order):
-        corners = [0.0, change[i], change[i], 0.0]
-        panel.area(corners, [row - 0.3, row - 0.3, row + 0.3, row + 0.3], "stable" if change[i] < 0 else "unstable")
+    colours = ["stable" if change[i] < 0 else "unstable" for i in order]
+    bars = dict(zip(names, zip(change[order], colours, strict=True), strict=True))
+    panel = draw_bars(Linear(-reach, reach), in_unit("change of the growth rate for 1 % more", "1/s"), bars)
     panel.line([0, 0], [-0.5, len(order) - 0.5], "ink", width=1.0)
     left_out = f" The {len(change) - MOST} that move it least are not shown." if len(change) > MOST else ""
     return make_picture("sensitivity", "Which numbers move the growth rate", PERCENT + left_out, [panel])
@@ -109,14 +106,8 @@ def audit_lines(audit: Audit) -> list[str]:
         figures += [words] if tried else []
         figures += [f"  {row.subject}: {format_figures(row.table, row.units)}" for row in tried]
     pairs = [f"  {row.subject}: {row.advice}, {format_size(row)}" for row in audit.pairs]
-    return [
-        head,
-        *[format_audit_row(row) for row in rows],
-        describe_base(audit.base),
-        *figures,
-        *(["two effects at once", *pairs] if pairs else []),
-        *minimal_lines(audit),
-    ]
+    pairs = ["two effects at once", *pairs] if pairs else []
+    return [head, *map(format_audit_row, rows), describe_base(audit.base), *figures, *pairs, *minimal_lines(audit)]
 
 
 def describe_base(base: "Measure") -> str:
@@ -133,10 +124,8 @@ def minimal_lines(audit: Audit) -> list[str]:
     found = audit.minimal
     changes = [*(f"drop: {text}" for text in found.dropped), *(f"add: {text}" for text in found.added)]
     size = f"{counted(found.coordinates, 'coordinate')} in the place of {audit.base.coordinates}"
-    return [
-        f"minimal scene, {size}, error {describe_error(found.error)}",
-        *(f"  {text}" for text in changes or ["nothing to drop"]),
-    ]
+    head = f"minimal scene, {size}, error {describe_error(found.error)}"
+    return [head, *(f"  {text}" for text in changes or ["nothing to drop"])]
 
 
 def format_size(row: Row) -> str:
@@ -165,12 +154,11 @@ def minimal_text(audit: Audit, minimal: Minimal, command: str = "") -> str:
         f"Added: {', '.join(minimal.added) or 'nothing'}.",
         f"Its error, against the scene{' with these modes' if minimal.added else ''}: {describe_error(found)}.",
         *left,
-        *[
-            f"Left out as in the scene, but it would be noticed with these figures: {row.subject} ({format_figures(row.table, row.units)})."
-            for row in audit.effects
-            if not row.on and row.significance > audit.tolerance
-        ],
     ]
+    for row in audit.effects:
+        if not row.on and row.significance > audit.tolerance:
+            figures = f"{row.subject} ({format_figures(row.table, row.units)})"
+            said.append(f"Left out as in the scene, but it would be noticed with these figures: {figures}.")
     data = scene.model_dump(mode="json", by_alias=True, exclude_unset=True)
     return "".join(f"# {line}\n" for line in said) + "\n" + write_toml(data)
 
@@ -194,7 +182,5 @@ def fitting(scene: Scene) -> tuple[Scene, list[str]]:
             continue
         kept.append(design)
     gone = [design.name for design in scene.designs if design not in kept]
-    said = (
-        [f"Designs whose lists of weights do not fit its coordinates were left out: {', '.join(gone)}."] if gone else []
-    )
-    return scene.model_copy(update={"designs": tuple(kept)}), said
+    said = f"Designs whose lists of weights do not fit its coordinates were left out: {', '.join(gone)}."
+    return scene.model_copy(update={"designs": tuple(kept)}), [said] if gone else []

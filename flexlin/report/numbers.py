@@ -239,10 +239,8 @@ def record_minimal(minimal: "Minimal") -> dict[str, Any]:
 
 def record_sensitivity(data: "xarray.Dataset") -> dict[str, Any]:
     """What one percent more of each number does to each growth rate, in 1/s, beside the number and the exponents."""
-    names = {"parameters": "parameter", "values": "value"} | {
-        name: name for name in ("exponents", "condition", "percent")
-    }
-    return {key: data[name].values for key, name in names.items()}
+    numbers = {name: data[name].values for name in ("exponents", "condition", "percent")}
+    return {"parameters": data["parameter"].values, "values": data["value"].values, **numbers}
 
 
 def list_versions() -> dict[str, str]:

@@ -10,6 +10,7 @@ import flexlin
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
+from flexlin.report import wording
 from flexlin.report.advice import advise, drive_cells, name_condition
 from flexlin.report.figures import Picture
 from flexlin.report.figures.arm import draw_arm, draw_modes
@@ -23,29 +24,6 @@ from flexlin.report.figures.over_period import (
     list_entries,
     name_entry,
 )
-from flexlin.report.wording import (
-    colour,
-    describe_controller,
-    describe_endured,
-    describe_margins,
-    describe_nearest,
-    describe_pace,
-    doubt,
-    format_decimal,
-    format_duration,
-    format_largest_multiplier,
-    format_modulus,
-    format_power,
-    format_quantity,
-    format_rate,
-    format_with_prefix,
-    is_dimensionless,
-    reason,
-    took,
-    typeset,
-    units_of,
-    without_units,
-)
 from flexlin.scene.base import Table
 from flexlin.scene.names import choose_unit
 from flexlin.scene.scene import Scene
@@ -56,9 +34,9 @@ TEMPLATES = Environment(
     undefined=StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,
-    finalize=typeset,
+    finalize=wording.typeset,
 )
-TEMPLATES.filters |= {"power": format_power, "prefixed": format_with_prefix}
+TEMPLATES.filters |= {"power": wording.format_power, "prefixed": wording.format_with_prefix}
 """Those of reports; a name in one that has no value is an error."""
 
 
@@ -77,7 +55,7 @@ FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
 
 def draw_pictures(analysis: Analysis) -> Iterator[Picture]:
     """All figures that this analysis has numbers for, in the order of the page."""
-    with units_of(analysis):
+    with wording.units_of(analysis):
         yield from (picture for draw in FIGURES if (picture := draw(analysis)) is not None)
         if analysis.sensitivity is not None:
             from flexlin.report.audit import draw_sensitivity
@@ -91,30 +69,30 @@ def draw_pictures(analysis: Analysis) -> Iterator[Picture]:
 
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
     """Fill the page's template: verdict first, then what to do, figures, and everything that went in."""
-    with units_of(analysis):
+    with wording.units_of(analysis):
         model = analysis.validity(analysis.own)
         return TEMPLATES.get_template("page.html.j2").render(
             analysis=analysis,
             own=analysis.own,
             under=name_condition(analysis.own),
-            doubt=doubt(analysis.own, analysis.plant.period, model),
-            reason=reason(model),
-            pace=describe_pace(analysis.own, analysis.plant.period),
+            doubt=wording.doubt(analysis.own, analysis.plant.period, model),
+            reason=wording.reason(model),
+            pace=wording.describe_pace(analysis.own, analysis.plant.period),
             facts=list_facts(analysis),
-            margins=describe_margins(analysis.scene, analysis.margins, analysis.problems),
-            nearest=describe_nearest(analysis.scene, analysis.nearest),
+            margins=wording.describe_margins(analysis.scene, analysis.margins, analysis.problems),
+            nearest=wording.describe_nearest(analysis.scene, analysis.nearest),
             steps=advise(analysis),
             loops=[describe_loop(analysis, loop) for loop in analysis.loops],
             endured=bool(analysis.endured),
             exponents=[list_exponents(loop) for loop in analysis.loops if loop.floquet is not None],
             pictures=pictures,
-            dimensionless=is_dimensionless(),
+            dimensionless=wording.is_dimensionless(),
             constants=list_constants(analysis),
             inputs=list_inputs(analysis.scene, data["scene"]),
             effects=data["effects"],
             versions=data["versions"],
             command=command,
-            took=[*analysis.steps, Step("together", *took(analysis.steps))],
+            took=[*analysis.steps, Step("together", *wording.took(analysis.steps))],
         )
 
 
@@ -130,13 +108,13 @@ def list_facts(a: Analysis) -> list[tuple[str, str]]:
     """The figures of merit, as name and value."""
     said = []
     if a.own.floquet is not None:
-        said.append(("growth rate", format_rate(*a.own.growth)))
-        said.append(("largest multiplier", f"|µ| = {format_largest_multiplier(a.own)}"))
-    said.append(("period" if a.plant.motion.periodic else "duration", format_quantity(a.plant.period, "s", 5)))
+        said.append(("growth rate", wording.format_rate(*a.own.growth)))
+        said.append(("largest multiplier", f"|µ| = {wording.format_largest_multiplier(a.own)}"))
+    said.append(("period" if a.plant.motion.periodic else "duration", wording.format_quantity(a.plant.period, "s", 5)))
     if a.response is not None and np.all(np.isfinite(a.response.tip)):
-        said.append(("largest tip error", format_quantity(float(a.response.tip_error.max()), "m")))
+        said.append(("largest tip error", wording.format_quantity(float(a.response.tip_error.max()), "m")))
     if a.simulation is not None and np.isfinite(a.simulation.difference):
-        said.append(("linear against nonlinear", format_quantity(a.simulation.difference, "m")))
+        said.append(("linear against nonlinear", wording.format_quantity(a.simulation.difference, "m")))
     return said
 
 
@@ -146,16 +124,16 @@ def describe_loop(a: Analysis, loop: Loop) -> dict[str, str]:
     return {
         "name": loop.name,
         "verdict": loop.verdict,
-        "colour": colour(loop, period, model),
-        "doubt": doubt(loop, period, model),
+        "colour": wording.colour(loop, period, model),
+        "doubt": wording.doubt(loop, period, model),
         "tip": steady_tip(a, loop),
-        "rate": format_rate(growth, error) if loop.floquet is not None else "–",
-        "multiplier": format_largest_multiplier(loop),
-        "settled": format_duration(np.log(50) / -growth) if loop.verdict == "stable" else "–",
-        "status": without_units(loop.problem or (loop.floquet.status if loop.floquet else "")),
+        "rate": wording.format_rate(growth, error) if loop.floquet is not None else "–",
+        "multiplier": wording.format_largest_multiplier(loop),
+        "settled": wording.format_duration(np.log(50) / -growth) if loop.verdict == "stable" else "–",
+        "status": wording.without_units(loop.problem or (loop.floquet.status if loop.floquet else "")),
         "design": loop.design.status if loop.design is not None else "",
-        "controller": describe_controller(a.scene.control) if loop is a.own and loop.kind != "open" else "",
-        "endured": describe_endured(a.endured.get(loop.name)),
+        "controller": wording.describe_controller(a.scene.control) if loop is a.own and loop.kind != "open" else "",
+        "endured": wording.describe_endured(a.endured.get(loop.name)),
         **drive_cells(a, loop),
     }
 
@@ -165,7 +143,7 @@ def steady_tip(a: Analysis, loop: Loop) -> str:
     response = a.response if loop is a.own else loop.response
     if response is None or loop.verdict == "unstable" or not np.all(np.isfinite(response.tip)):
         return "–"
-    return format_quantity(response.sizes[1], "m")
+    return wording.format_quantity(response.sizes[1], "m")
 
 
 def list_exponents(loop: Loop) -> dict[str, Any]:
@@ -174,10 +152,10 @@ def list_exponents(loop: Loop) -> dict[str, Any]:
     result = loop.floquet
     rows = [
         (
-            format_decimal(value.real, 6),
-            format_power(error) if np.isfinite(error) else "–",
+            wording.format_decimal(value.real, 6),
+            wording.format_power(error) if np.isfinite(error) else "–",
             f"{abs(value.imag) / (2 * np.pi):.4g}",
-            format_modulus(float(log.real)),
+            wording.format_modulus(float(log.real)),
         )
         for value, error, log in zip(result.exponents, result.errors, result.log_multipliers, strict=True)
         if value.imag >= -error
@@ -188,7 +166,7 @@ def list_exponents(loop: Loop) -> dict[str, Any]:
 def list_constants(a: Analysis) -> list[tuple[str, str, str]]:
     """Entries of M, D, K that do not vary and are not zero, one of a symmetric pair: name, value, unit."""
     return [
-        (name_entry(a, one.matrix, one.row, one.column), format_decimal(one.values.mean(), 6), one.unit)
+        (name_entry(a, one.matrix, one.row, one.column), wording.format_decimal(one.values.mean(), 6), one.unit)
         for one in list_entries(a)
         if one.matrix != "h" and not one.varies and np.abs(one.values).max() > one.noise
     ]

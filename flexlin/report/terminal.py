@@ -8,20 +8,8 @@ from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.answers.validity import ModelValidity
 from flexlin.errors import counted
+from flexlin.report import wording
 from flexlin.report.advice import advise, drive_line
-from flexlin.report.wording import (
-    colour,
-    describe_margins,
-    describe_nearest,
-    describe_pace,
-    doubt,
-    format_decimal,
-    format_power,
-    format_rate,
-    format_with_prefix,
-    took,
-    units_of,
-)
 
 UNKNOWN = ModelValidity("unknown")
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "one-way": "yellow", "failed": "red"}
@@ -42,25 +30,24 @@ def say(text: str = "", verdict: str | None = None, shade: str | None = None) ->
 
 def say_loop(loop: Loop, period: float, model: ModelValidity = UNKNOWN) -> None:
     """Print the verdict on a loop, in the colour of doubt where there is one."""
-    shown = colour(loop, period, model)
+    shown = wording.colour(loop, period, model)
     say(loop_line(loop, period, model), loop.verdict, COLOURS[shown])
 
 
 def summarize(analysis: Analysis) -> None:
     """Print the verdicts and what to do next."""
-    with units_of(analysis):
+    with wording.units_of(analysis):
         say(analysis.scene.title)
         for loop in analysis.loops:
             say_loop(loop, analysis.plant.period, analysis.validity(loop))
             over = drive_line(analysis, loop)
             if over:
                 say(f"    {over}")
-        if critical := describe_margins(analysis.scene, analysis.margins, analysis.problems):
+        if critical := wording.describe_margins(analysis.scene, analysis.margins, analysis.problems):
             say(f"  {analysis.own.name} {critical}")
         if analysis.nearest:
-            say(
-                f"  {analysis.own.name} with its uncertain numbers: {describe_nearest(analysis.scene, analysis.nearest)}"
-            )
+            nearest = wording.describe_nearest(analysis.scene, analysis.nearest)
+            say(f"  {analysis.own.name} with its uncertain numbers: {nearest}")
         said = advise(analysis)
         for line in (*[f"- {step}" for step in said], *accuracy_lines(analysis.steps, "\n".join(said))):
             say(line)
@@ -69,7 +56,7 @@ def summarize(analysis: Analysis) -> None:
 def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
     """What was asked, what was reached, what it took: one line, and one for each stage that missed or has no answer that was not `said`."""
     judged = [step for step in steps if step.asked is not None]
-    total, cpu = (format_with_prefix(seconds, "s") for seconds in took(steps))
+    total, cpu = (wording.format_with_prefix(seconds, "s") for seconds in wording.took(steps))
     spent = f"took {total} ({cpu} of a processor)"
     notes = [f"  {step.name}: {note}" for step in steps for note in step.notes]
     if not judged:
@@ -77,20 +64,18 @@ def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
     asked = dict.fromkeys(step.asked or 0.0 for step in judged)
     met = [describe_reached(tol, [step for step in judged if step.asked == tol]) for tol in asked]
     lines = [f"accuracy: {'; '.join(met)}; {spent}"]
-    lines += [
-        f"  {step.name}: error {format_decimal(step.reached or 0.0, 2)}, above tol" for step in judged if step.missed
-    ]
-    return [*lines, *notes] + [
-        f"  no answer from {name_problem(step)}" for step in steps if step.problem and step.problem not in said
-    ]
+    missed = ((step.name, wording.format_decimal(step.reached or 0.0, 2)) for step in judged if step.missed)
+    lines += [f"  {name}: error {error}, above tol" for name, error in missed]
+    silent = [step for step in steps if step.problem and step.problem not in said]
+    return [*lines, *notes, *(f"  no answer from {name_problem(step)}" for step in silent)]
 
 
 def describe_reached(tol: float, steps: Sequence[Step]) -> str:
     """How many of the stages that were asked for the same error reached it."""
     reached = [step.reached for step in steps if step.reached is not None]
-    worst = f", largest error {format_power(max(reached))}" if reached else ""
+    worst = f", largest error {wording.format_power(max(reached))}" if reached else ""
     met = sum(step.reached is not None and not step.missed for step in steps)
-    return f"tol {format_power(tol)} reached in {met} of {counted(len(steps), 'stage')}{worst}"
+    return f"tol {wording.format_power(tol)} reached in {met} of {counted(len(steps), 'stage')}{worst}"
 
 
 def name_problem(step: Step) -> str:
@@ -100,8 +85,8 @@ def name_problem(step: Step) -> str:
 
 def loop_line(loop: Loop, period: float, model: ModelValidity = UNKNOWN) -> str:
     """One loop in one line, with what goes behind its verdict."""
-    speed = describe_pace(loop, period)
-    figure = "" if loop.verdict in ("undecided", "one-way", "failed") else f", {format_rate(*loop.growth)}"
-    weak = doubt(loop, period, model)
+    speed = wording.describe_pace(loop, period)
+    figure = "" if loop.verdict in ("undecided", "one-way", "failed") else f", {wording.format_rate(*loop.growth)}"
+    weak = wording.doubt(loop, period, model)
     verdict = f"{loop.verdict}, {weak};" if weak else f"{loop.verdict:<10}"
     return f"  {loop.name:<20} {verdict} {speed}{figure}"

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
+from flexlin.checks import Array
 from flexlin.plots.panel import Mark, Panel, draw
 from flexlin.plots.scales import Linear
 from flexlin.plots.view import COLOURS
@@ -59,6 +60,11 @@ def make_picture(
 def choose_views(dimension: int) -> tuple[tuple[int, int], ...]:
     """World axes across and up of the pictures of a path: one is enough for an arm in its plane."""
     return ((0, 1), (0, 2), (1, 2)) if dimension == 3 else ((0, 1),)
+
+
+def make_wide_panel(x: Array, y: Linear, title: str, x_label: str, height: float) -> Panel:
+    """A panel over the whole page and all of x."""
+    return Panel(title, Linear(float(x.min()), float(x.max())), y, x_label, width=WIDTH, height=height)
 
 
 def make_period_panel(period: float, title: str) -> Panel:

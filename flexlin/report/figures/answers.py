@@ -14,13 +14,7 @@ from flexlin.plots.scales import Linear
 from flexlin.report.advice import describe_demand
 from flexlin.report.figures import POINTS, Picture, make_period_panel, make_picture, resize
 from flexlin.report.numbers import record_fields
-from flexlin.report.wording import (
-    format_decimal,
-    format_duration,
-    format_quantity,
-    in_unit,
-    scale_values,
-)
+from flexlin.report.wording import format_decimal, format_duration, format_quantity, in_unit, scale_values
 from flexlin.scene.names import name_number, show_unit
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
@@ -31,16 +25,16 @@ def draw_answer(a: DisturbanceAnswer) -> Picture:
     everything, unit = scale_values(a.linear, a.unit)
     factor = float(np.abs(everything).max() / (np.abs(a.linear).max() or 1.0))
     upper = Panel(
-        in_unit(a.seen, unit), x=Linear(0.0, float(a.t[-1])), x_label=in_unit("time after the disturbance", "s")
-    ).zero()
+        in_unit(a.seen, unit), Linear(0.0, float(a.t[-1])), x_label=in_unit("time after the disturbance", "s")
+    )
+    upper.zero()
     for k, row in enumerate(everything):
         upper.line(a.t, row, "faint", width=0.6, label="linear, all phases" if k == 0 else "")
     if a.nonlinear is not None:
         upper.line(a.t, factor * a.nonlinear, "blue", width=4.5, opacity=0.5, label="nonlinear, worst phase")
     upper.line(a.t, everything[a.worst], "ink", dash="5 3", label="linear, worst phase")
-    lower = Panel(
-        f"{in_unit('settling time', 's')} by phase", x=Linear(0.0, 1.0), x_label="phase t/T of the disturbance"
-    )
+    title = f"{in_unit('settling time', 's')} by phase"
+    lower = Panel(title, Linear(0.0, 1.0), x_label="phase t/T of the disturbance")
     shown = np.isfinite(a.settling)
     lower.dots(a.phases[shown], a.settling[shown], "blue", size=2.5)
     panels = resize([upper, lower], 150.0)
@@ -67,9 +61,8 @@ def draw_noise(a: NoiseAnswer) -> Picture:
     """The root mean square of the tip over a period, or of the first coordinate without one."""
     known = bool(np.all(np.isfinite(a.tip)))
     values, unit = scale_values(a.tip if known else a.states[:, 0], "m" if known else "")
-    panel = make_period_panel(
-        float(a.t[-1]), in_unit(f"root mean square of the {'tip' if known else 'first coordinate'}", unit)
-    ).zero()
+    title = in_unit(f"root mean square of the {'tip' if known else 'first coordinate'}", unit)
+    panel = make_period_panel(float(a.t[-1]), title).zero()
     panel.line(a.t, values, "blue")
     return make_picture("answer", "Answer to a disturbance", describe_noise(a), resize([panel], 200.0))
 
@@ -154,11 +147,6 @@ def answer_record(answer: Answer) -> dict[str, Any]:
     head = {"disturbance": answer.words, **record_fields(answer, "t")}
     if isinstance(answer, NoiseAnswer):
         return head | {"error": answer.error, "rms_states": answer.states, "rms_tip": answer.tip}
-    return (
-        head
-        | record_fields(answer, "seen unit phases linear settling overshoot peak nonlinear difference problem")
-        | {
-            "worst_phase": answer.phases[answer.worst],
-            "peak_torque": answer.load and np.abs(answer.load.torque).max(axis=0),
-        }
-    )
+    peak = answer.load and np.abs(answer.load.torque).max(axis=0)
+    head |= record_fields(answer, "seen unit phases linear settling overshoot peak nonlinear difference problem")
+    return head | {"worst_phase": answer.phases[answer.worst], "peak_torque": peak}

@@ -58,26 +58,22 @@ PHASES = 12
 
 def draw_arm(a: Analysis) -> Picture:
     """The arm at equal steps of a period, and its joints' motion and feedforward torques beside it."""
-    caption = "Joint motion and feedforward of the rigid motion over one period."
+    caption, title = "Joint motion and feedforward of the rigid motion over one period.", "The arm along its motion"
+    beside, half = draw_beside(a), (share_width(2),)
     if a.arm.near.points is None:
-        return make_picture(
-            "arm", "The arm along its motion", caption, resize(draw_beside(a), 110.0, (share_width(2),))
-        )
-    bent = (
-        "bent by the steady response under the scene's loop"
-        if a.response
-        else "rigid, because there is no steady response"
-    )
+        return make_picture("arm", title, caption, resize(beside, 110.0, half))
+    known = "bent by the steady response under the scene's loop"
+    bent = known if a.response else "rigid, because there is no steady response"
     caption = (
         f"The arm at {PHASES} equal steps of a period, {bent}, to scale; later pictures are stronger. Grey: the rigid motion. "
         f"Red: the path of the tip. Beside it: {caption[0].lower()}{caption[1:]}"
     )
-    views, beside = draw_stroboscope(a), draw_beside(a)
+    views = draw_stroboscope(a)
     if len(views) == 1:
-        panels = [*resize(views, 220.0, (share_width(2),)), *resize(beside, 220.0, (share_width(4),))]
+        panels = [*resize(views, 220.0, half), *resize(beside, 220.0, (share_width(4),))]
     else:
-        panels = [*resize(views, 220.0, (share_width(3),)), *resize(beside, 110.0, (share_width(2),))]
-    return make_picture("arm", "The arm along its motion", caption, panels)
+        panels = [*resize(views, 220.0, (share_width(3),)), *resize(beside, 110.0, half)]
+    return make_picture("arm", title, caption, panels)
 
 
 def draw_beside(a: Analysis) -> list[Panel]:
@@ -152,10 +148,8 @@ def draw_modes(a: Analysis) -> Picture | None:
     energy = np.sqrt(np.maximum(np.diagonal(a.coefficients.M[0]), 0.0))
     leading = [int(np.argmax(np.abs(vectors[: a.plant.n, i]) * energy)) for i in order]
     rest, swings = bend_arm(a, [turn_real(vectors[: a.plant.n, i], k) for i, k in zip(order, leading, strict=True)])
-    panels = [
-        draw_mode(a, complex(values[i]), k, rest, swing) for i, k, swing in zip(order, leading, swings, strict=True)
-    ]
-    resize(panels, 130.0, (share_width(4),))
+    modes = zip(values[order].tolist(), leading, swings, strict=True)
+    panels = resize([draw_mode(a, value, k, rest, swing) for value, k, swing in modes], 130.0, (share_width(4),))
     caption = (
         "How the arm swings under the scene's loop if it is held still at t = 0 (coefficients frozen there): the shapes behind the "
         "frequencies above. Strong and faint: the two ends of the swing, magnified. Grey: the arm at rest. Below each: the coordinate that "

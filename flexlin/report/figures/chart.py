@@ -14,7 +14,7 @@ from flexlin.errors import counted
 from flexlin.periodic.circle import assign
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Symlog
-from flexlin.report.figures import GAP, POINTS, SERIES, WIDTH, Picture, make_picture, resize
+from flexlin.report.figures import GAP, POINTS, SERIES, WIDTH, Picture, make_picture, make_wide_panel, resize
 from flexlin.report.wording import in_unit, page_unit, with_unit, without_units
 from flexlin.scene.names import label_number, name_number, show_unit
 from flexlin.scene.parameters import get_value
@@ -65,7 +65,7 @@ def draw_chart(chart: Chart) -> Picture:
     if len(labels) == 1:
         panels: Sequence[Panel] = [draw_line(labels[0], chart.own[0], shown, chart.critical)]
     else:
-        panels = draw_map(labels, chart.own, chart.nearest, shown, chart.curves)
+        panels = draw_map(chart, labels, shown)
     return make_picture("chart", f"Stability chart of {chart.loop}", describe_chart(chart), panels)
 
 
@@ -88,9 +88,8 @@ def describe_chart(chart: Chart) -> str:
 def write_caption(verdict: Array, loop: str) -> str:
     """How many values are what."""
     kinds = ("stable", "unstable", "undecided", "failed", "missing")
-    counts = ", ".join(
-        f"{int((verdict == name).sum())} {name}" for name in kinds if name not in kinds[3:] or name in verdict
-    )
+    named = (name for name in kinds if name not in kinds[3:] or name in verdict)
+    counts = ", ".join(f"{int((verdict == name).sum())} {name}" for name in named)
     return (
         f"{loop[0].upper()}{loop[1:]} at {counted(verdict.size, 'value')}: {counts}. "
         "Green: stable; red: unstable; amber: undecided, the growth rate is zero to within its error."
@@ -140,14 +139,7 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
     x = data[next(str(name) for name in data.coords)].to_numpy()
     growth, verdict = data["exponents"].real.to_numpy(), data["verdict"].to_numpy()
     scale = choose_scale(growth, data["error"].to_numpy())
-    panel = Panel(
-        in_unit("growth rates", "1/s"),
-        x=Linear(float(x.min()), float(x.max())),
-        y=scale,
-        x_label=label,
-        width=WIDTH,
-        height=300.0,
-    ).zero()
+    panel = make_wide_panel(x, scale, in_unit("growth rates", "1/s"), label, 300.0).zero()
     for begin, end in list_unstable(x, verdict, critical):
         low, high = scale.ends
         panel.cells((np.array([begin]), np.array([end])), (np.array([low]), np.array([high])), "unstable", 0.1)
@@ -157,9 +149,8 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
     for name in ("stable", "unstable", "undecided"):
         chosen = verdict == name
         if chosen.any():
-            texts = [
-                f"{a:.6g}: {with_unit(f'{b:.4g}', '1/s')}" for a, b in zip(x[chosen], growth[chosen, 0], strict=True)
-            ]
+            pairs = zip(x[chosen], growth[chosen, 0], strict=True)
+            texts = [f"{a:.6g}: {with_unit(f'{b:.4g}', '1/s')}" for a, b in pairs]
             panel.dots(x[chosen], growth[chosen, 0], name, size=2.2, label=name, texts=texts)
     mark_critical(panel, critical, scale)
     if x.min() <= own <= x.max():
@@ -244,14 +235,7 @@ def draw_campbell(label: str, data: xarray.Dataset, error: float) -> Picture:
     frequency, growth = data["frequency"].to_numpy() / (2 * np.pi), data["growth"].to_numpy()
     shown = np.isfinite(frequency) & (frequency > 0)
     top = 1.08 * float(frequency[shown].max(initial=float(np.nanmax(motion))))
-    panel = Panel(
-        in_unit("frequencies", "Hz"),
-        x=Linear(float(x.min()), float(x.max())),
-        y=Linear(0.0, top),
-        x_label=label,
-        width=WIDTH,
-        height=320.0,
-    )
+    panel = make_wide_panel(x, Linear(0.0, top), in_unit("frequencies", "Hz"), label, 320.0)
     for k in range(1, 2 * MULTIPLES + 1):
         multiple = np.where(k * motion / 2 <= top, k * motion / 2, np.nan)
         if np.isfinite(multiple).any():
@@ -292,26 +276,19 @@ FEWEST = 0.04
 """Labels of contours keep this share of both ranges from the frame, those of resonances half of it from their point."""
 
 
-def draw_map(
-    labels: list[str],
-    own: list[float],
-    nearest: Array | None,
-    data: xarray.Dataset,
-    curves: Sequence[BoundaryCurve],
-) -> Sequence[Panel]:
+def draw_map(chart: Chart, labels: list[str], data: xarray.Dataset) -> Sequence[Panel]:
     """A cell for each pair of values, contours, the boundary, the scene's own point, and a bar of colours."""
-    paths = [str(path) for path in data["verdict"].dims]
-    axes = [data[path].to_numpy() for path in paths]
+    axes = [data[path].to_numpy() for path in chart.paths]
     growth, verdict = data["exponents"].real.max("mode").to_numpy(), data["verdict"].to_numpy()
     x, y = (find_edges(axis) for axis in axes)
     panel = Panel(x=Linear(x[0], x[-1]), y=Linear(y[0], y[-1]), x_label=labels[0], y_label=labels[1])
     fill_cells(panel, x, y, growth, verdict)
     levels = draw_contours(panel, axes, growth, verdict)
-    for curve in curves:
+    for curve in chart.curves:
         panel.line(curve.points[:, 0], curve.points[:, 1], "ink", width=1.5)
-    for text, (across, up) in {shorten(curve.resonance): curve.inside for curve in reversed(curves)}.items():
+    for text, (across, up) in {shorten(curve.resonance): curve.inside for curve in reversed(chart.curves)}.items():
         panel.words(float(across + FEWEST / 2 * np.ptp(x)), float(up), text, "ink", anchor="start", halo=True)
-    mark_scene(panel, own, nearest, axes)
+    mark_scene(panel, chart.own, chart.nearest, axes)
     panel.probe(write_probe(labels, axes, growth, verdict))
     return resize([panel, draw_bar(growth, verdict, levels)], 430.0, (WIDTH - GAP - BAR, BAR))
 
@@ -384,12 +361,7 @@ def mark_scene(panel: Panel, own: list[float], nearest: Array | None, axes: list
 
 def draw_bar(growth: Array, verdict: Array, levels: list[float]) -> Panel:
     """Which colour is which growth rate."""
-    panel = Panel(
-        in_unit("growth rate", "1/s"),
-        x=Linear(0.0, 1.0),
-        x_label="\u00a0",
-        ticked=False,
-    )
+    panel = Panel(in_unit("growth rate", "1/s"), x=Linear(0.0, 1.0), x_label="\u00a0", ticked=False)
     shown = growth[(verdict == "stable") | (verdict == "unstable")]
     low, high = float(min(shown.min(initial=0.0), 0.0)), float(max(shown.max(initial=0.0), 0.0))
     panel.y = Linear(low, high if high > low else low + 1.0)
@@ -407,16 +379,9 @@ def draw_bar(growth: Array, verdict: Array, levels: list[float]) -> Panel:
 def write_probe(labels: list[str], axes: list[Array], growth: Array, verdict: Array) -> str:
     """What the page shows under the pointer, as JSON."""
     rates = [[None if not np.isfinite(value) else float(f"{value:.4g}") for value in row] for row in growth]
-    return json.dumps(
-        {
-            "unit": f" {page_unit('1/s')}".rstrip(),
-            "labels": labels,
-            "x": axes[0].tolist(),
-            "y": axes[1].tolist(),
-            "growth": rates,
-            "verdict": verdict.tolist(),
-        }
-    )
+    x, y = (axis.tolist() for axis in axes)
+    table = {"labels": labels, "x": x, "y": y, "growth": rates, "verdict": verdict.tolist()}
+    return json.dumps({"unit": f" {page_unit('1/s')}".rstrip(), **table})
 
 
 def find_edges(values: Array) -> Array:

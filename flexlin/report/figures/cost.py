@@ -9,17 +9,7 @@ from flexlin.answers.accuracy.result import STAGES
 from flexlin.periodic.precision import EPS
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Logarithmic, format_power_of_ten
-from flexlin.report.figures import (
-    DASHES,
-    PARTS,
-    SERIES,
-    SHAPES,
-    WIDTH,
-    Picture,
-    make_picture,
-    resize,
-    share_width,
-)
+from flexlin.report.figures import DASHES, PARTS, SERIES, SHAPES, WIDTH, Picture, make_picture, resize, share_width
 from flexlin.scene.scene import Accuracy
 
 CLOSE, ABOVE = 3.0, 1.12

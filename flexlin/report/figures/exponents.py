@@ -9,15 +9,7 @@ from flexlin.periodic.floquet.modes import follow_frozen_modes
 from flexlin.periodic.precision import SLIGHT
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic, Symlog
-from flexlin.report.figures import (
-    SHAPES,
-    Picture,
-    choose_colour,
-    make_period_panel,
-    make_picture,
-    resize,
-    share_width,
-)
+from flexlin.report.figures import SHAPES, Picture, choose_colour, make_period_panel, make_picture, resize, share_width
 from flexlin.report.wording import colour, format_largest_multiplier, format_modulus, in_unit, with_unit
 
 FROZEN = (
@@ -124,15 +116,9 @@ def draw_circle(a: Analysis, loop: Loop) -> Panel:
     r = scale_radius(logs.real / np.log(10))
     reach = max(REACH, float(r.max(initial=0.0)) + 0.15)
     view = Linear(-reach, reach)
-    panel = Panel(
-        loop.name,
-        x=view,
-        y=view,
-        equal=True,
-        bare=True,
-        footer=footer,
-        footer_colour="faint" if loop.floquet is None else colour(loop, a.plant.period, a.validity(loop)),
-    )
+    panel = Panel(loop.name, view, view, equal=True, bare=True, footer=footer)
+    if loop.floquet is not None:
+        panel.footer_colour = colour(loop, a.plant.period, a.validity(loop))
     panel.area(np.cos(TURN), np.sin(TURN), "shade")
     for power in RINGS:
         size = float(scale_radius(np.array(power)))

@@ -67,11 +67,8 @@ def shift_and_scale(title: str, values: Array, unit: str) -> tuple[str, Array]:
     largest, swing = float(np.abs(values).max(initial=0.0)), float(np.ptp(values))
     if 0 < swing < SLIGHT * largest:
         mean = float(f"{np.mean(values):.5g}")
-        title, values, largest = (
-            f"{title} {'−' if mean > 0 else '+'} {format_decimal(abs(mean), 5)}",
-            values - mean,
-            swing,
-        )
+        title = f"{title} {'−' if mean > 0 else '+'} {format_decimal(abs(mean), 5)}"
+        values, largest = values - mean, swing
     if largest == 0 or not np.isfinite(largest) or PLAIN[0] <= largest < PLAIN[1]:
         return in_unit(title, unit), values
     power = 3 * int(np.floor(np.log10(largest) / 3))
@@ -122,10 +119,7 @@ def draw_coefficients(a: Analysis) -> Picture:
     shown, folded = choose_shown(np.array([entry.weight for entry in varying]), joints)
     panels = [draw_entry(a, varying[k]) for k in shown]
     under = [draw_entry(a, varying[k], THIN) for k in folded]
-    caption, heading = (
-        describe_shown(len(varying), len(shown), len(folded)),
-        f"The {len(folded)} other entries that vary",
-    )
+    caption, heading = describe_shown(varying, shown, folded), f"The {len(folded)} other entries that vary"
     return make_picture("coefficients", "The coefficients over a period", caption, panels, (), under, heading)
 
 
@@ -141,22 +135,19 @@ def draw_entry(a: Analysis, entry: Entry, every: int = 1) -> Panel:
     return make_period_panel(a.plant.period, title).line(a.t[::every], values[::every], COLOURS[entry.matrix])
 
 
-def describe_shown(varying: int, shown: int, folded: int) -> str:
+def describe_shown(varying: Sequence[Entry], shown: Sequence[int], folded: Sequence[int]) -> str:
     """What is shown, and what is not."""
     if not varying:
         return (
             "Every entry of M, D, K and h is constant along this motion: the linear system has constant coefficients."
         )
-    rest = ""
-    if varying > shown:
+    left, rest = len(varying) - len(shown) - len(folded), ""
+    if folded:
         rest = (
             " Shown are those whose variation moves frequencies and the response most, one of each joint at the least"
         )
-        rest += "; the others are folded below"
-        rest += f", {varying - shown - folded} stand in coefficients.nc of flexlin linearize alone" * (
-            varying > shown + folded
-        )
-        rest += "."
+        alone = f", {left} stand in coefficients.nc of flexlin linearize alone" if left else ""
+        rest += f"; the others are folded below{alone}."
     return (
         "Entries of M y″ + D y′ + K y = h that vary along the rigid motion, open loop; y collects the deviations of joints (q), "
         f"elastic coordinates and motors.{rest} Constant entries stand in the table below."
@@ -293,20 +284,15 @@ def draw_tip(a: Analysis) -> Picture | None:
     for k, values in enumerate(xyz.T):
         colour, _ = style_part(k)
         left.line(a.t, values, colour, label="xyz"[k], dash=("", "6 2", "2 2")[k])
-    paths = [
-        draw_path(xyz[:, across], xyz[:, up], "xyz"[across], "xyz"[up], unit)
-        for across, up in choose_views(xyz.shape[1])
-    ]
-    panels = resize(
-        [left, *paths], 150.0, (2 * share_width(3), share_width(3)) if len(paths) == 1 else (share_width(2),)
-    )
+    paths = []
+    for across, up in choose_views(xyz.shape[1]):
+        x_label, y_label = (in_unit("xyz"[axis], unit) for axis in (across, up))
+        path = Panel("its path", equal=True, x_label=x_label, y_label=y_label)
+        path.line(xyz[:, across], xyz[:, up], "ink", label="tip")
+        paths.append(path.dots([0], [0], "ink", "cross", 6, label="rigid tip"))
+    widths = (2 * share_width(3), share_width(3)) if len(paths) == 1 else (share_width(2),)
+    panels = resize([left, *paths], 150.0, widths)
     return make_picture("tip", "Tip error in steady motion", describe_tip_error(a), panels)
-
-
-def draw_path(x: np.ndarray, y: np.ndarray, across: str, up: str, unit: str) -> Panel:
-    """The path of the error in one view."""
-    panel = Panel("its path", equal=True, x_label=in_unit(across, unit), y_label=in_unit(up, unit))
-    return panel.line(x, y, "ink", label="tip").dots([0], [0], "ink", "cross", 6, label="rigid tip")
 
 
 def describe_tip_error(a: Analysis) -> str:
