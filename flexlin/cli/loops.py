@@ -3,16 +3,7 @@
 import argparse
 from functools import partial
 
-from flexlin.cli.shared import (
-    COMPUTED,
-    LIMITS,
-    LONG,
-    SCENE,
-    Work,
-    command,
-    meets,
-    print_paths,
-)
+from flexlin.cli.shared import COMPUTED, LIMITS, LONG, SCENE, Work, command, meets, print_paths
 from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError
 

@@ -80,12 +80,10 @@ class Interruption(KeyboardInterrupt):
     works = came = False
 
     def __del__(self) -> None:
-        reached = self.__traceback__  # the outermost call that it came to
-        if (
-            reached is None
-            or reached.tb_next is None
-            or not str(reached.tb_frame.f_globals["__name__"]).startswith("flexlin.")
-        ):
+        reached, where = self.__traceback__, ""  # the outermost call that it came to
+        if reached is not None and reached.tb_next is not None:
+            where = str(reached.tb_frame.f_globals["__name__"])
+        if not where.startswith("flexlin."):
             ring_later(signal.SIGINT, 1.1 * AGAIN)
 
 
@@ -153,9 +151,8 @@ def entry() -> None:
     open_closed_streams()
     if is_supervised():
         sys.exit(run_to_its_end(run_program))
-    path = (
-        [] if sys.path[0] in ("", os.getcwd()) else ["-P"]
-    )  # a module in the folder of a scene is none of the program's
+    # a module in the folder of a scene is none of the program's
+    path = [] if sys.path[0] in ("", os.getcwd()) else ["-P"]
     sys.exit(supervise([sys.executable, *path, "-m", "flexlin", *sys.argv[1:]]))
 
 

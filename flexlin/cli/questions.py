@@ -7,15 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from flexlin.cli.shared import (
-    COMPUTED,
-    LIMITS,
-    SCENE,
-    Work,
-    command,
-    meets,
-    print_paths,
-)
+from flexlin.cli.shared import COMPUTED, LIMITS, SCENE, Work, command, meets, print_paths
 from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError, FlexlinError, NumericalError, TooLarge
 

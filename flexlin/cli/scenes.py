@@ -15,11 +15,9 @@ if TYPE_CHECKING:
 SHOWN = 5
 """Natural frequencies that are printed."""
 BEYOND = ": so far that linear equations may not hold; stiffen the link, or compare with the simulation"
-ABSURD, MISTAKEN = (
-    10.0,
-    ": no arm does; is a unit missing? Numbers are in m, kg, s and rad, others such as '1000 mm' or '30 deg' name theirs",
-)
-"""The share of its length that no link bends by, and what is said of it."""
+ABSURD = 10.0
+"""The share of its length that no link bends by."""
+MISTAKEN = ": no arm does; is a unit missing? Numbers are in m, kg, s and rad, others such as '1000 mm' or '30 deg' name theirs"
 
 
 @command("list", "name the scenes that travel with flexlin")

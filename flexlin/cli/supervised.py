@@ -84,10 +84,8 @@ def supervise(work: Sequence[str]) -> int:
     """
     begun = time.perf_counter()
     if (space := read_space()) < LEAST_SPACE:
-        print(
-            f"flexlin: {NO_MEMORY}; got {space / 1e6:.0f} MB of address space, expected {LEAST_SPACE / 1e6:.0f} MB: raise ulimit -v",
-            file=sys.stderr,
-        )
+        got = f"got {space / 1e6:.0f} MB of address space, expected {LEAST_SPACE / 1e6:.0f} MB: raise ulimit -v"
+        print(f"flexlin: {NO_MEMORY}; {got}", file=sys.stderr)
         return BAD_INPUT
     reader, writer = os.pipe()
     watch = Watch(reader, begun=begun, store=read_option(work, "--store"))

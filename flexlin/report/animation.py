@@ -1,7 +1,6 @@
 """The arm in motion: one self-contained page that plays a simulation and Floquet modes, with all bodies, to scale."""
 
 import json
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,20 +22,20 @@ MAGNIFIED = (1, 5, 20)
 MODES, MODE_FRAMES = 4, 120
 """Floquet modes that may be played, their pictures, and their largest deflection: in rad, or against the arm's reach."""
 
+FRAMES = 600
+"""Pictures at the most: a longer simulation is shown in wider steps."""
+TRAIL = 0.5
+"""Share of a period for which the tip's path stays on the page."""
 
-@dataclass(frozen=True)
-class Frames:
-    """The arm at some times: curves of the links [time][link] (d, k), points (N, d, k) of joints and tip, from the base on; d = 2 or 3."""
-
-    links: list[list[Array]]
-    points: Array
+Frames = tuple[list[list[Array]], Array]
+"""The arm at some times: curves of the links [time][link] (d, k), points (N, d, k) of joints and tip, from the base on; d = 2 or 3."""
 
 
 def frames_of(lin: Linearization, t: Array, states: Array, magnify: float = 1.0) -> Frames:
     """The arm for deviations (N, n) or (N, 2n) from the rigid motion, its elastic coordinates magnified."""
     factors = np.array([magnify if c.kind == "elastic" else 1.0 for c in lin.coordinates])
     moved = states[:, : lin.n] * factors
-    return Frames(trace_arm(lin, t, moved), arm_positions(lin, t, moved)[0])
+    return trace_arm(lin, t, moved), arm_positions(lin, t, moved)[0]
 
 
 def list_grounds(points: Array) -> list[int]:
@@ -46,10 +45,11 @@ def list_grounds(points: Array) -> list[int]:
     """
     near = ROOT * max(float(np.ptp(points)), 1e-300)
     fixed = np.flatnonzero(np.ptp(points, axis=0).max(axis=0) <= near).tolist()
-    grounds = [i for i in fixed if points.shape[1] == 2 or i - 1 not in fixed]
-    return [
-        i for k, i in enumerate(grounds) if all(np.ptp(points[0][:, [i, j]], axis=1).max() > near for j in grounds[:k])
-    ]
+    kept: list[int] = []
+    for i in fixed if points.shape[1] == 2 else [i for i in fixed if i - 1 not in fixed]:
+        if all(np.ptp(points[0][:, [i, j]], axis=1).max() > near for j in kept):
+            kept.append(i)
+    return kept
 
 
 def bodies(scene: Scene) -> dict[str, bool]:
@@ -69,15 +69,12 @@ def scale_length(reach: float) -> float:
 def list_angles(lin: Linearization, t: Array, states: Array) -> list[dict[str, Any]]:
     """Each joint's angle in degrees, or displacement in m, at each time."""
     _, s = arm_positions(lin, t, states)
-    joints = [(i, c) for i, c in enumerate(lin.arm.coordinates) if c.kind == "joint"]
-    return [
-        {
-            "name": c.name,
-            "unit": "°" if c.unit == "rad" else c.unit,
-            "values": np.round(np.degrees(s[:, i]) if c.unit == "rad" else s[:, i], 4).tolist(),
-        }
-        for i, c in joints
-    ]
+    found = []
+    for i, c in enumerate(lin.arm.coordinates):
+        if c.kind == "joint":
+            values, unit = (np.degrees(s[:, i]), "°") if c.unit == "rad" else (s[:, i], c.unit)
+            found.append({"name": c.name, "unit": unit, "values": rounded(values, 4)})
+    return found
 
 
 def mode_states(lin: Linearization) -> list[tuple[str, Array, Array]]:
@@ -96,12 +93,6 @@ def mode_states(lin: Linearization) -> list[tuple[str, Array, Array]]:
         size = SWING if leading.unit == "rad" else SWING * reach
         found.append((f"Floquet motion {k + 1}, mostly {leading.title}", t, size * x))
     return found
-
-
-FRAMES = 600
-"""Pictures at the most: a longer simulation is shown in wider steps."""
-TRAIL = 0.5
-"""Share of a period for which the tip's path stays on the page."""
 
 
 def animation_page(scene: Scene, lin: Linearization, run: Simulation, command: str = "") -> str:
@@ -133,13 +124,13 @@ def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[st
     `plays` holds the simulation first, then Floquet motions.
     """
     if lin.arm.near.points is None:
-        raise ArgumentError(
-            "there is nothing to draw", got="a model without points", expected="positions of joints and tip"
-        )
+        expected = "positions of joints and tip"
+        raise ArgumentError("there is nothing to draw", got="a model without points", expected=expected)
     every = -(-len(run.t) // FRAMES)
     t, states = run.t[::every], run.nonlinear[::every]
-    plain, rigid = frames_of(lin, t, states), frames_of(lin, t, np.zeros_like(states))
-    corners = np.concatenate([np.concatenate(links, axis=1).T for found in (plain, rigid) for links in found.links])
+    plain, _ = frames_of(lin, t, states)
+    rigid, points = frames_of(lin, t, np.zeros_like(states))
+    corners = np.concatenate([np.concatenate(links, axis=1).T for links in (*plain, *rigid)])
     low, high = corners.min(axis=0), corners.max(axis=0)
     reach = float(max(high - low)) or 1.0
     digits = max(0, 5 - int(np.ceil(np.log10(reach))))
@@ -148,7 +139,6 @@ def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[st
         size = np.full(2, 2 * np.linalg.norm(corners - (low + high) / 2, axis=1).max())
     plays = [play("simulation", lin, t, states, digits)]
     plays += [play(name, lin, times, x, digits) for name, times, x in mode_states(lin)]
-    tips = [tip[::every] for tip in (run.tip, run.tip_linear)]
     away = np.linalg.norm(run.tip - run.tip_rigid, axis=1)[::every]
     return {
         "trail": max(1, int(TRAIL * lin.period / (t[1] - t[0]))),
@@ -157,36 +147,36 @@ def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[st
         "height": float(size[1]),
         "scale": scale_length(reach),
         "bodies": bodies(scene),
-        "ground": [rounded(rigid.points[0][:, i], digits) for i in list_grounds(rigid.points)],
+        "ground": [rounded(points[0][:, i], digits) for i in list_grounds(points)],
         "plays": plays,
-        "tip": rounded(tips[0], digits),
-        "linear": rounded(tips[1], digits),
-        "error": np.round(away, 9).tolist(),
+        "tip": rounded(run.tip[::every], digits),
+        "linear": rounded(run.tip_linear[::every], digits),
+        "error": rounded(away, 9),
     }
 
 
 def play(name: str, lin: Linearization, t: Array, states: Array, digits: int) -> dict[str, Any]:
     """One motion to be played: the links at each magnification that leaves the arm in one piece, joints, and joint angles."""
     versions = [frames_of(lin, t, states, factor) for factor in MAGNIFIED]
-    whole = [found for found in versions if np.isfinite(found.points).all()]
-    rigid = frames_of(lin, t, np.zeros_like(states))
+    whole = [(links, points) for links, points in versions if np.isfinite(points).all()]
+    rigid, _ = frames_of(lin, t, np.zeros_like(states))
     return {
         "name": name,
-        "t": np.round(t, 6).tolist(),
+        "t": rounded(t, 6),
         "step": float(t[1] - t[0]),
-        "links": [[[rounded(c, digits) for c in links] for links in moving(found)] for found in whole],
+        "links": [[[rounded(c, digits) for c in links] for links in moving(bent)] for bent, _ in whole],
         "rigid": [[rounded(c, digits) for c in links] for links in moving(rigid)],
-        "points": [[rounded(at, digits) for at in found.points] for found in whole],
+        "points": [rounded(points, digits) for _, points in whole],
         "angles": list_angles(lin, t, states),
     }
 
 
-def moving(frames: Frames) -> list[list[Array]]:
+def moving(frames: list[list[Array]]) -> list[list[Array]]:
     """The links of each picture that move, or all: one that never does is ground, one without length is a carriage."""
-    each = [np.stack(curves) for curves in zip(*frames.links, strict=True)]
+    each = [np.stack(curves) for curves in zip(*frames, strict=True)]
     still = ROOT * max((float(np.ptp(curves)) for curves in each), default=0.0)
     moved = [np.ptp(curves, axis=0).max() > still and np.ptp(curves, axis=2).max() > still for curves in each]
-    return [[link for link, moves in zip(links, moved, strict=True) if moves] or links for links in frames.links]
+    return [[link for link, moves in zip(links, moved, strict=True) if moves] or links for links in frames]
 
 
 def rounded(values: Any, digits: int) -> Any:

@@ -181,7 +181,7 @@ def compute_chart(
         jobs.append(job)
         if store is not None:
             keep_in(store, job)
-        job.watchers.append(Counting(len(job.points), int(job.done.sum()), show))
+        job.watchers.append(count_values(job, show))
         job.run(choose_crew(job, workers, scheduler))
         return job.dataset()
 
@@ -191,9 +191,8 @@ def compute_chart(
         if not jobs or not jobs[0].done.any():
             raise
         data = jobs[0].dataset()
-        clock.steps[-1] = replace(
-            clock.steps[-1], problem="", reached=worst_error(data)
-        )  # it has an answer, if not all of it
+        # the stage has an answer, if not all of it
+        clock.steps[-1] = replace(clock.steps[-1], problem="", reached=worst_error(data))
         return data, say_what_is_missing(jobs[0], error, store, accuracy.seconds)
 
 
@@ -207,18 +206,16 @@ def say_what_is_missing(job: Job, error: BaseException, store: Path | None, seco
     return f"{known}; {longer}{', or ' if late else ''}add --store CHART.zarr, from which the same command goes on"
 
 
-class Counting:
-    """Counts finished values, each block by a call; `show` takes the line."""
+def count_values(job: Job, show: Callable[[str], None]) -> Callable[[int, Found], None]:
+    """What counts the finished values of a sweep, each block by a call; `show` takes the line."""
+    begun, counts = time.monotonic(), np.zeros(len(VERDICTS), dtype=int)
+    if known := int(job.done.sum()):
+        print(f"flexlin: {known:,} of {len(job.points):,} values are there already", file=sys.stderr, flush=True)
 
-    def __init__(self, values: int, done: int, show: Callable[[str], None]):
-        self._show, self._start = show, time.monotonic()
-        self._counts = np.zeros(len(VERDICTS), dtype=int)
-        if done:
-            print(f"flexlin: {done:,} of {values:,} values are there already", file=sys.stderr, flush=True)
+    def count(start: int, block: Found) -> None:
+        np.add.at(counts, block.verdict, 1)
+        rate = counts.sum() / max(time.monotonic() - begun, 1e-9)
+        said = ", ".join(f"{n:,} {word}" for n, word in zip(counts, VERDICTS, strict=True) if n)
+        show(f"exponents of all values, {rate:,.0f} a second: {said}")
 
-    def __call__(self, start: int, block: Found) -> None:
-        """Count a block, and show what is known."""
-        self._counts += np.bincount(block.verdict, minlength=len(VERDICTS))
-        elapsed, done = time.monotonic() - self._start, int(self._counts.sum())
-        counts = ", ".join(f"{n:,} {word}" for n, word in zip(self._counts, VERDICTS, strict=True) if n)
-        self._show(f"exponents of all values, {done / max(elapsed, 1e-9):,.0f} a second: {counts}")
+    return count

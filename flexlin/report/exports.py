@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray
@@ -12,7 +13,7 @@ import flexlin
 from flexlin.about.linear import with_control
 from flexlin.about.linearization import Linearization
 from flexlin.answers.judging import Loop
-from flexlin.checks import Array, check_size, memory_limit
+from flexlin.checks import check_size, memory_limit
 from flexlin.control.designed_loop import Design, scene_feedback
 from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_estimator import write_estimator
@@ -27,18 +28,17 @@ from flexlin.files import Results, results
 from flexlin.motion import SymbolicMotion
 from flexlin.scene.scene import Scene
 
-MEANING = {
-    "M": "mass matrix M_L",
-    "D": "matrix of y', D_L",
-    "K": "matrix of y, K_L",
-    "h": "forcing h_L that the rigid motion leaves over",
-    "B": "input matrix B_L",
-    "tau": "feedforward torque of the rigid motion",
-    "D_loop": "D_L with what of the scene's feedback answers at once",
-    "K_loop": "K_L with what of the scene's feedback answers at once",
-    "h_loop": "h_L with the scene's feedforward",
-    "controller_gain": "what the controller's states z subtract from the torque",
-    "controller_rates": "z' as a function of [y; y'; z]",
+MATRIX, VECTOR = ("time", "row", "column"), ("time", "row")
+TABLES = {
+    "M": (MATRIX, "mass matrix M_L"),
+    "D": (MATRIX, "matrix of y', D_L"),
+    "K": (MATRIX, "matrix of y, K_L"),
+    "h": (VECTOR, "forcing h_L that the rigid motion leaves over"),
+    "B": (("time", "row", "input"), "input matrix B_L"),
+    "tau": (("time", "input"), "feedforward torque of the rigid motion"),
+    "D_loop": (MATRIX, "D_L with what of the scene's feedback answers at once"),
+    "K_loop": (MATRIX, "K_L with what of the scene's feedback answers at once"),
+    "h_loop": (VECTOR, "h_L with the scene's feedforward"),
 }
 EQUATION = "M y'' + D y' + K y = h + B u, deviations y from the rigid motion; joint rows in N m and rad, elastic rows in N and m"
 
@@ -48,37 +48,27 @@ def coefficients_dataset(scene: Scene, plant: Linearization, closed: Linearizati
     check_points(points, 6 * plant.n * (plant.n + 1))
     t = plant.period * np.arange(points) / points
     free, loop = plant.sample(t), closed.sample(t)
-    matrix, vector = ("time", "row", "column"), ("time", "row")
-    series = {
-        "M": (matrix, free.M),
-        "D": (matrix, free.D),
-        "K": (matrix, free.K),
-        "h": (vector, free.h),
-        "B": (("time", "row", "input"), free.B),
-        "tau": (("time", "input"), free.tau),
-        "D_loop": (matrix, loop.D),
-        "K_loop": (matrix, loop.K),
-        "h_loop": (vector, loop.h),
-    }
     names = list(plant.names)
-    data = xarray.Dataset(series, {"time": t, "row": names, "column": names, "input": list(plant.inputs)})
+    data = xarray.Dataset(coords={"time": t, "row": names, "column": names, "input": list(plant.inputs)})
+    for name, (dims, meaning) in TABLES.items():
+        entry, _, own = name.partition("_")
+        data[name] = dims, getattr(loop if own else free, entry), {"long_name": meaning}
     data = data.assign(controller_tables(closed))
-    for name, meaning in MEANING.items():
-        if name in data:
-            data[name].attrs["long_name"] = meaning
     data["tau"].attrs["units"] = "N m"
     return described(data, scene, plant.period, EQUATION)
 
 
-def controller_tables(closed: Linearization) -> dict[str, tuple[tuple[str, ...], Array]]:
+def controller_tables(closed: Linearization) -> dict[str, tuple[Any, ...]]:
     """Gain and rates of the scene's integrals and filters, if it has any: the loop is M y'' + D_loop y' + K_loop y = h_loop - B gain z."""
     controller = closed.controller
     if controller is None:
         return {}
     gain = closed.closed_by.gain(np.zeros(1))[0, :, 2 * closed.n :]
+    subtracted = {"long_name": "what the controller's states z subtract from the torque"}
+    rates = {"long_name": "z' as a function of [y; y'; z]"}
     return {
-        "controller_gain": (("input", "memory"), gain),
-        "controller_rates": (("memory", "state"), controller.rates),
+        "controller_gain": (("input", "memory"), gain, subtracted),
+        "controller_rates": (("memory", "state"), controller.rates, rates),
         "memory": (("memory",), np.array(controller.names)),
     }
 
@@ -88,21 +78,17 @@ def gains_dataset(scene: Scene, plant: Linearization, designs: list[Design], poi
     check_points(points, 2 * len(designs) * plant.n * max(1, len(plant.inputs)))
     t = plant.period * np.arange(points) / points
     states = [*plant.names, *[f"{name}_rate" for name in plant.names]]
-    remembered = max(
-        (design.controller.names for design in designs if design.controller is not None), key=len, default=()
-    )
+    controllers = [design.controller for design in designs if design.controller is not None]
+    remembered = max((controller.names for controller in controllers), key=len, default=())
     gains = np.zeros((len(designs), points, max(1, len(plant.inputs)), len(states) + len(remembered)))
     for gain, design in zip(gains, designs, strict=True):
         gain[:, :, : design.closed_loop.n] = design.K(t)
     states += remembered
-    data = xarray.Dataset(
-        {"K": (("design", "time", "input", "state"), gains)},
-        {"design": [design.name for design in designs], "time": t, "input": list(plant.inputs), "state": states},
-    )
-    data["K"].attrs["long_name"] = "feedback gain"
-    return described(
-        data, scene, plant.period, "u = -K(t) [y; y'; integrals], beside the feedforward torque of the rigid motion"
-    )
+    names = [design.name for design in designs]
+    axes = {"design": names, "time": t, "input": list(plant.inputs), "state": states}
+    data = xarray.Dataset({"K": (list(axes), gains, {"long_name": "feedback gain"})}, axes)
+    equation = "u = -K(t) [y; y'; integrals], beside the feedforward torque of the rigid motion"
+    return described(data, scene, plant.period, equation)
 
 
 def check_gains(scene: Scene, points: int) -> None:
@@ -137,13 +123,9 @@ def storable(data: xarray.Dataset) -> xarray.Dataset:
         named = {key: part.assign_attrs(data[name].attrs) for key, part in parts.items()}
         data = data.drop_vars(name).assign(named)
     for name in [str(name) for name in data.data_vars if data[name].dtype == object]:
-        given = data[name].values
-        texts = sorted(set(given.flat))
-        codes = np.fromiter(
-            map({text: k for k, text in enumerate(texts)}.__getitem__, given.flat), np.int32, given.size
-        )
+        texts, codes = np.unique(data[name].values, return_inverse=True)
         flags = {"flag_values": np.arange(len(texts)), "flag_meanings": " | ".join(texts)}
-        data = data.assign({name: (data[name].dims, codes.reshape(given.shape), flags)})
+        data = data.assign({name: (data[name].dims, codes.reshape(data[name].shape).astype(np.int32), flags)})
     return data
 
 
@@ -185,12 +167,9 @@ def design_folders(names: Sequence[str]) -> dict[str, str]:
     for position, name in enumerate(names, start=1):
         folder = name_folder(name, position)
         if folder in owners:
-            raise InputError(
-                "two designs would be written into one folder",
-                got=f"{owners[folder]!r} and {name!r}, both {folder}",
-                expected="names that differ in letters or digits",
-                todo="rename one of them",
-            )
+            got, expected = f"{owners[folder]!r} and {name!r}, both {folder}", "names that differ in letters or digits"
+            wrong = "two designs would be written into one folder"
+            raise InputError(wrong, got=got, expected=expected, todo="rename one of them")
         owners[folder] = name
     return {name: folder for folder, name in owners.items() if folder != OWN}
 

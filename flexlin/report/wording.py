@@ -151,9 +151,8 @@ def format_power(value: float) -> str:
 def format_figures(table: dict[str, Any], units: dict[str, str]) -> str:
     """The figures of an effect with their units: mass 0.03 kg, inertia 0 kg m^2."""
     given = {key: value for key, value in table.items() if value is not None}
-    return (
-        ", ".join(f"{key} {format_list(value)} {units.get(key, '')}".rstrip() for key, value in given.items()) or "none"
-    )
+    said = [f"{key} {format_list(value)} {units.get(key, '')}".rstrip() for key, value in given.items()]
+    return ", ".join(said) or "none"
 
 
 def format_list(value: Any) -> str:
@@ -254,18 +253,13 @@ def reason(validity: ModelValidity) -> str:
 def describe_evidence(found: ModelEvidence) -> str:
     """One figure in words."""
     size = format_quantity(found.value, found.unit).rstrip()
-    of_arm = f"{size}, {100 * found.share:.3g} % of the arm's length"
-    if found.what == "bending":
-        return (
-            f"by the linear answer its links bend by {of_arm}, too far for linear equations: slow down, or stiffen them"
-        )
-    if found.what == "tip":
-        return f"by the linear answer its tip is {of_arm}, away from its rigid path, and deflections must be small"
-    if found.what == "difference":
-        return (
-            f"the linear answer misses the nonlinear one by {size}, {100 * found.share:.3g} % of the largest deviation"
-        )
-    return f"the nonlinear equations lose their meaning after {format_quantity(found.bound, 's')}"
+    share, linear = f"{size}, {100 * found.share:.3g} %", "by the linear answer its"
+    return {
+        "bending": f"{linear} links bend by {share} of the arm's length, too far for linear equations: slow down, or stiffen them",
+        "tip": f"{linear} tip is {share} of the arm's length, away from its rigid path, and deflections must be small",
+        "difference": f"the linear answer misses the nonlinear one by {share} of the largest deviation",
+        "stopped": f"the nonlinear equations lose their meaning after {format_quantity(found.bound, 's')}",
+    }[found.what]
 
 
 PLACES = {"torque": "on the torque", "rates": "on the measured rates"}
@@ -312,9 +306,8 @@ def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mappin
     for change, words in (("onset", "becomes unstable"), ("recovery", "becomes stable")):
         said = [describe_place(scene, margin, one) for margin, one in met if one and leads_to(margin, one) == change]
         parts += [f"{words} {' and '.join(said)}"] if said else []
-    kept = [
-        describe_range(scene, margin) for margin, one in met if one is None and margin.searched[0] < margin.searched[1]
-    ]
+    whole = [margin for margin, one in met if one is None and margin.searched[0] < margin.searched[1]]
+    kept = [describe_range(scene, margin) for margin in whole]
     parts += [f"keeps its verdict for {' and '.join(kept)}"] if kept else []
     parts += [describe_gap(scene, margin, one) for margin, one in met if margin.gap]
     left = [name_number(key.removeprefix(SEARCHED)) for key in problems or {} if key.startswith(SEARCHED)]
@@ -356,9 +349,8 @@ def describe_nearest(scene: Scene, found: "NearestInstability | None") -> str:
     """What the uncertain numbers may do to the loop; empty where nobody asked."""
     if found is None:
         return ""
-    spread = (
-        "growth rates within the stated ranges from " + " to ".join(f"{rate:.4g}" for rate in found.growth) + " 1/s"
-    )
+    least, most = found.growth
+    spread = f"growth rates within the stated ranges from {least:.4g} to {most:.4g} 1/s"
     if not math.isfinite(found.scale):
         return f"{found.status}; {spread}"
     places = (

@@ -74,9 +74,8 @@ def write_report(
     if with_audit:
         from flexlin.answers.audit import audit
 
-        a.audit = a.attempt(
-            "effects audit", "audit of the effects", partial(audit, scene, progress=progress, tol=asked.tol)
-        )
+        compare = partial(audit, scene, progress=progress, tol=asked.tol)
+        a.audit = a.attempt("effects audit", "audit of the effects", compare)
     if with_sensitivity:
         from flexlin.answers.sensitivity import sensitivity
 
@@ -94,10 +93,7 @@ def write_report(
     def write(pictures: "list[Picture]", *ends: Step) -> "tuple[Analysis, list[Path]]":
         a.steps = (*clock.steps, *ends)
         data["steps"] = [step_block(step) for step in a.steps]
-        with results(folder, "report") as made:
-            (made / "report.html").write_text(render_page(a, data, pictures, command), encoding="utf-8")
-            (made / "report.json").write_text(to_json(data), encoding="utf-8")
-        return a, made.placed("report.html", "report.json")
+        return a, write_both(folder, render_page(a, data, pictures, command), to_json(data))
 
     written(write([], CUT_OFF)[1])
     return write(draw_in_time(a, clock))
@@ -125,11 +121,14 @@ def write_why(scene: Scene, folder: Path, command: str, clock: Clock, error: Fle
     from flexlin.report.page import picture_page
 
     page = picture_page(scene.title, Picture("why", "There are no linear equations", str(error), ""), command)
+    return write_both(folder, page, to_json({**record_scene(scene, clock.steps), "problem": str(error)}))
+
+
+def write_both(folder: Path, page: str, data: str) -> "list[Path]":
+    """Write report.html and report.json as one set; returns where they are."""
     with results(folder, "report") as made:
         (made / "report.html").write_text(page, encoding="utf-8")
-        (made / "report.json").write_text(
-            to_json({**record_scene(scene, clock.steps), "problem": str(error)}), encoding="utf-8"
-        )
+        (made / "report.json").write_text(data, encoding="utf-8")
     return made.placed("report.html", "report.json")
 
 
