@@ -21,7 +21,7 @@ from typing import Any, NoReturn
 
 from flexlin import __version__
 from flexlin.bounds import printable
-from flexlin.cli import loops, questions, scenes
+from flexlin.cli import loops, scenes
 from flexlin.cli.shared import OPTIONS, Command, parse_place
 from flexlin.cli.supervised import (
     BAD_INPUT,
@@ -45,12 +45,7 @@ LONGEST = 1000
 """Characters of a line that says what is wrong: it may repeat what somebody else wrote."""
 AGAIN = 1.0
 """Seconds within which requests to end the program count as one: a terminal, and `timeout`, send theirs to all processes."""
-COMMANDS = {
-    found.name: found
-    for module in (scenes, questions, loops)
-    for found in vars(module).values()
-    if isinstance(found, Command)
-}
+COMMANDS = {one.name: one for one in (*vars(scenes).values(), *vars(loops).values()) if isinstance(one, Command)}
 """A new one is a function under `command`, in the file of what it is about."""
 
 
