@@ -198,37 +198,50 @@ def test_a_motion_without_a_period(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    "words",
     [
-        ["dance", "single-link"],
-        [],
-        ["report"],
-        ["report", "single-link", "--require", "luck"],
-        ["linearize", "single-link", "--points", "few"],
-        ["linearize", "single-link", "--points", "1"],
-        ["simulate", "single-link", "--periods", "long"],
-        ["report", "single-link", "--set"],
-        ["chart", "single-link"],
-        ["chart", "single-link", "--over", "motion.frequency"],
-        ["chart", "single-link", "--over", "motion.frequency=3"],
-        ["chart", "single-link", "--over", "motion.frequency=1:3:few"],
-        ["report", "single-link", "--colour"],
+        "",
+        "dance single-link",
+        "report",
+        "report single-link --require luck",
+        "report single-link --set",
+        "report single-link --colour",
+        "linearize single-link --points few",
+        "linearize single-link --points 1",
+        "simulate single-link --periods long",
+        "chart single-link",
+        "chart single-link --over motion.frequency",
+        "chart single-link --over motion.frequency=3",
+        "chart single-link --over motion.frequency=1:3:few",
     ],
 )
-def test_a_command_that_does_not_exist(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_command_that_does_not_exist(words: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
-        main(arguments)
+        main(words.split())
     assert stop.value.code == BAD_INPUT
     assert "error:" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("limits", ["3:1", "2 Hz:1 Hz", "1 mm:2 mm", "1:", "one:two", "nan:1"])
-def test_a_range_that_is_none(limits: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["chart", "single-link", "--over", f"motion.frequency={limits}:3", "--out", str(tmp_path / "out")]
+REFUSED = {
+    **{
+        f"chart single-link --over motion.frequency={limits.replace(' ', '_')}:3": "LOW below HIGH"
+        for limits in ("3:1", "2 Hz:1 Hz", "1 mm:2 mm", "1:", "one:two", "nan:1")
+    },
+    **{f"simulate spinning-link --periods {periods}": "periods" for periods in ("0", "-1", "nan")},
+    **{f"chart single-link --over {path}=1:2": path for path in ("motion.speed", "title")},
+    "chart single-link --over motion.frequency=1:2 motion.frequency=1:3": "motion.frequency",
+    "design spinning-link": "[[designs]]",
+}
+"""Commands, with _ for a space within a word, and what is said of them."""
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_cannot_be_asked_is_refused_before_any_file(words: str, tmp_path: Path, capsys) -> None:
+    """A range that is none, a length of none, what is no parameter, a scene without designs."""
     with pytest.raises(SystemExit) as stop:
-        sys.exit(main(words))
+        sys.exit(main([*(word.replace("_", " ") for word in words.split()), "--out", str(tmp_path / "out")]))
     assert stop.value.code == BAD_INPUT
-    assert "LOW below HIGH" in capsys.readouterr().err
+    assert REFUSED[words] in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
@@ -242,28 +255,6 @@ def test_a_range_is_written_in_any_unit(tmp_path: Path, capsys: pytest.CaptureFi
             np.testing.assert_allclose(data["payload_mass"], [0.1, 0.2, 0.3], rtol=1e-15)
             np.testing.assert_allclose(data["amplitude_of_joint_1"], [np.pi / 18, 0.5], rtol=1e-15)
     capsys.readouterr()
-
-
-@pytest.mark.parametrize("periods", ["0", "-1", "nan"])
-def test_a_length_that_is_none(periods: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["simulate", "spinning-link", "--periods", periods, "--out", str(tmp_path / "out")]) == BAD_INPUT
-    assert "periods" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_scene_without_designs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["design", "spinning-link", "--out", str(tmp_path / "out")]) == BAD_INPUT
-    assert "[[designs]]" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    "over", [["motion.speed=1:2"], ["title=1:2"], ["motion.frequency=1:2", "motion.frequency=1:3"]]
-)
-def test_a_chart_over_what_is_no_parameter(over: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["chart", "single-link", "--over", *over, "--out", str(tmp_path / "out")]) == BAD_INPUT
-    assert over[0].partition("=")[0] in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
 
 
 def test_an_output_folder_that_is_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

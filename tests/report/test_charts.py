@@ -1,9 +1,12 @@
-"""What charts are made of: contours, scales that do not enlarge rounding, frequencies without ambiguity, plain names."""
+"""Charts: contours, scales that do not enlarge rounding, frequencies without ambiguity, plain names, pictures of many values."""
 
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 
 import flexlin as fl
 from flexlin.answers import (
@@ -15,6 +18,7 @@ from flexlin.answers import (
     find_margin,
     unfold_frequencies,
 )
+from flexlin.cli import main
 from flexlin.report import (
     Chart,
     choose_scale,
@@ -23,9 +27,11 @@ from flexlin.report import (
     find_boundary,
     record_margin,
     say_bending,
+    thin,
     trace_contour,
 )
 from flexlin.scene import label_number
+from tests.files.reader import standing
 
 
 def test_a_contour_of_a_cone_is_a_circle():
@@ -94,10 +100,8 @@ def test_a_search_that_had_to_end_says_where_a_change_may_hide():
     path, limits = "motion.frequency", (0.125, 4.0)
     onset = CriticalValue(path, 2.5, 0.25, "onset", "not looked for", 2.0, np.nan)
     margin = Margin(path, *limits, 0.5, 9, (), 0.5, (0.4, 0.9))
-    left = (
-        "shows the same verdict at the 9 values of motion frequency from 0.125 to 4 Hz that time allowed, "
-        "which leave gaps of up to 0.5 Hz"
-    )
+    left = "shows the same verdict at the 9 values of motion frequency from 0.125 to 4 Hz that time allowed, "
+    left += "which leave gaps of up to 0.5 Hz"
     kept = "keeps its verdict for a motion frequency from 0.4 to 0.9 Hz"
     assert describe_margins(scene, (margin,)) == f"{kept}; {left}"
     assert describe_margins(scene, (replace(margin, searched=(0.6, 0.4)),)) == left
@@ -159,3 +163,85 @@ def test_a_chart_over_one_number_says_where_its_search_had_to_end(monkeypatch):
     assert "was not searched to the end" in said
     assert "that time allowed leave gaps of up to" in said
     assert "does not change" not in said
+
+
+SCENE = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control": {}})
+
+
+def sweep_of(growth, **axes):
+    """A sweep as `fl.sweep` returns it, with these growth rates."""
+    dims = list(axes) if len(axes) > 1 else ["value"]
+    coords = {name: (name if len(axes) > 1 else "value", values) for name, values in axes.items()}
+    verdict = np.where(np.isnan(growth), "failed", np.where(growth > 0, "unstable", "stable"))
+    exponents = np.stack([growth, growth - 1.0, growth - 2.0, growth - 3.0], axis=-1).astype(complex)
+    named = {
+        "verdict": (dims, verdict),
+        "error": (dims, np.full(growth.shape, 1e-9)),
+        "period": (dims, 2.0 + 0 * growth),
+    }
+    return xarray.Dataset({"exponents": ([*dims, "mode"], exponents), **named}, coords)
+
+
+@pytest.mark.parametrize("shape", [(1_001, 77), (300, 301), (650, 900)])
+def test_a_thinned_map_shows_each_single_unstable_value(shape):
+    rng = np.random.default_rng(shape[0])
+    growth = -1.0 - rng.random(shape)
+    hidden = tuple(int(rng.integers(n)) for n in shape)
+    growth[hidden] = 0.5
+    axes = {"motion.frequency": np.linspace(0.1, 2.0, shape[0]), "effects.payload.mass": np.linspace(0, 0.3, shape[1])}
+    found = thin(sweep_of(growth, **axes))
+    assert max(found["verdict"].shape) <= 300
+    (i,), (j,) = np.nonzero(found["verdict"].values == "unstable")
+    for index, at, (path, axis) in zip((i, j), hidden, axes.items(), strict=True):
+        assert abs(found[path].values[index] - axis[at]) <= np.ptp(axis) / 100
+        assert found[path].values[[0, -1]].tolist() == [axis[0], axis[-1]]
+
+
+def test_a_thinned_line_keeps_values_and_their_numbers_together():
+    growth = np.sin(np.linspace(0, 40, 10_007)) - 0.5
+    growth[5_000] = np.nan
+    data = sweep_of(growth, **{"effects.payload.mass": np.linspace(0, 0.3, len(growth))})
+    found = thin(data)
+    assert len(found["verdict"]) <= 2000
+    assert (found["verdict"] == "unstable").sum() > 0
+    again = data.sel(value=np.searchsorted(data["effects.payload.mass"], found["effects.payload.mass"]))
+    np.testing.assert_array_equal(again["exponents"].values, found["exponents"].values)
+    assert thin(found) is found
+
+
+def test_a_search_that_met_a_limit_is_not_a_range_without_boundary():
+    growth = np.array([[-1.0, 1.0], [-1.0, -1.0]])
+    data = sweep_of(growth, **{"motion.frequency": np.array([0.2, 3.0]), "effects.payload.mass": np.array([0.0, 0.3])})
+    (picture,) = draw_charts(Chart(SCENE, data))
+    assert "does not change" not in picture.caption
+    data.attrs["search"] = "the limit of 3 s was met"
+    (picture,) = draw_charts(Chart(SCENE, data))
+    assert "the limit of 3 s was met" in picture.caption
+    line = sweep_of(growth[:, 0], **{"motion.frequency": np.array([0.2, 3.0])}).assign_attrs(data.attrs)
+    assert "the limit of 3 s was met" in draw_charts(Chart(SCENE, line))[0].caption
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", ["time", "memory"])
+def test_numbers_are_written_where_a_picture_meets_a_limit(fault: str, tmp_path: Path, monkeypatch, capsys) -> None:
+    """Drawing that never ends is ended; whatever becomes of it, the numbers stand since before it began."""
+    stood = []
+
+    def endless(*_: object) -> None:
+        stood.extend(standing(tmp_path / "out", "chart") or ())
+        if fault == "memory":
+            raise MemoryError("cannot allocate 3 TiB")
+        while True:
+            time.sleep(0.01)
+
+    monkeypatch.setattr("flexlin.report.charts.draw_charts", endless)
+    over = ["--over", "effects.payload.mass=0:0.3:9", "--set", "links.0.modes=1", "designs=[]", "control={}"]
+    limit = ["--limit-seconds", "2"] if fault == "time" else []
+    assert main(["chart", "single-link", *over, *limit, "--out", str(tmp_path / "out")]) == 4
+    assert set(stood) == {"chart.html", "chart.nc", "chart.npz"}
+    with np.load(tmp_path / "out/chart.npz", allow_pickle=False) as found:
+        assert found["error"].shape == (9,)
+        assert np.isfinite(found["exponents_re" if "exponents_re" in found else "exponents"]).all()
+    said, page = capsys.readouterr().out, (tmp_path / "out/chart.html").read_text()
+    for text in (said, page):
+        assert "The picture was not drawn (figures:" in text

@@ -12,24 +12,25 @@ from flexlin.answers import Clock
 from flexlin.answers.analysis import Analysis, analyse
 from flexlin.answers.judging import Loop
 from flexlin.answers.steady import find_response
-from flexlin.plots import SMALL, Linear, Logarithmic, Panel, Symlog, draw, measure_text
+from flexlin.plots import SMALL, Linear, Logarithmic, Mark, Panel, Symlog, draw, measure_text
 from flexlin.report import draw_pictures, figures
 from flexlin.report.figures import choose_colour
 from flexlin.report.figures.chart import follow_lines
 from flexlin.report.figures.over_period import choose_shown, shift_and_scale
 
-SCENE = """
-schema = 1
-title = "an arm of five joints"
-links = [{links}]
-[motion]
-kind = "fourier"
-period = 1.0
-joints = [{joints}]
-[effects.gravity]
-[control]
-feedback = {{ kind = "pd", kp = [{kp}], kd = [{kd}] }}
-"""
+LINK = {"length": 0.3, "mass_per_length": 0.5, "bending_stiffness": 20.0, "modes": 1}
+FIVE = {
+    "schema": 1,
+    "title": "an arm of five joints",
+    "links": [LINK] * 5,
+    "motion": {
+        "kind": "fourier",
+        "period": 1.0,
+        "joints": [{"mean": 0.2 * k, "sin": [0.1 * k + 0.1]} for k in range(5)],
+    },
+    "effects": {"gravity": {}},
+    "control": {"feedback": {"kind": "pd", "kp": [40.0] * 5, "kd": [4.0] * 5}},
+}
 
 
 @pytest.fixture(scope="module")
@@ -38,17 +39,9 @@ def two_loops() -> Analysis:
 
 
 @pytest.fixture(scope="module")
-def large(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
+def large() -> Analysis:
     """An arm of five joints and five elastic coordinates."""
-    n = 5
-    link = "{ length = 0.3, mass_per_length = 0.5, bending_stiffness = 20.0, modes = 1 }"
-    joints = ", ".join(f"{{ mean = {0.2 * k}, sin = [0.{k + 1}] }}" for k in range(n))
-    text = SCENE.format(
-        links=", ".join([link] * n), joints=joints, kp=", ".join(["40.0"] * n), kd=", ".join(["4.0"] * n)
-    )
-    path = tmp_path_factory.mktemp("scene") / "five.toml"
-    path.write_text(text)
-    scene = fl.load_scene(path)
+    scene = fl.parse_scene(FIVE)
     arm = fl.build_manipulator(scene)
     plant, closed = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
     t = np.linspace(0.0, plant.period, 129)
@@ -71,10 +64,9 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[Panel], list]]:
     return calls
 
 
-def find_looks(panel: Panel) -> set[str]:
-    """The colours and dashes of curves that are more than a border or a picture of the arm."""
-    lines = [mark for mark in panel.marks if mark.kind == "line" and len(mark.x) > 2]
-    return {re.sub(r"stroke-(width|opacity):[^;]*;?", "", mark.style).strip(";") for mark in lines}
+def find_look(mark: Mark) -> str:
+    """Its colour and dash."""
+    return re.sub(r"stroke-(width|opacity):[^;]*;?", "", mark.style).strip(";")
 
 
 @pytest.mark.slow
@@ -89,12 +81,10 @@ def test_every_axis_says_its_size_and_every_line_its_name(request, drawn, which)
             _, y = panel.fitted()
             assert len(y.ticks(3)) >= 2, panel.title
             assert len({label for _, label in y.ticks(3)}) == len(y.ticks(3)), panel.title
-            looks = find_looks(panel)
+            # curves are more than a border or a picture of the arm
+            looks = {find_look(mark) for mark in panel.marks if mark.kind == "line" and len(mark.x) > 2}
             if len(looks) > 1 and not panel.title.startswith(pictured):
-                named = {
-                    re.sub(r"stroke-(width|opacity):[^;]*;?", "", m.style).strip(";") for m in (*legend, *panel.legend)
-                }
-                assert looks <= named, panel.title
+                assert looks <= {find_look(mark) for mark in (*legend, *panel.legend)}, panel.title
 
 
 def test_one_loop_has_one_colour(two_loops: Analysis, drawn) -> None:
@@ -118,28 +108,19 @@ def test_colours_stay_apart_for_six_loops(two_loops: Analysis) -> None:
     assert len({choose_colour(more, loop) for loop in more.loops}) == 7
 
 
-def test_large_arms_show_all_joints_and_fold_the_rest(large: Analysis, drawn) -> None:
+def test_large_arms_show_all_joints_and_fold_the_rest(large: Analysis) -> None:
     pictures = {picture.name: picture for picture in draw_pictures(large)}
-    names = [f"q{k + 1}" for k in range(5)]
-    shown = re.findall(r"<b>([^<>]*)</b>", pictures["response"].svg)
-    for name in names:
-        assert any(text.startswith(f"{name} in") for text in shown)
-        assert any(text.startswith(f"input {name} in") for text in shown)
-        assert re.search(rf">[MDKh]\({name}[,)]", pictures["coefficients"].svg)
-    for picture in ("response", "coefficients"):
-        everything = [
-            text
-            for svg in (pictures[picture].svg, pictures[picture].folded)
-            for text in re.findall(r"<b>([^<>]+) in [^<>]*</b>", svg)
-        ]
+    response, coefficients = pictures["response"], pictures["coefficients"]
+    titles = re.findall(r"<b>([^<>]*) in [^<>]*</b>", response.svg)
+    for name in (f"q{k + 1}" for k in range(5)):
+        assert {name, f"input {name}"} <= set(titles)
+        assert re.search(rf">[MDKh]\({name}[,)]", coefficients.svg)
+    for picture in (response, coefficients):
+        everything = re.findall(r"<b>([^<>]+) in [^<>]*</b>", picture.svg + picture.folded)
         assert len(everything) == len(set(everything))
-        assert pictures[picture].folded
-    assert {f"w{i + 1}{k + 1}" for i in range(5) for k in range(1)} <= {
-        text
-        for svg in (pictures["response"].svg, pictures["response"].folded)
-        for text in re.findall(r">(w\d\d) in", svg)
-    }
-    entries = re.findall(r">([MDK])\((\w+), (\w+)\)", pictures["coefficients"].svg + pictures["coefficients"].folded)
+        assert picture.folded
+    assert {f"w{k + 1}1" for k in range(5)} <= set(re.findall(r">(w\d\d) in", response.svg + response.folded))
+    entries = re.findall(r">([MDK])\((\w+), (\w+)\)", coefficients.svg + coefficients.folded)
     assert len(entries) > 40
     assert {row for _, row, _ in entries} | {column for _, _, column in entries} == set(large.plant.names)
 

@@ -47,12 +47,18 @@ def test_planned_stages_share_the_work_alike() -> None:
     assert said[-1] <= 1.0
 
 
-def test_a_pipe_hears_of_a_step_without_news_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, seconds in {"PATIENCE": 0.01, "TICK": 0.01, "APART": 0.02}.items():
+def open_pipe(monkeypatch: pytest.MonkeyPatch, patience: float) -> io.StringIO:
+    """Standard error of a program."""
+    for name, seconds in {"PATIENCE": patience, "TICK": 0.01, "APART": 0.1}.items():
         monkeypatch.setattr(shown, name, seconds)
     pipe = io.StringIO()
     monkeypatch.setattr("sys.stderr", pipe)
     monkeypatch.setattr("sys.__stderr__", pipe)
+    return pipe
+
+
+def test_a_pipe_hears_of_a_step_without_news_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    pipe = open_pipe(monkeypatch, 0.01)
     with Progress() as progress:
         for step in ("load", "solve"):
             progress(step)
@@ -61,15 +67,8 @@ def test_a_pipe_hears_of_a_step_without_news_once(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize(("patience", "words"), [(0.05, True), (60.0, False)])
-def test_a_pipe_gets_lines_with_percentage_and_time_left(
-    monkeypatch: pytest.MonkeyPatch, patience: float, words: bool
-) -> None:
-    monkeypatch.setattr(shown, "PATIENCE", patience)
-    monkeypatch.setattr(shown, "TICK", 0.01)
-    monkeypatch.setattr(shown, "APART", 0.1)
-    pipe = io.StringIO()
-    monkeypatch.setattr("sys.stderr", pipe)
-    monkeypatch.setattr("sys.__stderr__", pipe)
+def test_a_pipe_gets_lines_with_percentage_and_time_left(monkeypatch, patience: float, words: bool) -> None:
+    pipe = open_pipe(monkeypatch, patience)
     with Progress() as progress:
         progress("first step")
         advance(0.25)

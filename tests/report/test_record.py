@@ -1,14 +1,16 @@
-"""report.json says what the library says, and survives numbers that JSON cannot hold."""
+"""report.json says what the library says, and survives numbers that JSON cannot hold; what each loop endures."""
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import Analysis, Loop
-from flexlin.report import record, record_loop, to_json
+from flexlin.answers import Analysis, Clock, Loop, analyse, find_loop_margins
+from flexlin.periodic import Margins
+from flexlin.report import describe_endured, record, record_endured, record_loop, to_json
 
 
 def test_the_record_holds_what_the_library_computes(single_link: Analysis) -> None:
@@ -27,9 +29,7 @@ def test_the_record_holds_what_the_library_computes(single_link: Analysis) -> No
     assert data["effects"]["on"] == ["gravity", "payload", "hub", "geometric_stiffening", "modal_damping"]
     assert data["scene"]["effects"]["payload"]["mass"] == scene.effects.payload.mass
     assert [step["name"] for step in data["steps"]] == [step.name for step in single_link.steps]
-    assert (
-        sum(step["seconds"] for step in data["steps"]) > 0.01
-    )  # an analysis takes time: the clock ran, and in seconds
+    assert sum(step["seconds"] for step in data["steps"]) > 0.01  # the clock ran, and in seconds
 
 
 def test_numbers_beyond_floating_point_become_null_and_keep_their_logs(single_link: Analysis) -> None:
@@ -49,3 +49,34 @@ def test_numbers_beyond_floating_point_become_null_and_keep_their_logs(single_li
 def test_numbers_keep_every_digit() -> None:
     values = np.array([[1 / 3, np.pi], [1e-300, -0.1]])
     assert np.array_equal(np.array(json.loads(to_json({"values": values}))["values"]), values)
+
+
+def test_margins_in_words_and_as_data():
+    found = Margins((0.0, math.inf), math.radians(47.96), 0.00244, (0.0, 0.0, 1e-7, 1e-9))
+    assert describe_endured(found) == "gain 0 to ∞, phase 48°, delay 2.44 ms"
+    assert describe_endured(None) == "–"
+    assert json.loads(to_json(record_endured(found))) == {
+        "gain": [0.0, None], "phase": math.radians(47.96), "delay": 0.00244, "errors": [0.0, 0.0, 1e-7, 1e-9],
+    }  # fmt: skip
+
+
+def test_a_margin_that_is_unknown_is_not_said_to_be_without_limit():
+    found = Margins(
+        (0.1, math.inf), math.pi / 3, math.nan, (1e-9, 0.0, 1e-7, math.nan), "tol 1e-7 needs too many segments"
+    )
+    assert describe_endured(found) == "gain 0.1 to ∞, phase 60°, delay unknown"
+    record = json.loads(to_json(record_endured(found)))
+    assert (record["reason"], record["delay"]) == (found.reason, None)
+
+
+@pytest.mark.slow
+def test_the_own_loop_of_an_arm_has_margins_and_the_open_one_has_none():
+    scene = fl.load_scene("single-link", {"links.0.modes": 0}).model_copy(update={"designs": ()})
+    a = analyse(scene, Clock())
+    find_loop_margins(a)
+    assert list(a.endured) == [a.own.name]
+    own = a.endured[a.own.name]
+    late = fl.control.sampled_floquet(a.plant.periodic_system(), a.closed.law.gain, own.delay / 100, own.delay / 200)
+    assert late.verdict == "stable"
+    assert 0 < own.phase < math.pi
+    assert own.gain[0] < 1 < own.gain[1]
