@@ -19,13 +19,13 @@ LEAST_TICKS = 2
 
 def write_powers(text: str) -> str:
     """The numbers of a text as they stand on paper: 1e-05 becomes 1×10⁻⁵, 3.22e+03 becomes 3220."""
-    return re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d+)\b", lambda found: _write_power(found[1], int(found[2])), text)
 
+    def write(found: re.Match[str]) -> str:
+        mantissa, exponent = found[1], int(found[2])
+        plain = f"{float(mantissa) * 10**exponent:.0f}"
+        return plain if 0 < exponent < PLAIN else f"{mantissa}×10{str(exponent).translate(SUPERSCRIPTS)}"
 
-def _write_power(mantissa: str, exponent: int) -> str:
-    if 0 < exponent < PLAIN:
-        return f"{float(mantissa) * 10**exponent:.0f}"
-    return f"{mantissa}×10{str(exponent).translate(SUPERSCRIPTS)}"
+    return re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d+)\b", write, text)
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,6 @@ purple from Tol (2021)."""
 PAPER = {"ink": "currentColor", "faint": "#888888", "grid": "#88888855", "paper": "transparent"}
 """Colours of a picture outside a report, whose page has its own."""
 SHADES = {"stable": "#00734f", "unstable": "#b03a00", "undecided": "#8a5a00"}
-FEW = 12
-"""Curves that a legend names."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +165,7 @@ def draw_view(view: View, ax: "Axes | None", style: dict[str, Any]) -> "Axes":
     axes.set_xlabel(view.x_label)
     axes.set_ylabel(view.y_label)
     axes.set_title(f"{view.title}: {view.verdict}" if view.verdict else view.title)
-    if 1 < len(view.series) <= FEW:
+    if 1 < len(view.series) <= 2 * len(shades):  # no two look alike
         axes.legend()
     return axes
 
@@ -217,7 +215,10 @@ class Comparison(Shown):
             f"{name}: {found.verdict}, growth rate {found.exponents[0].real:.5g} ± {found.errors[0]:.0e} 1/s"
             for name, found in self.results.items()
         ]
-        series = [Series(name, *exponent_places(found), "dots") for name, found in self.results.items()]
+        series = []
+        for name, found in self.results.items():
+            upper = found.exponents[found.exponents.imag >= 0]  # of a pair the one above
+            series.append(Series(name, upper.real, upper.imag / (2 * np.pi), "dots"))
         return View("loops compared", "", tuple(facts), "growth rate in 1/s", "frequency in Hz", tuple(series), True)
 
 
@@ -252,12 +253,6 @@ def compare(results: Mapping[str, Any]) -> Comparison:
         got = ", ".join(map(repr, wrong)) or "nothing"
         raise ArgumentError("a comparison is of Floquet results", got=got, expected="a result of floquet for each name")
     return Comparison(dict(results))
-
-
-def exponent_places(found: Any) -> tuple[Array, Array]:
-    """Growth rates in 1/s and frequencies in Hz of a Floquet result; of a pair the one above."""
-    upper = found.exponents[found.exponents.imag >= 0]
-    return upper.real, upper.imag / (2 * np.pi)
 
 
 def plot_chart(data: Any, ax: "Axes | None" = None) -> "Axes":

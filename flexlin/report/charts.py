@@ -37,8 +37,6 @@ BOUNDARY_SHARE = 0.18
 """Of a command's time: after it, no more tongues are searched for; a strip with three modes has dozens of their tips."""
 BOUNDARY_TOL = 2e-4
 """Wanted error of a boundary that is drawn, as a share of its ranges: a fifth of what a picture shows."""
-CRITICAL_SHOWN = 3
-"""Critical values at which it is asked how far the links bend."""
 
 
 def find_boundary(
@@ -78,7 +76,7 @@ def say_bending(
     """Where, of a chart's corners and critical values, links bend so far that linear equations may not hold; empty where none does."""
     problems = dict[str, str]()
     corners = [dict(zip(ranges, place, strict=True)) for place in product(*ranges.values())]
-    places = [*({one.path: one.value} for one in critical[:CRITICAL_SHOWN]), *corners]
+    places = [*({one.path: one.value} for one in critical), *corners]
 
     def work() -> list[float]:
         raw, shares = raw_tables(scene), np.zeros(len(places))
@@ -95,7 +93,8 @@ def say_bending(
     for place, share in zip(places, shares, strict=True):
         if share > SMALL:
             where = ", ".join(label_value(scene, *number) for number in place.items())
-            far.setdefault(say_share(share), []).append(where)
+            size = f"by {100 * share:.3g} % of its length" if share < 1 else "by more than its length"
+            far.setdefault(size, []).append(where)
     if not far:
         return ""
     bends = "; ".join(f"{size} at {' and at '.join(where)}" for size, where in far.items())
@@ -103,11 +102,6 @@ def say_bending(
         f"A link bends {bends}: so far that linear equations may not hold. "
         "There the chart speaks of the linear model alone; stiffen the link, or compare with a simulation."
     )
-
-
-def say_share(share: float) -> str:
-    """A share of a link's length; what the linear equations say beyond the whole of it is no size of anything."""
-    return f"by {100 * share:.3g} % of its length" if share < 1 else "by more than its length"
 
 
 def label_value(scene: Scene, path: str, value: float) -> str:

@@ -26,6 +26,7 @@ from flexlin.control.tracking import scene_feedforward
 from flexlin.errors import InputError
 from flexlin.files import Results, results
 from flexlin.motion import SymbolicMotion
+from flexlin.report.numbers import record_tables
 from flexlin.scene.scene import Scene
 
 MATRIX, VECTOR = ("time", "row", "column"), ("time", "row")
@@ -110,7 +111,7 @@ def described(data: xarray.Dataset, scene: Scene, period: float, equation: str) 
         "equation": equation,
         "units": "SI units and radians",
         "period": period,
-        "scene": json.dumps(scene.model_dump(mode="json", by_alias=True, exclude_none=True)),
+        "scene": json.dumps(record_tables(scene)),
         "program": f"flexlin {flexlin.__version__}",
     }
     return data

@@ -22,7 +22,7 @@ from flexlin.scene.scene import Scene
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.answers.audit.result import Audit, Minimal
+    from flexlin.answers.audit.result import Audit
     from flexlin.answers.nearest import NearestInstability
 
 SCHEMA = 1
@@ -66,12 +66,17 @@ def record_scene(scene: Scene, steps: Sequence[Step]) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "title": scene.title,
-        "scene": scene.model_dump(mode="json", by_alias=True, exclude_none=True),
+        "scene": record_tables(scene),
         "effects": effects(scene),
         "versions": list_versions(),
         "accuracy": scene.accuracy.model_dump(mode="json"),
         "steps": [step_block(step) for step in steps],
     }
+
+
+def record_tables(scene: Scene) -> dict[str, Any]:
+    """What a scene states, as in its file."""
+    return scene.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
 def step_block(step: Step) -> dict[str, Any]:
@@ -220,21 +225,12 @@ def record_linear_range(analysis: Analysis) -> dict[str, Any]:
 
 def audit_block(audit: "Audit") -> dict[str, Any]:
     """Which effects and modes the scene needs; a significance that is not finite means another verdict."""
-    return {
-        **record_fields(audit, "tolerance needed droppable missing"),
-        "rows": (*audit.effects, *audit.modes),
-        "pairs": audit.pairs,
-        "minimal": audit.minimal and record_minimal(audit.minimal),
-        **({"problem": audit.problem} if audit.problem else {}),
-    }
-
-
-def record_minimal(minimal: "Minimal") -> dict[str, Any]:
-    """The smallest scene that was found to be enough, and its error."""
-    return {
-        **record_fields(minimal, "dropped added coordinates error"),
-        "scene": minimal.scene.model_dump(mode="json", by_alias=True, exclude_none=True),
-    }
+    found, minimal = audit.minimal, None
+    if found is not None:
+        minimal = record_fields(found, "dropped added coordinates error") | {"scene": record_tables(found.scene)}
+    problem = {"problem": audit.problem} if audit.problem else {}
+    rows = {"rows": (*audit.effects, *audit.modes), "pairs": audit.pairs, "minimal": minimal}
+    return record_fields(audit, "tolerance needed droppable missing") | rows | problem
 
 
 def record_sensitivity(data: "xarray.Dataset") -> dict[str, Any]:

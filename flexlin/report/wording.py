@@ -304,7 +304,9 @@ def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mappin
     met = [(margin, margin.nearest) for margin in margins]
     parts = []
     for change, words in (("onset", "becomes unstable"), ("recovery", "becomes stable")):
-        said = [describe_place(scene, margin, one) for margin, one in met if one and leads_to(margin, one) == change]
+        # on the way from the scene's own value to the critical one and beyond
+        ahead = [(m, one) for m, one in met if one and (change == one.kind) == (one.value > m.own)]
+        said = [describe_place(scene, margin, one) for margin, one in ahead]
         parts += [f"{words} {' and '.join(said)}"] if said else []
     whole = [margin for margin, one in met if one is None and margin.searched[0] < margin.searched[1]]
     kept = [describe_range(scene, margin) for margin in whole]
@@ -313,12 +315,6 @@ def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mappin
     left = [name_number(key.removeprefix(SEARCHED)) for key in problems or {} if key.startswith(SEARCHED)]
     parts += [f"was not searched to the end over {' and '.join(left)}, of which nothing is said"] if left else []
     return "; ".join(parts)
-
-
-def leads_to(margin: Margin, one: CriticalValue) -> str:
-    """What happens on the way from the scene's own value to a critical one and beyond."""
-    upward = one.value > margin.own
-    return "onset" if upward == (one.kind == "onset") else "recovery"
 
 
 def describe_place(scene: Scene, margin: Margin, one: CriticalValue) -> str:

@@ -147,7 +147,9 @@ def draw_modes(a: Analysis) -> Picture | None:
     order = order_modes(values)[: ABOVE + BELOW]
     energy = np.sqrt(np.maximum(np.diagonal(a.coefficients.M[0]), 0.0))
     leading = [int(np.argmax(np.abs(vectors[: a.plant.n, i]) * energy)) for i in order]
-    rest, swings = bend_arm(a, [turn_real(vectors[: a.plant.n, i], k) for i, k in zip(order, leading, strict=True)])
+    # when the leading coordinate is at the end of its swing
+    turned = [np.real(vectors[: a.plant.n, i] / (vectors[k, i] or 1.0)) for i, k in zip(order, leading, strict=True)]
+    rest, swings = bend_arm(a, [shape / (np.abs(shape).max() or 1.0) for shape in turned])
     modes = zip(values[order].tolist(), leading, swings, strict=True)
     panels = resize([draw_mode(a, value, k, rest, swing) for value, k, swing in modes], 130.0, (share_width(4),))
     caption = (
@@ -164,12 +166,6 @@ def order_modes(values: Array) -> list[int]:
     turning = [i for i in range(len(values)) if values[i].imag > ROOT * abs(values[i])]
     real = [i for i in range(len(values)) if abs(values[i].imag) <= ROOT * abs(values[i])]
     return [*sorted(turning, key=lambda i: values[i].imag), *sorted(real, key=lambda i: -values[i].real)]
-
-
-def turn_real(shape: Array, leading: int) -> Array:
-    """The displacement (n,) of a mode when the leading coordinate is at the end of its swing, its largest entry 1."""
-    turned = np.real(shape * np.conj(shape[leading]) / max(abs(shape[leading]) ** 2, 1e-300))
-    return turned / (np.abs(turned).max() or 1.0)
 
 
 def draw_mode(a: Analysis, value: complex, leading: int, rest: list[Array], swing: list[Array]) -> Panel:

@@ -395,7 +395,9 @@ def trace_contour(x: Array, y: Array, values: Array, level: float) -> tuple[Arra
 
     A cell with four crossings joins neighbours on its rim. Source: Lorensen, Cline, Marching cubes (1987), in the plane.
     """
-    rims = np.array([list_corners(one) for one in (*np.meshgrid(x, y, indexing="ij"), values - level)])
+    grid = np.array([*np.meshgrid(x, y, indexing="ij"), values - level])
+    around = grid[:, :-1, :-1], grid[:, 1:, :-1], grid[:, 1:, 1:], grid[:, :-1, 1:]  # the corners of all cells, in turn
+    rims = np.stack(around, axis=-1).reshape(3, -1, 4)
     ends = rims[:, np.isfinite(rims[2]).all(axis=1)]
     after = np.roll(ends, -1, axis=2)
     cut = (ends[2] > 0) != (after[2] > 0)
@@ -403,8 +405,3 @@ def trace_contour(x: Array, y: Array, values: Array, level: float) -> tuple[Arra
     along, up = first[:2] + first[2] / (first[2] - second[2]) * (second[:2] - first[:2])
     pairs = (np.insert(one, np.arange(2, len(one) + 1, 2), np.nan) for one in (along, up))
     return next(pairs), next(pairs)
-
-
-def list_corners(values: Array) -> Array:
-    """The values at the corners of all cells, in turn around each, (cells, 4)."""
-    return np.stack([values[:-1, :-1], values[1:, :-1], values[1:, 1:], values[:-1, 1:]], axis=-1).reshape(-1, 4)

@@ -36,6 +36,7 @@ from flexlin.report.wording import (
 )
 
 UNITS = {"M": ("kg", "kg m", "kg m²"), "D": ("N s/m", "N s", "N m s"), "K": ("N/m", "N", "N m")}
+"""Of entries of a matrix, by how many of row and column are rotations."""
 PLAIN = (1e-2, 1e4)
 """Sizes between which numbers are shown as they are; others as multiples of a power of ten."""
 
@@ -43,23 +44,6 @@ PLAIN = (1e-2, 1e4)
 def name_entry(a: Analysis, matrix: str, i: int, j: int | None = None) -> str:
     """An entry by its coordinates: K(q1, w11), h(q1)."""
     return f"{matrix}({', '.join(a.plant.names[k] for k in (i, j) if k is not None)})"
-
-
-def name_force_unit(a: Analysis, i: int) -> str:
-    """N m for a row of a rotation, N for one of a displacement."""
-    return "N" if name_coordinate_unit(a, i) == "m" else "N m"
-
-
-def name_matrix_unit(a: Analysis, name: str, i: int, j: int) -> str:
-    """The unit of an entry of M, D or K, by how many of its row and its column are rotations; none without dimensions."""
-    return page_unit(UNITS[name][sum(name_coordinate_unit(a, k) == "rad" for k in (i, j))])
-
-
-def name_gain_unit(a: Analysis, i: int, j: int) -> str:
-    """The unit of what input i gets from state j of x = [y; y']: a torque for a displacement is a force."""
-    force, unit = a.plant.input_units[i], name_coordinate_unit(a, j % a.plant.n)
-    time = " s" * (j >= a.plant.n)
-    return f"N{time}" if (force, unit) == ("N m", "m") else f"{force}{time}/{unit}"
 
 
 def shift_and_scale(title: str, values: Array, unit: str) -> tuple[str, Array]:
@@ -164,10 +148,12 @@ def list_entries(a: Analysis) -> Iterator[Entry]:
             values, mirror = matrix[:, i, j], matrix[:, j, i]
             if not (j < i and np.all(np.abs(values - mirror) <= noise)):
                 weight = float(np.ptp(values) * scales[name][i, j])
-                yield Entry(name, i, j, values, name_matrix_unit(a, name, i, j), weight, noise)
+                turns = sum(name_coordinate_unit(a, k) == "rad" for k in (i, j))
+                yield Entry(name, i, j, values, page_unit(UNITS[name][turns]), weight, noise)
     noise = ROOT * (np.abs(a.coefficients.h).max() or 1.0)
     for i, values in enumerate(a.coefficients.h.T):
-        yield Entry("h", i, None, values, name_force_unit(a, i), float(np.ptp(values) * scales["h"][i, 0]), noise)
+        unit = "N" if name_coordinate_unit(a, i) == "m" else "N m"
+        yield Entry("h", i, None, values, unit, float(np.ptp(values) * scales["h"][i, 0]), noise)
 
 
 def weigh_entries(a: Analysis) -> dict[str, Array]:
@@ -198,14 +184,15 @@ def draw_gains(a: Analysis) -> Picture | None:
     gains += [(a.own, own)] if np.any(own) else []
     remembers = any(gain.shape[2] > states for _, gain in gains)
     gains = [(loop, gain[:, :, :states]) for loop, gain in gains]
-    weights = weigh_gains(a, np.max([np.abs(gain).max(axis=0) for _, gain in gains], axis=0))
+    # what each input gives to deflections of equal energy, against its largest: |gain_ij| / (m_j w_j), or / m_j for rates
+    scales, size = weigh_entries(a), np.max([np.abs(gain).max(axis=0) for _, gain in gains], axis=0)
+    weights = size * np.sqrt([*np.diagonal(scales["K"]), *np.diagonal(scales["M"])])
+    weights /= np.maximum(weights.max(axis=1, keepdims=True), 1e-300)
     groups = [range(i * states, (i + 1) * states) for i in range(len(a.plant.inputs))]
     shown, folded = choose_shown(weights.ravel(), groups)
     panels = {k: make_period_panel(a.plant.period, name_gain(a, *divmod(k, states))) for k in (*shown, *folded)}
-    for (loop, gain), dash in zip(
-        gains, cycle(DASHES), strict=False
-    ):  # gains that coincide are seen, each through the next
-        for k, panel in panels.items():
+    for (loop, gain), dash in zip(gains, cycle(DASHES), strict=False):
+        for k, panel in panels.items():  # gains that coincide are seen, each through the next
             (i, j), every = divmod(k, states), 1 if k in shown else THIN
             panel.line(a.t[::every], gain[::every, i, j], choose_colour(a, loop), dash=dash, label=loop.name)
     legend = share_legend(list(panels.values()))
@@ -220,17 +207,11 @@ def draw_gains(a: Analysis) -> Picture | None:
 
 
 def name_gain(a: Analysis, i: int, j: int) -> str:
-    """The title of an entry: gain(q1, w11′) in N s."""
-    n = a.plant.n
-    state = f"{a.plant.names[j % n]}{'′' if j >= n else ''}"
-    return in_unit(f"gain({a.plant.inputs[i]}, {state})", name_gain_unit(a, i, j))
-
-
-def weigh_gains(a: Analysis, size: Array) -> Array:
-    """What each input gives to deflections of equal energy, against its largest: |gain_ij| times 1/(m_j w_j), or 1/m_j for rates."""
-    scales = weigh_entries(a)
-    weight = size * np.sqrt([*np.diagonal(scales["K"]), *np.diagonal(scales["M"])])
-    return weight / np.maximum(weight.max(axis=1, keepdims=True), 1e-300)
+    """The title of an entry, what input i gets from state j of x = [y; y']; a torque for a displacement is a force."""
+    k, rate = j % a.plant.n, j >= a.plant.n
+    force, unit, time = a.plant.input_units[i], name_coordinate_unit(a, k), " s" * rate
+    per = f"N{time}" if (force, unit) == ("N m", "m") else f"{force}{time}/{unit}"
+    return in_unit(f"gain({a.plant.inputs[i]}, {a.plant.names[k]}{'′' * rate})", per)
 
 
 def draw_response(a: Analysis) -> Picture | None:
