@@ -43,9 +43,8 @@ def test_each_draws_into_axes_and_opens_a_figure_where_none_are_given(results):
 
 
 def test_axes_of_own_systems_name_states_inputs_and_units():
-    system = fl.PeriodicSystem.from_second_order(
-        [[1.0]], [[0.1]], lambda t: 1 + 0.1 * np.cos(t)[:, None, None], 2 * np.pi, [[1.0]]
-    )
+    waving = fl.PeriodicSystem.from_second_order
+    system = waving([[1.0]], [[0.1]], lambda t: 1 + 0.1 * np.cos(t)[:, None, None], 2 * np.pi, [[1.0]])
     drawn = {
         "in the input's unit per the state's": fl.periodic_lqr(system, np.eye(2), [[1.0]], tol=1e-4),
         "each in its own unit": fl.forced_response(system, [0.0, 1.0], tol=1e-4),
@@ -163,9 +162,8 @@ def test_a_scene_draws_its_arm_along_the_motion():
     ax = loop.plot()
     *arms, tip = (line.get_xydata() for line in ax.lines)
     lengths = np.hypot(*np.diff(arms, axis=1).T).T
-    np.testing.assert_allclose(
-        lengths[:, [0, 1, 4, 5, 7, 8]], np.tile([0.2, 0.3, 0.3, 0.2, 0.2, 0.3], (3, 1)), rtol=1e-9
-    )
+    links = np.tile([0.2, 0.3, 0.3, 0.2, 0.2, 0.3], (3, 1))
+    np.testing.assert_allclose(lengths[:, [0, 1, 4, 5, 7, 8]], links, rtol=1e-9)
     np.testing.assert_allclose(tip[0], tip[-1], atol=1e-9)
     assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_aspect(), ax.get_title()) == ("x in m", "y in m", 1.0, loop.title)
     assert loop.summary().startswith(f"{loop.title}\n  4 links")
@@ -213,11 +211,8 @@ HOSTILE = [None, [], "x", 3, 1 + 2j, {"a": 1}, [[np.nan]], np.zeros((0, 0)), lam
 @pytest.mark.parametrize("value", HOSTILE, ids=[f"{i}-{type(value).__name__}" for i, value in enumerate(HOSTILE)])
 def test_no_public_function_meets_a_stranger_with_an_attribute_error(value):
     """Each refuses what it is not made for by a typed error that names the argument."""
-    system, scene, control = (
-        fl.PeriodicSystem(np.eye(2), 1.0, B=np.ones((2, 1))),
-        fl.load_scene("single-link"),
-        fl.control,
-    )
+    system = fl.PeriodicSystem(np.eye(2), 1.0, B=np.ones((2, 1)))
+    scene, control = fl.load_scene("single-link"), fl.control
     calls = [
         fl.floquet, fl.floquet_modes, fl.build_manipulator, fl.parse_scene, fl.audit, fl.cost, fl.sensitivity, fl.simulate,
         control.linear_range, control.linearize_about, control.periodic_motion, control.feedforward,

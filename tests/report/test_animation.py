@@ -89,13 +89,6 @@ def test_bending_is_magnified_and_modes_are_played(played):
     assert all(f">{name}</option>" in page for name in names)
 
 
-@pytest.mark.slow
-def test_the_command_writes_it(tmp_path):
-    options = ["simulate", "single-link", "--periods", "0.3", "--feedforward", "tip-exact", "--animate"]
-    assert main([*options, "--out", str(tmp_path)]) == 0
-    assert "--feedforward tip-exact" in (tmp_path / "animation.html").read_text()
-
-
 def test_the_simulation_stands_where_its_animation_meets_a_limit(tmp_path, monkeypatch, capsys):
     def endless(*_):
         assert set(standing(tmp_path / "out", "simulation")) == {"simulation.nc", "simulation.npz"}
