@@ -32,7 +32,7 @@ def design(options: argparse.Namespace) -> int:
         from flexlin.answers.steady import arm_length
         from flexlin.answers.validity import judge_model
         from flexlin.report.exports import check_gains, gains_dataset
-        from flexlin.report.terminal import say, say_loop
+        from flexlin.report.terminal import say_loop
         from flexlin.report.wording import reason
 
         check_gains(scene, options.points)
@@ -41,7 +41,7 @@ def design(options: argparse.Namespace) -> int:
     for loop, model in zip(loops, models, strict=True):
         say_loop(loop, plant.period, model)
         if model.verdict == "invalid":
-            say(f"    {reason(model)}")
+            print(f"    {reason(model)}")
     work.say_accuracy()
     made = [loop.design for loop in loops if loop.design is not None]
     if made:
@@ -113,7 +113,6 @@ def tune_gains(options: argparse.Namespace) -> int:
         raise ArgumentError("a number is named twice", got=", ".join(key for key, *_ in spans), expected="each once")
     with work.clock() as clock:
         from flexlin.answers.tuning import tune
-        from flexlin.report.terminal import say
         from flexlin.scene.loading import raw_tables
         from flexlin.scene.toml import write_toml
 
@@ -121,12 +120,12 @@ def tune_gains(options: argparse.Namespace) -> int:
         seconds = clock.budget.plan("tune the gains", work.scene.accuracy)
         search = partial(tune, work.scene, list(limits) or None, vary, limits, seconds=seconds)
         found = clock.stage("tune the gains", work.scene.accuracy, search)
-    say(f"{work.scene.title}: {found.status}")
+    print(f"{work.scene.title}: {found.status}")
     for path, value in found.gains.items():
-        say(f"  {path} = {value:.6g}")
+        print(f"  {path} = {value:.6g}")
     for one in found.active[:6]:
         place = ", ".join(f"{path} = {value:.4g}" for path, value in one.scenario.items())
-        say(f"  active: {one.exponent.real:.6g} {one.exponent.imag:+.6g}i 1/s at {place}")
+        print(f"  active: {one.exponent.real:.6g} {one.exponent.imag:+.6g}i 1/s at {place}")
     assert found.scene is not None
     return print_paths(work.write_files("tune", {"tuned.toml": write_toml(raw_tables(found.scene))}))
 

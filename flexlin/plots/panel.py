@@ -96,8 +96,12 @@ class Panel:
 
     def hatch(self, x: tuple[Array, Array], y: tuple[Array, Array], colour: str) -> "Panel":
         """Hatch rectangles from low to high ends, ((N,), (N,)) on each axis."""
-        style = f"stroke:var(--{colour});stroke-opacity:.45"
-        return self._add(Mark("hatch", *_points(np.concatenate(x), np.concatenate(y)), style))
+        line = f'<path d="M0,6L6,0" style="stroke:var(--{colour});stroke-opacity:.45;stroke-width:1"/>'
+        pattern = (
+            f'<defs><pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse">{line}</pattern></defs>'
+        )
+        ends = _points(np.concatenate(x), np.concatenate(y))
+        return self._add(Mark("cells", *ends, "fill:url(#hatch);stroke:none", shape=pattern))
 
     def probe(self, data: str) -> "Panel":
         """Lay a sheet without colour over the axes, which bears data (JSON) for a script that reads the pointer's place."""
@@ -270,14 +274,10 @@ def draw_mark(mark: Mark, axes: Axes) -> str:
         place = f'x="{axes.left:.1f}" y="{axes.top:.1f}" width="{axes.width:.1f}" height="{axes.height:.1f}"'
         return f'<rect class="probe" {place} style="{mark.style}" data-probe="{escape(mark.texts[0], quote=True)}"/>'
     across, up = axes.x(mark.x), axes.y(mark.y)
-    if mark.kind == "hatch":
-        lines = f'<path d="M0,6L6,0" style="{mark.style};stroke-width:1"/>'
-        pattern = f'<pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse">{lines}</pattern>'
-        return f'<defs>{pattern}</defs><path d="{draw_rectangles(across, up)}" style="fill:url(#hatch);stroke:none"/>'
     if mark.kind == "words":
         return write_text(*place_words(mark, axes), mark.texts[0], mark.style)
     if mark.kind == "cells":
-        return f'<path d="{draw_rectangles(across, up)}" style="{mark.style}"/>'
+        return f'{mark.shape}<path d="{draw_rectangles(across, up)}" style="{mark.style}"/>'
     if mark.kind == "dots":
         texts = mark.texts or ("",) * len(across)
         return "".join(

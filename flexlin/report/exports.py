@@ -175,9 +175,7 @@ def design_folders(names: Sequence[str]) -> dict[str, str]:
     return {name: folder for folder, name in owners.items() if folder != OWN}
 
 
-def export_all(
-    plant: Linearization, loops: Sequence[Loop], folder: Path, points: int, scene: Scene | None = None
-) -> list[Path]:
+def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points: int, scene: Scene) -> list[Path]:
     """Write A(t), B(t) and the gains over a period in every format, and C source of coefficients and gains, as one set.
 
     Each design has its C source in a folder named after it, the scene's own feedback in `c-own`; a motion that is given by numbers has no C
@@ -187,7 +185,7 @@ def export_all(
     folders = design_folders([loop.name for loop in loops])
     system = plant.periodic_system() if plant.motion.periodic else horizon_system(plant)
     designs = tuple(loop.design for loop in loops if loop.design is not None)
-    estimators = {} if scene is None else estimators_of(scene, plant, [found.name for found in designs])
+    estimators = estimators_of(scene, plant, [found.name for found in designs])
     names = [f"system{ending}" for ending in FORMATS]
     with results(folder, "export") as made:
         for name in names:
@@ -196,7 +194,7 @@ def export_all(
         if isinstance(plant.motion, SymbolicMotion):
             write_linearization(plant, made / "c")
             names.append("c")
-        if scene is not None and scene.control.feedback is not None:
+        if scene.control.feedback is not None:
             closed = with_control(plant, scene.control)
             forward = scene_feedforward(closed, scene.accuracy.tol)
             law = closed.law if forward is None else forward.law

@@ -15,23 +15,22 @@ UNKNOWN = ModelValidity("unknown")
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "one-way": "yellow", "failed": "red"}
 
 
-def say(text: str = "", verdict: str | None = None, shade: str | None = None) -> None:
+def say(text: str, verdict: str = "", shade: str = "") -> None:
     """Print a line; a verdict at its beginning is coloured on a terminal."""
-    if verdict is None or not sys.stdout.isatty():
+    if not verdict or not sys.stdout.isatty():
         print(text)
         return
     from rich.console import Console
     from rich.text import Text
 
     line = Text(text)
-    line.highlight_words([verdict], (shade or COLOURS[verdict]) + " bold")
+    line.highlight_words([verdict], f"{shade} bold")
     Console(highlight=False, soft_wrap=True).print(line)
 
 
 def say_loop(loop: Loop, period: float, model: ModelValidity = UNKNOWN) -> None:
     """Print the verdict on a loop, in the colour of doubt where there is one."""
-    shown = wording.colour(loop, period, model)
-    say(loop_line(loop, period, model), loop.verdict, COLOURS[shown])
+    say(loop_line(loop, period, model), loop.verdict, COLOURS[wording.colour(loop, period, model)])
 
 
 def summarize(analysis: Analysis) -> None:
@@ -40,17 +39,15 @@ def summarize(analysis: Analysis) -> None:
         say(analysis.scene.title)
         for loop in analysis.loops:
             say_loop(loop, analysis.plant.period, analysis.validity(loop))
-            over = drive_line(analysis, loop)
-            if over:
+            if over := drive_line(analysis, loop):
                 say(f"    {over}")
         if critical := wording.describe_margins(analysis.scene, analysis.margins, analysis.problems):
             say(f"  {analysis.own.name} {critical}")
         if analysis.nearest:
             nearest = wording.describe_nearest(analysis.scene, analysis.nearest)
             say(f"  {analysis.own.name} with its uncertain numbers: {nearest}")
-        said = advise(analysis)
-        for line in (*[f"- {step}" for step in said], *accuracy_lines(analysis.steps, "\n".join(said))):
-            say(line)
+        said = [f"- {step}" for step in advise(analysis)]
+        print("\n".join([*said, *accuracy_lines(analysis.steps, "\n".join(said))]))
 
 
 def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
