@@ -216,9 +216,7 @@ def took(steps: Sequence[Step]) -> tuple[float, float]:
 
 def format_largest_multiplier(loop: Loop) -> str:
     """The modulus of the largest multiplier, from its logarithm."""
-    if loop.floquet is None:
-        return "–"
-    return format_modulus(float(loop.floquet.log_multipliers[0].real))
+    return "–" if loop.floquet is None else format_modulus(float(loop.floquet.log_multipliers[0].real))
 
 
 def format_modulus(log: float) -> str:
@@ -229,14 +227,10 @@ def format_modulus(log: float) -> str:
     return f"{10**rest:.3g}×10{str(int(exponent)).translate(SUPERSCRIPTS)}"
 
 
-BROKEN = "but the linear model does not hold here"
-UNDECIDED = "and the linear model does not hold here"
-
-
 def doubt(loop: Loop, period: float, model: ModelValidity) -> str:
     """What goes behind a verdict that is not to be believed as it stands; nothing behind one that is, nor behind an unstable one."""
     if model.verdict == "invalid" and loop.verdict in ("stable", "undecided"):
-        return BROKEN if loop.verdict == "stable" else UNDECIDED
+        return f"{'but' if loop.verdict == 'stable' else 'and'} the linear model does not hold here"
     return caution(loop, period)
 
 
@@ -267,16 +261,15 @@ PLACES = {"torque": "on the torque", "rates": "on the measured rates"}
 
 def describe_controller(control: Control) -> str:
     """Integral action and filters of the scene's own loop, and what of its drive the linear verdict leaves out."""
-    parts = []
-    if isinstance(control.feedback, Pid) and any(control.feedback.ki):
-        time = control.feedback.tracking_time
-        parts.append("integral action" + (f", unwound within {format_quantity(time, 's')}" if time is not None else ""))
-    parts += [describe_filter(one) for one in control.filters]
-    said = ["with " + ", ".join(parts)] if parts else []
-    limits = control.saturation
-    left_out = ["torque limits"] if limits is not None else []
-    left_out += ["limits of the torque's rate"] if limits is not None and limits.rate is not None else []
-    said += [f"{' and '.join(left_out)} act in the simulation only"] if left_out else []
+    pid, limits, parts = control.feedback, control.saturation, list[str]()
+    if isinstance(pid, Pid) and any(pid.ki):
+        unwound = "" if pid.tracking_time is None else f", unwound within {format_quantity(pid.tracking_time, 's')}"
+        parts.append(f"integral action{unwound}")
+    parts += map(describe_filter, control.filters)
+    said = [f"with {', '.join(parts)}"] if parts else []
+    if limits is not None:
+        rate = "" if limits.rate is None else " and limits of the torque's rate"
+        said.append(f"torque limits{rate} act in the simulation only")
     return "; ".join(said)
 
 

@@ -122,16 +122,13 @@ def draw_entry(a: Analysis, entry: Entry, every: int = 1) -> Panel:
 def describe_shown(varying: Sequence[Entry], shown: Sequence[int], folded: Sequence[int]) -> str:
     """What is shown, and what is not."""
     if not varying:
-        return (
-            "Every entry of M, D, K and h is constant along this motion: the linear system has constant coefficients."
-        )
+        constant = "the linear system has constant coefficients"
+        return f"Every entry of M, D, K and h is constant along this motion: {constant}."
     left, rest = len(varying) - len(shown) - len(folded), ""
     if folded:
-        rest = (
-            " Shown are those whose variation moves frequencies and the response most, one of each joint at the least"
-        )
         alone = f", {left} stand in coefficients.nc of flexlin linearize alone" if left else ""
-        rest += f"; the others are folded below{alone}."
+        most = "whose variation moves frequencies and the response most, one of each joint at the least"
+        rest = f" Shown are those {most}; the others are folded below{alone}."
     return (
         "Entries of M y″ + D y′ + K y = h that vary along the rigid motion, open loop; y collects the deviations of joints (q), "
         f"elastic coordinates and motors.{rest} Constant entries stand in the table below."
