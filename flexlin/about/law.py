@@ -121,63 +121,26 @@ class Law:
         return np.asarray(-reference @ self.controller.rates[:, : reference.shape[1]].T)
 
 
-@dataclass(frozen=True, eq=False)
-class Compensator:
-    """The feedback u = -gain [s; s'; z], z' = rates [s; s'; z] + unwinding (asked - given), in all coordinates of the arm.
-
-    gain (m, 2 arm.n + k), rates (k, 2 arm.n + k), unwinding (k, m): expressions of the free parameters; names, units: of the k states.
-    """
-
-    gain: ca.SX
-    rates: ca.SX
-    unwinding: ca.SX
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-
-
 @dataclass
 class Memory:
-    """The states of a compensator while it is put together: symbols, their rates, and what each takes up of a torque that is not given."""
+    """The k states of a compensator while it is put together: what they are, their rates, and what each takes of m torques not given."""
 
-    symbols: list[ca.SX] = field(default_factory=list)
+    m: int
+    states: list[ca.SX] = field(default_factory=list)
     rates: list[ca.SX] = field(default_factory=list)
     unwinding: list[ca.SX] = field(default_factory=list)
-    names: list[str] = field(default_factory=list)
     units: list[str] = field(default_factory=list)
 
-    def integrate(self, names: list[str], unit: str) -> list[ca.SX]:
-        """New states by their names; their rates are to follow."""
-        found = [ca.SX.sym(name) for name in names]
-        self.symbols += found
-        self.names += names
-        self.units += [unit] * len(names)
-        return found
+    def begin(self, name: str, unit: str) -> ca.SX:
+        """A new state; its rate is to follow."""
+        self.states.append(ca.SX.sym(name))
+        self.units.append(unit)
+        return self.states[-1]
 
-    def follow(self, rate: ca.SX, unwinding: ca.SX) -> None:
+    def follow(self, rate: ca.SX, unwinding: ca.SX | None = None) -> None:
         """The rate of the next state, and its row of `unwinding`."""
         self.rates.append(rate)
-        self.unwinding.append(unwinding)
-
-
-def write_compensator(about: Deviation, control: Control) -> Compensator:
-    """Write the scene's feedback: filters of the rates, the gains, filters of the torque.
-
-        u = -F_torque (kp e + kd F_rates e' + ki int e dt),   e = encoders (s - s_R)
-
-    Raises: ArgumentError when there is not one gain for each torque-driven joint.
-    """
-    arm, placed, memory = about.arm, about.arm.parameters.placed_in(control, "control."), Memory()
-    check_gains(placed, about.m)
-    s, rate = ca.SX.sym("s", arm.n), ca.SX.sym("s1", arm.n)
-    torque = [
-        torque_of(placed, memory, row, arm.encoders[joint, :] @ s, arm.encoders[joint, :] @ rate, about)
-        for row, joint in enumerate(about.driven if placed.feedback is not None else ())
-    ]
-    x = ca.vertcat(s, rate, *memory.symbols)
-    gain = ca.jacobian(ca.vertcat(*torque), x) if torque else ca.SX(about.m, 2 * arm.n)
-    rates = ca.jacobian(ca.vertcat(*memory.rates), x) if memory.names else ca.SX(0, 2 * arm.n)
-    unwinding = ca.vertcat(*memory.unwinding) if memory.names else ca.SX(0, about.m)
-    return Compensator(gain, rates, unwinding, tuple(memory.names), tuple(memory.units))
+        self.unwinding.append(ca.SX(1, self.m) if unwinding is None else unwinding)
 
 
 def check_gains(control: Control, joints: int) -> None:
@@ -199,25 +162,20 @@ def check_gains(control: Control, joints: int) -> None:
 
 def torque_of(control: Control, memory: Memory, row: int, angle: ca.SX, rate: ca.SX, about: Deviation) -> ca.SX:
     """What one joint's feedback subtracts from the torque."""
-    feedback, moved, none = (
-        control.feedback,
-        about.arm.coordinates[about.arm.drives[about.driven[row]]],
-        ca.SX(1, about.m),
-    )
+    feedback, moved = control.feedback, about.arm.coordinates[about.arm.drives[about.driven[row]]]
     assert feedback is not None
     for i, one in chosen(control, "rates", row):
-        rate = pass_through(one, memory, rate, (f"{moved.name}_filter{i + 1}", f"{moved.unit}/s"), none)
+        rate = pass_through(one, memory, rate, f"{moved.name}_filter{i + 1}", f"{moved.unit}/s")
     torque = feedback.kp[row] * angle + feedback.kd[row] * rate
     if isinstance(feedback, Pid) and (isinstance(feedback.ki[row], ca.SX) or feedback.ki[row] != 0):
-        (integral,) = memory.integrate([moved.name + INTEGRAL], f"{moved.unit} s")
-        taken = ca.SX(1, about.m)
+        integral, taken = memory.begin(moved.name + INTEGRAL, f"{moved.unit} s"), ca.SX(1, about.m)
         if feedback.tracking_time is not None:
             taken[row] = 1 / (feedback.ki[row] * feedback.tracking_time)
         memory.follow(angle, taken)
         torque += feedback.ki[row] * integral
+    unit = made_by_motors(about) or ("N" if moved.unit == "m" else "N m")
     for i, one in chosen(control, "torque", row):
-        unit = made_by_motors(about) or ("N" if moved.unit == "m" else "N m")
-        torque = pass_through(one, memory, torque, (f"{moved.name}_filter{i + 1}", unit), none)
+        torque = pass_through(one, memory, torque, f"{moved.name}_filter{i + 1}", unit)
     return torque
 
 
@@ -234,22 +192,21 @@ def chosen(control: Control, on: str, row: int) -> list[tuple[int, AnyFilter]]:
     return [(i, one) for i, one in found if one.on == on and (one.joints is None or row + 1 in one.joints)]
 
 
-def pass_through(one: AnyFilter, memory: Memory, signal: ca.SX, named: tuple[str, str], none: ca.SX) -> ca.SX:
-    """The signal behind a filter; its states have the unit of the signal; named: what they are called, and that unit.
+def pass_through(one: AnyFilter, memory: Memory, signal: ca.SX, name: str, unit: str) -> ca.SX:
+    """The signal behind a filter, whose states bear its name and the unit of the signal.
 
     low-pass: z' = w (u - z), of order 2 z1' = w z2, z2' = w (u - z1 - sqrt(2) z2);   notch: z1' = w z2, z2' = w (u - z1 - 2 zeta z2),
     output u - 2 zeta (1 - gain) z2
     """
-    name, unit = named
     w: Any = 2 * pi * (one.cutoff if isinstance(one, LowPass) else one.frequency)
     if isinstance(one, LowPass) and one.order == 1:
-        (z,) = memory.integrate([name], unit)
-        memory.follow(w * (signal - z), none)
+        z = memory.begin(name, unit)
+        memory.follow(w * (signal - z))
         return z
     damping: Any = sqrt(0.5) if isinstance(one, LowPass) else one.damping
-    first, second = memory.integrate([f"{name}_1", f"{name}_2"], unit)
-    memory.follow(w * second, none)
-    memory.follow(w * (signal - first - 2 * damping * second), none)
+    first, second = memory.begin(f"{name}_1", unit), memory.begin(f"{name}_2", unit)
+    memory.follow(w * second)
+    memory.follow(w * (signal - first - 2 * damping * second))
     return first if isinstance(one, LowPass) else signal - 2 * damping * (1 - one.gain) * second
 
 
@@ -266,10 +223,24 @@ class Feedback:
 
     @classmethod
     def of(cls, about: Deviation, control: Control) -> "Feedback":
-        """Write it once. Raises: ArgumentError when there is not one gain for each torque-driven joint."""
-        found = write_compensator(about, control)
-        parts = [ca.densify(part) for part in (*kept_columns(about, found), found.unwinding)]
-        return cls(ca.Function("feedback", [about.arm.parameters.symbols], parts), found.names, found.units)
+        """Write it once: filters of the rates, the gains, filters of the torque.
+
+            u = -F_torque (kp e + kd F_rates e' + ki int e dt),   e = encoders y
+
+        Raises: ArgumentError when there is not one gain for each torque-driven joint.
+        """
+        arm, memory = about.arm, Memory(about.m)
+        placed = arm.parameters.placed_in(control, "control.")
+        check_gains(placed, about.m)
+        y, rate = ca.SX.sym("y", about.n), ca.SX.sym("y1", about.n)
+        encoders, torque = arm.encoders[list(about.driven), list(about.kept)], ca.SX(about.m, 1)
+        for row in range(about.m if placed.feedback is not None else 0):
+            torque[row] = torque_of(placed, memory, row, encoders[row, :] @ y, encoders[row, :] @ rate, about)
+        x = ca.vertcat(y, rate, *memory.states)
+        gain, rates = ca.jacobian(torque, x), ca.jacobian(ca.vertcat(ca.SX(0, 1), *memory.rates), x)
+        unwinding = ca.vertcat(ca.SX(0, about.m), *memory.unwinding)
+        function = ca.Function("feedback", [arm.parameters.symbols], list(map(ca.densify, (gain, rates, unwinding))))
+        return cls(function, tuple(one.name() for one in memory.states), tuple(memory.units))
 
     def close(self, plant: dict[str, ca.SX], p: ca.SX) -> dict[str, ca.SX]:
         """D + B gain_y' and K + B gain_y from D, K, B of the arm; p: the free parameters in them."""
@@ -297,10 +268,3 @@ def scene_law(about: Deviation, control: Control | None, rigid: VectorFunction, 
     feeds_forward = control is not None and control.feedforward != "none"
     kind, forward = ("rigid", rigid) if feeds_forward else ("none", none)
     return Law(kind, forward, Constant(gain), rest, controller)
-
-
-def kept_columns(about: Deviation, found: Compensator) -> tuple[ca.SX, ca.SX]:
-    """A compensator's gain (m, 2n + k) and rates (k, 2n + k) in the coordinates kept."""
-    arm, kept = about.arm.n, list(about.kept)
-    columns = [*kept, *(arm + i for i in kept), *range(2 * arm, found.gain.size2())]
-    return found.gain[:, columns], found.rates[:, columns]
