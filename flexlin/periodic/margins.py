@@ -13,7 +13,8 @@ from flexlin.checks import Array, positive
 from flexlin.errors import NotStable, NumericalError, TimeLimit
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, combine
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.precision import MINOR, ROOT
+from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.precision import ROOT, TINY
 from flexlin.periodic.related import with_matrices
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of
 from flexlin.periodic.transition.setting import FEWER_SEGMENTS
@@ -24,7 +25,7 @@ LARGEST_GAIN, STEP = 1e3, 1.4
 LONGEST_DELAY = 20.0
 """In times of the slowest exponent of A(t), or periods; the first delay is this part of the time of the fastest."""
 SHORTEST_LINE, LINE = 2, 8
-"""Orders of the delay line, [1/2] to [7/8] Pade, as short as tol allows at the fastest eigenvalue; the next order shows the error."""
+"""Orders of the delay line, [1/2] to [7/8] Pade, as short as tol allows for the fastest mode; the next order shows the error."""
 
 SCANNED, SURE = 1e-4, 1e3
 """Accuracy with which loops are judged at first, and how many times its error a growth rate exceeds where no better one is needed."""
@@ -129,26 +130,20 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     def with_phase(phi: float) -> PeriodicSystem:
         return with_matrices(nominal, Turned(system.A, B, K, phi), breaks=breaks)
 
-    sizes = measure_rates(nominal)
-
-    def with_delay(tau: float, more: int = 0) -> PeriodicSystem:
-        order = choose_order(float(sizes.max()) * tau, MINOR * tol) + more
-        return with_matrices(nominal, Delayed(system.A, B, K, tau, order), breaks=breaks)
-
-    def find_delay() -> Found:
-        delay, error = find_first(with_delay, (0.0, decay), list_delays(nominal.period, sizes), tol)
-        if np.isinf(delay):
-            return delay, error
-        finer, reach = find_near(lambda tau: with_delay(tau, 1), delay, max(error, tol * delay))
-        return finer, reach + abs(finer - delay)
-
     steps = STEP ** np.arange(1, int(np.log(LARGEST_GAIN) / np.log(STEP)) + 1)
     angles = np.linspace(0.0, np.pi, len(steps) + 1)[1:]
+    sizes, fastest = measure_rates(nominal, with_phase, angles)
+
+    def with_delay(tau: float, more: int = 0) -> PeriodicSystem:
+        order = choose_order(fastest * tau, tol / 2) + more
+        return with_matrices(nominal, Delayed(system.A, B, K, tau, order), breaks=breaks)
+
+    delays = list_delays(nominal.period, sizes)
     searches: list[Callable[[], Found]] = [
         partial(find_first, with_gain, (1.0, decay), 1 / steps, tol),
         partial(find_first, with_gain, (1.0, decay), steps, tol),
         partial(find_first, with_phase, (0.0, decay), angles, tol),
-        find_delay,
+        partial(find_first, with_delay, (0.0, decay), delays, tol, partial(with_delay, more=1)),
     ]
     (low, below), (high, above), (phase, turned), (delay, late), reasons = find_known(searches)
     gain = 0.0 if np.isinf(low) else low, high
@@ -216,9 +211,14 @@ def find_known(searches: list[Callable[[], Found]]) -> tuple[Found, Found, Found
     return first, second, third, last, reasons
 
 
-def measure_rates(loop: PeriodicSystem) -> Array:
-    """The sizes (33, n) of the eigenvalues of A(t) over a period, in 1/s."""
-    return np.abs(np.linalg.eigvals(loop.A(loop.period * np.arange(33) / 33)))
+def measure_rates(loop: PeriodicSystem, turn: Perturbed, angles: Array) -> tuple[Array, float]:
+    """The sizes (33, n) of the eigenvalues of A(t) over a period, and the largest of the loops with a phase, in 1/s.
+
+    With a delay tau as well, s is an eigenvalue of A - exp(-s tau) B K, a loop with a phase where it neither grows nor decays.
+    """
+    t = loop.period * np.arange(33) / 33
+    turned = [np.abs(np.linalg.eigvals(turn(phi).A(t))).max() for phi in angles]
+    return np.abs(np.linalg.eigvals(loop.A(t))), float(max(turned))
 
 
 def list_delays(period: float, sizes: Array) -> Array:
@@ -229,53 +229,64 @@ def list_delays(period: float, sizes: Array) -> Array:
 
 
 def choose_order(z: float, tol: float) -> int:
-    """The least order q whose [q - 1 / q] Pade approximation misses exp(-z) by tol, z^(2 q) q! (q - 1)! / ((2 q)! (2 q - 1)!)."""
+    """The least order q whose [q - 1 / q] Pade approximation delays all up to the frequency z by a share of at most tol wrongly.
+
+    It misses exp(-i z) by z^(2 q) q! (q - 1)! / ((2 q)! (2 q - 1)!), which is z times the share.
+    """
     f = factorial
     for q in range(SHORTEST_LINE, LINE):
-        if z ** (2 * q) * f(q) * f(q - 1) <= tol * f(2 * q) * f(2 * q - 1):
+        if z ** (2 * q - 1) * f(q) * f(q - 1) <= tol * f(2 * q) * f(2 * q - 1):
             return q
     return LINE
 
 
-def find_first(make: Perturbed, start: Start, values: Iterable[float], tol: float) -> Found:
-    """The first change of verdict on the way from a stable start over the values, with its error; inf, 0 where there is none."""
+def find_first(
+    make: Perturbed, start: Start, values: Iterable[float], tol: float, better: Perturbed | None = None
+) -> Found:
+    """The first change of verdict on the way from a stable start over the values, with its error; inf, 0 where there is none.
+
+    better: the perturbed loops that the error is judged by, where those that are searched are not exact.
+    """
     from scipy.optimize import brentq  # takes longer to load than most loops to judge
 
-    before, begun = start
+    known = dict([start])
+
+    def growth_of(value: float) -> float:
+        if value not in known:
+            known[value] = float(judge_growth(make(value)).exponents[0].real)
+        return known[value]
+
+    before = start[0]
     for value in map(float, values):
-        growth = judge_sign(make(value))
-        if growth > 0:
-            ends = {before: begun, value: growth}
-
-            def at(x: float, ends: dict[float, float] = ends) -> float:
-                return ends[x] if x in ends else judge_growth(make(x))[0]
-
-            root = float(brentq(at, before, value, xtol=tol * abs(value) / 4, rtol=1e-14))
-            return find_near(make, root, tol * abs(root) / 2)
-        before, begun = value, growth
+        if growth_of(value) > 0:
+            root = float(brentq(growth_of, before, value, xtol=tol * abs(value) / 8, rtol=1e-14))
+            return find_near(better or make, root, tol * abs(root))
+        before = value
     return np.inf, 0.0
 
 
-def judge_sign(loop: PeriodicSystem) -> float:
-    """The largest real part of the exponents, in 1/s, as exactly as its sign asks for."""
-    growth, error = judge_growth(loop, SCANNED)
-    return growth if abs(growth) > SURE * error else judge_growth(loop)[0]
-
-
-def judge_growth(loop: PeriodicSystem, tol: float = ROOT) -> Found:
-    """The largest real part of the exponents, in 1/s, with its error.
+def judge_growth(loop: PeriodicSystem) -> FloquetResult:
+    """The exponents, as exactly as the sign of the largest real part asks for.
 
     Raises: TooManySegments, far beyond twice FEWER_SEGMENTS: a search asks for dozens.
     """
-    found = floquet(loop, tol, max_segments=2 * FEWER_SEGMENTS)
-    return float(found.exponents[0].real), float(found.errors[0])
+    found = floquet(loop, SCANNED, max_segments=2 * FEWER_SEGMENTS)
+    size, error = abs(float(found.exponents[0].real)), float(found.errors[0])
+    if size > SURE * error or error > SCANNED * max(1.0, abs(found.exponents[0])):  # known, or no better with more work
+        return found
+    return floquet(loop, ROOT, max_segments=2 * FEWER_SEGMENTS)
 
 
 def find_near(make: Perturbed, value: float, reach: float) -> Found:
-    """The middle and half width of an interval about a value, at whose ends the verdicts are decided and differ."""
+    """The middle and half width of an interval about a value, at whose ends the verdicts are decided and differ.
+
+    The next interval is twice as wide, or as wide as growth rates in proportion to it need to be to exceed their errors.
+    """
     while reach < abs(value):
-        verdicts = {floquet(make(value + side * reach), ROOT).verdict for side in (-1, 1)}
-        if verdicts == {"stable", "unstable"}:
+        found = [judge_growth(make(value + side * reach)) for side in (-1, 1)]
+        if {one.verdict for one in found} == {"stable", "unstable"}:
             return value, reach
-        reach *= 2
+        growth = max(abs(float(one.exponents[0].real)) for one in found)
+        error = max(float(one.errors[0]) for one in found)
+        reach *= max(2.0, error / max(growth, TINY))
     return value, np.inf
