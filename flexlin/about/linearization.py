@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.closed_loops import keeps_clear, moves_followers
+from flexlin.about.closed_loops import keeps_clear
 from flexlin.about.deviation import Deviation
 from flexlin.about.law import Controller, Feedback, Law, scene_law
 from flexlin.checks import SAMPLES, Array, at_times, times, whole
@@ -53,9 +53,9 @@ class Linearization(Shown):
         M_L(t) y'' + D_L(t) y' + K_L(t) y = h_L(t) + B_L(t) u,     s = s_R + y
 
     Without a loop h_L = -(M s_R'' + C s_R' + g + d) and u is the whole torque. With a loop, torque = feedforward + feedback + u:
-    D_L and K_L hold what of the feedback answers at once, h_L the feedforward. The coefficients of the arm alone are one CasADi function; a
-    loop adds B gain to [K_L, D_L] and the torque of the rigid motion to h_L in numbers. Integrals and filters of the loop are states z
-    behind the arm's own: x = [y; y'; z].
+    D_L and K_L hold what of the feedback answers at once, h_L the feedforward. The coefficients are one CasADi function; a loop adds
+    B gain to [K_L, D_L] and the torque of the rigid motion to h_L. Integrals and filters of the loop are states z behind the arm's own:
+    x = [y; y'; z].
 
     Attributes
     ----------
@@ -69,8 +69,6 @@ class Linearization(Shown):
         The scene's control, when its loop is closed.
     feedback : Feedback or None
         Its feedback, as a function of the free parameters.
-    clear : bool or None
-        Whether the closed loops of its links are known to keep clear of dead points; None where it is to be found.
 
     Examples
     --------
@@ -88,7 +86,6 @@ class Linearization(Shown):
     route: Route
     control: Control | None = None
     feedback: Feedback | None = None
-    clear: bool | None = None
 
     def __repr__(self) -> str:
         return f"Linearization({'; '.join(self._names())})"
@@ -151,17 +148,12 @@ class Linearization(Shown):
         Coefficients
             M, D, K (N, n, n), h (N, n), B (N, n, m) and the torque of the rigid motion tau (N, m).
         """
-        M, D, K, h, B, tau = self.about.evaluate(self.of_arm, times(t))
-        forced = h + B @ tau if self.feeds_forward else h
-        return Coefficients(M, *self._answered(D, K, B), forced[:, :, 0], B, tau[:, :, 0])
+        M, D, K, h, B, tau = self.about.evaluate(self.coefficients, times(t))
+        return Coefficients(M, D, K, h[:, :, 0], B, tau[:, :, 0])
 
-    def _answered(self, D: Array, K: Array, B: Array) -> tuple[Array, Array]:
-        """D and K of the loop, from those of the arm."""
-        gain, n = self.direct_gain, self.n
-        if gain is None:
-            return D, K
-        loop = B @ gain
-        return D + loop[..., n:], K + loop[..., :n]
+    def _part(self, t: Array, *names: str) -> tuple[Array, ...]:
+        """Some of the coefficients at times (N,), without the work for the others."""
+        return self.about.evaluate(Part(self.coefficients, names), times(t))
 
     def M(self, t: ArrayLike) -> Array:
         """Return the mass matrix, Eq (65).
@@ -251,7 +243,7 @@ class Linearization(Shown):
         array, shape (N, m) or (m,)
             The torque, in N m (N for sliding joints, V for motors).
         """
-        return at_times(lambda t: self.about.evaluate(self._torque, t)[0][:, :, 0], t)
+        return at_times(lambda t: self._part(t, "tau")[0][:, :, 0], t)
 
     def equations(self, t: Array) -> tuple[Array, Array, Array]:
         """Return M, D, K without the rest.
@@ -266,8 +258,8 @@ class Linearization(Shown):
         tuple of array, each of shape (N, n, n)
             M, D, K.
         """
-        M, D, K, *B = self.about.evaluate(self._equations, times(t))
-        return M, *(self._answered(D, K, *B) if B else (D, K))
+        M, D, K = self._part(t, "M", "D", "K")
+        return M, D, K
 
     def mass_and_input(self, t: Array) -> tuple[Array, Array]:
         """Return M and B without the rest.
@@ -284,24 +276,8 @@ class Linearization(Shown):
         B : array, shape (N, n, m)
             Input matrix.
         """
-        M, B = self.about.evaluate(self._inputs, times(t))
+        M, B = self._part(t, "M", "B")
         return M, B
-
-    @lazy
-    def _equations(self) -> Part:
-        return Part(self.of_arm, ("M", "D", "K") if self.direct_gain is None else ("M", "D", "K", "B"))
-
-    @lazy
-    def _inputs(self) -> Part:
-        return Part(self.of_arm, ("M", "B"))
-
-    @lazy
-    def _forces(self) -> Part:
-        return Part(self.of_arm, ("M", "h", "B", "tau") if self.feeds_forward else ("M", "h"))
-
-    @lazy
-    def _torque(self) -> Part:
-        return Part(self.of_arm, ("tau",))
 
     @property
     def input_units(self) -> tuple[str, ...]:
@@ -340,11 +316,7 @@ class Linearization(Shown):
         effects = self._effects
         if effects is None or not self.motion.complete or not all(effect.smooth for effect in effects):
             return False
-        return self.arm.near.loops is None or (not self.may_be_narrow and self._keeps_clear)
-
-    @lazy
-    def _keeps_clear(self) -> bool:
-        return keeps_clear(self.about.near) if self.clear is None else self.clear
+        return self.arm.near.loops is None or (not self.may_be_narrow and keeps_clear(self.about.near))
 
     def at_numbers(self, values: Array, period: float) -> "Linearization":
         """Return the same equations with other values of the arm's free numbers.
@@ -365,12 +337,9 @@ class Linearization(Shown):
         """
         about, motion = self.about, self.motion
         assert isinstance(motion, SymbolicMotion)
-        followed = self.arm.near.loops is not None and not moves_followers(about.near)
         arm = self.arm.at_numbers(values)
-        clear = self._keeps_clear if followed else None
-        moved = replace(self, about=replace(about, arm=arm, motion=motion.at_numbers(values, period)), clear=clear)
-        if "coefficients" in vars(self):
-            vars(moved)["coefficients"] = self.coefficients
+        moved = replace(self, about=replace(about, arm=arm, motion=motion.at_numbers(values, period)))
+        vars(moved)["coefficients"] = self.coefficients
         return moved
 
     @property
@@ -392,16 +361,15 @@ class Linearization(Shown):
     @lazy
     def coefficients(self) -> ca.Function:
         """Place on the motion and free parameters -> M, D, K, h, B, tau, with what the loop adds."""
-        found, names = self.of_arm, self.of_arm.name_out()
-        if self.feedback is None and not self.feeds_forward:
-            return found
-        inputs = found.sx_in()
-        values = dict(zip(names, found.call(inputs), strict=True))
-        if self.feedback is not None:
-            values |= self.feedback.close(values, inputs[-1])
-        if self.feeds_forward:
+        if self.control is None or self.feedback is None:
+            return self.of_arm
+        names, inputs = self.of_arm.name_out(), self.of_arm.sx_in()
+        values = dict(zip(names, self.of_arm.call(inputs), strict=True))
+        values |= self.feedback.close(values, inputs[-1])
+        if self.control.feedforward != "none":
             values["h"] += values["B"] @ values["tau"]
-        return ca.Function(found.name(), inputs, [ca.densify(values[name]) for name in names], found.name_in(), names)
+        dense = [ca.densify(value) for value in values.values()]
+        return ca.Function(self.of_arm.name(), inputs, dense, self.of_arm.name_in(), names)
 
     @lazy
     def closed_by(self) -> Law:
@@ -412,17 +380,6 @@ class Linearization(Shown):
     def law(self) -> Law:
         """The law that runs on the arm unless another is given: the scene's, or the torque of the rigid motion alone."""
         return self.closed_by if self.control else scene_law(self.about, Control(), self.feedforward, None)
-
-    @lazy
-    def direct_gain(self) -> Array | None:
-        """What of a loop's feedback answers [y; y'] at once, (m, 2n); none where nothing does."""
-        gain = self.closed_by.gain(np.zeros(1))[0, :, : 2 * self.n]
-        return np.array(gain) if gain.any() else None
-
-    @property
-    def feeds_forward(self) -> bool:
-        """Whether h_L holds the torque of the rigid motion."""
-        return self.closed_by.feedforward == "rigid"
 
     @lazy
     def controller(self) -> Controller | None:
@@ -537,9 +494,8 @@ class Linearization(Shown):
         return at_times(self._forcing, t)
 
     def _forcing(self, t: Array) -> Array:
-        M, h, *driven = self.about.evaluate(self._forces, t)
-        forced = h + driven[0] @ driven[1] if driven else h
-        return self._with_controller(build_input(M, forced, t))[:, :, 0]
+        M, h = self._part(t, "M", "h")
+        return self._with_controller(build_input(M, h, t))[:, :, 0]
 
     def to_xarray(self, points: int = 257) -> "xarray.Dataset":
         """Return the coefficients as tables with names and units.
