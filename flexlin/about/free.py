@@ -1,24 +1,26 @@
-"""A scene's closed loop with some of its numbers left free, and linearization about an elastic periodic motion."""
+"""A scene's closed loop with some of its numbers left free; it and families as data for the kernel."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
-from flexlin.about.deviation import Deviation
+from flexlin.about.family import PeriodicFamily
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
-from flexlin.about.periodic_motion import PeriodicMotion
-from flexlin.arguments import checked, instance
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.motion import SymbolicMotion
+from flexlin.periodic.many import Kernel, Model, take_phases
 from flexlin.periodic.related import extend_system
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.program import INPUT, OUTPUT, Program
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 from flexlin.symbolic import selected
@@ -42,26 +44,15 @@ class KeptGain:
         """The number k of the design's own states."""
         return 0 if self.rates is None else len(self.rates)
 
-    def at_phases(self, phases: Array) -> Array:
-        """The gain (N, m, 2n + k) at phases (N,)."""
-        return self.gain(np.mod(phases, 1.0) * self.period)
+    def at_phases(self, t: Array, period: float = 1.0) -> Array:
+        """The gain (N, m, 2n + k) at times (N,) in another period, or at phases."""
+        return self.gain(np.mod(t / period, 1.0) * self.period)
 
     def close(self, system: PeriodicSystem) -> PeriodicSystem:
         """The loop of this gain on a plant of any period."""
         corners = tuple(system.period * phase for phase in self.breaks)
         plant = system if self.rates is None else extend_system(system, self.rates)
-        return plant.feedback(Stretched(self, system.period), corners)
-
-
-@dataclass(frozen=True, eq=False)
-class Stretched:
-    """A kept gain as a function of times in another period."""
-
-    kept: KeptGain
-    period: float
-
-    def __call__(self, t: Array) -> Array:
-        return self.kept.at_phases(t / self.period)
+        return plant.feedback(partial(self.at_phases, period=system.period), corners)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +71,8 @@ class ParametricLoop:
     duration: ca.Function
     kept: KeptGain | None = None
 
+    is_smooth: ClassVar[bool] = True  # an arm's equations name their narrow features
+
     __repr__ = represent
 
     @lazy
@@ -93,11 +86,6 @@ class ParametricLoop:
     def may_be_narrow(self) -> bool:
         """Whether the coefficients may have narrow features at some values."""
         return self.linearization.may_be_narrow
-
-    @property
-    def is_smooth(self) -> bool:
-        """Whether narrow features are known where they are: an arm's equations name them."""
-        return True
 
     def is_narrow(self, point: Array) -> bool:
         """Whether the coefficients have narrow features at one point (P,)."""
@@ -225,99 +213,76 @@ def loop_of(lin: Linearization) -> ParametricLoop:
     return ParametricLoop(lin.arm.parameters.paths, lin, duration)
 
 
-@dataclass(frozen=True, eq=False)
-class ElasticCoefficients:
-    """M, D, K, B about a periodic motion of the elastic arm, as functions of time (N,).
+PHASE, POINT = 1, 2
+"""What a value depends on, as bits."""
 
-    `slopes`: all four; `inertia`: M and B alone, for much less work.
+
+def make_kernel(source: ParametricLoop | PeriodicFamily) -> Kernel:
+    """The kernel of a loop or a family.
+
+    Raises: ArgumentError where an expression holds an operation that the kernel does not know, and where breaks move.
     """
-
-    motion: PeriodicMotion
-    slopes: ca.Function
-    inertia: ca.Function
-
-    def sample(self, function: ca.Function, t: Array) -> tuple[Array, ...]:
-        """The outputs of one of the functions at times (N,), in one mapped call."""
-        motion = self.motion
-        along = (motion.y(t), motion.y(t, 1), motion.y(t, 2), motion.torque(t))
-        return motion.lin.about.evaluate(function, t, *along)
-
-    def M(self, t: Array) -> Array:
-        return self.sample(self.inertia, t)[0]
-
-    def D(self, t: Array) -> Array:
-        return self.sample(self.slopes, t)[1]
-
-    def K(self, t: Array) -> Array:
-        return self.sample(self.slopes, t)[2]
-
-    def B(self, t: Array) -> Array:
-        return self.sample(self.inertia, t)[1]
-
-    def equations(self, t: Array) -> tuple[Array, Array, Array]:
-        M, D, K, _ = self.sample(self.slopes, t)
-        return M, D, K
+    if isinstance(source, PeriodicFamily):
+        if source.phase_breaks is None:
+            raise ArgumentError("the breaks move with the parameters")
+        return Kernel(record_model(family_equations(source), 1), take_phases, source.phase_breaks)
+    of_phase = take_phases if source.kept is None else source.of_phase
+    inputs = 1 if source.kept is None else 1 + source.states * source.linearization.about.m
+    return Kernel(record_model(state_equations(source), inputs), of_phase, source.phase_breaks)
 
 
-@checked
-def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSystem:
-    """Linearize the equations about a periodic motion of the elastic arm itself.
+def state_equations(loop: ParametricLoop) -> ca.Function:
+    """(phase, p[, gain]) -> Z', M', T: a loop's equations M y'' = Z [y; y'] in units of its period.
 
-        M z'' + D z' + K z = B u,   M = d r/d s'',  D = d r/d s',  K = d r/d s,   r = M(s) s'' + C s' + g + d - B(s) torque
-
-    at s = s_R + y of the motion. The motion solves the equations, so nothing is left over on the right side (h = 0), and where
-    the links are bent D is not zero even for a single link.
-
-    Parameters
-    ----------
-    motion : PeriodicMotion
-        From `periodic_motion` or from a feedforward.
-    closed : bool
-        With the scene's feedback, else the arm alone.
-
-    Returns
-    -------
-    PeriodicSystem
-        The system of [z; z'], followed by the states of the loop's controller, with input u the torque beside the motion's.
-
-    Raises
-    ------
-    SingularMassMatrix
-        When M cannot be inverted.
-
-    References
-    ----------
-    Khang, Dat, Tuan (2019), section 4, with the elastic motion as basic motion.
-
-    Examples
-    --------
-    >>> import flexlin as fl
-    >>> scene = fl.load_scene("single-link")
-    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    >>> elastic = fl.control.linearize_about(fl.control.periodic_motion(lin, tol=1e-6))
-    >>> fl.floquet(elastic, tol=1e-6).verdict
-    'stable'
+    A controller's states z, whose coordinates are ignorable, make A full: x = [y; y'; z] leaves those coordinates out.
     """
-    instance("motion", motion, PeriodicMotion, "give what periodic_motion hands back")
-    lin = motion.lin
-    made = slopes(lin.about)
-    c = ElasticCoefficients(motion, made, selected(made, ("M", "B")))
-    system = PeriodicSystem.from_second_order(c.M, c.D, c.K, lin.period, c.B, lin.breaks, c.equations)
-    law = lin.law
-    if not closed:
-        return system
-    open_loop = system if law.controller is None else extend_system(system, law.controller.rates)
-    return open_loop.feedback(law.gain)
+    inputs = loop.matrices.sx_in()
+    M, D, K = loop.matrices.call(inputs)
+    T, n, k = loop.duration(inputs[1]), loop.coordinates, loop.memory
+    Z = ca.horzcat(-(T**2) * K, -T * D)
+    if k:
+        M = ca.diagcat(ca.SX.eye(n - k), M)
+        Z = ca.vertcat(ca.SX.eye(2 * n - k)[n - k : 2 * (n - k), :], Z[:, [*range(n - k), *range(n, 2 * n)]])
+    return ca.Function("equations", inputs, [ca.densify(Z.T), ca.densify(M.T), T])
 
 
-def slopes(about: Deviation) -> ca.Function:
-    """M, D, K, B about s = s_R + y, as functions of y, y', y'', torque and the place on the motion."""
-    arm, kept, driven = about.arm, list(about.kept), list(about.driven)
-    *moved, angles = about.symbols()
-    torque = ca.SX.sym("torque", about.m)
-    inputs = arm.B[:, driven]
-    left = arm.residual - inputs @ torque
-    parts = [ca.jacobian(left, by)[kept, kept] for by in (arm.s_ddot, arm.s_dot, arm.s)]
-    lifted = about.lift([*parts, inputs[kept, :]], angles, *moved)
-    named = dict(zip(("y", "y1", "y2", "torque"), [*moved, torque], strict=True))
-    return about.function(angles, named, dict(zip("MDKB", lifted, strict=True)))
+def family_equations(family: PeriodicFamily) -> ca.Function:
+    """(phase, p) -> Z', M', T: a family's equations in units of its period; M' is empty where A is given."""
+    phase, p = ca.SX.sym("phase"), family.p
+    T = family.durations(p)[0]
+    first, *more = family.coefficients.call([phase * T, p])[: len(family.matrices)]
+    Z = ca.horzcat(-(T**2) * more[1], -T * more[0]) if more else T * first
+    return ca.Function("equations", [phase, p], [ca.densify(Z.T), ca.densify(first.T) if more else ca.SX(0, 0), T])
+
+
+def record_model(function: ca.Function, phase_inputs: int) -> Model:
+    """The model of (phase, p[, more of the phase]) -> Z', M' (dense, or empty for I), T: column by column is then row by row.
+
+    Raises: ArgumentError for an operation that the kernel does not know.
+    """
+    kinds = tuple(POINT if i == 1 else PHASE for i in range(function.n_in()))
+    program, (states, rows) = Program.read(function).invert_once(kinds), function.size_out(0)
+    program.check_known()
+    code, needs, (Z, M, period) = program.steps[:, 0], program.find_needs(kinds), program.find_outputs()
+    wanted = np.concatenate([Z, M, program.steps[(needs == PHASE | POINT) & (code != OUTPUT), 2:].ravel()])
+    of_phase, of_point = (np.unique(wanted[np.isin(needs[wanted], kind)]) for kind in (PHASE, (POINT, 0)))
+    phase = program.lay_out((), of_phase, place_inputs(program, [i for i in range(len(kinds)) if i != 1]), phase_inputs)
+    point = program.lay_out((), np.append(of_point, period), place_inputs(program, [1]), function.numel_in(1))
+    given = {value: slot for slot, value in enumerate([*of_point.tolist(), *of_phase.tolist()])}
+    both = program.lay_out((), np.append(Z, M), given, len(given))
+    return Model(
+        states,
+        rows,
+        *(phase.steps, point.steps, both.steps),
+        *(phase.places[of_phase], point.places[of_point], both.places[np.append(Z, M)]),
+        phase_inputs,
+        function.numel_in(1),
+        int(point.places[period[0]]),
+        max(phase.slots, point.slots, both.slots, 1),
+    )
+
+
+def place_inputs(program: Program, arguments: list[int]) -> dict[int, int]:
+    """The slots of the values of some arguments, which stand in a row."""
+    starts = dict(zip(arguments, np.cumsum([0, *program.rows[arguments]]).tolist(), strict=False))
+    return {k: starts[a] + b for code, k, a, b in program.steps.tolist() if code == INPUT and a in starts}

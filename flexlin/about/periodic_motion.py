@@ -1,10 +1,13 @@
-"""Periodic motions of the elastic arm: which one is sought, and what is handed back."""
+"""Periodic motions of the elastic arm: which one is sought, what is handed back, and linearization about it."""
 
 from dataclasses import dataclass
+from functools import partial
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.about.deviation import Deviation
 from flexlin.about.harmonic_balance import (
     Closing,
     Solver,
@@ -24,8 +27,10 @@ from flexlin.checks import SAMPLES, Array, at_times, positive
 from flexlin.errors import MotionError, NumericalError, ToleranceNotReached
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.precision import SLIGHT
-from flexlin.periodic.system import MatrixFunction
+from flexlin.periodic.related import extend_system
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 from flexlin.summary import represent
+from flexlin.symbolic import Part
 
 FIRST, LEAST, GROWTH = 0.25, SLIGHT, 1.5
 """The first step in speed, as a part of the full one; the least that is tried; by how much a step grows after one that succeeds."""
@@ -358,3 +363,90 @@ def distance(y: FourierSeries, coarse: FourierSeries) -> float:
     points, n = y.coefficients.shape
     t = y.period * np.arange(2 * points) / (2 * points)
     return float(np.abs(y(t) - coarse(t)[:, :n]).max() / size_of(y.at_nodes(points)))
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """M, D, K, B about a periodic motion of the elastic arm, as functions of time (N,)."""
+
+    motion: PeriodicMotion
+    function: ca.Function
+
+    def sample(self, t: Array, *names: str) -> tuple[Array, ...]:
+        """Some of them at times (N,), in one mapped call."""
+        motion = self.motion
+        along = motion.y(t), motion.y(t, 1), motion.y(t, 2), motion.torque(t)
+        return motion.lin.about.evaluate(Part(self.function, names), t, *along)
+
+    def one(self, name: str, t: Array) -> Array:
+        """One of them."""
+        return self.sample(t, name)[0]
+
+    def equations(self, t: Array) -> tuple[Array, Array, Array]:
+        """M, D, K."""
+        M, D, K = self.sample(t, "M", "D", "K")
+        return M, D, K
+
+
+@checked
+def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSystem:
+    """Linearize the equations about a periodic motion of the elastic arm itself.
+
+        M z'' + D z' + K z = B u,   M = d r/d s'',  D = d r/d s',  K = d r/d s,   r = M(s) s'' + C s' + g + d - B(s) torque
+
+    at s = s_R + y of the motion. The motion solves the equations, so nothing is left over on the right side (h = 0), and where
+    the links are bent D is not zero even for a single link.
+
+    Parameters
+    ----------
+    motion : PeriodicMotion
+        From `periodic_motion` or from a feedforward.
+    closed : bool
+        With the scene's feedback, else the arm alone.
+
+    Returns
+    -------
+    PeriodicSystem
+        The system of [z; z'], followed by the states of the loop's controller, with input u the torque beside the motion's.
+
+    Raises
+    ------
+    SingularMassMatrix
+        When M cannot be inverted.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), section 4, with the elastic motion as basic motion.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> elastic = fl.control.linearize_about(fl.control.periodic_motion(lin, tol=1e-6))
+    >>> fl.floquet(elastic, tol=1e-6).verdict
+    'stable'
+    """
+    instance("motion", motion, PeriodicMotion, "give what periodic_motion hands back")
+    lin = motion.lin
+    found = Slopes(motion, slopes(lin.about))
+    M, D, K, B = (partial(found.one, name) for name in "MDKB")
+    system = PeriodicSystem.from_second_order(M, D, K, lin.period, B, lin.breaks, found.equations)
+    law = lin.law
+    if not closed:
+        return system
+    open_loop = system if law.controller is None else extend_system(system, law.controller.rates)
+    return open_loop.feedback(law.gain)
+
+
+def slopes(about: Deviation) -> ca.Function:
+    """M, D, K, B about s = s_R + y, as functions of y, y', y'', torque and the place on the motion."""
+    arm, kept, driven = about.arm, list(about.kept), list(about.driven)
+    *moved, angles = about.symbols()
+    torque = ca.SX.sym("torque", about.m)
+    inputs = arm.B[:, driven]
+    left = arm.residual - inputs @ torque
+    parts = [ca.jacobian(left, by)[kept, kept] for by in (arm.s_ddot, arm.s_dot, arm.s)]
+    lifted = about.lift([*parts, inputs[kept, :]], angles, *moved)
+    named = dict(zip(("y", "y1", "y2", "torque"), [*moved, torque], strict=True))
+    return about.function(angles, named, dict(zip("MDKB", lifted, strict=True)))

@@ -133,8 +133,7 @@ def describe_end(plant: Linearization) -> str:
 
 def judge_elastic_loop(a: Stages) -> Loop:
     """The scene's own loop, linearized about the periodic motion of the elastic arm in the place of the rigid one."""
-    from flexlin.about.free import linearize_about
-    from flexlin.about.periodic_motion import periodic_motion
+    from flexlin.about.periodic_motion import linearize_about, periodic_motion
 
     name, work = "about elastic motion", partial(periodic_motion, a.closed, tol=a.asked.tol)
     found = a.attempt_alone("periodic motion of the elastic arm", work, lambda made: made.error)

@@ -6,8 +6,7 @@ import pytest
 
 import flexlin as fl
 from flexlin import symbolic
-from flexlin.about.free import linearize_about
-from flexlin.about.periodic_motion import periodic_motion
+from flexlin.about.periodic_motion import linearize_about, periodic_motion
 from flexlin.control.tracking import KINDS, feedforward, tip_positions
 from flexlin.errors import ArgumentError
 from tests.closed_arm import closed

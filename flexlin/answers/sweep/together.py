@@ -153,7 +153,7 @@ class Together:
 
         There is a kernel for a list of sizes; stiff systems may need more segments than it takes, and narrow features are not seen.
         """
-        from flexlin.about.kernel_model import make_kernel
+        from flexlin.about.free import make_kernel
 
         try:
             kernel = make_kernel(source)
