@@ -38,7 +38,7 @@ _HOME = {
     "periodic_lqr": "flexlin.control",
     "periodic_lyapunov": "flexlin.periodic.quadratic.riccati",
     "respond": "flexlin.periodic.response.transient",
-    "sampled_estimator": "flexlin.control.sampled_estimator",
+    "sampled_estimator": "flexlin.control.sampled",
     "sampled_lqr": "flexlin.control.sampled",
     "simulate": "flexlin.simulation",
     "sweep": "flexlin.answers.sweep",

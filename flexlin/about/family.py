@@ -284,13 +284,7 @@ class PeriodicFamily(Expressions):
 
 
 def keep(
-    made: PeriodicFamily,
-    matrices: tuple[ca.SX, ...],
-    t: ca.SX,
-    parameters: ca.SX | Sequence[ca.SX],
-    period: float | ca.SX,
-    B: Any,
-    breaks: Sequence[float | ca.SX],
+    made: PeriodicFamily, matrices: tuple[ca.SX, ...], t: Any, parameters: Any, period: Any, B: Any, breaks: Any
 ) -> None:
     """Check what is given and put it in place."""
     symbols, time = list_symbols(parameters), as_expression("t", t)

@@ -1,6 +1,6 @@
 """From a scene's design table to a design, whose weights come from the largest deviations that one may have."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -90,19 +90,15 @@ def solve_design(
     """The design of a table's kind; raises ArgumentError for an unknown one."""
     if table.sample_time is not None:
         return sampled_lqr(system, Q, R, table.sample_time, tol=tol).named(table.name)
-    if table.kind == "periodic-lqr":
-        return periodic_lqr(system, Q, R, tol=tol, name=table.name)
-    if table.kind == "frozen-lqr":
-        return frozen_lqr(system, Q, R, phases=table.phases, name=table.name)
-    if table.kind == "averaged-lqr":
-        return averaged_lqr(system, Q, R, name=table.name)
-    if table.kind == "finite-horizon-lqr":
-        return finite_horizon_lqr(system, Q, R, tol=tol, name=table.name)
-    raise ArgumentError(
-        "there is no such kind of design",
-        got=repr(table.kind),
-        expected="periodic-lqr, frozen-lqr, averaged-lqr or finite-horizon-lqr",
-    )
+    ways: dict[str, Callable[..., Design]] = {
+        "periodic-lqr": partial(periodic_lqr, tol=tol),
+        "frozen-lqr": partial(frozen_lqr, phases=table.phases),
+        "averaged-lqr": averaged_lqr,
+        "finite-horizon-lqr": partial(finite_horizon_lqr, tol=tol),
+    }
+    if table.kind not in ways:
+        raise ArgumentError("there is no such kind of design", got=repr(table.kind), expected=" or ".join(ways))
+    return ways[table.kind](system, Q, R, name=table.name)
 
 
 def system_of(plant: Linearization, kind: str) -> PeriodicSystem:

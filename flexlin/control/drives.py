@@ -121,17 +121,11 @@ def drive_load(lin: Linearization, t: Array, states: Array, law: Law, drives: Dr
     """
     t = np.asarray(t, dtype=float)
     command, n = law.torque(t, states), lin.n
-    speed = joint_speeds(lin, t, states[:, :n], states[:, n : 2 * n])
+    speed = lin.about.positions(t, states[:, :n], states[:, n : 2 * n])[1][:, [lin.arm.drives[i] for i in lin.driven]]
     torque, current = torque_and_current(lin, command, speed, drives)
     units = [UNITS["N" if lin.arm.coordinates[lin.arm.drives[i]].unit == "m" else "N m"] for i in lin.driven]
     demands = list_demands(lin.inputs, units, torque, speed, current, drives or Drives())
     return DriveLoad(lin.inputs, torque, speed, torque * speed, current, tuple(demands))
-
-
-def joint_speeds(lin: Linearization, t: Array, y: Array, rates: Array) -> Array:
-    """The rates (N, m) of the coordinates that the motors drive, rigid motion and deviation together."""
-    moving = lin.about.positions(t, y, rates)[1]
-    return moving[:, [lin.arm.drives[i] for i in lin.driven]]
 
 
 def torque_and_current(
@@ -161,28 +155,18 @@ def list_demands(
 ) -> list[Demand]:
     """Every figure of every joint, with its limit if there is one."""
     moment, rate, amperes, watts = [u[0] for u in units], [u[1] for u in units], ["A"] * len(units), ["W"] * len(units)
-    rows: list[tuple[str, Array, Any, str, list[str]]] = [
-        ("peak torque", peak(torque), drives.torque.peak, "torque.peak", moment),
-        ("RMS torque", root_mean_square(torque), drives.torque.continuous, "torque.continuous", moment),
-        ("peak speed", peak(speed), drives.speed, "speed", rate),
-        ("peak power", peak(torque * speed), drives.power, "power", watts),
+    rows: list[tuple[str, Array | None, Any, str, list[str]]] = [
+        ("peak torque", torque, drives.torque.peak, "torque.peak", moment),
+        ("RMS torque", torque, drives.torque.continuous, "torque.continuous", moment),
+        ("peak speed", speed, drives.speed, "speed", rate),
+        ("peak power", torque * speed, drives.power, "power", watts),
+        ("peak current", current, drives.current.peak, "current.peak", amperes),
+        ("RMS current", current, drives.current.continuous, "current.continuous", amperes),
     ]
-    if current is not None:
-        rms = root_mean_square(current)
-        rows.append(("peak current", peak(current), drives.current.peak, "current.peak", amperes))
-        rows.append(("RMS current", rms, drives.current.continuous, "current.continuous", amperes))
     found = []
     for what, values, wanted, key, of in rows:
-        limits: Sequence[float | None] = spread(f"drives.{key}", wanted, of) or (None,) * len(joints)
-        found += [Demand(what, *one) for one in zip(joints, values.tolist(), limits, of, strict=True)]
+        if values is not None:
+            size = np.abs(values).max(axis=0) if what.startswith("peak") else np.sqrt((values**2).mean(axis=0))
+            limits: Sequence[float | None] = spread(f"drives.{key}", wanted, of) or (None,) * len(joints)
+            found += [Demand(what, *one) for one in zip(joints, size.tolist(), limits, of, strict=True)]
     return found
-
-
-def peak(values: Array) -> Array:
-    """The largest absolute value of each column."""
-    return np.asarray(np.abs(values).max(axis=0))
-
-
-def root_mean_square(values: Array) -> Array:
-    """The root of the mean square of each column."""
-    return np.sqrt((values**2).mean(axis=0))
