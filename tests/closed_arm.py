@@ -1,4 +1,4 @@
-"""The linearization of a built-in scene's arm under its own control law."""
+"""The linearization of a built-in scene's arm, under its own control law and without."""
 
 from pathlib import Path
 from typing import Any
@@ -12,3 +12,9 @@ def closed(
     """Load, build and linearize; folder: of the files that the changes name."""
     scene = fl.load_scene(name, changes or {}, folder)
     return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+
+
+def opened(name: str = "single-link", changes: dict[str, Any] | None = None) -> tuple[fl.Scene, fl.Linearization]:
+    """The scene too, and its arm without a loop."""
+    scene = fl.load_scene(name, changes or {})
+    return scene, fl.linearize(fl.build_manipulator(scene), scene.motion)

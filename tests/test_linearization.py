@@ -8,7 +8,7 @@ from scipy.integrate import quad
 import flexlin as fl
 from flexlin.about import by_jacobian, by_kronecker
 from flexlin.errors import ArgumentError, InputError, MotionError
-from flexlin.scene import Pd, parse_scene
+from flexlin.scene import parse_scene
 
 LINK = {"length": 0.7, "mass_per_length": 0.4, "bending_stiffness": 3.0, "modes": 2}
 ALL = {
@@ -133,17 +133,6 @@ def test_free_parameters_change_nothing_at_their_nominal_values():
         np.testing.assert_allclose(
             getattr(freed, name)(t), getattr(fixed, name)(t), atol=1e-12 * np.abs(fixed.K(t)).max()
         )
-
-
-def test_closed_loop_adds_the_gains():
-    scene = two_links(ALL)
-    control = scene.control.model_copy(update={"feedback": Pd(kind="pd", kp=(7.0, 3.0), kd=(2.0, 1.0))})
-    arm = fl.build_manipulator(scene)
-    open_loop, loop = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, control)
-    t = np.array([0.1, 0.2])
-    expected = np.zeros((6, 6))
-    expected[[0, 1], [0, 1]] = 7.0, 3.0
-    np.testing.assert_allclose(loop.K(t) - open_loop.K(t), np.broadcast_to(expected, (2, 6, 6)), atol=1e-11)
 
 
 def test_bad_requests():

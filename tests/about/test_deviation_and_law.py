@@ -51,7 +51,6 @@ def test_separate_matrices_are_those_of_the_whole_sample(lin):
     c = lin.sample(t)
     for name in ("M", "D", "K", "h", "B"):
         np.testing.assert_array_equal(getattr(lin, name)(t), getattr(c, name))
-    assert not hasattr(lin, "_last")
 
 
 def test_the_scenes_law_is_what_the_linear_equations_hold(lin):

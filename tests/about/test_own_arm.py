@@ -75,21 +75,11 @@ def test_what_no_input_balances_is_said():
     assert "balances" not in rest.summary()
 
 
-def test_objects_show_what_they_are(tmp_path):
-    arm = cart_with_pole()
-    lin = fl.linearize(arm, MOTION)
+def test_tables_and_states_say_the_numbers_of_the_equations():
+    lin = fl.linearize(cart_with_pole(), MOTION)
     system = lin.periodic_system()
     modes = fl.floquet_modes(system)
-    scene = fl.load_scene("single-link")
-    for one in (arm, lin, system, modes, scene):
-        assert len(repr(one)) < 500
-        assert repr(one).startswith(type(one).__name__)
-        assert one._repr_html_().startswith("<div")
-    for one in (lin, system, modes):
-        assert one.plot().get_xlabel()
-        assert one.to_xarray().sizes
-    table = modes.to_dataframe()
-    np.testing.assert_array_equal(table.growth_rate, modes.exponents.real)
+    np.testing.assert_array_equal(modes.to_dataframe().growth_rate, modes.exponents.real)
     np.testing.assert_array_equal(lin.to_xarray(3).K.sel(equation="phi", coordinate="x"), lin.K([0, 1, 2])[:, 1, 0])
     for t in (0.3, [0.3]):
         np.testing.assert_array_equal(lin.A(t), system.A(t))

@@ -13,9 +13,9 @@ from flexlin.errors import NumericalError, ToleranceNotReached
 from tests.closed_arm import closed
 
 
-def solver_of(name, points=33, **changes):
-    lin = closed(name, {"designs": [], **{key.replace("__", "."): value for key, value in changes.items()}})
-    return lin, Solver(lin.about, balance(lin.about, tip_exact), lin.law.direct, points)
+def solver_of(name):
+    lin = closed(name, {"designs": []})
+    return lin, Solver(lin.about, balance(lin.about, tip_exact), lin.law.direct, 33)
 
 
 def slopes_of_lines(lin, t, y):

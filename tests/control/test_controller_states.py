@@ -25,9 +25,8 @@ FILTERS = [
 CONTROLLED = {"designs": [], "control.feedback": PID, "control.filters": FILTERS}
 
 
-def loop_of(name="single-link", **changed):
-    scene = fl.load_scene(name, {**CONTROLLED, **{key.replace("__", "."): value for key, value in changed.items()}})
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+def loop_of(changes=None, name="single-link"):
+    return closed(name, CONTROLLED | (changes or {}))
 
 
 def apart(found, expected):
@@ -68,7 +67,7 @@ def test_a_moving_loop_has_the_eigenvalues_of_its_filters_in_other_states(lin):
 
 def test_integral_action_leaves_no_mean_error_behind_a_constant_torque(lin):
     """The forced response and the nonlinear periodic motion: the joint's mean error is zero, that of the PD is not."""
-    bent = loop_of(control__feedforward="none")
+    bent = loop_of({"control.feedforward": "none"})
     response = fl.forced_response(bent.periodic_system(), bent.forcing)
     t = bent.period * np.arange(64) / 64
     assert abs(response(t)[:, 0].mean()) < 1e-9 < 1e-3 < np.abs(response(t)[:, 0]).max()
@@ -111,8 +110,8 @@ def step_by_step(lin, limit, t, start):
 @pytest.mark.parametrize("tracking", [{}, {"tracking_time": 0.05}])
 def test_an_elastic_arm_whose_torque_is_cut_agrees_with_steps_over_the_corners(tracking):
     """Integral action and filters as well, whose states see what is not given."""
-    cut = {"control__feedback": PID | tracking, "control__saturation": {"torque": [0.8]}}
-    lin, start = loop_of(**cut), 1e-2 * np.array([1.0, 0.2, 0.0, 0.0, 0.0, 0.0])
+    cut = {"control.feedback": PID | tracking, "control.saturation": {"torque": [0.8]}}
+    lin, start = loop_of(cut), 1e-2 * np.array([1.0, 0.2, 0.0, 0.0, 0.0, 0.0])
     run = fl.simulate(lin, 0.3, initial=start, tol=1e-8)
     assert 0.1 < np.mean(np.abs(run.torque) > 0.8 - 1e-8) < 0.9
     known = step_by_step(lin, 0.8, run.t, np.concatenate([start, np.zeros(lin.law.memory + 1)]))
@@ -135,7 +134,7 @@ def test_a_drive_at_its_limit_winds_an_integral_up_unless_a_tracking_time_unwind
     for share in (None, 0.2):
         changes = RIGID | STILL | {"control.saturation": {"torque": [0.5]}}
         changes["control.feedback"] = PID | ({} if share is None else {"tracking_time": share})
-        lin = loop_of(**{key.replace(".", "__"): value for key, value in changes.items()})
+        lin = loop_of(changes)
         inertia = lin.M(0.0)[0, 0]
 
         def rate(t, x, inertia=inertia, share=share):
@@ -184,10 +183,7 @@ def test_a_sampled_controller_against_its_difference_equation(delay):
 @pytest.mark.slow
 def test_a_sampled_simulation_tends_to_the_continuous_one():
     slow = [{"kind": "low-pass", "cutoff": 4.0}]
-    lin, start = (
-        loop_of(**{key.replace(".", "__"): value for key, value in (RIGID | {"control.filters": slow}).items()}),
-        [0.1, 0.0],
-    )
+    lin, start = loop_of(RIGID | {"control.filters": slow}), [0.1, 0.0]
     ideal = fl.simulate(lin, 0.05, initial=start, tol=1e-7)
     gaps = [
         np.abs(
@@ -203,7 +199,7 @@ SMALL = {"links.0.modes": 1, "control.filters": [{"kind": "low-pass", "cutoff": 
 
 @pytest.fixture(scope="module")
 def small():
-    return loop_of(**{key.replace(".", "__"): value for key, value in SMALL.items()})
+    return loop_of(SMALL)
 
 
 @pytest.mark.slow
@@ -261,13 +257,14 @@ def test_what_does_not_fit_is_refused_by_its_key(change, key):
 
 def test_filters_in_front_of_a_motor_hold_volts():
     motor = {"gear_ratio": 50.0, "torque_constant": 0.02, "resistance": 1.0}
-    assert set(loop_of(effects__motor=motor).law.controller.units) == {"rad/s", "rad s", "V"}
+    assert set(loop_of({"effects.motor": motor}).law.controller.units) == {"rad/s", "rad s", "V"}
 
 
 def test_a_filter_of_one_joint_leaves_the_others_alone():
     scene = fl.load_scene("de-luca-siciliano-1991", {"designs": []})
     one = [{"kind": "low-pass", "cutoff": 20.0, "order": 1, "joints": [2]}]
-    lin = loop_of("de-luca-siciliano-1991", control__feedback=scene.control.feedback.model_dump(), control__filters=one)
+    changes = {"control.feedback": scene.control.feedback.model_dump(), "control.filters": one}
+    lin = loop_of(changes, "de-luca-siciliano-1991")
     n, gain = lin.n, lin.law.gain(np.zeros(1))[0]
     np.testing.assert_array_equal(gain[0], np.append(closed("de-luca-siciliano-1991").law.gain(np.zeros(1))[0, 0], 0.0))
     np.testing.assert_array_equal(gain[1], np.eye(2 * n + 1)[-1])
@@ -279,8 +276,8 @@ def test_a_filter_of_one_joint_leaves_the_others_alone():
 def test_a_stiff_loop_at_its_limits_switches_where_the_state_says():
     """kp of 1e5 N m/rad makes of an error of the polynomials through the stages one of the torque as large as the limit."""
     stiff = {"kind": "pd", "kp": [1e5], "kd": [10.0]}
-    cut = {"control__feedback": stiff, "control__saturation": {"torque": [1.5]}, "control__filters": []}
-    lin, start = loop_of(**cut), np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
+    cut = {"control.feedback": stiff, "control.saturation": {"torque": [1.5]}, "control.filters": []}
+    lin, start = loop_of(cut), np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
     run = fl.simulate(lin, 0.1, initial=start, tol=1e-6)
     known = step_by_step(lin, 1.5, run.t, np.append(start, 0.0))
     np.testing.assert_allclose(known[:, :6], run.nonlinear, atol=2e-6)

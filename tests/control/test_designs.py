@@ -15,10 +15,10 @@ from flexlin.control import (
     frozen_lqr,
     pd_feedback,
     periodic_lqr,
-    with_integral_action,
 )
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.scene.control import DesignTable
+from tests.closed_arm import opened
 
 KINDS = ("periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr")
 
@@ -136,17 +136,6 @@ def test_the_average_of_coefficients_that_jump_where_nobody_named_it_is_exact():
     assert made.K(np.zeros(1))[0] == pytest.approx(wanted, rel=1e-9)
 
 
-def test_a_gain_is_as_certain_as_it_was_asked_where_the_weight_jumps():
-    def Q(t):
-        return np.eye(2) * np.where(np.mod(t - 0.1234, 2.0) < 0.7, 2.5, 1.0)[:, None, None]
-
-    made = periodic_lqr(
-        fl.PeriodicSystem(np.array([[0.0, 1.0], [-4.0, -0.4]]), 2.0, np.array([[0.0], [1.0]])), Q, [[1]]
-    )
-    assert made.status == "converged"
-    assert made.error < 1e-9
-
-
 def test_a_gain_that_changes_fast_behind_a_narrow_weight_is_followed():
     """The gain's series stopped at 64 nodes, where 32 had been as bad: 0.9 of the largest gain was missing, and the status "converged"."""
 
@@ -169,12 +158,6 @@ def test_unstable_loop_costs_without_end():
 def test_frozen_schedule_converges_with_the_phases():
     errors = [frozen_lqr(pendulums(), Q, R, phases=k).error for k in (8, 16, 32)]
     assert errors[0] > 8 * errors[1] > 64 * errors[2]
-
-
-def test_finite_horizon_ends_with_the_given_cost():
-    end = np.diag([3.0, 2.0, 1.0, 0.5])
-    made = finite_horizon_lqr(pendulums(), Q, R, end=end)
-    assert np.allclose(made.X(np.array([np.pi])), end, atol=1e-12)
 
 
 @pytest.mark.parametrize("effort", [1.0, 1e-10])
@@ -206,8 +189,7 @@ def test_blocked_modes_are_named(kind):
 
 def test_modes_far_faster_hide_no_mode_that_the_input_reaches():
     """Beside bending at 2e8 rad/s the rank of Hautus's pencil is rounding; the joint is driven all the same."""
-    scene = fl.load_scene("single-link", {"links.0.bending_stiffness": 3.69e12})
-    plant = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    _, plant = opened(changes={"links.0.bending_stiffness": 3.69e12})
     found = frozen_lqr(plant, np.diag([100.0, 100, 100, 1, 1, 1]), 0.1)
     assert fl.floquet(found.closed_loop).verdict == "stable"
 
@@ -224,42 +206,3 @@ def test_modes_far_faster_hide_no_mode_that_the_input_reaches():
 def test_bad_tables_are_refused(changes, message):
     with pytest.raises(ArgumentError, match=message):
         design(pendulums(), table(**({"kind": "periodic-lqr"} | changes)))
-
-
-def test_a_stiff_loop_agrees_with_integration():
-    """Cheap control of a light inertia: a loop at -3e3/s beside slow modes."""
-
-    def stiffness(t):
-        return np.array([[3.0, -1.0], [-1.0, 2.0]]) * (1 + 0.3 * np.cos(2 * np.pi * t))[:, None, None]
-
-    system = fl.PeriodicSystem.from_second_order(
-        np.diag([1e-3, 1.0]), 0.01 * np.eye(2), stiffness, 1.0, np.array([[1.0], [0.0]])
-    )
-    made = periodic_lqr(system, np.eye(4), 0.1 * np.eye(1), tol=1e-9)
-
-    def rate(s, x):
-        A, B, X = system.A(np.array([-s]))[0], system.B(np.array([-s]))[0], x.reshape(4, 4)
-        product = X @ A
-        return (product + product.T - X @ B @ B.T @ X / 0.1 + np.eye(4)).ravel()
-
-    end, t = made.X(0.0), np.sort(np.random.default_rng(3).uniform(0, 1, 20))[::-1]
-    run = solve_ivp(rate, (-1.0, -t[-1]), end.ravel(), "LSODA", -t, rtol=1e-11, atol=1e-12 * np.abs(end).max())
-    X = run.y.T.reshape(-1, 4, 4)
-    assert np.abs(made.X(t) - X).max() < 1e-9 * np.abs(X).max()
-
-
-def test_integral_action_removes_the_mean_joint_error():
-    """A constant torque pushes the loop; the periodic response of the joint averages to zero with the integral, not without."""
-    system, C = pendulums(), np.array([[1.0, 0.0, 0.0, 0.0]])
-    extended = with_integral_action(system, C)
-    plain = periodic_lqr(system, Q, R)
-    integral = periodic_lqr(extended, np.diag([*np.diag(Q), 1.0]), R)
-    t = np.pi * np.arange(256) / 256
-    means = []
-    for made in (plain, integral):
-        push = made.closed_loop.B
-        response = fl.forced_response(made.closed_loop, lambda t, B=push: B(t)[:, :, 0], tol=1e-10)
-        means.append(abs(response(t)[:, 0].mean()))
-    assert fl.floquet(integral.closed_loop).verdict == "stable"
-    assert means[0] > 1e-3
-    assert means[1] < 1e-9

@@ -8,25 +8,14 @@ from scipy.integrate import solve_ivp
 import flexlin as fl
 from flexlin.control import kalman_filter, output_feedback, periodic_lqr
 from flexlin.errors import ArgumentError, NotDetectable
+from tests.control.test_designs import pendulums
 
 C = np.array([[1.0, 0.0, 0.0, 0.0]])
 W, V = np.diag([0.0, 0.0, 0.5, 0.2]), np.array([[0.01]])
 
 
-def plant(depth=0.8):
-    def stiffness(t):
-        out = np.tile(np.array([[2.0, -0.6], [-0.6, 1.3]]), (len(t), 1, 1))
-        out[:, 0, 0] += depth * np.cos(2 * t)
-        out[:, 1, 0] += depth * np.sin(2 * t)
-        return out
-
-    return fl.PeriodicSystem.from_second_order(
-        np.diag([1.5, 1.0]), 0.05 * np.eye(2), stiffness, np.pi, np.array([[1.0], [0.0]])
-    )
-
-
 def test_constant_plant_gives_python_controls_filter():
-    system = plant(0.0)
+    system = pendulums(0.0)
     L, P, _ = control.lqe(system.A(np.zeros(1))[0], np.eye(4), C, W, V)
     found = kalman_filter(system, C, W, V, tol=1e-11)
     t = np.array([0.0, 1.0, 4.0])
@@ -35,7 +24,7 @@ def test_constant_plant_gives_python_controls_filter():
 
 
 def test_covariance_obeys_its_equation_forward_in_time():
-    system = plant()
+    system = pendulums()
     found = kalman_filter(system, C, W, V, tol=1e-10)
 
     def rate(t, p):
@@ -48,7 +37,7 @@ def test_covariance_obeys_its_equation_forward_in_time():
 
 
 def test_output_feedback_separates():
-    system = plant()
+    system = pendulums()
     made, found = periodic_lqr(system, np.eye(4), np.eye(1)), kalman_filter(system, C, W, V)
     loop = fl.floquet(output_feedback(made, found))
     parts = [fl.floquet(part.closed_loop).exponents.real for part in (made, found)]

@@ -20,6 +20,7 @@ from flexlin.control import (
 )
 from flexlin.control.export.files import matlab_script
 from flexlin.errors import ArgumentError
+from tests.closed_arm import opened
 from tests.control.test_c_controllers import COMPILER, needs_compiler
 
 OCTAVE = shutil.which("octave-cli")
@@ -27,8 +28,7 @@ OCTAVE = shutil.which("octave-cli")
 
 @pytest.fixture(scope="module")
 def lin():
-    scene = fl.load_scene("single-link")
-    return fl.linearize(fl.build_manipulator(scene), scene.motion)
+    return opened()[1]
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ from flexlin.control.sensors import tip_zeros
 from flexlin.errors import ArgumentError
 from flexlin.report.advice import comment_on_zeros
 from flexlin.simulation import tip_positions
+from tests.closed_arm import closed, opened
 
 
 @pytest.fixture(scope="module")
@@ -80,19 +81,14 @@ STILL = {"designs": [], "motion.joints": [{"mean": 0.0, "amplitude": 0.0}]}
 
 
 def test_a_link_at_rest_has_the_zeros_of_rosenbrocks_pencil():
-    scene = fl.load_scene("single-link", STILL)
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    _, lin = opened(changes=STILL)
     n, t = lin.n, np.zeros(1)
     K, D = (np.linalg.solve(lin.M(0.0), part) for part in (lin.K(0.0), lin.D(0.0)))
     C = fl.control.tip_position(lin)(t)[0]
     row = C[:, :1].T @ C
     pencil, mass = np.zeros((2, 2 * n + 1, 2 * n + 1))
     pencil[:n, n : 2 * n], mass[:n, :n] = np.eye(n), np.eye(n)
-    pencil[n : 2 * n, :n], pencil[n : 2 * n, n : 2 * n], pencil[n : 2 * n, 2 * n] = (
-        -K,
-        -D,
-        lin.periodic_system().B(t)[0, n:, 0],
-    )
+    pencil[n : 2 * n] = np.column_stack([-K, -D, lin.periodic_system().B(t)[0, n:]])
     mass[n : 2 * n, n : 2 * n], pencil[2 * n :, : 2 * n] = np.eye(n), row
     known = eigvals(pencil, mass)
     known = known[np.abs(known) < 1e5]
@@ -111,7 +107,6 @@ def test_a_report_names_the_zero_that_bounds_every_controller():
 @pytest.mark.slow
 def test_rounding_of_an_outputs_derivatives_is_not_chased():
     """A slow pick-and-place: narrower and narrower panels followed it, until none was left to try."""
-    scene = fl.load_scene("pick-and-place", {"motion.move_time": 1.0, "motion.dwell_time": 1.0})
-    found = tip_zeros(fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control))
+    found = tip_zeros(closed("pick-and-place", {"motion.move_time": 1.0, "motion.dwell_time": 1.0}))
     assert found.verdict == "non-minimum phase"
     assert found.exponents[0].real == pytest.approx(3222, abs=1)

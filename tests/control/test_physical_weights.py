@@ -10,13 +10,9 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic import FourierSeries
 from flexlin.scene import Weights
 from flexlin.simulation import tip_positions
+from tests.closed_arm import opened
 
 WITH_DESIGNS = [name for name in fl.scenes() if fl.load_scene(name).designs]
-
-
-def arm_of(name, **overrides):
-    scene = fl.load_scene(name, overrides)
-    return scene, fl.linearize(fl.build_manipulator(scene), scene.motion)
 
 
 def weigh(lin, **sizes):
@@ -25,7 +21,7 @@ def weigh(lin, **sizes):
 
 def test_a_state_at_its_sizes_costs_their_number():
     """Each deviation at its acceptable size costs 1; the tip's part is measured by moving the nonlinear arm."""
-    _, lin = arm_of("de-luca-siciliano-1991")
+    _, lin = opened("de-luca-siciliano-1991")
     sizes = {
         "joints": ["0.5 deg", "1 deg"],
         "rates": "5 deg/s",
@@ -49,7 +45,7 @@ def test_a_state_at_its_sizes_costs_their_number():
 @pytest.mark.parametrize("name", WITH_DESIGNS)
 def test_built_in_designs_bear_any_number_of_modes(name):
     for modes in (1, 4):
-        scene, lin = arm_of(name, **{"links.0.modes": modes})
+        scene, lin = opened(name, {"links.0.modes": modes})
         for table in scene.designs:
             made = design(lin, table, tol=1e-6)
             assert fl.floquet(made.closed_loop, tol=1e-6).verdict == "stable"
@@ -59,7 +55,7 @@ def test_built_in_designs_bear_any_number_of_modes(name):
 @pytest.mark.parametrize("name", ["flexible-joint-link", "five-bar"])
 def test_fast_modes_ask_for_no_more_nodes(name):
     """Modes up to 80,000 rad/s: the cost has the few harmonics of the motion, which the ringing of a coarse start must not hide."""
-    scene, lin = arm_of(name, **{"links.0.modes": 5})
+    scene, lin = opened(name, {"links.0.modes": 5})
     solution = design(lin, scene.designs[0], tol=1e-9).solution
     assert isinstance(solution.series, FourierSeries)
     assert solution.error < 1e-9
@@ -70,7 +66,7 @@ def test_one_more_mode_leaves_the_gain_of_the_others():
     """The sizes do not depend on the number of modes, so the gain converges as modes are added."""
     gains = []
     for modes in (1, 2, 3, 4):
-        scene, lin = arm_of("single-link", **{"links.0.modes": modes})
+        scene, lin = opened("single-link", {"links.0.modes": modes})
         gains.append(design(lin, scene.designs[1], tol=1e-6).K(0.3)[0, [0, 1, modes + 1]])
     steps = np.abs(np.diff(gains, axis=0)).max(axis=1)
     assert steps[1] < 0.5 * steps[0]
@@ -78,8 +74,8 @@ def test_one_more_mode_leaves_the_gain_of_the_others():
 
 
 def test_sizes_that_do_not_fit_the_arm_are_refused():
-    _, lin = arm_of("arm-on-carriage")
-    _, two = arm_of("three-link")
+    _, lin = opened("arm-on-carriage")
+    _, two = opened("three-link")
     for sizes, words in (
         ({"joints": "2 mm"}, "weights.joints has another unit"),
         ({"input": "3 V"}, "weights.input has another unit"),
@@ -99,8 +95,7 @@ def test_sizes_that_do_not_fit_the_arm_are_refused():
 @pytest.mark.parametrize(("torque", "tol"), [("30 N m", 1e-6), ("3 N m", 1e-9)])
 def test_strict_weights_on_cheap_inputs_are_solved(torque, tol):
     """Modes of the loop decay in microseconds and X changes in kinks: it keeps Riccati's equation, integrated by SciPy's Radau."""
-    scene = fl.load_scene("pick-and-place")
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    _, lin = opened("pick-and-place")
     Q, R = weigh(lin, tip="5 mm", joints="0.5 deg", rates="10 deg/s", input=torque)
     found, system = fl.periodic_lqr(lin, Q, R, tol=tol), lin.periodic_system()
     assert found.status == "converged"

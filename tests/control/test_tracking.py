@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin import symbolic
 from flexlin.about.periodic_motion import linearize_about, periodic_motion
 from flexlin.control.tracking import KINDS, feedforward, tip_positions
 from flexlin.errors import ArgumentError
@@ -22,12 +21,7 @@ def lin():
 def residual_between_nodes(lin, motion):
     """The left side of the equations of motion minus the torque, at random times; uses the manipulator's own functions."""
     t = np.random.default_rng(2).uniform(0, lin.period, 40)
-    E = lin.arm.reference.full()
-    q = [part @ E.T for part in lin.motion.sample(t)]
-    for part, extra in zip(q, (motion(t), motion.rate(t), motion.acceleration(t)), strict=True):
-        part[:, list(lin.kept)] += extra
-    values = np.broadcast_to(lin.arm.parameters.values, (len(t), len(lin.arm.parameters.values)))
-    left = symbolic.evaluate(lin.arm.functions["residual"], *q, values)[0][:, :, 0]
+    left = lin.about.of_arm("residual", t, motion(t), motion.rate(t), motion.acceleration(t))[:, :, 0]
     B = np.array(ca.evalf(lin.arm.B[:, list(lin.driven)]))
     return np.abs(left - motion.torque(t) @ B.T).max() / np.abs(motion.torque(t)).max()
 
@@ -97,18 +91,12 @@ def test_small_disturbances_of_the_nonlinear_loop_follow_the_linearization_about
     system = linearize_about(motion, closed=False)
     t = np.array([0.3, 0.9])
     M, D, K = system.second_order.sample(t)
-    E, eps = lin.arm.reference.full(), 1e-6
-    base = [part @ E.T for part in lin.motion.sample(t)]
-    for part, extra in zip(base, (motion(t), motion.rate(t), motion.acceleration(t)), strict=True):
-        part += extra
-    values = np.broadcast_to(lin.arm.parameters.values, (2, len(lin.arm.parameters.values)))
+    base, eps = np.array([motion(t), motion.rate(t), motion.acceleration(t)]), 1e-6
     for level, matrix in enumerate((K, D, M)):
         for column in range(lin.n):
-            sides = []
-            for sign in (1, -1):
-                moved = [part.copy() for part in base]
-                moved[level][:, column] += sign * eps
-                sides.append(symbolic.evaluate(lin.arm.functions["residual"], *moved, values)[0][:, :, 0])
+            step = np.zeros_like(base)
+            step[level, :, column] = eps
+            sides = [lin.about.of_arm("residual", t, *(base + sign * step))[:, :, 0] for sign in (1, -1)]
             assert np.abs((sides[0] - sides[1]) / (2 * eps) - matrix[:, :, column]).max() < 1e-6 * np.abs(matrix).max()
 
 
