@@ -6,6 +6,7 @@ from flexlin import symbolic
 from flexlin.about.deviation import Deviation
 from flexlin.checks import ROUNDING, SAMPLES, Array
 from flexlin.errors import MotionError, SingularClosure
+from flexlin.periodic.precision import CUBE
 from flexlin.series.tracking import CONTRACTION, SHORTEST, find_singular, track
 
 SINGULAR = 1e-7
@@ -16,8 +17,8 @@ STRAIGHT = 5
 """Newton's steps, all times together, that show that two neighbours belong together."""
 OTHER = "move the motion away from there, or give the links other lengths"
 NEARER = "give the links a posture from the middle of the motion"
-PHASES, STEP = 512, 1e-5
-"""Phases that are looked at, and the step of the differences, as a share of the period."""
+PHASES = 512
+"""Phases that are looked at."""
 CLEAR = 1 / 50
 """Of the period: what a motion keeps from its dead points has no feature of a half-width below T / 200."""
 
@@ -131,7 +132,7 @@ def keeps_clear(about: Deviation) -> bool:
     looked at. The elastic coordinates are at rest.
     """
     T = about.motion.period
-    t, step = T * np.arange(PHASES) / PHASES, STEP * T
+    t, step = T * np.arange(PHASES) / PHASES, CUBE * T
     try:
         before, after = (closings_along(about, t + side * step) for side in (-1, 1))
         rates = np.linalg.eigvals(np.linalg.solve(before + after, (after - before) / step))

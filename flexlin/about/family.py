@@ -13,12 +13,10 @@ from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, counted
 from flexlin.expressions import Expressions
 from flexlin.lazy import lazy
+from flexlin.periodic.grid import golden
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 from flexlin.symbolic import as_expression
-
-TRIED = np.array([0.3819660113, 1.6180339887, 2.7182818285])
-"""Values of all parameters at which a break's phase is compared: whether it moves."""
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -245,7 +243,8 @@ class PeriodicFamily(Expressions):
         """Phases in [0, 1) at which the coefficients lose smoothness; None where these move with the parameters."""
         if not self.times:
             return ()
-        found = [self.durations(np.full(len(self.paths), value)).full().ravel() for value in TRIED]
+        tried = 1 + golden(np.arange(3))  # values of all parameters
+        found = [self.durations(np.full(len(self.paths), value)).full().ravel() for value in tried]
         phases = np.array([one[1:] / one[0] for one in found])
         return tuple(np.sort(phases[0]).tolist()) if np.allclose(phases, phases[0], rtol=0, atol=1e-13) else None
 

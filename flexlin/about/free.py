@@ -89,7 +89,7 @@ class ParametricLoop:
 
     def is_narrow(self, point: Array) -> bool:
         """Whether the coefficients have narrow features at one point (P,)."""
-        return self.at(point).is_narrow
+        return bool(self.at(point).features)
 
     @property
     def nominal(self) -> Array:

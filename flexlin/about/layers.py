@@ -11,8 +11,6 @@ THICK = 5.0
 """Arguments beyond which a saturating function changes little: 1 - tanh(5) is 1e-4."""
 SEEN = 2.0
 """Change of an argument between neighbouring samples from which a step's own error estimate sees the layer."""
-MANY = 2000
-"""Operations of a resisting force from which it holds the steps that find the joints that follow; with symbols for these it is short."""
 
 
 class Layers:
@@ -35,8 +33,9 @@ class Layers:
     def of(cls, about: Deviation) -> "Layers | None":
         """Those of an arm; None where it has none."""
         about, arm = about.near, about.arm.near
-        short = arm.loops is None or arm.functions["damping"].n_instructions() <= MANY
-        found = saturating_arguments(arm.damping if arm.loops is None or short else arm.loops.residual)
+        found = saturating_arguments(
+            arm.damping if arm.loops is None else arm.loops.residual
+        )  # with symbols it is short
         return cls(about, found) if found else None
 
     def arguments(self, t: Array, y: Array, rate: Array) -> Array:

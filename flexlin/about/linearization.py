@@ -282,7 +282,7 @@ class Linearization(Shown):
     @property
     def input_units(self) -> tuple[str, ...]:
         """The units of the inputs: what an effect makes of them, such as V behind a motor, else the force of each joint."""
-        own = [unit for effect in self._effects or () if (unit := effect.input_unit) is not None]
+        own = [unit for effect in self.effects if (unit := effect.input_unit) is not None]
         moved = [self.arm.coordinates[self.arm.drives[i]].unit for i in self.driven]
         return tuple(own[-1] if own else "N" if unit == "m" else "N m" for unit in moved)
 
@@ -294,27 +294,19 @@ class Linearization(Shown):
     @property
     def features(self) -> Features:
         """Pairs (time, half-width) in s about which the coefficients change fast: what motion and effects know of it."""
-        found = [
-            *self.motion.features,
-            *(pair for effect in self._effects or () for pair in effect.features(self.motion)),
-        ]
-        return tuple(sorted(found))
-
-    @property
-    def is_narrow(self) -> bool:
-        """Whether there are any features."""
-        return bool(self.motion.features) or any(effect.features(self.motion) for effect in self._effects or ())
+        own = (pair for effect in self.effects for pair in effect.features(self.motion))
+        return tuple(sorted([*self.motion.features, *own]))
 
     @property
     def may_be_narrow(self) -> bool:
         """Whether an effect in the arm may have features, for some values of its numbers."""
-        return any(type(effect).features is not Effect.features for effect in self._effects or ())
+        return any(type(effect).features is not Effect.features for effect in self.effects)
 
     @lazy
     def complete(self) -> bool:
         """Whether breaks and features name everything in the coefficients that is narrower than T/200."""
-        effects = self._effects
-        if effects is None or not self.motion.complete or not all(effect.smooth for effect in effects):
+        known = self.arm.effects is not None and all(effect.smooth for effect in self.effects)
+        if not known or not self.motion.complete:
             return False
         return self.arm.near.loops is None or (not self.may_be_narrow and keeps_clear(self.about.near))
 
@@ -345,14 +337,9 @@ class Linearization(Shown):
     @property
     def effects(self) -> tuple[Effect, ...]:
         """The effects in the arm, with the present values of its free numbers; none where they are not known."""
-        return self._effects or ()
-
-    @property
-    def _effects(self) -> tuple[Effect, ...] | None:
-        """The effects in the arm with the present values of its free numbers; None where they are not known."""
         arm, tables = self.arm, self.arm.effects
         if tables is None:
-            return None
+            return ()
         for path, value in zip(arm.parameters.paths, arm.parameters.values, strict=True):
             if path.startswith("effects."):
                 tables = replace_value(tables, path.removeprefix("effects."), float(value))
