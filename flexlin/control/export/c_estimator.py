@@ -9,7 +9,7 @@ from flexlin.arguments import checked
 from flexlin.checks import c_name
 from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_gain import BEYOND, WITHIN, listed, write_c
-from flexlin.control.export.c_series import SAMPLES, Form, write_series
+from flexlin.control.export.c_series import PRODUCT, SAMPLES, Form, write_series
 from flexlin.control.export.files import Labels
 from flexlin.errors import ArgumentError
 from flexlin.files import results
@@ -53,26 +53,20 @@ static double within(double phase) {{ return {within}; }}
 
 /* A - L C at a phase, and what the measurement and the torque add. */
 static void parts(double phase, const double *measurement, const double *torque, double *A, double *push) {{
-  double B[N * M + 1], L[N * P];
-  int i, j;
+  double B[N * M + 1] = {{0.0}}, L[N * P];
+  int i;
   A_of(within(phase), A);
   {read_B}
   L_of(within(phase), L);
-  for (i = 0; i < N; ++i) {{
-    push[i] = 0.0;
-    for (j = 0; j < M; ++j) push[i] += B[M * i + j] * torque[j];
-    for (j = 0; j < P; ++j) push[i] += L[P * i + j] * measurement[j];
-  }}
+  for (i = 0; i < N; ++i) push[i] = 0.0;
+  add(N, M, 1.0, B, torque, push);
+  add(N, P, 1.0, L, measurement, push);
 }}
 
 void {name}_rate(double phase, const double *estimate, const double *measurement, const double *torque, double *rate) {{
-  double A[N * N], push[N];
-  int i, j;
-  parts(phase, measurement, torque, A, push);
-  for (i = 0; i < N; ++i) {{
-    rate[i] = push[i];
-    for (j = 0; j < N; ++j) rate[i] += A[N * i + j] * estimate[j];
-  }}
+  double A[N * N];
+  parts(phase, measurement, torque, A, rate);
+  add(N, N, 1.0, A, estimate, rate);
 }}
 
 /* Solves S k = r (2N unknowns) by elimination with row exchanges; r becomes k. */
@@ -104,12 +98,10 @@ int {name}_step(double phase, double step, const double *measurement, const doub
   int s, q, i, j;
   for (s = 0; s < 2; ++s) {{
     parts(phase + c[s] * step / {period!r}, measurement, torque, A, k + N * s);
-    for (i = 0; i < N; ++i) {{
-      for (j = 0; j < N; ++j) {{
-        k[N * s + i] += A[N * i + j] * estimate[j];
-        for (q = 0; q < 2; ++q) S[N * s + i][N * q + j] = (s == q && i == j) - step * a[s][q] * A[N * i + j];
-      }}
-    }}
+    add(N, N, 1.0, A, estimate, k + N * s);
+    for (q = 0; q < 2; ++q)
+      for (i = 0; i < N; ++i)
+        for (j = 0; j < N; ++j) S[N * s + i][N * q + j] = (s == q && i == j) - step * a[s][q] * A[N * i + j];
   }}
   if (solve(S, k)) return 1;
   for (i = 0; i < N; ++i) estimate[i] += step * 0.5 * (k[i] + k[N + i]);
@@ -204,8 +196,8 @@ def write_estimator(
         "name": name, "guard": name.upper(), "n": system.n, "m": system.m, "p": p, "period": float(system.period),
         "version": flexlin.__version__, "states": listed(labels.states, labels.state_units),
         "inputs": listed(labels.inputs, labels.input_units), "sensors": listed(seen, ("",) * p),
-        "series": "\n".join(part.source for part in parts), "error": max(part.error for part in parts),
-        "read_B": "B_of(within(phase), B);" if system.B is not None else "(void)B; (void)torque;",
+        "series": "\n".join([PRODUCT, *(part.source for part in parts)]), "error": max(part.error for part in parts),
+        "read_B": "B_of(within(phase), B);" if system.B is not None else "",
         "within": WITHIN[not once], "beyond": BEYOND[not once],
     }  # fmt: skip
     return write_c(folder, {f"{name}.c": SOURCE, f"{name}.h": HEADER}, words)

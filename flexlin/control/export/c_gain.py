@@ -11,7 +11,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array, c_name, positive
 from flexlin.control.designed_loop import Design
-from flexlin.control.export.c_series import SAMPLES, Form, write_series
+from flexlin.control.export.c_series import PRODUCT, SAMPLES, Form, numbers, write_series
 from flexlin.control.export.files import Labels
 from flexlin.files import results
 from flexlin.periodic.coefficients import Combined
@@ -53,12 +53,10 @@ void {name}_matrix(double phase, double *K) {{ K_of(within(phase), K); }}
 
 void {name}(double phase, const double *state, double *torque) {{
   double K[{size}];
-  int i, j;
+  int i;
   K_of(within(phase), K);
-  for (i = 0; i < {m}; ++i) {{
-    torque[i] = 0.0;
-    for (j = 0; j < {n}; ++j) torque[i] -= K[{n} * i + j] * state[j];
-  }}
+  for (i = 0; i < {m}; ++i) torque[i] = 0.0;
+  add({m}, {n}, -1.0, K, state, torque);
 }}
 
 static void {name}_deviation(double phase, const double *state, double *away) {{
@@ -69,36 +67,31 @@ static void {name}_deviation(double phase, const double *state, double *away) {{
 }}
 
 void {name}_law(double phase, const double *state, double *torque) {{
-  double forward[{m}], away[{n}];
-  int i;
-  forward_of(within(phase), forward);
+  double K[{size}], away[{n}];
+  K_of(within(phase), K);
+  forward_of(within(phase), torque);
   {name}_deviation(phase, state, away);
-  {name}(phase, away, torque);
-  for (i = 0; i < {m}; ++i) torque[i] += forward[i];
+  add({m}, {n}, -1.0, K, away, torque);
 }}
 {integrals}"""
 INTEGRALS = """
 void {name}_rates(double phase, const double *state, double *rates) {{
-  static const double R[{k}][{n}] = {{
+  static const double R[{k} * {n}] = {{
 {rows}
   }};
   double away[{n}];
-  int i, j;
+  int i;
   {name}_deviation(phase, state, away);
-  for (i = 0; i < {k}; ++i) {{
-    rates[i] = 0.0;
-    for (j = 0; j < {n}; ++j) rates[i] += R[i][j] * away[j];
-  }}
+  for (i = 0; i < {k}; ++i) rates[i] = 0.0;
+  add({k}, {n}, 1.0, R, away, rates);
 }}
 """
 UNWINDING = """
 void {name}_unwind(const double *missing, double *rates) {{
-  static const double U[{k}][{m}] = {{
+  static const double U[{k} * {m}] = {{
 {rows}
   }};
-  int i, j;
-  for (i = 0; i < {k}; ++i)
-    for (j = 0; j < {m}; ++j) rates[i] += U[i][j] * missing[j];
+  add({k}, {m}, 1.0, U, missing, rates);
 }}
 """
 MAIN = """\
@@ -219,7 +212,8 @@ def write_gain(
         "name": name, "guard": name.upper(), "n": n, "m": m, "size": n * m, "period": float(period), "version": flexlin.__version__,
         "title": f"The design “{made.name}”".replace("*/", "* /").replace("/*", "/ *").replace("\\", "/"), "forward": chosen.feedforward,
         "states": listed(labels.states, labels.state_units), "inputs": listed(labels.inputs, labels.input_units),
-        "layout": parts[0].layout, "error": parts[0].error, "torques": parts[1].error, "series": "\n".join(part.source for part in parts),
+        "layout": parts[0].layout, "error": parts[0].error, "torques": parts[1].error,
+        "series": "\n".join([PRODUCT, *(part.source for part in parts)]),
         "within": WITHIN[not once], "beyond": BEYOND[not once], "arm": n - memory, **words_of_integrals(made, name, n),
     }  # fmt: skip
     return write_c(folder, {f"{name}.c": SOURCE, f"{name}.h": HEADER, "main.c": MAIN}, words)
@@ -246,7 +240,7 @@ def words_of_integrals(made: Design, name: str, n: int) -> dict[str, str]:
 
 def write_rows(matrix: Array) -> str:
     """The rows of a matrix as an initializer in C, to the last bit."""
-    return ",\n".join("    {" + ", ".join(repr(float(value)) for value in row) + "}" for row in matrix)
+    return ",\n".join(f"    {numbers(row)}" for row in matrix)
 
 
 def listed(names: tuple[str, ...], units: tuple[str, ...]) -> str:

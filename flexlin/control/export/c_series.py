@@ -20,8 +20,14 @@ from flexlin.periodic.resolved.sampling import stratified
 Form = Literal["series", "sampled"]
 NEGLIGIBLE = SAFETY * EPS
 """Coefficients at the end of a series are left out when all together are smaller than this against the largest value."""
-CUBIC = 4
-"""Nodes that a cubic polynomial goes through."""
+PRODUCT = """\
+/* Adds by A x to a vector. */
+static void add(int rows, int columns, double by, const double *A, const double *x, double *to) {
+  int i, j;
+  for (i = 0; i < rows; ++i)
+    for (j = 0; j < columns; ++j) to[i] += by * A[columns * i + j] * x[j];
+}
+"""
 FOURIER = """\
 static void {name}(double phase, double *out) {{
   static const double table[{rows}][{size}] = {{
@@ -120,7 +126,7 @@ def through_samples(f: MatrixFunction, marks: Array, ends: bool, samples: int) -
         if not ends:
             values[-1] = values[0]
         spline = CubicSpline(t, values, axis=0, bc_type="not-a-knot" if ends else "periodic")
-        at_nodes = spline(panel_times(t[:-1], t[1:], CUBIC))
+        at_nodes = spline(panel_times(t[:-1], t[1:], 4))  # as many as a cubic polynomial goes through
         flat = chebyshev_coefficients(at_nodes.reshape(*at_nodes.shape[:2], -1))
         panels.append(flat.reshape(at_nodes.shape))
         edges.append(t[1:])
