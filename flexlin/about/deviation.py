@@ -111,15 +111,11 @@ class Deviation:
 
     def place(self, t: Array) -> list[Array]:
         """The arguments that functions take after their own inputs at times (N,): the place on the motion, and the parameters."""
-        motion, values, phase = self.motion, self.arm.parameters.values, self.motion.phase_of(t)[:, None]
-        where = (
-            []
-            if isinstance(motion, SymbolicMotion)
-            else [np.ascontiguousarray(part, float) for part in motion.sample(t)]
-        )
-        if not where or self.arm.phase is not None:
-            where.append(phase)
-        return [*where, np.full((len(t), len(values)), values)]
+        motion, values = self.motion, self.arm.parameters.values
+        by_phase = isinstance(motion, SymbolicMotion)
+        angles = [] if by_phase else [np.ascontiguousarray(part, float) for part in motion.sample(t)]
+        phase = [motion.phase_of(t)[:, None]] if by_phase or self.arm.phase is not None else []
+        return [*angles, *phase, np.full((len(t), len(values)), values)]
 
     def place_at(self, t: float) -> list[Array]:
         """The same at one time, for functions that are called at one time after another."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -189,7 +190,7 @@ class PeriodicFamily(Expressions):
         """
         point = real_array("the parameters", point, (len(self.paths),))
         period, *breaks = self.durations(point).full().ravel().tolist()
-        found = {name: Sampled(self.coefficients, name, point) for name in self.coefficients.name_out()}
+        found = {name: partial(self._sample, name, point) for name in self.coefficients.name_out()}
         if "A" in found:
             return PeriodicSystem(found["A"], period, found.get("B"), breaks)
         return PeriodicSystem.from_second_order(found["M"], found["D"], found["K"], period, found.get("B"), breaks)
@@ -225,6 +226,11 @@ class PeriodicFamily(Expressions):
                 todo=todo,
             )
         return [given.index(path) for path in self.paths]
+
+    def _sample(self, name: str, point: Array, t: Array) -> Array:
+        """A matrix at one point, at times (N,) in s, (N, rows, columns)."""
+        part = symbolic.Part(self.coefficients, (name,))
+        return symbolic.evaluate(part, t[:, None], np.broadcast_to(point, (len(t), len(point))))[0]
 
     @lazy
     def coefficients(self) -> ca.Function:
@@ -337,16 +343,3 @@ def refuse_strangers(what: str, expression: ca.SX, known: tuple[str, ...]) -> No
         )
     if expression.is_constant() and not np.isfinite(ca.DM(expression).full()).all():
         raise ArgumentError(f"{what} holds numbers that are not finite", got=str(expression)[:80])
-
-
-@dataclass(frozen=True, eq=False)
-class Sampled:
-    """A matrix of a family at one point, as a function of times (N,) in s -> (N, rows, columns)."""
-
-    coefficients: ca.Function
-    name: str
-    point: Array
-
-    def __call__(self, t: Array) -> Array:
-        part = symbolic.Part(self.coefficients, (self.name,))
-        return symbolic.evaluate(part, t[:, None], np.broadcast_to(self.point, (len(t), len(self.point))))[0]

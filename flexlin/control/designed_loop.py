@@ -18,6 +18,7 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
+from flexlin.periodic.quadratic.scattering import symmetrize, transpose
 from flexlin.periodic.response.forced import label_states
 from flexlin.periodic.sampled import sampled_floquet
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
@@ -35,9 +36,7 @@ def running_cost(problem: LinearQuadratic, K: MatrixFunction) -> MatrixFunction:
 
 def weigh_loop(K: Array, Q: Array, R: Array, N: Array) -> Array:
     """The same of the matrices at some times."""
-    mixed = N @ K
-    weight = Q + np.swapaxes(K, 1, 2) @ R @ K - mixed - np.swapaxes(mixed, 1, 2)
-    return 0.5 * (weight + np.swapaxes(weight, 1, 2))
+    return symmetrize(Q + transpose(K) @ R @ K - 2 * N @ K)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """The optimal state feedback of a periodic motion, its gain one smooth series, and of a motion with an end; integral action."""
 
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -201,15 +201,9 @@ def horizon_system(lin: Linearization) -> PeriodicSystem:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Repeated:
+def repeat(gain: MatrixFunction, period: float, t: Array) -> Array:
     """A function of one period or horizon, repeated."""
-
-    gain: MatrixFunction
-    period: float
-
-    def __call__(self, t: Array) -> Array:
-        return self.gain(np.mod(t, self.period))
+    return gain(np.mod(t, period))
 
 
 @checked
@@ -279,7 +273,7 @@ def finite_horizon_lqr(
     system = as_system(system)
     final = cost_at_rest(system, Q, R, N) if end is None else end
     solution = finite_horizon_riccati(system, Q, R, final, N, tol)
-    repeated = system.feedback(Repeated(solution.K, system.period), (0.0,))
+    repeated = system.feedback(partial(repeat, solution.K, system.period), (0.0,))
     status = describe_gain(solution, solution.gain_error, tol)
     return Design(
         name, "finite-horizon-lqr", solution.K, repeated, solution.gain_error, status, solution.problem, solution
