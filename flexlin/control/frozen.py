@@ -181,12 +181,9 @@ def frozen_lqr(
 
 def frozen_gains(problem: LinearQuadratic, t: Array) -> Array:
     """Return the LQR gains of the coefficients frozen at times t, (N, m, n)."""
-    gains = []
-    for time, A, B, Q, R, N in zip(
-        t, problem.A(t), problem.B(t), problem.Q(t), problem.R(t), problem.N(t), strict=True
-    ):
-        gains.append(constant_lqr(A, B, Q, R, N, f"when frozen at t = {time:.4g} s")[0])
-    return np.array(gains)
+    frozen = zip(t, *(f(t) for f in (problem.A, problem.B, problem.Q, problem.R, problem.N)), strict=True)
+    when = "when frozen at t = {:.4g} s"
+    return np.array([constant_lqr(A, B, Q, R, N, when.format(at))[0] for at, A, B, Q, R, N in frozen])
 
 
 def check_constant_pair(A: Array, B: Array, Q: Array, when: str) -> None:
@@ -229,14 +226,14 @@ def constant_lqr(A: Array, B: Array, Q: Array, R: Array, N: Array, when: str) ->
     from scipy.linalg import solve_continuous_are
 
     check_constant_pair(A, B, Q, when)
+    growth = np.inf
     try:
         X = solve_continuous_are(A, B, Q, R, s=N)
         K = np.linalg.solve(R, B.T @ X + N.T)
         growth = float(np.linalg.eigvals(A - B @ K).real.max())
-    except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
-        growth, why = np.inf, str(error)
-    else:
         why = f"a loop that grows by {growth:.3g} 1/s"
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+        why = str(error)
     if not growth < 0:
         todo = "bring states, inputs and weights to like sizes, or leave out the fastest modes"
         raise NumericalError(

@@ -13,6 +13,7 @@ from flexlin.checks import Array
 from flexlin.control.estimator import Estimator, kalman_filter
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.link_shapes import make_shapes
+from flexlin.mechanics.manipulator import Manipulator
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, solve_mass
 from flexlin.periodic.zeros import InvariantZeros, invariant_zeros
 from flexlin.scene.control import EstimatorTable
@@ -251,17 +252,21 @@ def tip_slopes(about: Deviation) -> ca.Function:
     """dp/ds, dp''/ds' and dp''/ds of the tip's position p along the rigid motion, each (2, n)."""
     about = about.near
     arm, kept = about.arm, list(about.kept)
-    if arm.points is None:
-        raise ArgumentError(
-            "the manipulator does not say where its tip is", got="points = None", expected="positions (2, k)"
-        )
-    tip = arm.points[:, -1]
+    tip = points_of(arm)[:, -1]
     J = ca.jacobian(tip, arm.s)
     acceleration = J @ arm.s_ddot + ca.jtimes(J @ arm.s_dot, arm.s, arm.s_dot)
     parts = [J, ca.jacobian(acceleration, arm.s_dot), ca.jacobian(acceleration, arm.s)]
     *_, angles = about.symbols()
     values = about.lift([part[:, kept] for part in parts], angles)
     return about.function(angles, {}, dict(zip(("J", "by_rate", "by_y"), values, strict=True)))
+
+
+def points_of(arm: Manipulator) -> ca.SX:
+    """The positions (2, k) of joints and tip. Raises: ArgumentError where the arm does not say them."""
+    if arm.points is None:
+        what, got = "the manipulator does not say where its tip is", "points = None"
+        raise ArgumentError(what, got=got, expected="positions (2, k)")
+    return arm.points
 
 
 def stack(*parts: Array) -> Array:

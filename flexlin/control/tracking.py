@@ -12,6 +12,7 @@ from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked, instance
 from flexlin.checks import SAMPLES, Array, at_times, whole
+from flexlin.control.sensors import points_of
 from flexlin.errors import ArgumentError
 from flexlin.plots.view import Series, Shown, View
 
@@ -148,15 +149,8 @@ def joints_exact(about: Deviation, at: "Unknowns") -> ca.SX:
 
 def tip_exact(about: Deviation, at: "Unknowns") -> ca.SX:
     """Each link's end lies on the line of the rigid link: the chord's cross product with the rigid direction, in m."""
-    arm = about.arm
-    if arm.points is None:
-        raise ArgumentError(
-            "the manipulator does not say where its tip is", got="points = None", expected="positions (2, k)"
-        )
-    bent, straight = (
-        ca.substitute([arm.points], [arm.s], [at.s])[0],
-        ca.substitute([arm.points], [arm.s], [at.rigid])[0],
-    )
+    points = points_of(about.arm)
+    bent, straight = (ca.substitute(points, about.arm.s, s) for s in (at.s, at.rigid))
     chords, lines = bent[:, 1:] - bent[:, :-1], straight[:, 1:] - straight[:, :-1]
     return ca.vertcat(
         *[(lines[0, i] * chords[1, i] - lines[1, i] * chords[0, i]) / ca.norm_2(lines[:, i]) for i in about.driven]
@@ -248,11 +242,8 @@ def scene_feedforward(lin: Linearization, tol: float = 1e-8) -> Feedforward | No
 def tip_distance(lin: Linearization, motion: "PeriodicMotion") -> float:
     """The largest distance of the tip from the rigid motion's tip, in m; nan when the manipulator has no points."""
     t = lin.period * np.arange(512) / 512
-    return float(
-        np.linalg.norm(
-            tip_positions(lin, t, motion(t)) - tip_positions(lin, t, np.zeros((len(t), lin.n))), axis=1
-        ).max()
-    )
+    moved, rigid = (tip_positions(lin, t, y) for y in (motion(t), np.zeros((len(t), lin.n))))
+    return float(np.linalg.norm(moved - rigid, axis=1).max())
 
 
 def tip_positions(lin: Linearization, t: Array, states: Array) -> Array:
