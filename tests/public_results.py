@@ -185,7 +185,10 @@ def answer_results() -> dict[str, Any]:
     }
 
 
+KINDS = series_results, stability_results, arm_results, logged_results, answer_results
+
+
 @cache
 def public_results() -> dict[str, Any]:
     """All of them, by name."""
-    return {**series_results(), **stability_results(), **arm_results(), **logged_results(), **answer_results()}
+    return {name: one for kind in KINDS for name, one in kind().items()}

@@ -22,20 +22,14 @@ ALL = {
 
 
 def two_links(effects=None, **motion):
-    motion = motion or {
-        "kind": "harmonic",
-        "frequency": 0.8,
-        "joints": [{"amplitude": 0.7, "mean": 0.3}, {"amplitude": -0.9, "mean": 0.8, "phase": 0.5}],
-    }
-    return parse_scene(
-        {
-            "schema": 1,
-            "title": "two",
-            "links": [LINK, {**LINK, "length": 0.5}],
-            "effects": effects or {},
-            "motion": motion,
-        }
+    joints = [{"amplitude": 0.7, "mean": 0.3}, {"amplitude": -0.9, "mean": 0.8, "phase": 0.5}]
+    return scene_of(
+        [LINK, {**LINK, "length": 0.5}], motion or {"kind": "harmonic", "frequency": 0.8, "joints": joints}, effects
     )
+
+
+def scene_of(links, motion, effects=None):
+    return parse_scene({"schema": 1, "title": "own", "links": links, "effects": effects or {}, "motion": motion})
 
 
 @pytest.mark.parametrize("effects", [{}, {"gravity": {}}, ALL], ids=["none", "gravity", "all"])
@@ -76,10 +70,7 @@ def test_rigid_two_link_arm():
     q, q1, q2 = np.array([0.3, 0.7]), np.array([1.5, -2.0]), np.array([3.0, -5.0])
     link = {"length": 1.0, "mass_per_length": 1.0}
     motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.0}] * 2}
-    scene = parse_scene(
-        {"schema": 1, "title": "rigid", "links": [link, link], "effects": {"gravity": {}}, "motion": motion}
-    )
-    arm = fl.build_manipulator(scene)
+    arm = fl.build_manipulator(scene_of([link, link], motion, {"gravity": {}}))
     for route in (by_jacobian, by_kronecker):
         matrices = ca.Function("f", [arm.s, arm.s_dot, arm.s_ddot], list(route(arm)))
         _, D, K = (m.full() for m in matrices(q, q1, q2))
@@ -130,9 +121,8 @@ def test_free_parameters_change_nothing_at_their_nominal_values():
     t = np.linspace(0.0, fixed.period, 5)
     assert freed.period == fixed.period
     for name in ("M", "D", "K", "h"):
-        np.testing.assert_allclose(
-            getattr(freed, name)(t), getattr(fixed, name)(t), atol=1e-12 * np.abs(fixed.K(t)).max()
-        )
+        one, other = getattr(freed, name)(t), getattr(fixed, name)(t)
+        np.testing.assert_allclose(one, other, atol=1e-12 * np.abs(fixed.K(t)).max())
 
 
 def test_bad_requests():
@@ -144,14 +134,8 @@ def test_bad_requests():
         fl.linearize(arm, fl.load_scene("single-link").motion)
     with pytest.raises(ArgumentError, match="kp"):
         fl.linearize(arm, scene.motion, fl.load_scene("single-link").control)
-    rigid = parse_scene(
-        {
-            "schema": 1,
-            "title": "rigid",
-            "links": [{"length": 1.0, "mass_per_length": 1.0}],
-            "motion": {"kind": "rotation", "joints": [{"rate": 1.0, "drive": "prescribed"}]},
-        }
-    )
+    led = {"kind": "rotation", "joints": [{"rate": 1.0, "drive": "prescribed"}]}
+    rigid = scene_of([{"length": 1.0, "mass_per_length": 1.0}], led)
     with pytest.raises(InputError, match="nothing is left"):
         fl.linearize(fl.build_manipulator(rigid), rigid.motion)
 

@@ -11,20 +11,15 @@ J, TORQUE, DAMPING, AMPLITUDE = 0.4 * 0.5**3 / 3, 0.02, 0.001, 0.5
 
 def scene(frequency: float, phase: float, rate: float):
     """A rigid link of 0.5 m and 0.4 kg/m under a PD loop, with friction in its joint."""
-    return fl.load_scene(
-        "single-link",
-        {
-            "links": [{"length": 0.5, "mass_per_length": 0.4, "modes": 0}],
-            "effects": {"coulomb_friction": {"torque": TORQUE, "rate": rate}},
-            "motion": {
-                "kind": "harmonic",
-                "frequency": frequency,
-                "joints": [{"amplitude": AMPLITUDE, "phase": phase}],
-            },
-            "control": {"feedback": {"kind": "pd", "kp": [0.2], "kd": [DAMPING]}},
-            "designs": [],
-        },
-    )
+    joints = [{"amplitude": AMPLITUDE, "phase": phase}]
+    changes = {
+        "links": [{"length": 0.5, "mass_per_length": 0.4, "modes": 0}],
+        "effects": {"coulomb_friction": {"torque": TORQUE, "rate": rate}},
+        "motion": {"kind": "harmonic", "frequency": frequency, "joints": joints},
+        "control": {"feedback": {"kind": "pd", "kp": [0.2], "kd": [DAMPING]}},
+        "designs": [],
+    }
+    return fl.load_scene("single-link", changes)
 
 
 def limit(frequency: float) -> float:

@@ -17,14 +17,7 @@ from flexlin import series, simulation
 from flexlin.about import parametric_loop
 from flexlin.control import horizon_system
 from flexlin.errors import FlexlinError
-from tests.public_results import (
-    answer_results,
-    arm_results,
-    logged_results,
-    public_results,
-    series_results,
-    stability_results,
-)
+from tests import public_results as made_of
 
 pytestmark = pytest.mark.xdist_group("public results")
 
@@ -123,20 +116,9 @@ def test_scene_arm_and_linear_equations(name, tmp_path):
     arm = fl.build_manipulator(scene)
     plant, lin = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
     system = lin.periodic_system()
-    check(
-        {
-            "arm": arm,
-            "plant": plant,
-            "linearization": lin,
-            "deviation": lin.about,
-            "law": lin.law,
-            "system": system,
-            "horizon": horizon_system(plant),
-            "result": fl.floquet(system, tol=1e-6),
-        },
-        tmp_path,
-        fresh=name in ("single-link", "five-bar"),
-    )
+    objects = {"arm": arm, "plant": plant, "linearization": lin, "deviation": lin.about, "law": lin.law}
+    objects |= {"system": system, "horizon": horizon_system(plant), "result": fl.floquet(system, tol=1e-6)}
+    check(objects, tmp_path, fresh=name in ("single-link", "five-bar"))
     assert pickle.loads(pickle.dumps(scene)) == scene
 
 
@@ -149,9 +131,8 @@ def test_an_arm_that_came_back_is_linearized_as_before():
 
 
 def test_free_numbers_stay_free(tmp_path):
-    loop = parametric_loop(
-        fl.load_scene("single-link"), ["effects.payload.mass", "motion.frequency", "control.feedback.kp.0"]
-    )
+    paths = ["effects.payload.mass", "motion.frequency", "control.feedback.kp.0"]
+    loop = parametric_loop(fl.load_scene("single-link"), paths)
     check({"loop": loop, "linearization": loop.linearization, "at": loop.at(1.2 * loop.nominal)}, tmp_path, fresh=False)
 
 
@@ -164,7 +145,7 @@ def test_a_motion_from_a_table(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("made", [series_results, stability_results, arm_results, logged_results, answer_results])
+@pytest.mark.parametrize("made", made_of.KINDS)
 def test_every_public_result(made, tmp_path):
     objects = dict(made())
     assert all(numbers(value, T) for value in objects.values())
@@ -174,7 +155,7 @@ def test_every_public_result(made, tmp_path):
 @pytest.mark.slow
 def test_every_result_class_is_tried():
     """The classes whose instances public functions hand back, by their annotations."""
-    tried = {kind.__name__ for value in public_results().values() for kind in type(value).__mro__}
+    tried = {kind.__name__ for value in made_of.public_results().values() for kind in type(value).__mro__}
     for module in (fl, fl.control, fl.kronecker, series, simulation):
         for name in module.__all__:
             value = getattr(module, name)

@@ -154,10 +154,8 @@ def test_a_sampled_controller_against_its_difference_equation(delay):
     """A constant plant: the multipliers over a sample are the eigenvalues of a matrix put together here from matrix exponentials."""
     rng, h = np.random.default_rng(5), 0.05
     A, B = rng.normal(size=(3, 3)), rng.normal(size=(3, 1))
-    rates, K = (
-        np.hstack([rng.normal(size=(2, 3)), -2 * np.eye(2) + 0.3 * rng.normal(size=(2, 2))]),
-        rng.normal(size=(1, 5)),
-    )
+    rates = np.hstack([rng.normal(size=(2, 3)), -2 * np.eye(2) + 0.3 * rng.normal(size=(2, 2))])
+    K = rng.normal(size=(1, 5))
     system = fl.PeriodicSystem(A, 1.0, B)
     found = fl.control.sampled_floquet(system, K, h, delay * h, rates=rates)
     wide = expm(h * np.block([[rates[:, 3:], rates[:, :3]], [np.zeros((3, 5))]]))
@@ -167,13 +165,8 @@ def test_a_sampled_controller_against_its_difference_equation(delay):
         return block[:3, :3], block[:3, 3:]
 
     (P0, G0), (P1, G1) = held(delay * h), held((1 - delay) * h)
-    step = np.block(
-        [
-            [P1 @ P0 - G1 @ K[:, :3], -G1 @ K[:, 3:], P1 @ G0],
-            [wide[:2, 2:], wide[:2, :2], np.zeros((2, 1))],
-            [-K, np.zeros((1, 1))],
-        ]
-    )
+    moved = [P1 @ P0 - G1 @ K[:, :3], -G1 @ K[:, 3:], P1 @ G0]
+    step = np.block([moved, [wide[:2, 2:], wide[:2, :2], np.zeros((2, 1))], [-K, np.zeros((1, 1))]])
     expected = np.linalg.eigvals(np.linalg.matrix_power(step, 20))
     known = np.isfinite(found.errors)
     assert known.sum() >= 4
@@ -185,12 +178,9 @@ def test_a_sampled_simulation_tends_to_the_continuous_one():
     slow = [{"kind": "low-pass", "cutoff": 4.0}]
     lin, start = loop_of(RIGID | {"control.filters": slow}), [0.1, 0.0]
     ideal = fl.simulate(lin, 0.05, initial=start, tol=1e-7)
-    gaps = [
-        np.abs(
-            fl.simulate(lin, 0.05, initial=start, tol=1e-7, drive=Drive(sample_time=h)).controller - ideal.controller
-        ).max()
-        for h in (2e-3, 1e-3)
-    ]
+    drives = [Drive(sample_time=h) for h in (2e-3, 1e-3)]
+    runs = [fl.simulate(lin, 0.05, initial=start, tol=1e-7, drive=drive) for drive in drives]
+    gaps = [np.abs(run.controller - ideal.controller).max() for run in runs]
     assert gaps[0] / gaps[1] == pytest.approx(2.0, rel=0.15)
 
 

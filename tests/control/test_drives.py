@@ -39,9 +39,8 @@ def test_the_work_of_the_drives_is_what_the_simulation_says():
 def test_a_motors_current_is_that_of_its_winding():
     """u = R i + k N q', torque = N k i; the same torque by a constant of the drives' table."""
     motor = {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": 30.0}
-    _, lin = loop_of(
-        "single-link", **SMALL, **{"effects.motor": motor, "control.feedback.kp": [12.0], "control.feedback.kd": [1.0]}
-    )
+    gains = {"control.feedback.kp": [12.0], "control.feedback.kd": [1.0]}
+    _, lin = loop_of("single-link", **SMALL, **{"effects.motor": motor, **gains})
     t = np.linspace(0, lin.period, 64, endpoint=False)
     x = 0.1 * np.random.default_rng(3).normal(size=(64, 4))
     load = drive_load(lin, t, x, lin.law)
@@ -58,14 +57,8 @@ def test_a_motors_current_is_that_of_its_winding():
 @pytest.mark.slow
 def test_the_report_marks_loops_above_their_drives_and_sampled_ones():
     drives = {"torque": {"peak": "1.1 N m", "continuous": "5 N m"}, "speed": "300 deg/s"}
-    table = [
-        {
-            "name": "LQR",
-            "kind": "periodic-lqr",
-            "weights": {"joints": "0.5 deg", "rates": "5 deg/s", "input": "0.5 N m"},
-        }
-    ]
-    sampling = {"period": 0.004, "delay": 0.001}
+    weights, sampling = {"joints": "0.5 deg", "rates": "5 deg/s", "input": "0.5 N m"}, {"period": 0.004, "delay": 0.001}
+    table = [{"name": "LQR", "kind": "periodic-lqr", "weights": weights}]
     overrides = {**SMALL, "drives": drives, "designs": table, "control.sampling": sampling, "accuracy.tol": 1e-6}
     found = analyse(fl.load_scene("single-link", overrides))
     load = found.load(found.own)

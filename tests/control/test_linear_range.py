@@ -18,16 +18,8 @@ def share_by_brute_force(lin: fl.Linearization, plant: fl.Linearization, start: 
     n, system = lin.n, lin.periodic_system()
     grid = np.linspace(0, lin.period, 4001)
     A = CubicSpline(grid, system.A(grid))
-    run = solve_ivp(
-        lambda s, x: A(s) @ x,
-        (0, lin.period),
-        start,
-        "DOP853",
-        dense_output=True,
-        rtol=1e-10,
-        atol=1e-12,
-        max_step=0.01,
-    )
+    exactly = {"dense_output": True, "rtol": 1e-10, "atol": 1e-12, "max_step": 0.01}
+    run = solve_ivp(lambda s, x: A(s) @ x, (0, lin.period), start, "DOP853", **exactly)
 
     def size(M: np.ndarray, f: np.ndarray) -> np.ndarray:
         return np.sqrt(np.einsum("ti,ti->t", f, np.linalg.solve(M, f[:, :, None])[:, :, 0]))

@@ -22,13 +22,8 @@ def weigh(lin, **sizes):
 def test_a_state_at_its_sizes_costs_their_number():
     """Each deviation at its acceptable size costs 1; the tip's part is measured by moving the nonlinear arm."""
     _, lin = opened("de-luca-siciliano-1991")
-    sizes = {
-        "joints": ["0.5 deg", "1 deg"],
-        "rates": "5 deg/s",
-        "deflection": "1 mm",
-        "w21": "3 mm",
-        "input": ["3 N m", 2.0],
-    }
+    sizes = {"joints": ["0.5 deg", "1 deg"], "rates": "5 deg/s", "deflection": "1 mm", "w21": "3 mm"}
+    sizes["input"] = ["3 N m", 2.0]
     Q, R = weigh(lin, tip="2 mm", **sizes)
     bare, _ = weigh(lin, **sizes)
     deg, t = np.pi / 180, np.array([0.0, 0.7, 3.1])

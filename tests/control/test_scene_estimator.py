@@ -11,12 +11,8 @@ from flexlin.report import export_all, record
 from flexlin.scene import EstimatorTable
 
 WEIGHTS = {"joints": "1 deg", "rates": "20 deg/s", "deflection": "10 mm", "input": "0.3 N m"}
-TABLE = {
-    "encoders": "0.02 deg",
-    "strain": [{"link": 1, "noise": "0.01 1/m"}],
-    "torque": "10 mN m",
-    "sample_time": "2 ms",
-}
+STRAIN = [{"link": 1, "noise": "0.01 1/m"}]
+TABLE = {"encoders": "0.02 deg", "strain": STRAIN, "torque": "10 mN m", "sample_time": "2 ms"}
 
 
 def scene_with(estimator, **more):
@@ -31,12 +27,8 @@ def test_the_filter_is_the_one_made_by_hand():
     sizes = np.array([np.deg2rad(0.02), np.deg2rad(0.1), 0.01, 1e-3, 1e-3])
     np.testing.assert_allclose(np.diag(found.V), sizes**2 * 2e-3)
     t = np.array([0.0, 0.4])
-    parts = [
-        fl.control.joint_angles(lin),
-        fl.control.joint_rates(lin),
-        fl.control.bending(scene, lin, 0, 0.0),
-        fl.control.tip_position(lin),
-    ]
+    of = fl.control
+    parts = of.joint_angles(lin), of.joint_rates(lin), of.bending(scene, lin, 0, 0.0), of.tip_position(lin)
     np.testing.assert_allclose(found.C(t), np.concatenate([part(t) for part in parts], axis=1))
     B = lin.input_matrix(t)
     np.testing.assert_allclose(found.W(t), 1e-4 * 2e-3 * B @ np.swapaxes(B, 1, 2), rtol=1e-12)
