@@ -249,16 +249,19 @@ def find_first(
     """
     from scipy.optimize import brentq  # takes longer to load than most loops to judge
 
-    known = dict([start])
+    known = {start[0]: (start[1], True)}
 
     def growth_of(value: float) -> float:
         if value not in known:
-            known[value] = float(judge_growth(make(value)).exponents[0].real)
-        return known[value]
+            found = judge_growth(make(value))
+            known[value] = float(found.exponents[0].real), found.verdict != "undecided"
+        return known[value][0]
 
     before = start[0]
     for value in map(float, values):
         if growth_of(value) > 0:
+            if not (known[before][1] or known[value][1]):  # no loop between them has a verdict either
+                return value, np.inf
             root = float(brentq(growth_of, before, value, xtol=tol * abs(value) / 8, rtol=1e-14))
             return find_near(better or make, root, tol * abs(root))
         before = value
