@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,64 +36,38 @@ def start(work: str, *words: str) -> "subprocess.Popen[str]":
         "import sys\nfrom flexlin.cli.supervised import supervise\n"
         f"sys.exit(supervise([sys.executable, '-c', {code!r}, *{words!r}]))"
     )
-    return subprocess.Popen(
-        [sys.executable, "-c", parent],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=Path(__file__).parents[1],
-    )
+    return begin("-c", parent)
+
+
+def begin(*words: str, **options: Any) -> "subprocess.Popen[str]":
+    """Python with these words, whose output is read."""
+    place, pipes = Path(__file__).parents[1], {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen([sys.executable, *words], text=True, cwd=place, **pipes, **options)
 
 
 ENDS = {
     "all is said": ("print('done')", 0, "done\n", ""),
     "an exit code of its own": ("sys.exit(3)", 3, "", ""),
-    "something is left for the end": (
-        "import atexit; atexit.register(print, 'closed'); print('done')",
-        0,
-        "done\nclosed\n",
-        "",
-    ),
+    "something is left for the end": ("import atexit; atexit.register(print, 'closed'); print('done')", 0, "done\nclosed\n", ""),
     "a thread goes on": (
-        "import threading; threading.Thread(target=lambda: (time.sleep(0.3), print('late'))).start()",
-        0,
-        "late\n",
-        "",
-    ),
+        "import threading; threading.Thread(target=lambda: (time.sleep(0.3), print('late'))).start()", 0, "late\n", ""),
     "clearing away goes on": (
-        "import atexit; atexit.register(__import__('time').sleep, 60); limit(0.5, 1e9); print('done', flush=True)",
-        0,
-        "done\n",
-        "",
-    ),
+        "import atexit; atexit.register(time.sleep, 60); limit(0.5, 1e9); print('done', flush=True)", 0, "done\n", ""),
     "abort in a library": ("os.abort()", 1, "", "(signal SIGABRT); most often there is not enough memory"),
     "exit in a library": ("os._exit(1)", 1, "", "(exit code 1); most often there is not enough memory"),
     "killed by the system": ("os.kill(os.getpid(), signal.SIGKILL)", 1, "", "(signal SIGKILL); most often"),
     "no memory for a message": (
-        "import flexlin.cli.program as m; m.report_fault = lambda *a: [][0]; raise MemoryError",
-        1,
-        "",
-        "most often there is not enough memory",
-    ),
+        "import flexlin.cli.program as m; m.report_fault = lambda *a: [][0]; raise MemoryError", 1, "", "there is not enough memory"),
     "one endless call": (
-        "limit(0.5, 1e9); sum(range(10**12))",
-        4,
-        "",
-        "with a time limit of 0.5 s: it did not end by itself in time; allow more time (--limit-seconds above 0.5,",
-    ),
+        "limit(0.5, 1e9); sum(range(10**12))", 4, "",
+        "with a time limit of 0.5 s: it did not end by itself in time; allow more time (--limit-seconds above 0.5,"),
     "one endless call after the numbers": (
-        "send_written([Path('out/report.json')]); limit(0.5, 1e9); sum(range(10**12))",
-        4,
-        "",
-        "in the scene's [accuracy]); what was known before stands in out/report.json",
-    ),
+        "send_written([Path('out/report.json')]); limit(0.5, 1e9); sum(range(10**12))", 4, "",
+        "in the scene's [accuracy]); what was known before stands in out/report.json"),
     "one greedy call": (
-        "limit(60, 1e6); list(range(10**9))",
-        2,
-        "",
-        "stopped at the limit of memory of 1,000,000 bytes, which it did not keep by itself; allow more (--limit-memory above",
-    ),
-}
+        "limit(60, 1e6); list(range(10**9))", 2, "",
+        "stopped at the limit of memory of 1,000,000 bytes, which it did not keep by itself; allow more (--limit-memory above"),
+}  # fmt: skip
 
 
 @LINUX
@@ -209,46 +184,33 @@ def test_little_memory_from_the_start_ends_in_one_message(space: float, tmp_path
     """Libraries that cannot even be loaded: some raise, some end the process, some wait for ever."""
     import resource
 
-    run = subprocess.run(
-        [sys.executable, "-m", "flexlin", "check", "single-link", "--limit-seconds", "8"],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
+    run = begin(
+        *("-m", "flexlin", "check", "single-link", "--limit-seconds", "8"),
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (int(space), int(space))),
         env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-        cwd=Path(__file__).parents[1],
     )
+    _, said = run.communicate(timeout=300)
     assert run.returncode in (1, 2)
-    assert "memory" in run.stderr or "time limit" in run.stderr
-    assert "Traceback" not in run.stderr
-    assert "fault of flexlin" not in run.stderr
+    assert "memory" in said or "time limit" in said
+    assert "Traceback" not in said
+    assert "fault of flexlin" not in said
 
 
 @pytest.mark.slow
 @LINUX
 @pytest.mark.parametrize(("words", "closed", "code"), [("list", 1, 0), ("show no-such-scene", 2, 2)])
 def test_a_stream_that_is_closed_stops_nothing(words: str, closed: int, code: int) -> None:
-    run = subprocess.run(
-        ["sh", "-c", f'exec "$0" -m flexlin {words} {closed}>&-', sys.executable],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=Path(__file__).parents[1],
-    )
-    assert (run.returncode, run.stdout, run.stderr) == (code, "", "")
+    run = begin("-m", "flexlin", *words.split(), preexec_fn=lambda: os.close(closed))
+    assert (*run.communicate(timeout=300), run.returncode) == ("", "", code)
 
 
 @pytest.mark.slow
 @LINUX
-@pytest.mark.parametrize("wait", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("wait", [0.0, 1.0])
 def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_path: Path, wait: float) -> None:
     """Ctrl-C while threads are inside the compiled kernel: whole files, or none, and a message; no thread and no trace is left."""
     out, over = tmp_path / "out", ["effects.payload.mass=0:0.3:600", "motion.frequency=0.1:1:600"]
-    command = [sys.executable, "-m", "flexlin", "chart", "single-link", "--over", *over, "--out", str(out)]
-    run = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=Path(__file__).parents[1]
-    )
+    run = begin("-m", "flexlin", "chart", "single-link", "--over", *over, "--out", str(out))
     time.sleep(3.0 + wait)
     run.send_signal(signal.SIGINT)
     _, said = run.communicate(timeout=300)
@@ -258,9 +220,7 @@ def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_p
     assert "fault" not in said
     if run.returncode == 4:
         with np.load(out / "chart.npz", allow_pickle=False) as found:
-            known = (
-                found["verdict"] != "missing" if found["verdict"].dtype.kind in "SU" else np.isfinite(found["error"])
-            )
+            known = np.isfinite(found["error"])
             assert 0 < known.sum() < known.size
             assert np.isfinite(found["error"][known]).all()
     else:
@@ -269,15 +229,13 @@ def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_p
 
 @pytest.mark.slow
 @LINUX
-@pytest.mark.parametrize("wait", thin([0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5], quick=2))
+@pytest.mark.parametrize("wait", thin([0.02, 0.05, 0.1, 0.2, 0.4], quick=2))
 def test_an_interrupt_while_the_program_is_loaded_leaves_no_trace(wait: float) -> None:
     """Whether it strikes the program, its work, or both, as Ctrl-C in a terminal does."""
-    command = [sys.executable, "-c", "import flexlin.__main__ as program; print('begun', flush=True); program.main()"]
+    begins = "lambda event, of: event == 'import' and of[0] == 'flexlin.cli.program' and print('begun', flush=True)"
+    code = f"import sys, flexlin.__main__ as program; sys.addaudithook({begins}); program.main()"
     for whole in (False, True):
-        run = subprocess.Popen(
-            [*command, "check", "single-link"],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True, cwd=Path(__file__).parents[1],
-        )  # fmt: skip
+        run = begin("-c", code, "check", "single-link", start_new_session=True)
         assert run.stdout is not None
         assert run.stdout.readline() == "begun\n"
         time.sleep(wait)
@@ -291,7 +249,4 @@ def test_an_interrupt_while_the_program_is_loaded_leaves_no_trace(wait: float) -
 
 def test_the_parent_of_the_work_loads_no_library() -> None:
     code = "import flexlin.cli.program, sys; print(sorted({'pydantic', 'pydantic_core', 'numpy', 'casadi', 'scipy'} & set(sys.modules)))"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1]
-    )
-    assert done.stdout == "[]\n"
+    assert begin("-c", code).communicate(timeout=300) == ("[]\n", "")

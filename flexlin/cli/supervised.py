@@ -95,7 +95,6 @@ def supervise(work: Sequence[str]) -> int:
         signal.signal(number, watch.pass_on)
     given = {**os.environ, CHANNEL: f"{writer} {os.getpid()} {begun!r}"}
     try:
-        signal.pthread_sigmask(signal.SIG_BLOCK, PASSED_ON)  # until the work can say that it was interrupted
         watch.work = subprocess.Popen(work, env=given, pass_fds=(writer,))
     except OSError as error:
         print(f"flexlin: the work cannot be started: {error.strerror}", file=sys.stderr)
@@ -129,7 +128,7 @@ def say_go_on(store: "Path | str | None") -> str:
 
 
 def take_signals() -> None:
-    """Let requests to end the program come through, in it and in its work."""
+    """Let requests to end the program come through, in it and in its work: each can say now that they came."""
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, PASSED_ON)
 
