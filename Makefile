@@ -26,14 +26,14 @@ report: core
 	$(BIN)/flexlin report single-link --out out/single-link
 
 test: lint core
-	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow and not peers"
 
 slow: core
-	$(BIN)/python -m pytest -n 2 --dist loadgroup -m slow
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "slow and not peers"
 
 peers: core
 	$(PIP) --require-hashes -r requirements/peers.txt
-	$(BIN)/python -m pytest -m peers
+	$(BIN)/python -m pytest -m peers tests/mechanics tests/series tests/studies
 
 docs: core
 	$(PIP) --require-hashes -r requirements/docs.txt

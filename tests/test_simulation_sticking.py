@@ -189,6 +189,7 @@ def test_a_stribeck_rate_needs_what_it_falls_from():
         block(**{"effects.coulomb_friction": {"torque": 0.05, "stribeck": 0.4}})
 
 
+@pytest.mark.slow
 def test_a_linear_motion_that_outgrows_all_numbers_is_said_to():
     """A steep falling branch: what is left of the nonlinear motion is still an answer."""
     tables = {"effects.coulomb_friction": {"torque": 0.05, "static": 0.08, "stribeck": 1e-3, "rate": 1e-4}}

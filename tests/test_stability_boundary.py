@@ -80,6 +80,7 @@ def test_directions_by_differences_are_those_of_the_exact_gradient():
         assert direction[0] * gradient[1] - direction[1] * gradient[0] > 0  # the unstable side on the left
 
 
+@pytest.mark.slow
 def test_a_curve_says_whether_it_is_as_near_as_was_asked():
     """The claims of a curve are below tol as far as rounding of the spectra lets them."""
 
@@ -117,6 +118,7 @@ STRIP = {
 RANGES = {"motion.frequency": (0.5, 12.0), "effects.payload.mass": (0.0, 2.0)}
 
 
+@pytest.mark.slow
 def test_no_tongue_of_a_strip_is_lost_between_lattice_lines(monkeypatch):
     """In a cell of 0.36 Hz multipliers turn several times round; critical values along other lines are those of the curves."""
     scene = fl.load_scene("single-link", STRIP)

@@ -107,6 +107,7 @@ def step_by_step(lin, limit, t, start):
     return solve_ivp(rate, t[[0, -1]], start, "LSODA", t, rtol=1e-10, atol=1e-12).y.T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tracking", [{}, {"tracking_time": 0.05}])
 def test_an_elastic_arm_whose_torque_is_cut_agrees_with_steps_over_the_corners(tracking):
     """Integral action and filters as well, whose states see what is not given."""

@@ -10,6 +10,7 @@ import flexlin as fl
 from flexlin.errors import ArgumentError
 from flexlin.scene import get_value, revise_scene
 from tests.identification.logs import coordinate, simulated, swing, tip
+from tests.thinned import thin
 
 TIME = np.arange(400) * 0.005
 RUBBING = {"links.0.modes": 1, "designs": [], "effects.viscous_friction": {"coefficient": 0.05}}
@@ -72,7 +73,7 @@ def test_numbers_are_handed_back_when_the_time_ends_first():
     assert found.fit == pytest.approx(fl.predict(found.scene, log, window=1.0).fit)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", thin(range(4)))
 def test_a_search_that_cannot_step_does_not_pass_for_settled(monkeypatch, seed):
     """Numbers that stay because no step gains are not those of the minimum: it is said, or their errors are as large as they are off."""
     from flexlin.identification import maximum_likelihood
@@ -177,9 +178,9 @@ def test_paths_that_lead_to_no_number_are_refused(free, said):
 
 @pytest.mark.slow
 def test_the_errors_are_those_of_repeated_logs():
-    """Twelve draws of the noise: true numbers within three errors, and the errors those of the spread within what twelve draws say."""
+    """Eight draws of the noise: true numbers within three errors, and the errors those of the spread within what eight draws say."""
     scene, time, readings = clean()
-    draws = [noisy(time, readings, [0.3 * swing(time)[0]], seed) for seed in range(12)]
+    draws = [noisy(time, readings, [0.3 * swing(time)[0]], seed) for seed in range(8)]
     found = [fl.identify(scene, log, FREE, window=1.0, starts=1) for log in draws]
     values = np.array([[one.values[path] for path in FREE] for one in found])
     errors = np.array([[one.errors[path] for path in FREE] for one in found])
@@ -188,7 +189,7 @@ def test_the_errors_are_those_of_repeated_logs():
     assert np.allclose(np.std(values, axis=0, ddof=1) / errors.mean(axis=0), 1.0, atol=0.6)
 
 
-@pytest.mark.parametrize(("sliding", "static"), [(0.9, 0.9), (1.4, 1.9)])
+@pytest.mark.parametrize(("sliding", "static"), thin([(0.9, 0.9), (1.4, 1.9)]))
 def test_numbers_that_bound_each_other_are_found(sliding, static):
     """Static friction is at least the sliding one: no step leads to a scene that is refused, and neither number has a bound of its own."""
 
@@ -218,7 +219,7 @@ def test_a_part_too_short_to_be_kept_back_is_refused_before_the_search(monkeypat
         fl.identify(scene, noisy(time, readings, [0.3 * swing(time)[0]], 0), FREE, hold_back=0.01)
 
 
-@pytest.mark.parametrize(("every", "seen"), [(1, True), (10, False)])
+@pytest.mark.parametrize(("every", "seen"), thin([(10, False), (1, True)]))
 def test_a_vibration_faster_than_half_of_the_sampling_is_named(every, seen):
     scene, time, readings = clean()
     some = {name: values[::every] for name, values in readings.items()}

@@ -126,7 +126,7 @@ def random_scene(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", thin([43, *range(43), *range(44, 80)]))
+@pytest.mark.parametrize("seed", thin([43, *range(43)]))
 def test_a_random_tree_entry_by_entry(seed):
     scene = random_scene(seed)
     lin, t = fl.linearize(fl.build_manipulator(scene), scene.motion), 0.21

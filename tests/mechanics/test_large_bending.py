@@ -25,7 +25,7 @@ def swing(arm, start, t, dissipated=0.0):
     def rates(_, x):
         return np.r_[x[n:], np.linalg.solve(M(x[:n], []).full(), -left(x[:n], x[n:]).full()[:, 0])]
 
-    run = solve_ivp(rates, (0.0, t[-1]), np.r_[start, np.zeros(n)], "DOP853", t, rtol=1e-10, atol=1e-12)
+    run = solve_ivp(rates, (0.0, t[-1]), np.r_[start, np.zeros(n)], "DOP853", t, rtol=1e-9, atol=1e-11)
     assert run.success
     energy = np.array([float(arm.functions["energy"](x[:n], x[n:], [])) for x in run.y.T])
     return np.array([arm.functions["points"](x[:n], []).full()[:, -1] for x in run.y.T]), energy
@@ -91,7 +91,7 @@ def light_arm(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", thin(range(60), quick=4))
+@pytest.mark.parametrize("seed", thin(range(30), quick=4))
 def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed):
     """Random light links in the plane and in space, 1 to 6 modes, no hub, tips bent by 2 to 30 % of the length."""
     arm, rng = light_arm(seed)
@@ -106,7 +106,7 @@ def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4, 9))
+@pytest.mark.parametrize("seed", range(4, 8))
 def test_light_links_swing_to_the_end_and_keep_their_energy(seed):
     """The same links, bent in all their shapes and let go without damping."""
     arm, rng = light_arm(seed)

@@ -76,7 +76,7 @@ def swing_segments(across, up, count, t, beside):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("size", "share", "missed"), [(0.1, 0.0, 1e-3), (0.25, 0.0, 2e-3), (0.25, 1.0, 0.02)])
+@pytest.mark.parametrize(("size", "share", "missed"), [(0.25, 0.0, 2e-3), (0.25, 1.0, 0.02)])
 def test_a_link_that_bends_and_twists_swings_as_an_inextensible_curve(size, share, missed):
     """No hub, half the link's mass at its tip, or beside it: against segments by Richardson's rule.
 
@@ -88,7 +88,7 @@ def test_a_link_that_bends_and_twists_swings_as_an_inextensible_curve(size, shar
     arm = arm_of(LINK, effects={"geometric_stiffening": {}, "bending_torsion_coupling": {}, "payload": payload})
     first = 1 / FIRST.values(np.ones(1))[0, 0]
     tip, energy = swing(arm, np.r_[0.0, across * first, np.zeros(5), up * first, np.zeros(7)], t)
-    coarse, fine = (swing_segments(across, up, count, t, beside) for count in (8, 16))
+    coarse, fine = (swing_segments(across, up, count, t, beside) for count in (6, 12))
     exact = fine + (fine - coarse) / 3
     assert np.abs(tip - exact).max() < missed * size
     assert np.ptp(energy) < 1e-8 * energy[0]

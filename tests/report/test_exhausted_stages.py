@@ -67,7 +67,8 @@ def test_what_was_not_compared_or_not_searched_is_named(tmp_path, monkeypatch):
 
 
 COMMANDS = {
-    "report": ["single-link", "--effects", "--sensitivity", "--loop-margins", "--margins", "motion.frequency=0.3:0.6"],
+    "report": ["single-link", "--effects", "--sensitivity", "--margins", "motion.frequency=0.3:0.6"],
+    "report margins": ["single-link", "--loop-margins", "--set", "links.0.modes=1", "designs=[]"],
     "report unstable": [
         "spinning-link",
         "--set",
