@@ -38,7 +38,7 @@ SIZES = {
         "disks": 1,
         "writers": 20,
         "memory": 1,
-        "misuse": 2,
+        "misuse": 4,
     },
     "full": {
         "check": 10_000,

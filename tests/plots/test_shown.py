@@ -205,46 +205,6 @@ def test_a_linearization_serves_where_a_system_is_meant():
     assert pd_feedback(plant, [0], [10.0], [1.0]).K(np.zeros(1)).shape == (1, 1, 4)
 
 
-HOSTILE = [None, [], "x", 3, 1 + 2j, {"a": 1}, [[np.nan]], np.zeros((0, 0)), lambda t: t, object()]
-
-
-@pytest.mark.parametrize("value", HOSTILE, ids=[f"{i}-{type(value).__name__}" for i, value in enumerate(HOSTILE)])
-def test_no_public_function_meets_a_stranger_with_an_attribute_error(value):
-    """Each refuses what it is not made for by a typed error that names the argument."""
-    system = fl.PeriodicSystem(np.eye(2), 1.0, B=np.ones((2, 1)))
-    scene, control = fl.load_scene("single-link"), fl.control
-    calls = [
-        fl.floquet, fl.floquet_modes, fl.build_manipulator, fl.parse_scene, fl.audit, fl.cost, fl.sensitivity, fl.simulate,
-        control.linear_range, control.linearize_about, control.periodic_motion, control.feedforward,
-        lambda v: fl.floquet_modes(system, object() if v is None else v),
-        lambda v: fl.forced_response(v, [1.0, 0.0]),
-        lambda v: fl.forced_response(system, v),
-        lambda v: fl.periodic_lqr(v, np.eye(2), 1.0),
-        lambda v: fl.periodic_lqr(system, np.eye(2), -1.0 if v is HOSTILE[3] else v),
-        lambda v: control.frozen_lqr(v, np.eye(2), 1.0),
-        lambda v: control.averaged_lqr(v, np.eye(2), 1.0),
-        lambda v: control.finite_horizon_lqr(v, np.eye(2), 1.0),
-        lambda v: control.pd_feedback(v, [0], [1.0], [1.0]),
-        lambda v: control.pd_feedback(system, v, [1.0], [1.0]),
-        lambda v: control.kalman_filter(v, np.eye(2), np.eye(2), np.eye(2)),
-        lambda v: control.with_integral_action(v, np.eye(1, 2)),
-        lambda v: fl.PeriodicSystem(v, 1.0),
-        lambda v: fl.PeriodicSystem(np.eye(2), 1.0, features="x" if not np.size(v) else v),
-        lambda v: fl.sweep(v, {"motion.frequency": [1.0]}),
-        lambda v: fl.sweep(scene, [v]),
-        lambda v: fl.build_motion(v, 1),
-        lambda v: fl.linearize(v, scene.motion),
-        lambda v: fl.Manipulator.from_matrices(v, v, v, v, v),
-        lambda v: fl.Manipulator.from_lagrangian(v, v, v, v),
-        lambda v: fl.taylor(v, v, [0.0], 2),
-        lambda v: fl.implicit_taylor(v, v, v, [0.0], [0.0], 2),
-        lambda v: fl.load_scene("single-link", [1] if v is None or not np.size(v) else v),
-    ]  # fmt: skip
-    for call in calls:
-        with pytest.raises(fl.errors.FlexlinError):
-            call(value)
-
-
 def test_curves_beyond_the_colours_are_dashed():
     from matplotlib import pyplot
 

@@ -1,5 +1,6 @@
 """What a part of the torture found, and the command lines that it runs."""
 
+import re
 import tempfile
 from dataclasses import dataclass, field
 from functools import cache
@@ -8,21 +9,7 @@ from pathlib import Path
 from tests.torture.bases import FILES
 from tests.torture.trial import Trial
 
-KEYS = (
-    "links",
-    "motion",
-    "effects",
-    "control",
-    "designs",
-    "accuracy",
-    "parameters",
-    "model",
-    "schema",
-    "title",
-    "source",
-    "file",
-    "scene",
-)
+KEYS = "links|motion|effects|control|designs|accuracy|parameters|model|schema|title|source|file|scene"
 """One of these stands in every message that names a key."""
 QUICK = "spinning-link"
 """The scene of the runs that are killed: what it says matters less than when."""
@@ -83,7 +70,7 @@ class Row:
 
 def names_a_key(trial: Trial) -> bool:
     """Whether a refusal of the scene says which key it is about."""
-    return any(key in trial.said for key in KEYS)
+    return re.search(KEYS, trial.said) is not None
 
 
 @cache
