@@ -8,24 +8,8 @@ import casadi as ca
 import numpy as np
 
 import flexlin as fl
-from flexlin import periodic_lyapunov
+from flexlin import control, periodic_lyapunov
 from flexlin.about import parametric_loop
-from flexlin.control import (
-    averaged_lqr,
-    feedforward,
-    finite_horizon_lqr,
-    frozen_lqr,
-    kalman_filter,
-    linear_range,
-    linearize_about,
-    output_feedback,
-    pd_feedback,
-    periodic_lqr,
-    periodic_motion,
-    tip_acceleration,
-    tip_position,
-    with_integral_action,
-)
 from flexlin.periodic import find_resonances, finite_horizon_riccati, periodic_riccati
 from flexlin.scene import EstimatorTable
 from flexlin.series import solve_implicit
@@ -144,28 +128,28 @@ def arm_results() -> Made:
             "deviation": lambda: lin.about,
             "law": lambda: lin.law,
             "parametric": lambda: parametric_loop(scene, ["effects.payload.mass"]),
-            "periodic": lambda: periodic_lqr(system, *weights, tol=1e-7),
-            "frozen": lambda: frozen_lqr(system, *weights, phases=4),
-            "averaged": lambda: averaged_lqr(system, *weights),
-            "finite horizon": lambda: finite_horizon_lqr(system, *weights, tol=1e-6),
-            "pd": lambda: pd_feedback(system, [0], [10.0], [1.0]),
-            "estimator": lambda: kalman_filter(
+            "periodic": lambda: control.periodic_lqr(system, *weights, tol=1e-7),
+            "frozen": lambda: control.frozen_lqr(system, *weights, phases=4),
+            "averaged": lambda: control.averaged_lqr(system, *weights),
+            "finite horizon": lambda: control.finite_horizon_lqr(system, *weights, tol=1e-6),
+            "pd": lambda: control.pd_feedback(system, [0], [10.0], [1.0]),
+            "estimator": lambda: control.kalman_filter(
                 system, fl.control.joint_angles(plant), 0.1 * np.eye(4), 1e-4 * np.eye(1), tol=1e-6
             ),
             "drive load": lambda: fl.control.drive_load(lin, T, np.zeros((len(T), 4)), lin.law),
             "sensors": lambda: fl.control.scene_sensors(
                 scene, plant, EstimatorTable(encoders=1e-4, tip=1e-3, torque=0.01)
             ),
-            "loop": lambda: output_feedback(made["periodic"], made["estimator"]),
-            "integral": lambda: with_integral_action(system, np.eye(1, 4)),
-            "elastic motion": lambda: periodic_motion(lin),
-            "about it": lambda: linearize_about(made["elastic motion"]),
-            "feedforward": lambda: feedforward(lin, "tip-exact"),
-            "its law": lambda: feedforward(lin, "joint-exact").law,
+            "loop": lambda: control.output_feedback(made["periodic"], made["estimator"]),
+            "integral": lambda: control.with_integral_action(system, np.eye(1, 4)),
+            "elastic motion": lambda: control.periodic_motion(lin),
+            "about it": lambda: control.linearize_about(made["elastic motion"]),
+            "feedforward": lambda: control.feedforward(lin, "tip-exact"),
+            "its law": lambda: control.feedforward(lin, "joint-exact").law,
             "response": lambda: fl.forced_response(lin.periodic_system(), lin.forcing, tol=1e-7),
-            "camera": lambda: tip_position(lin),
-            "accelerometer": lambda: tip_acceleration(lin)[0],
-            "range": lambda: linear_range(lin),
+            "camera": lambda: control.tip_position(lin),
+            "accelerometer": lambda: control.tip_acceleration(lin)[0],
+            "range": lambda: control.linear_range(lin),
             "simulation": lambda: fl.simulate(lin, 0.1),
             "attraction": lambda: region_of_attraction(lin, modes=1, periods=1.0, halvings=1, tol=1e-4),
         }

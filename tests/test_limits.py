@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -31,10 +32,8 @@ def spin(seconds: float) -> None:
 
 def test_a_block_beyond_its_time_is_ended_and_the_alarm_is_gone() -> None:
     before, start = signal.getsignal(signal.SIGALRM), time.monotonic()
-    with (
-        pytest.raises(TimeLimit, match=r"the stage: stopped at the time limit; got no answer in 0\.1 s"),
-        time_limit("the stage", 0.1),
-    ):
+    said = r"the stage: stopped at the time limit; got no answer in 0\.1 s"
+    with pytest.raises(TimeLimit, match=said), time_limit("the stage", 0.1):
         spin(20.0)
     assert time.monotonic() - start < 20.0
     assert signal.getsignal(signal.SIGALRM) is before
@@ -64,27 +63,35 @@ def test_the_time_of_workers_counts_while_they_work() -> None:
         worker.wait()
 
 
-def test_an_alarm_within_a_change_of_numpys_error_handling_leaves_none_of_it() -> None:
-    """It may ring between the change and the block that would take it back: every overflow after it would go unsaid."""
+def change_and_spin() -> None:
+    """It may ring between a change of NumPy's error handling and the block that would take it back: every overflow would go unsaid."""
+    np.seterr(all="ignore")
+    spin(20.0)
+
+
+def try_twice() -> None:
+    """A calculation that takes the alarm for a failed attempt."""
+    with suppress(NumericalError):
+        spin(20.0)
+    spin(20.0)
+
+
+def wrap() -> None:
+    """Compiled code that hands the alarm on as an error of its own."""
+    try:
+        spin(20.0)
+    except TimeLimit:
+        raise RuntimeError("interrupted") from None
+
+
+@pytest.mark.parametrize("work", [change_and_spin, try_twice, wrap])
+def test_whatever_a_calculation_does_with_the_alarm_it_is_the_time_limit(work: Callable[[], None]) -> None:
     before = np.geterr()
-
-    def changes() -> None:
-        np.seterr(all="ignore")
-        spin(20.0)
-
     with pytest.raises(TimeLimit), time_limit("the stage", 0.1):
-        changes()
+        work()
     assert np.geterr() == before
-
-
-def test_a_calculation_that_takes_the_alarm_for_a_failed_attempt_is_ended_too() -> None:
-    def tries_twice() -> None:
-        with suppress(NumericalError):
-            spin(20.0)
-        spin(20.0)
-
-    with pytest.raises(TimeLimit), time_limit("the stage", 0.1):
-        tries_twice()
+    with pytest.raises(RuntimeError, match="its own"), time_limit("the stage", 60.0):
+        raise RuntimeError("its own")
 
 
 def test_an_alarm_within_a_finalizer_is_not_printed_and_rings_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,19 +151,6 @@ def test_an_alarm_amid_an_import_waits_until_the_module_is_whole(
         import_module("study")
 
 
-def test_an_alarm_that_compiled_code_hands_on_as_its_own_error_is_the_time_limit() -> None:
-    def wraps() -> None:
-        try:
-            spin(20.0)
-        except TimeLimit:
-            raise RuntimeError("interrupted") from None
-
-    with pytest.raises(TimeLimit), time_limit("the stage", 0.1):
-        wraps()
-    with pytest.raises(RuntimeError, match="its own"), time_limit("the stage", 60.0):
-        raise RuntimeError("its own")
-
-
 @pytest.mark.slow
 def test_a_block_that_takes_too_much_memory_is_ended() -> None:
     """What nobody has predicted is noticed on the way."""
@@ -167,34 +161,13 @@ def test_a_block_that_takes_too_much_memory_is_ended() -> None:
             taken.append(np.ones(2**17))
             time.sleep(0.001)
 
-    with (
-        pytest.raises(
-            TooLarge,
-            match=r"the table: stopped at the limit of memory; got [\d,]+ bytes, expected at most 50,000,000 bytes",
-        ),
-        time_limit("the table", 60.0, 5e7),
-    ):
+    said = r"the table: stopped at the limit of memory; got [\d,]+ bytes, expected at most 50,000,000 bytes"
+    with pytest.raises(TooLarge, match=said), time_limit("the table", 60.0, 5e7):
         greedy()
     assert len(taken) < 4000
     with time_limit("the table", 60.0, 5e7):
         spin(0.5)
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
-
-
-@pytest.mark.slow
-def test_an_alarm_of_before_rings_in_its_time() -> None:
-    rung: list[int] = []
-    handler = signal.signal(signal.SIGALRM, lambda number, _: rung.append(number))
-    try:
-        signal.setitimer(signal.ITIMER_REAL, 0.3)
-        with time_limit("the stage", 60.0):
-            spin(0.05)
-        assert 0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 0.3
-        spin(1.0)
-        assert rung == [signal.SIGALRM]
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, handler)
 
 
 @pytest.mark.slow
@@ -221,17 +194,21 @@ def test_a_limit_around_another_one_holds_within_it_and_after_it() -> None:
 
 
 @pytest.mark.slow
-def test_a_timer_that_repeats_and_a_hook_put_in_the_block_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("again", [0.0, 0.05])
+def test_an_alarm_of_before_and_a_hook_put_in_the_block_go_on(again: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rung once, or again and again."""
     monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
     rung: list[int] = []
     handler = signal.signal(signal.SIGALRM, lambda number, _: rung.append(number))
     try:
-        signal.setitimer(signal.ITIMER_REAL, 0.3, 0.05)
+        signal.setitimer(signal.ITIMER_REAL, 0.3, again)
         with time_limit("the stage", 60.0):
             sys.unraisablehook = report = lambda _: None
+            spin(0.05)
         assert sys.unraisablehook is report
+        assert 0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 0.3
         spin(1.0)
-        assert len(rung) > 1
+        assert len(rung) > 1 if again else rung == [signal.SIGALRM]
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, handler)
@@ -299,10 +276,8 @@ def test_the_stages_share_one_limit_and_the_last_one_gets_what_was_kept_for_it()
     assert waiting.allow("one", asked).clock == pytest.approx(10.0, abs=1.0)
     assert waiting.plan("one", asked) == pytest.approx(9.0, abs=1.0)
     assert waiting.allow("one", Accuracy()).clock == pytest.approx(106.0, abs=1.0)
-    with pytest.raises(
-        TimeLimit,
-        match=r"one: not begun; got 48 of 60 s are used up; .*writing; allow more time \(--limit-seconds above 60",
-    ):
+    said = r"one: not begun; got 48 of 60 s are used up; .*writing; allow more time \(--limit-seconds above 60"
+    with pytest.raises(TimeLimit, match=said):
         Budget(spent(52.0)).allow("one", asked)
     held = Budget(now, held=read_resident() - 2**20)
     assert held.allow("one", asked).memory == pytest.approx(asked.memory - 2**20, abs=2**22)
@@ -400,21 +375,16 @@ def test_a_disturbance_without_measure_is_refused_by_name(
 ) -> None:
     few = ["--set", "links.0.modes=1", "designs=[]", "--out", str(tmp_path)]
     assert main(["respond", "single-link", *words, *few]) == 2
-    assert (
-        f"{words[0]} cannot be read; got '{words[1]}', expected a number from {least} to 1e+30"
-        in capsys.readouterr().err
-    )
+    said = f"{words[0]} cannot be read; got '{words[1]}', expected a number from {least} to 1e+30"
+    assert said in capsys.readouterr().err
 
 
 @pytest.mark.slow
 def test_a_request_to_end_the_program_acts_as_ctrl_c(tmp_path: Path) -> None:
     """SIGTERM in the middle of the work: one line, exit code 1, no file."""
-    program = [sys.executable, "-m", "flexlin", "simulate", "single-link", "--periods", "3000", "--out", str(tmp_path)]
-    watch = "import sys; from flexlin.cli import main; print('ready', flush=True)"
-    code = f"{watch}; from flexlin.cli.program import entry; sys.argv[0] = 'flexlin'; entry()"
-    run = subprocess.Popen(
-        [sys.executable, "-c", code, *program[3:]], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    code = "from flexlin.cli.program import entry; print('ready', flush=True); entry()"
+    command = [sys.executable, "-c", code, "simulate", "single-link", "--periods", "3000", "--out", str(tmp_path)]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert run.stdout is not None
     assert run.stdout.readline() == "ready\n"
     time.sleep(3.0)

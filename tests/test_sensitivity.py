@@ -15,6 +15,12 @@ def scene():
     return fl.load_scene("single-link", overrides)
 
 
+PATHS = (
+    *("effects.payload.mass", "links.0.bending_stiffness", "links.0.length", "motion.frequency"),
+    *("motion.joints.0.amplitude", "control.feedback.kp.0", "control.feedback.kd.0"),
+)
+
+
 def exponents(scene):
     system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
     return fl.floquet(system, 1e-12).exponents
@@ -34,18 +40,7 @@ def richardson(scene, path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "path",
-    [
-        "effects.payload.mass",
-        "links.0.bending_stiffness",
-        "links.0.length",
-        "motion.frequency",
-        "motion.joints.0.amplitude",
-        "control.feedback.kp.0",
-        "control.feedback.kd.0",
-    ],
-)
+@pytest.mark.parametrize("path", PATHS)
 def test_against_differences_of_scenes_built_anew(scene, path):
     result = sensitivity(scene, [path])
     exact = richardson(scene, path)
@@ -58,10 +53,7 @@ def test_a_spinning_link_without_gravity_in_closed_form():
         "links.0.modes": 1,
         "designs": [],
         "control": {},
-        "effects.gravity": "off",
-        "effects.payload": "off",
-        "effects.geometric_stiffening": "off",
-        "effects.modal_damping.ratio": 0.02,
+        "effects": {"modal_damping": {"ratio": 0.02}},
         "motion": {"kind": "rotation", "drive": "prescribed", "joints": [{"rate": 3.0}]},
     }
     scene = fl.load_scene("single-link", overrides)

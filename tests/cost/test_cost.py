@@ -34,23 +34,9 @@ from flexlin.report.figures.cost import draw_choices, draw_cost, name_family, st
 from flexlin.report.numbers import to_json
 from tests.thinned import thin
 
-STAGES = {
-    "coefficients",
-    "transition matrices",
-    "exponents",
-    "periodic Riccati",
-    "forced response",
-    "simulation",
-    "number of modes",
-    "Taylor order",
-}
-METHODS = (
-    "gauss 8",
-    "radau 5",
-    "floquet, hill",
-    "SciPy DOP853",
-    "SciPy Radau",
-)
+SOLVED = ("exponents", "periodic Riccati", "forced response")
+STAGES = {*SOLVED, "coefficients", "transition matrices", "simulation", "number of modes", "Taylor order"}
+METHODS = ("gauss 8", "radau 5", "floquet, hill", "SciPy DOP853", "SciPy Radau")
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +54,7 @@ def result(scene):
 
 @pytest.mark.slow
 def test_every_stage_is_measured_with_errors_that_reach_the_floor(result):
-    for stage in ("coefficients", "transition matrices", "exponents", "periodic Riccati", "forced response"):
+    for stage in ("coefficients", "transition matrices", *SOLVED):
         rows = result.stage(stage)
         assert min(row.error for row in rows) < 1e-9, stage
         assert all(row.seconds > 0 for row in rows)
@@ -87,7 +73,7 @@ def test_finer_settings_are_more_accurate_at_their_order(result):
 
 @pytest.mark.slow
 def test_the_engines_choice_is_marked_at_each_tol_and_reaches_it(result):
-    for stage in ("exponents", "periodic Riccati", "forced response", "simulation"):
+    for stage in (*SOLVED, "simulation"):
         marked = {float(row.chosen): row for row in result.stage(stage) if row.chosen}
         assert sorted(marked) == sorted(own.TOLS)
         assert all(row.error <= tol for tol, row in marked.items()), stage
@@ -117,56 +103,34 @@ def test_recommendations_of_a_scene_meet_their_accuracy(result):
 
 
 def test_cheapest_in_a_table_made_by_hand():
-    rows = (
-        Row("exponents", "a", "1", 1e-3, 1.0),
-        Row("exponents", "b", "1", 1e-6, 2.0),
-        Row("exponents", "c", "1", 1e-5, 3.0),
-    )
-    found = CostResult("by hand", rows, 1e-15).marked()
+    rows = [Row("exponents", *row) for row in (("a", "1", 1e-3, 1.0), ("b", "1", 1e-6, 2.0), ("c", "1", 1e-5, 3.0))]
+    found = CostResult("by hand", tuple(rows), 1e-15).marked()
     assert [row.cheapest for row in found.rows] == [True, True, False]
     assert found.cheapest("exponents", 1e-4).method == "b"
     assert found.cheapest("exponents", 1e-9) is None
 
 
-OUTSIDE = {"DOP853": 1e-9, "Radau": 1e-7}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("method", OUTSIDE)
-def test_scipy_integrates_the_same_equations(scene, method):
-    """Two columns swapped, or a buffer overwritten, would be found out."""
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    exact = own.multiply_period(lin.periodic_system(), Setting("gauss", 20, 64, ""))
-    rate = FastRate(derive_transition_rate(lin), lin.arm.parameters.values)
-    found = multiply_up(rate, 2 * lin.n, method, OUTSIDE[method])
-    assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
+@pytest.mark.parametrize(("method", "tol"), [("DOP853", 1e-9), ("Radau", 1e-7)])
+def test_scipy_answers_the_same_questions(scene, method, tol):
+    """By stepping, where two columns swapped, or a buffer overwritten, would be found out: only M, D, K, h and B are shared.
 
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", OUTSIDE)
-def test_scipy_simulates_the_same_loop(scene, method):
-    """The right-hand side is made from the residual by elimination; `simulate` never solves for the accelerations so."""
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    exact = fl.simulate(lin, 1.0, tol=1e-10, points_per_period=SAMPLES).nonlinear
-    rate = FastRate(derive_loop_rate(lin), lin.arm.parameters.values)
-    found = integrate_loop(rate, 2 * lin.n, method, 0.1 * OUTSIDE[method])
-    assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", OUTSIDE)
-def test_scipy_answers_the_same_questions_about_the_loop(scene, method):
-    """A periodic response and a Riccati equation solved by stepping: only M, D, K, h and B are shared."""
+    The loop's right-hand side is made from the residual by elimination; `simulate` never solves for the accelerations so.
+    """
     arm = fl.build_manipulator(scene)
     closed, plant = fl.linearize(arm, scene.motion, scene.control), fl.linearize(arm, scene.motion)
     t, weights = closed.period * np.arange(32) / 32, (np.eye(4), np.eye(1))
+    transition = own.multiply_period(closed.periodic_system(), Setting("gauss", 20, 64, ""))
+    run = fl.simulate(closed, 1.0, tol=1e-10, points_per_period=SAMPLES).nonlinear
     response = fl.forced_response(closed.periodic_system(), closed.forcing)(t)
     X = periodic_riccati(plant.periodic_system(), *weights).X(t)
-    for lin, derive, run, exact in (
-        (closed, derive_response_rate, respond_periodically, response),
-        (plant, derive_riccati_rate, forget_start, X),
+    for lin, derive, integrate, share, exact in (
+        (closed, derive_transition_rate, multiply_up, 1.0, transition),
+        (closed, derive_loop_rate, integrate_loop, 0.1, run),
+        (closed, derive_response_rate, respond_periodically, 0.1, response),
+        (plant, derive_riccati_rate, forget_start, 0.1, X),
     ):
-        found = run(FastRate(derive(lin), lin.arm.parameters.values), 4, method, 0.1 * OUTSIDE[method])
+        found = integrate(FastRate(derive(lin), lin.arm.parameters.values), 4, method, share * tol)
         assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
 
 

@@ -10,15 +10,11 @@ from flexlin.about import ParametricLoop
 from flexlin.answers import choose_loop
 from flexlin.control import design
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.scene import register_model
+from flexlin.scene import register_model, revise_scene
 
 PAYLOAD = "effects.payload.mass"
-LQR = {
-    "name": "LQR",
-    "kind": "periodic-lqr",
-    "state_weight": [100.0, 100.0, 1.0, 1.0],
-    "input_weight": [0.1],
-}
+WEIGHTS = {"state_weight": [100.0, 100.0, 1.0, 1.0], "input_weight": [0.1]}
+LQR = {"name": "LQR", "kind": "periodic-lqr", **WEIGHTS}
 SMALL = {"links.0.modes": 1, "designs": [LQR]}
 
 
@@ -32,12 +28,8 @@ def largest_gap(found, exact):
 
 PID = {"kind": "pid", "kp": [3.0], "kd": [0.5], "ki": [2.0]}
 FILTERS = [{"kind": "low-pass", "on": "rates", "cutoff": 30.0}, {"kind": "notch", "frequency": 4.0, "gain": 0.3}]
-LQI = {
-    "name": "LQI",
-    "kind": "frozen-lqr",
-    "weights": {"joints": "1 deg", "rates": "5 deg/s", "integrals": "0.2 deg s", "input": "0.5 N m"},
-    "phases": 3,
-}
+SIZES = {"joints": "1 deg", "rates": "5 deg/s", "integrals": "0.2 deg s", "input": "0.5 N m"}
+LQI = {"name": "LQI", "kind": "frozen-lqr", "weights": SIZES, "phases": 3}
 
 
 @pytest.mark.parametrize("word", ["own", "LQI"])
@@ -101,9 +93,7 @@ def test_a_model_written_in_python_is_swept_by_symbols_or_rebuilt_at_each_value(
         scene = fl.parse_scene({**raw, "model": model, "control": {"feedback": feedback}})
         data = fl.sweep(scene, {"parameters.length": [0.5, 0.8]})
         alone.append(data.attrs["one_by_one"])
-        long = fl.parse_scene(
-            {**raw, "model": model, "control": {"feedback": feedback}}, overrides={"parameters.length": 0.8}
-        )
+        long = revise_scene(scene, {"parameters.length": 0.8})
         exact = fl.floquet(fl.linearize(fl.build_manipulator(long), long.motion, long.control).periodic_system())
         assert largest_gap(data["exponents"].values[1], exact) < 3e-8
     assert alone == [0, 2, 2]

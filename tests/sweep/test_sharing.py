@@ -16,6 +16,7 @@ from flexlin.answers import compute_here, keep_in, prepare_job, share_among_proc
 from flexlin.cli import main
 from flexlin.errors import ArgumentError, OutputError
 
+distributed, _ = pytest.importorskip("distributed"), pytest.importorskip("zarr")
 SCENE = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
 VALUES = {"effects.payload.mass": np.linspace(0.0, 0.3, 36), "control.feedback.kp.0": np.linspace(0.0, 6.0, 20)}
 """So many that there are several blocks."""
@@ -76,7 +77,6 @@ def test_a_block_that_kills_every_process_is_marked(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_loses_a_worker(whole):
-    distributed = pytest.importorskip("distributed")
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
@@ -111,7 +111,6 @@ def test_clusters_that_are_not_there_are_refused(monkeypatch):
 
 @pytest.mark.slow
 def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, tmp_path):
-    pytest.importorskip("zarr")
     path, rng, left = tmp_path / "chart.zarr", np.random.default_rng(3), []
 
     for _ in range(20):
@@ -137,10 +136,8 @@ def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, t
 
 @pytest.mark.slow
 def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
-    pytest.importorskip("zarr")
     path = tmp_path / "chart.zarr"
     script = (
-        ""
         "from tests.sweep.test_sharing import *;"
         f"job = prepare_job(SCENE, VALUES, 1e-8, True, 'own'); keep_in({str(path)!r}, job);"
         "job.watchers.append(lambda start, block: os.kill(os.getpid(), 9) if start > 200 else None); job.run(compute_here)"
@@ -162,25 +159,18 @@ def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
     ],
 )
 def test_a_store_of_another_sweep_is_refused_with_what_differs(change, what, tmp_path, monkeypatch):
-    pytest.importorskip("zarr")
     values = {"effects.payload.mass": np.linspace(0.0, 0.3, 12)}
     scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control": {}})
     fl.sweep(scene, values, store=tmp_path / "c.zarr")
     other = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control": {}, **change.get("scene", {})})
     monkeypatch.setattr("flexlin.__version__", change.get("version", fl.__version__))
+    asked = {"values": values} | {key: one for key, one in change.items() if key in ("values", "tol", "loop")}
     with pytest.raises(ArgumentError, match=f"differs in the {what}"):
-        fl.sweep(
-            other,
-            change.get("values", values),
-            change.get("tol", 1e-8),
-            loop=change.get("loop", "own"),
-            store=tmp_path / "c.zarr",
-        )
+        fl.sweep(other, **asked, store=tmp_path / "c.zarr")
 
 
 def test_an_incomplete_chart_goes_on_with_more_time(tmp_path, capsys, monkeypatch):
     """Limits change no number, so the command may be given again with others, as its message advises."""
-    pytest.importorskip("zarr")
     words = ["chart", "single-link", "--over", "effects.payload.mass=0:0.3:200", "--store", str(tmp_path / "c.zarr")]
     words += ["--set", "links.0.modes=1", "designs=[]", "control={}", "--out", str(tmp_path / "out")]
 
@@ -211,7 +201,6 @@ def test_an_incomplete_chart_goes_on_with_more_time(tmp_path, capsys, monkeypatc
 
 
 def test_what_is_no_store_is_refused(tmp_path):
-    pytest.importorskip("zarr")
     (tmp_path / "c.zarr").write_text("no store")
     with pytest.raises((OutputError, ArgumentError)):
         fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, store=tmp_path / "c.zarr")
