@@ -18,23 +18,20 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scenes, trials and reader live with the tests
 
-from tests.torture.accidents import disks, kills, memory
-from tests.torture.fuzzing import check, commands
+from tests.torture.accidents import disks, kills, lone_files, memory, writers
+from tests.torture.fuzzing import check, commands, whole_commands
 from tests.torture.inputs import inputs
-from tests.torture.lone_files import lone_files
 from tests.torture.misuse import misuse
-from tests.torture.rivals import writers
-from tests.torture.rows import SETS, Row, case_of
-from tests.torture.whole_commands import whole_commands
+from tests.torture.trial import SETS, Row, case_of
 
 SIZES = {
     "small": {
-        "check": 12,
+        "check": 8,
         "commands": 2,
         "whole": 8,
         "inputs": 300,
         "kills": 3,
-        "files": 3,
+        "files": 2,
         "disks": 1,
         "writers": 20,
         "memory": 1,

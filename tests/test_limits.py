@@ -1,5 +1,6 @@
-"""Limits of time and memory: what they stop, what they leave alone, and that nothing of them stays behind."""
+"""Limits of time and memory: what they stop, what they leave alone, that nothing of them stays behind, and clocks that are set back."""
 
+import json
 import os
 import signal
 import subprocess
@@ -19,6 +20,7 @@ from flexlin.answers.clock import Allowance
 from flexlin.checks import LIMIT, check_size, memory_limit
 from flexlin.cli import main
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
+from flexlin.files import switch
 from flexlin.resources import Stopwatch, read_processor, read_resident
 from flexlin.scene import Accuracy
 
@@ -289,11 +291,11 @@ def test_the_stages_share_one_limit_and_the_last_one_gets_what_was_kept_for_it()
 def test_stages_without_end_leave_the_others_time_and_all_end_within_the_limit() -> None:
     clock, problems, start = Clock(), dict[str, str](), time.monotonic()
     for k in range(4):
-        clock.attempt(problems, f"{k}", f"stage {k}", Accuracy(seconds=3.0), lambda: spin(60.0))
-    assert clock.stage("figures", Accuracy(seconds=3.0), lambda: "drawn", last=True) == "drawn"
+        clock.attempt(problems, f"{k}", f"stage {k}", Accuracy(seconds=2.0), lambda: spin(60.0))
+    assert clock.stage("figures", Accuracy(seconds=2.0), lambda: "drawn", last=True) == "drawn"
     assert len(problems) == 4
     assert time.monotonic() - start < 60.0
-    assert "; allow more time (--limit-seconds above 3," in problems["0"]
+    assert "; allow more time (--limit-seconds above 2," in problems["0"]
     assert clock.failures["0"].__traceback__ is None
 
 
@@ -387,7 +389,7 @@ def test_a_request_to_end_the_program_acts_as_ctrl_c(tmp_path: Path) -> None:
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert run.stdout is not None
     assert run.stdout.readline() == "ready\n"
-    time.sleep(3.0)
+    time.sleep(2.0)
     os.kill(run.pid, signal.SIGTERM)
     out, err = run.communicate(timeout=300)
     *progress, last = err.splitlines()
@@ -395,3 +397,47 @@ def test_a_request_to_end_the_program_acts_as_ctrl_c(tmp_path: Path) -> None:
     assert all(line.endswith("so far)") or " left: " in line for line in progress), progress
     assert list(tmp_path.iterdir()) == []
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+SMALL = ["--points", "8", "--set", "links.0.modes=0", "designs=[]"]
+
+
+@pytest.fixture
+def back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each look at the clock of the day is an hour before the last."""
+    now = [time.time()]
+
+    def earlier() -> float:
+        now[0] -= 3600.0
+        return now[0]
+
+    monkeypatch.setattr(time, "time", earlier)
+
+
+@pytest.mark.usefixtures("back")
+def test_a_limit_ends_in_its_time() -> None:
+    start = time.perf_counter()
+
+    def endless() -> None:
+        while time.perf_counter() - start < 20.0:
+            time.sleep(0.01)
+
+    with pytest.raises(TimeLimit), time_limit("the stage", 0.1):
+        endless()
+    assert time.perf_counter() - start < 20.0
+
+
+@pytest.mark.usefixtures("back")
+def test_results_are_replaced_whole_and_leftovers_of_tomorrow_go(tmp_path: Path) -> None:
+    """What a killed run has left bears a later time than what comes after it."""
+    out = tmp_path / "out"
+    assert main(["linearize", "single-link", *SMALL, "--out", str(out)]) == 0
+    left = tmp_path / f"{switch.prefix_for('out')}1-left{switch.PART}"
+    (left / switch.INNER).mkdir(parents=True)
+    tomorrow = os.stat(out).st_mtime + 1e5
+    for path in (left, out, *out.iterdir()):
+        os.utime(path, (tomorrow, tomorrow))
+    assert main(["linearize", "single-link", *SMALL, "title='again'", "--out", str(out)]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    manifest = json.loads((out / "flexlin-results.json").read_text())
+    assert set(manifest["sets"]["coefficients"]["sha256"]) == {"coefficients.nc", "coefficients.npz"}

@@ -1,13 +1,20 @@
-"""Files appear whole or not at all."""
+"""Files appear whole or not at all, also on a full disk, and open where pickled objects are refused."""
 
+import resource
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
+import scipy.io
+import xarray
 
-from flexlin.cli import main, program
+from flexlin.cli import BAD_INPUT, main, program
 from flexlin.errors import OutputError
 from flexlin.files import replacing
+from tests.files.reader import leftovers, standing
 
 
 def write_text(path: Path, text: str) -> None:
@@ -60,3 +67,81 @@ def test_a_fault_of_the_program_is_one_line(capsys: pytest.CaptureFixture[str]) 
     assert message.count("\n") == 1
     assert "test_single_files.py" in message
     assert "IndexError" in message
+
+
+SCENE = ["khang-2019", "--points", "8", "--limit-seconds", "50"]
+
+
+@contextmanager
+def files_up_to(size: int) -> Iterator[None]:
+    """No file may grow beyond so many bytes; what is written then fails as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.slow
+def test_a_full_disk_leaves_the_old_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert main(["export", *SCENE, "--out", str(out)]) == 0
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    sizes = sorted(len(content) for content in before.values())
+    capsys.readouterr()
+    for size in (0, *sorted({one - 1 for one in sizes if one > 1})[::5], sizes[-1] - 1):
+        with files_up_to(size):
+            code = main(["export", *SCENE, "--set", "title='other'", "--out", str(out)])
+        message = capsys.readouterr().err
+        assert code == BAD_INPUT
+        assert message.count("out cannot be written; got ") == 1
+        assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before, size
+        assert leftovers(out) == []
+    assert standing(out, "export")
+
+
+SMALL = ["--set", "links.0.modes=1", "designs.0.name='=HYPERLINK(\"http://x\")'", "designs.1.name='+1 \u03a9'"]
+COMMANDS = {
+    "linearize": ["--points", "16"],
+    "design": ["--points", "16"],
+    "export": ["--points", "16"],
+    "simulate": ["--periods", "0.5"],
+    "chart": ["--over", "effects.payload.mass=0:0.1:6"],
+}
+
+
+@pytest.fixture(
+    scope="module", params=[pytest.param(name, marks=[pytest.mark.slow] * (name != "linearize")) for name in COMMANDS]
+)
+def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The files of a command on a scene whose designs bear names that a spreadsheet would take for formulas."""
+    folder = tmp_path_factory.mktemp(request.param)
+    assert main([request.param, "single-link", *COMMANDS[request.param], *SMALL, "--out", str(folder)]) == 0
+    return [path for path in folder.rglob("*") if path.is_file()]
+
+
+def test_no_file_needs_pickle(written: list[Path]) -> None:
+    opened = 0
+    for path in written:
+        found: dict = {}
+        if path.suffix == ".npz":
+            with np.load(path, allow_pickle=False) as archive:
+                found = {name: archive[name] for name in archive.files}
+        elif path.suffix == ".nc":
+            found = {
+                name: one.values
+                for name, one in xarray.load_dataset(path, engine="scipy", decode_cf=False).variables.items()
+            }
+        elif path.suffix == ".mat":
+            found = {"all": np.array(len(scipy.io.loadmat(path)))}
+        opened += bool(found)
+        assert all(array.dtype.kind in "biufcSU" for array in found.values()), path
+    assert opened >= 1
+
+
+def test_no_name_becomes_a_file_or_a_formula(written: list[Path]) -> None:
+    """Names that others chose are contents, never names of files; and no table for spreadsheets is written."""
+    for path in written:
+        assert path.suffix in (".npz", ".nc", ".mat", ".m", ".json", ".html", ".c", ".h", ".txt", ".toml"), path
+        assert not set("=+\"'()\u03a9 ") & set(path.name), path

@@ -240,11 +240,11 @@ def test_tuning_grid(study):
 def test_torture(part, study, pictures, tmp_path, monkeypatch):
     """Nothing uncaught, nothing without a key, no set mixed or half, nothing left over."""
     module = study("torture")
-    monkeypatch.setattr("tests.torture.whole_commands.SECONDS", 2.0)  # how punctual they are, the study measures
-    monkeypatch.setattr("tests.torture.whole_commands.LATEST", 20.0)
+    monkeypatch.setattr("tests.torture.fuzzing.SECONDS", 2.0)  # how punctual they are, the study measures
+    monkeypatch.setattr("tests.torture.fuzzing.LATEST", 20.0)
     found = module.main("small", tmp_path, (part,), number=7)["rows"]
     if part == "disks" and not found:
-        pytest.skip("this user may not mount a disk; tests/files/test_full_disk.py limits the size of files instead")
+        pytest.skip("this user may not mount a disk; tests/files/test_single_files.py limits the size of files instead")
     (row,) = found
     assert row["wrong"] == []
     assert (row["uncaught"], row["keyless"], row["mixed"], row["left"]) == (0, 0, 0, 0)

@@ -1,10 +1,13 @@
-"""Kills, full disks and little memory, and what a reader finds afterwards."""
+"""Kills, full disks, little memory and rival writers, and what a reader finds afterwards."""
 
+import hashlib
+import json
 import os
 import random
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -13,8 +16,7 @@ from functools import partial
 from pathlib import Path
 
 from tests.files.reader import leftovers, standing
-from tests.torture.rows import ALL_SETS, LATER, SETS, Row, case_of
-from tests.torture.trial import Trial, run
+from tests.torture.trial import ALL_SETS, LATER, SETS, Row, Trial, case_of, run
 
 
 def kills(count: int, number: int, out: Path) -> Row:
@@ -130,3 +132,111 @@ def memory(count: int, number: int, out: Path) -> Row:
         judge_rest(row, folder, command, before, f"{command} in {space} bytes")
         row.left += bool(leftovers(folder))
     return row
+
+
+ROBOT = """<robot name="r{mass}">
+  <link name="base"/>
+  <link name="arm"><inertial><origin xyz="0.4 0 0"/><mass value="{mass}"/>
+    <inertia ixx="0.01" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
+</robot>"""
+
+
+def lone_files(count: int, number: int, out: Path) -> Row:
+    """Kill a writer at a random time, every other time with a second one beside it; then run once more."""
+    row, chance = Row("files"), random.Random(number)
+    for mass in (1, 2):
+        (out / f"{mass}.urdf").write_text(ROBOT.format(mass=mass), encoding="utf-8")
+    cases = {
+        "new": (["new", "{}", "--like", "single-link"], ["new", "{}", "--like", "spinning-link"]),
+        "import": (["import", str(out / "1.urdf"), "--out", "{}"], ["import", str(out / "2.urdf"), "--out", "{}"]),
+    }
+    whole = {name: {written(one, out / name / "own.toml") for one in both} for name, both in cases.items()}
+    for at in range(count):
+        name = chance.choice(list(cases))
+        path = out / f"{name}-{at}" / "own.toml"
+        path.parent.mkdir()
+        first, second = ([word.format(path) for word in one] for one in cases[name])
+
+        def stop(child: int, second: list[str] = second, at: int = at, wait: float = chance.expovariate(8.0)) -> None:
+            if at % 2:
+                row.count(run(second), f"{second[0]} beside {at}")
+            time.sleep(wait)
+            os.kill(child, signal.SIGKILL)
+
+        run(first, stop_after=stop)
+        row.runs += 1
+        if path.exists() and path.read_bytes() not in whole[name]:
+            row.mixed += 1
+            row.wrong.append(f"half written: {name} {at}")
+        row.count(run(first), f"{name} after {at}")
+        if not path.exists() or path.read_bytes() not in whole[name] or leftovers(path):
+            row.left += 1
+            row.wrong.append(f"left by {name} {at}: {leftovers(path)}")
+    return row
+
+
+def written(words: list[str], path: Path) -> bytes:
+    """What a run that nobody disturbs writes."""
+    path.parent.mkdir(exist_ok=True)
+    path.unlink(missing_ok=True)
+    run([word.format(path) for word in words])
+    return path.read_bytes()
+
+
+def writers(count: int, number: int, out: Path) -> Row:
+    """Two programs that write C source to one place without end, and a reader who opens the folder and reads its files."""
+    row, folder = Row("writers"), out / "shared"
+    code = (
+        "import sys, numpy as np, flexlin as fl\n"
+        "from flexlin.control import gain_source, pd_feedback\n"
+        "system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])\n"
+        "made = pd_feedback(system, [0], [float(sys.argv[2])], [2.0])\n"
+        "while True: gain_source(made, 1.0, sys.argv[1], samples=int(sys.argv[3]))\n"
+    )
+    one = [sys.executable, "-c", code, str(folder)]
+    both = [subprocess.Popen([*one, "4", "16"]), subprocess.Popen([*one, "5", "32"])]
+    try:
+        while row.runs < count and all(process.poll() is None for process in both):
+            parts = read_together(folder, ("gain.c", "gain.h", "main.c", "flexlin-results.json"))
+            if parts is None:
+                time.sleep(0.001)
+                continue
+            row.runs += 1
+            row.answered += 1
+            if not agree(parts):
+                row.mixed += 1
+    finally:
+        for process in both:
+            process.terminate()
+            process.wait()
+    row.uncaught = count - row.runs
+    with_gain = [sys.executable, "-c", code.replace("while True: ", ""), str(folder), "4", "16"]
+    subprocess.run(with_gain, check=True)
+    row.left = len(leftovers(folder))
+    return row
+
+
+def read_together(folder: Path, names: tuple[str, ...]) -> dict[str, bytes] | None:
+    """Files of one moment: the folder is opened first; None where it is being taken away."""
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except FileNotFoundError:
+        return None
+    try:
+        files = [os.open(name, os.O_RDONLY, dir_fd=handle) for name in names]
+    except FileNotFoundError:
+        return None
+    finally:
+        os.close(handle)
+    found = {}
+    for name, file in zip(names, files, strict=True):
+        with open(file, "rb") as opened:
+            found[name] = opened.read()
+    return found
+
+
+def agree(parts: dict[str, bytes]) -> bool:
+    """Whether the files have the checksums of the manifest that was read with them."""
+    stated = json.loads(parts["flexlin-results.json"])["sets"]["gain"]["sha256"]
+    return all(hashlib.sha256(parts[name]).hexdigest() == digest for name, digest in stated.items())

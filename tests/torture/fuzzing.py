@@ -1,16 +1,16 @@
-"""Mutated scenes through the commands."""
+"""Mutated scenes through the commands, and whole commands in little time: each ends soon after its limit, and says how."""
 
-from collections.abc import Callable
+import random
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
 from tests.files.reader import leftovers
-from tests.torture.bases import put_files
-from tests.torture.rows import COMMANDS, Row, names_a_key
-from tests.torture.scenes import Raw, from_schema, mutated, to_toml
-from tests.torture.trial import run
+from tests.torture.scenes import BUILT_IN, Raw, at, from_schema, mutated, places, put_files, to_toml
+from tests.torture.trial import COMMANDS, LOG, Row, log_file, names_a_key, run
 
 BATCH = 250
 
@@ -84,3 +84,99 @@ def keep(path: Path, out: Path, name: str) -> str:
     """Keep the scene of a run until the next one, under a name that says which it was."""
     (out / "last-case.toml").write_text(f"# {name}\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
     return f"{name}: {path.read_text(encoding='utf-8')[:4000]!r}"
+
+
+SECONDS, LATEST = 4.0, 5.0
+"""What each command is given, and when it must have ended, in s."""
+FACTORS = (-1.0, 0.0, 1e-3, 0.1, 0.5, 0.9, 1.1, 2.0, 5.0, 30.0, 1e4)
+EVERY = (
+    "list", "check", "report", "design", "simulate", "respond", "chart", "tune", "cost", "effects", "export", "predict", "identify",
+)  # fmt: skip
+DISTURBED = (
+    ["--push", "tip 1 N 20 ms"],
+    ["--push", "tip y 1 N 20 ms"],
+    ["--step", "joint 1 torque 0.1 N m"],
+    ["--initial", "q1_rate=5 deg/s"],
+    ["--noise", "torque 0.05 N m 100 Hz"],
+)
+
+
+def whole_commands(count: int, number: int, out: Path) -> Row:
+    """So many command lines in processes of their own: none beyond LATEST, none that fails, nothing left over."""
+    row = Row("whole")
+    for index, words in zip(range(count), command_lines(random.Random(number)), strict=False):
+        folder = out / str(index)
+        trial = run([*words, *([] if words == ["list"] else ["--out", str(folder)])])
+        case = " ".join(words)
+        row.count(trial, case)
+        if (
+            trial.code == 1 or min(trial.seconds, trial.cpu) > LATEST
+        ):  # a busy machine makes the one long, threads the other
+            row.wrong.append(f"{trial.seconds:.2f} s, exit code {trial.code}: {case}: {trial.said[-400:]}")
+        if leftovers(folder):
+            row.left += 1
+    return row
+
+
+def command_lines(chance: random.Random) -> Iterator[list[str]]:
+    """Command lines without end: the commands in turn, scenes and changes at random."""
+    while True:
+        for command in EVERY:
+            yield [command] if command == "list" else make_line(chance, command)
+
+
+def make_line(chance: random.Random, command: str) -> list[str]:
+    """One command on a random scene with up to two random changes."""
+    name = chance.choice(sorted(BUILT_IN))
+    raw = BUILT_IN[name]
+    words = [command, name, *extras(chance, command, raw)]
+    words += ["--limit-seconds", f"{SECONDS:g}"]
+    changes = [change for _ in range(chance.randrange(3)) for change in draw_change(chance, raw)]
+    changes += [LOG] if "--log" in words else []
+    return [*words, *(["--set", *changes] if changes else [])]
+
+
+def extras(chance: random.Random, command: str, raw: Raw) -> list[str]:
+    """What a command takes beside the scene."""
+    if command == "chart":
+        axes = chance.sample(list(numbers(raw)), chance.choice((1, 1, 2)))
+        return [
+            "--over",
+            *(f"{dotted(path)}={0.5 * value:g}:{1.5 * value:g}:{chance.choice((3, 20, 200))}" for path, value in axes),
+        ]
+    if command == "respond":
+        return chance.choice(DISTURBED)
+    if command in ("predict", "identify"):
+        free = ["--free", *(dotted(path) for path, _ in chance.sample(list(numbers(raw)), chance.choice((1, 3))))]
+        return [
+            "--log",
+            log_file(),
+            "--window",
+            chance.choice(("0.2", "0.6")),
+            *(free if command == "identify" else []),
+        ]
+    if command == "simulate":
+        return ["--periods", chance.choice(("0.5", "3", "100"))]
+    if command == "report":
+        return chance.choice(([], [], ["--effects"], ["--sensitivity"], ["--loop-margins"]))
+    return []
+
+
+def draw_change(chance: random.Random, raw: Raw) -> list[str]:
+    """A number of the scene times a random factor."""
+    path, value = chance.choice(list(numbers(raw)))
+    changed = type(value)(value * chance.choice(FACTORS))
+    return [f"{dotted(path)}={changed!r}"]
+
+
+def numbers(raw: Raw) -> Iterator[tuple[tuple, Any]]:
+    """The positive numbers of a scene with their places."""
+    for path in places(raw):
+        value = at(raw, path)
+        if isinstance(value, int | float) and not isinstance(value, bool) and value > 0 and path != ("schema",):
+            yield path, value
+
+
+def dotted(path: tuple) -> str:
+    """A place as --set names it."""
+    return ".".join(map(str, path))

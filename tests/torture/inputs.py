@@ -1,4 +1,4 @@
-"""Whatever is read, damaged in this process: scenes, robots, tables, logs, --set, plain data, stores, lists of results, certificates.
+"""Whatever is read, damaged in this process: scenes, robots, tables, logs, --set, plain data, lists of results, certificates.
 
 Each is read, or refused by a typed error in a line or two, soon and without much memory.
 """
@@ -7,7 +7,6 @@ import io
 import json
 import random
 import resource
-import shutil
 import time
 import warnings
 import zipfile
@@ -26,9 +25,20 @@ from flexlin.files.manifest import read_manifest
 from flexlin.motion import build_motion
 from flexlin.scene.parameters import parse_assignment
 from studies.check_certificate import holds
-from tests.torture.bases import BUILT_IN, FILES, URDF, put_files, sampled_cycle
-from tests.torture.rows import Row
-from tests.torture.scenes import EXTREME, NONSENSE, TEXTS, at, places, to_toml
+from tests.torture.scenes import (
+    BUILT_IN,
+    EXTREME,
+    FILES,
+    NONSENSE,
+    TEXTS,
+    URDF,
+    at,
+    places,
+    put_files,
+    sampled_cycle,
+    to_toml,
+)
+from tests.torture.trial import Row
 
 LATEST, LARGEST = 10.0, 2**28
 """Seconds and bytes that reading one input may take."""
@@ -184,40 +194,9 @@ def proof(chance: random.Random, folder: Path) -> Callable[[], Any]:
     return work
 
 
-@cache
-def whole_store() -> tuple[Any, dict[str, np.ndarray], Any, Path]:
-    """A chart and its store."""
-    import tempfile
-
-    scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control": {}})
-    values, path = {"effects.payload.mass": np.linspace(0.0, 0.3, 200)}, Path(tempfile.mkdtemp()) / "chart.zarr"
-    return scene, values, fl.sweep(scene, values, store=path, workers=1), path
-
-
-def store(chance: random.Random, folder: Path) -> Callable[[], Any]:
-    """Up to six files of a store."""
-    scene, values, whole, path = whole_store()
-    place = folder / "chart.zarr"
-    shutil.rmtree(place, ignore_errors=True)
-    shutil.copytree(path, place)
-    files = sorted(file for file in place.rglob("*") if file.is_file())
-    for file in chance.sample(files, chance.randrange(1, 7)):
-        if chance.random() < 0.3:
-            file.unlink()
-        else:
-            file.write_bytes(damaged(chance, file.read_bytes()))
-
-    def work() -> None:
-        found = fl.sweep(scene, values, store=place, workers=1)
-        for name in ("exponents", "error", "period", "verdict", "reason", "one_by_one"):
-            np.testing.assert_array_equal(found[name].values, whole[name].values)
-
-    return work
-
-
-KINDS = (scene_text, robot, table, assignment, plain_data, log, results_list, proof, store)
-OFTEN = (6, 6, 5, 6, 6, 6, 2, 2, 1)
-"""How many of 40 inputs are of each kind."""
+KINDS = (scene_text, robot, table, assignment, plain_data, log, results_list, proof)
+OFTEN = (6, 6, 5, 6, 6, 6, 2, 2)
+"""How many of 39 inputs are of each kind."""
 
 
 def inputs(count: int, number: int, out: Path) -> Row:

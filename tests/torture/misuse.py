@@ -12,7 +12,7 @@ import numpy as np
 from flexlin.answers import Budget, limited
 from flexlin.errors import FlexlinError
 from flexlin.scene import Accuracy
-from tests.torture.rows import Row
+from tests.torture.trial import Row
 from tests.torture.valid_calls import valid_calls
 
 LONGEST = 60.0

@@ -1,16 +1,21 @@
-"""One run of the command line in a process of its own: what it said, what it took, how it ended."""
+"""One run of the command line in a process of its own, what a part of the torture found, and the command lines that it runs."""
 
 import atexit
 import os
+import re
 import resource
 import select
 import signal
 import sys
+import tempfile
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+
+from tests.torture.scenes import FILES
 
 LONGEST = 300.0
 """Seconds after which a run is killed."""
@@ -94,3 +99,90 @@ def begin(arguments: Sequence[str], writer: int, space: int | None) -> None:
         sys.stderr.flush()
     finally:
         os._exit(code)
+
+
+KEYS = "links|motion|effects|control|designs|accuracy|parameters|model|schema|title|source|file|scene"
+"""One of these stands in every message that names a key."""
+QUICK = "spinning-link"
+"""The scene of the runs that are killed: what it says matters less than when."""
+COMMANDS = {
+    "report": ["report"],
+    "chart": ["chart", "--over", "motion.frequency=0.2:3:20"],
+    "design": ["design", "--points", "16"],
+    "simulate": ["simulate", "--periods", "1"],
+    "export": ["export", "--points", "16"],
+}
+SMALL = ["links.0.modes=1", "effects.geometric_stiffening=off", "designs=[]"]
+LOG = 'log={inputs={q1={column="u"}},outputs={q1={column="angle"},"tip.x"={column="x"}}}'
+"""What the columns of `log_file` are to an arm with one joint."""
+LATER = {
+    "linearize": ["linearize", QUICK, "--points", "16"],
+    "respond": ["respond", "single-link", "--push", "tip 1 N 20 ms", "--set", *SMALL],
+    "tune": ["tune", "single-link", "--gain", "control.feedback.kp.0=2:4", "--set", *SMALL],
+    "predict": ["predict", "single-link", "--window", "0.3", "--set", *SMALL, LOG],
+    "identify": ["identify", "single-link", "--free", "effects.hub.inertia", "--window", "0.3", "--set", *SMALL, LOG],
+}
+"""More commands that write a set, on small scenes; --set comes last."""
+SETS = {"report": "report", "chart": "chart", "design": "gains", "simulate": "simulation", "export": "export"}
+ALL_SETS = {**SETS, "linearize": "coefficients", **{name: name for name in ("respond", "tune", "predict", "identify")}}
+"""The sets that commands write."""
+
+
+@dataclass
+class Row:
+    """What a part found; times in s, memory in bytes; `wrong` holds a line for each thing that should not be."""
+
+    part: str
+    runs: int = 0
+    answered: int = 0
+    uncaught: int = 0
+    keyless: int = 0
+    mixed: int = 0
+    left: int = 0
+    slowest: float = 0.0
+    largest: int = 0
+    wrong: list[str] = field(default_factory=list)
+
+    def count(self, trial: Trial, case: str) -> None:
+        """Enter a run."""
+        self.runs += 1
+        self.answered += trial.code == 0
+        self.slowest, self.largest = max(self.slowest, trial.seconds), max(self.largest, trial.memory)
+        if trial.uncaught:
+            self.uncaught += 1
+            self.wrong.append(f"uncaught: {case}: {trial.code}: {trial.said[-300:]}")
+        if min(trial.seconds, trial.cpu) > 60 or trial.memory > 2**30:
+            self.wrong.append(f"costly: {case}: {trial.seconds:.1f} s, {trial.memory / 2**20:.0f} MiB")
+
+    def line(self) -> str:
+        """The row of the table."""
+        cells = f"{self.runs:>6} {self.answered:>8} {self.uncaught:>8} {self.keyless:>7} {self.mixed:>5} {self.left:>4}"
+        return f"{self.part:<9} {cells} {self.slowest:>8.1f} {self.largest / 2**20:>8.0f}"
+
+
+def names_a_key(trial: Trial) -> bool:
+    """Whether a refusal of the scene says which key it is about."""
+    return re.search(KEYS, trial.said) is not None
+
+
+@cache
+def log_file() -> str:
+    """Where a log stands that commands may read."""
+    path = Path(tempfile.mkdtemp()) / "log.csv"
+    path.write_text(FILES["log.csv"], encoding="utf-8")
+    return str(path)
+
+
+def case_of(command: str, change: str, folder: Path) -> list[str]:
+    """The command line of a quick run, with time enough on a busy machine."""
+    last = [change, "--out", str(folder), "--limit-seconds", "250"]
+    if command in LATER:
+        first, scene, *rest = LATER[command]
+        log = ["--log", log_file()] if LOG in rest else []
+        return [first, scene, *log, *rest, *([] if "--set" in rest else ["--set"]), *last]
+    scene = {"design": "khang-2019", "export": "khang-2019"}.get(command, QUICK)
+    first, *rest = COMMANDS[command]
+    if command == "chart":
+        rest = ["--over", "motion.joints.0.rate=3:4:4"]
+    small = ["designs=[]"] if command == "report" else []
+    return [first, scene, *rest, "--set", *small, *last]
