@@ -1,9 +1,8 @@
-"""How many segments each value is computed on: pilots of a made-up kernel whose errors are known, and the vectors made of values."""
+"""How many segments each value is computed on: pilots of a made-up kernel whose errors are known."""
 
 import numpy as np
-import pytest
 
-from flexlin.answers.sweep.together import MARGIN, MOST, PILOTS, STARTS, find_rungs, learn_needs, pack, try_pilots
+from flexlin.answers.sweep.together import MOST, PILOTS, STARTS, learn_needs, try_pilots
 from flexlin.periodic.many import WIDTH, Logs
 
 TOL, PERIOD = 1e-8, 3.0
@@ -22,18 +21,6 @@ class MadeUp:
         logs = np.stack([np.full(len(points), -1.0 + 2j), np.full(len(points), -1.0 - 2j)], axis=1)
         periods, work = np.full(len(points), PERIOD), np.full(len(points), segments)
         return Logs(logs, np.stack([errors, errors / 3], axis=1), np.isfinite(errors), periods, work)
-
-
-@pytest.mark.parametrize("count", [1, 7, 8, 61, 1000])
-def test_every_value_is_in_one_vector_and_has_what_it_wants(count):
-    wanted = np.random.default_rng(count).uniform(1.0, 900.0, count)
-    parts = list(pack(find_rungs(wanted)))
-    assert np.array_equal(np.sort(np.concatenate([which for _, which in parts])), np.arange(count))
-    assert [segments for segments, _ in parts] == sorted({segments for segments, _ in parts})
-    assert all(np.all(wanted[which] <= segments * (1 + 1e-8)) for segments, which in parts)
-    assert all(len(which) % WIDTH == 0 for _, which in parts[:-1])
-    ideal = np.array(STARTS)[np.searchsorted(STARTS, wanted)].sum()
-    assert sum(segments * len(which) for segments, which in parts) <= ideal + WIDTH * STARTS[-1]
 
 
 def test_needs_are_learnt_from_values_all_over_the_plane():
@@ -72,16 +59,3 @@ def test_values_without_a_need_do_not_cost_the_others():
     assert np.all(STARTS[needs.predict(points)] <= 23)
     nothing = learn_needs(MadeUp(lambda p: np.full(len(p), np.inf)), points, np.ones(2), TOL)
     assert np.all(STARTS[nothing.predict(points)] == MOST)
-
-
-def test_needs_of_two_kinds_cost_no_more_than_the_larger_one_for_all():
-    """A need that no polynomial follows: three times as much in every other stripe."""
-
-    def need(p):
-        return np.where(np.sin(100 * p[:, 0]) > 0, 60.0, 20.0)
-
-    points = np.random.default_rng(5).uniform(-1, 1, (3000, 2))
-    predicted = STARTS[learn_needs(MadeUp(need), points, np.ones(2), TOL).predict(points)]
-    missed = predicted < need(points)
-    assert np.mean(predicted + np.where(missed, 1.5 * need(points), 0.0)) < 1.2 * MARGIN * 60
-    assert missed.mean() < 0.6
