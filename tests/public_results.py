@@ -165,7 +165,7 @@ def answer_results() -> dict[str, Any]:
         "sweep": fl.sweep(scene, {"effects.payload.mass": [0.0, 0.02]}, 1e-5),
         "sensitivity": fl.sensitivity(scene, ["effects.payload.mass"], 1e-5),
         "audit": fl.audit(scene),
-        "cost": fl.cost(scene, peers=False),
+        "cost": fl.cost(scene, peers=False, seconds=1.0),
     }
 
 

@@ -53,7 +53,7 @@ def test_what_a_refusal_says_helps() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "modes"), [("single-link", 5), ("quanser-flexible-link", 1), ("flexible-joint-link", 5), ("khang-2019", 5)]
+    ("name", "modes"), [("single-link", 5), ("quanser-flexible-link", 1), ("flexible-joint-link", 5)]
 )
 def test_reports_with_other_modes_answer_every_stage(name: str, modes: int, tmp_path: Path) -> None:
     assert main(["report", name, "--set", f"links.0.modes={modes}", "--tol", "1e-6", "--out", str(tmp_path)]) == 0

@@ -211,7 +211,7 @@ def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_p
     """Ctrl-C while threads are inside the compiled kernel: whole files, or none, and a message; no thread and no trace is left."""
     out, over = tmp_path / "out", ["effects.payload.mass=0:0.3:600", "motion.frequency=0.1:1:600"]
     run = begin("-m", "flexlin", "chart", "single-link", "--over", *over, "--out", str(out))
-    time.sleep(3.0 + wait)
+    time.sleep(2.0 + wait)
     run.send_signal(signal.SIGINT)
     _, said = run.communicate(timeout=300)
     assert run.returncode in (1, 4), said

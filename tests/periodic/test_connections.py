@@ -60,7 +60,7 @@ def test_varying_systems_move_as_their_parts_do():
     def joined(t, x):
         return whole.system.A(np.array([t]))[0] @ x + whole.system.B(np.array([t]))[0] @ [np.sin(3 * t)]
 
-    ends = [solve_ivp(f, (0.0, 3.0), np.zeros(4), rtol=1e-10, atol=1e-12).y[:, -1] for f in (direct, joined)]
+    ends = [solve_ivp(f, (0.0, 3.0), np.zeros(4), "DOP853", rtol=1e-10, atol=1e-12).y[:, -1] for f in (direct, joined)]
     np.testing.assert_allclose(*ends, atol=1e-8)
 
 

@@ -80,10 +80,10 @@ def test_a_stage_beyond_its_time_says_so_and_the_rest_stands(report, monkeypatch
             np.linalg.eigvals(np.eye(8))
 
     monkeypatch.setattr("flexlin.answers.analysis.simulate", endless)
-    ran = report("single-link", "--set", *SMALL, DESIGN, "--limit-seconds", "12", "--require", "stable")
+    ran = report("single-link", "--set", *SMALL, DESIGN, "--limit-seconds", "8", "--require", "stable")
     assert ran.code == 0
     assert "nonlinear simulation of 3 periods" in {step["name"] for step in ran.data["steps"] if "problem" in step}
-    longer = "ask for a larger tol, or allow more time (--limit-seconds above 12"
+    longer = "ask for a larger tol, or allow more time (--limit-seconds above 8"
     assert longer in ran.data["simulation"]["problem"]
     assert ran.data["floquet"]["verdict"] == ran.data["designs"]["lqr"]["verdict"] == "stable"
     assert ran.data["forced_response"]["error"] < 1e-8

@@ -9,7 +9,7 @@ import flexlin as fl
 from flexlin.periodic import match_logs
 from tests.periodic.systems import lyapunov_transformed
 
-SYSTEMS = 200
+SYSTEMS = 120
 EPS = float(np.finfo(float).eps)
 
 
