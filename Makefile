@@ -33,7 +33,7 @@ slow: core
 
 peers: core
 	$(PIP) --require-hashes -r requirements/peers.txt
-	$(BIN)/python -m pytest -m peers tests/mechanics tests/series tests/studies
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m peers tests/mechanics tests/series tests/studies
 
 docs: core
 	$(PIP) --require-hashes -r requirements/docs.txt

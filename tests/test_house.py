@@ -52,6 +52,7 @@ def imported(path: Path, modules: set[str]) -> set[str]:
     return found & modules
 
 
+@pytest.mark.slow
 def test_no_module_imports_itself_by_way_of_others():
     """lint-imports looks at rooms; this looks inside them. A circle is named by graphlib's error."""
     files = {path: ".".join(path.relative_to(ROOT).with_suffix("").parts) for path in (ROOT / "flexlin").rglob("*.py")}

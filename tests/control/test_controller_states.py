@@ -264,6 +264,7 @@ def test_a_filter_of_one_joint_leaves_the_others_alone():
         linearize(lin.arm, lin.motion, too_many)
 
 
+@pytest.mark.slow
 def test_a_stiff_loop_at_its_limits_switches_where_the_state_says():
     """kp of 1e5 N m/rad makes of an error of the polynomials through the stages one of the torque as large as the limit."""
     stiff = {"kind": "pd", "kp": [1e5], "kd": [10.0]}

@@ -94,14 +94,6 @@ def test_recommendations_of_a_table_whose_answer_is_known():
     assert found == [(1e-2, coarse), (pytest.approx(1e-3), middle), (pytest.approx(1e-5), fine)]
 
 
-@pytest.mark.slow
-def test_recommendations_of_a_scene_meet_their_accuracy(result):
-    """Every own stage has a recommendation, and each is one of the measured rows, accurate enough, of flexlin's own."""
-    found = list(result.recommendations())
-    assert {stage for stage, *_ in found} == {row.stage for row in result.rows}
-    assert all(best.error <= accuracy and best in result.rows and not best.outside for _, accuracy, best in found)
-
-
 def test_cheapest_in_a_table_made_by_hand():
     rows = [Row("exponents", *row) for row in (("a", "1", 1e-3, 1.0), ("b", "1", 1e-6, 2.0), ("c", "1", 1e-5, 3.0))]
     found = CostResult("by hand", tuple(rows), 1e-15).marked()
@@ -132,19 +124,6 @@ def test_scipy_answers_the_same_questions(scene, method, tol):
     ):
         found = integrate(FastRate(derive(lin), lin.arm.parameters.values), 4, method, share * tol)
         assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
-
-
-def test_each_call_of_a_right_hand_side_returns_its_own_array(scene):
-    """Integrators keep the last slope while they ask for the next."""
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    rate = FastRate(derive_transition_rate(lin), lin.arm.parameters.values)
-    x = np.random.default_rng(1).standard_normal((4, 4))
-    first = rate(0.1, x.T.ravel())
-    kept = first.copy()
-    rate(0.6, 2 * x.T.ravel())
-    np.testing.assert_array_equal(first, kept)
-    A = lin.A(np.array([0.1 * lin.period]))[0]
-    np.testing.assert_allclose(first.reshape(4, 4).T, lin.period * A @ x, rtol=1e-12)
 
 
 def test_settings_name_their_method_also_where_that_is_none_of_segments():

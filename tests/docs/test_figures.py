@@ -92,6 +92,7 @@ def test_every_study_has_a_card_and_a_page(tmp_path: Path):
     assert (tmp_path / "gallery.md").stat().st_mtime_ns == before
 
 
+@pytest.mark.slow
 def test_the_picture_of_the_house_is_drawn_from_this_code_and_no_arrow_points_up():
     picture, (rooms, _) = house.picture(), house.house()
     assert all(f">{name}<" in picture for name in rooms)

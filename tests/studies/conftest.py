@@ -3,6 +3,7 @@
 import importlib.util
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -13,6 +14,7 @@ STUDIES = Path(__file__).parents[2] / "studies"
 sys.path.append(str(STUDIES))  # as for a script that is run there
 
 
+@cache
 def load(name: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(f"study_{name}", STUDIES / f"{name}.py")
     module = importlib.util.module_from_spec(spec)

@@ -178,18 +178,3 @@ def test_a_design_in_physical_sizes_is_made_anew_at_each_value():
         lin = fl.linearize(fl.build_manipulator(other), other.motion)
         exact = fl.floquet(design(lin, other.designs[0]).closed_loop)
         assert largest_gap(data["exponents"].values[i], exact) <= 2e-6 * np.abs(exact.exponents).max()
-
-
-@pytest.mark.slow
-def test_numbers_of_a_tip_path_vary_by_equations_made_anew():
-    """A circle driven at three speeds: each value against its own scene."""
-    links = [{"length": 0.5, "mass_per_length": 0.3}, {"length": 0.5, "mass_per_length": 0.2}]
-    path = {"kind": "circle", "centre": [0.5, 0.3, 0.0], "radius": 0.15, "period": 1.0}
-    motion = {"kind": "tip-path", "path": path, "joints": [{"posture": 0.0}, {"posture": 1.0}]}
-    control = {"feedforward": "rigid", "feedback": {"kind": "pd", "kp": [5.0, 5.0], "kd": [0.3, 0.3]}}
-    table = {"schema": 1, "title": "circle", "links": links, "motion": motion, "control": control}
-    found = fl.sweep(fl.parse_scene(table), {"motion.path.period": [0.5, 1.0]}, 1e-7)
-    for period, exponents in zip((0.5, 1.0), found.exponents.values, strict=True):
-        other = fl.parse_scene(table, overrides={"motion.path.period": period})
-        lin = fl.linearize(fl.build_manipulator(other), other.motion, other.control)
-        assert exponents.real.max() == pytest.approx(fl.floquet(lin.periodic_system()).exponents.real.max(), abs=1e-6)

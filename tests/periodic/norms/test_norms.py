@@ -153,6 +153,7 @@ def narrow_feedthrough(t):
     return (1 + 5 * np.exp(-(((t - 0.3017) / 2e-4) ** 2)))[:, None, None]
 
 
+@pytest.mark.slow
 def test_an_unstable_system_that_jumps_is_refused_within_little_memory():
     """What no input reaches is sought at thousands of nodes of the growing mode: 1.6 GB were taken for a basis that nothing uses."""
     import tracemalloc
