@@ -26,7 +26,7 @@ WORK = (
     "assert is_supervised()\n"
     "def limit(seconds, memory): Channel.send('limits', time.perf_counter() + seconds, seconds, memory)\n"
 )
-LINUX = pytest.mark.skipif(sys.platform != "linux", reason="work is supervised on Linux")
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="work is supervised on Linux")
 
 
 def start(work: str, *words: str) -> "subprocess.Popen[str]":
@@ -70,7 +70,6 @@ ENDS = {
 }  # fmt: skip
 
 
-@LINUX
 @pytest.mark.parametrize(("work", "code", "out", "err"), ENDS.values(), ids=ENDS.keys())
 def test_however_the_work_ends_there_is_a_message(work: str, code: int, out: str, err: str) -> None:
     run = start(work)
@@ -80,7 +79,6 @@ def test_however_the_work_ends_there_is_a_message(work: str, code: int, out: str
     assert said[1].count("flexlin: ") <= 1
 
 
-@LINUX
 @pytest.mark.parametrize("words", [("--limit-seconds", "1"), ("--limit-seconds=1",)])
 def test_a_limit_holds_before_the_work_has_sent_its_own(words: tuple[str, ...]) -> None:
     """Nothing is known of a scene while libraries are loaded, which takes long on a busy machine."""
@@ -95,7 +93,6 @@ def test_a_limit_that_is_none_is_for_the_work_to_refuse(stated: str) -> None:
     assert read_limit(["check", "single-link", "--limit-seconds", stated]) == 0.0
 
 
-@LINUX
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_request_to_end_reaches_the_work(number: int) -> None:
     work = (
@@ -111,7 +108,6 @@ def test_a_request_to_end_reaches_the_work(number: int) -> None:
     assert run.returncode == 0
 
 
-@LINUX
 def test_a_killed_parent_takes_the_work_with_it() -> None:
     run = start("print(os.getpid(), flush=True); time.sleep(60)")
     assert run.stdout is not None
@@ -178,7 +174,6 @@ def test_ctrl_c_that_a_library_drops_comes_again(lose: Callable[[], None], monke
     time.sleep(0.3)  # nothing strikes once the work is over
 
 
-@LINUX
 @pytest.mark.parametrize("space", [60e6, 200e6])
 def test_little_memory_from_the_start_ends_in_one_message(space: float, tmp_path: Path) -> None:
     """Libraries that cannot even be loaded: some raise, some end the process, some wait for ever."""
@@ -197,7 +192,6 @@ def test_little_memory_from_the_start_ends_in_one_message(space: float, tmp_path
 
 
 @pytest.mark.slow
-@LINUX
 @pytest.mark.parametrize(("words", "closed", "code"), [("list", 1, 0), ("show no-such-scene", 2, 2)])
 def test_a_stream_that_is_closed_stops_nothing(words: str, closed: int, code: int) -> None:
     run = begin("-m", "flexlin", *words.split(), preexec_fn=lambda: os.close(closed))
@@ -205,7 +199,6 @@ def test_a_stream_that_is_closed_stops_nothing(words: str, closed: int, code: in
 
 
 @pytest.mark.slow
-@LINUX
 @pytest.mark.parametrize("wait", [0.0, 1.0])
 def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_path: Path, wait: float) -> None:
     """Ctrl-C while threads are inside the compiled kernel: whole files, or none, and a message; no thread and no trace is left."""
@@ -228,7 +221,6 @@ def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_p
 
 
 @pytest.mark.slow
-@LINUX
 @pytest.mark.parametrize("wait", thin([0.02, 0.05, 0.1, 0.2, 0.4], quick=2))
 def test_an_interrupt_while_the_program_is_loaded_leaves_no_trace(wait: float) -> None:
     """Whether it strikes the program, its work, or both, as Ctrl-C in a terminal does."""

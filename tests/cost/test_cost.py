@@ -32,7 +32,6 @@ from flexlin.periodic.transition.setting import Setting
 from flexlin.plots import Panel
 from flexlin.report.figures.cost import draw_choices, draw_cost, name_family, style_family, summarise_cost
 from flexlin.report.numbers import to_json
-from tests.thinned import thin
 
 SOLVED = ("exponents", "periodic Riccati", "forced response")
 STAGES = {*SOLVED, "coefficients", "transition matrices", "simulation", "number of modes", "Taylor order"}
@@ -241,13 +240,11 @@ def short(scene):
     return CostResult(scene.title, tuple(chosen), 1e-14).marked()
 
 
-@pytest.mark.parametrize("which", thin(["short", "result"]))
-def test_command_writes_page_and_record(which, request, tmp_path, capsys, monkeypatch):
-    result = request.getfixturevalue(which)
-    monkeypatch.setattr("flexlin.answers.accuracy.cost", lambda scene, seconds: result)
+def test_command_writes_page_and_record(short, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("flexlin.answers.accuracy.cost", lambda scene, seconds: short)
     assert main(["cost", "single-link", "--out", str(tmp_path)]) == 0
     record = json.loads((tmp_path / "cost.json").read_text())
-    assert len(record["rows"]) == len(result.rows)
+    assert len(record["rows"]) == len(short.rows)
     assert {"stage", "method", "setting", "error", "seconds", "chosen"} <= set(record["rows"][0])
     page = (tmp_path / "cost.html").read_text()
     assert "<svg" in page

@@ -14,8 +14,14 @@ from flexlin.errors import ArgumentError
 from flexlin.plots import MOST_POINTS, Series, Shown, View, make_card
 from tests.public_results import arm_results, stability_results
 
-matplotlib = pytest.importorskip("matplotlib")
-matplotlib.use("Agg")
+pyplot = pytest.importorskip("matplotlib.pyplot")
+pyplot.switch_backend("Agg")
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    pyplot.close("all")
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +34,6 @@ def results():
 
 @pytest.mark.slow
 def test_each_draws_into_axes_and_opens_a_figure_where_none_are_given(results):
-    from matplotlib import pyplot
-
     for name, result in results.items():
         figure, ax = pyplot.subplots()
         assert result.plot(ax) is ax, name
@@ -39,7 +43,6 @@ def test_each_draws_into_axes_and_opens_a_figure_where_none_are_given(results):
         opened = result.plot()
         assert opened.figure is not figure
         assert result.plot(ax, alpha=0.3).lines[-1].get_alpha() in (0.3, None)
-        pyplot.close("all")
 
 
 def test_axes_of_own_systems_name_states_inputs_and_units():
@@ -62,8 +65,6 @@ def test_axes_of_own_systems_name_states_inputs_and_units():
 
 
 def test_what_is_drawn_are_the_numbers(results):
-    from matplotlib import pyplot
-
     floquet, run = results["floquet"], results["simulation"]
     x, y = floquet.plot().lines[0].get_data()
     upper = floquet.exponents[floquet.exponents.imag >= 0]
@@ -72,7 +73,6 @@ def test_what_is_drawn_are_the_numbers(results):
     t, away = run.plot().lines[0].get_data()
     np.testing.assert_array_equal(t, run.t)
     assert away.max() == pytest.approx(run.tip_error)
-    pyplot.close("all")
 
 
 @pytest.mark.slow
@@ -132,8 +132,6 @@ def test_datasets_bear_names_units_and_the_numbers(results):
 
 
 def test_charts_of_one_and_two_parameters_are_drawn():
-    from matplotlib import pyplot
-
     scene = fl.load_scene("spinning-link")
     one = fl.sweep(scene, {"motion.joints.0.rate": [2.0, 3.0, 4.0]}, 1e-5)
     x, y = fl.plots.plot_chart(one).lines[0].get_data()
@@ -142,7 +140,6 @@ def test_charts_of_one_and_two_parameters_are_drawn():
     grid = {"motion.joints.0.rate": [2.0, 3.0], "effects.gravity.acceleration": [0.0, 9.81, 20.0]}
     ax = fl.plots.plot_chart(fl.sweep(scene, grid, 1e-5, grid=True))
     assert (ax.get_xlabel(), ax.get_ylabel()) == tuple(grid)
-    pyplot.close("all")
     for wrong in (None, one["exponents"], {"verdict": 1}):
         with pytest.raises(ArgumentError):
             fl.plots.plot_chart(wrong)
@@ -152,8 +149,6 @@ def test_charts_of_one_and_two_parameters_are_drawn():
 
 def test_a_scene_draws_its_arm_along_the_motion():
     """A blade of 1 m on a hub of 0.05 m turns once in a plane; a five-bar of 0.2 and 0.3 m is closed, each tip where the links end."""
-    from matplotlib import pyplot
-
     blade, loop = (fl.load_scene(name) for name in ("rotating-blade", "five-bar"))
     *arms, tip = (line.get_xydata() for line in blade.plot().lines)
     turned = 1.05 * np.exp(2j * np.pi * np.arange(3) / 3)
@@ -167,7 +162,6 @@ def test_a_scene_draws_its_arm_along_the_motion():
     np.testing.assert_allclose(tip[0], tip[-1], atol=1e-9)
     assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_aspect(), ax.get_title()) == ("x in m", "y in m", 1.0, loop.title)
     assert loop.summary().startswith(f"{loop.title}\n  4 links")
-    pyplot.close("all")
 
 
 @pytest.mark.slow
@@ -206,9 +200,6 @@ def test_a_linearization_serves_where_a_system_is_meant():
 
 
 def test_curves_beyond_the_colours_are_dashed():
-    from matplotlib import pyplot
-
     lin = fl.linearize(fl.build_manipulator(fl.load_scene("manutec-r3")), fl.load_scene("manutec-r3").motion)
     looks = {(line.get_color(), line.get_linestyle()) for line in lin.plot().lines}
     assert len(looks) == lin.n == 9
-    pyplot.close("all")
