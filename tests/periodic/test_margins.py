@@ -15,24 +15,25 @@ T = 2.0
 B = np.array([[0.0], [1.0]])
 
 
+def matrices(t, *entries):
+    """Matrices with two columns at one time or at many."""
+    return np.stack(np.broadcast_arrays(t, *entries)[1:], axis=-1).reshape(*np.shape(t), -1, 2)
+
+
 def A(t):
-    return np.array([[0.0, 1.0], [-1.0 - 0.6 * np.cos(np.pi * t), 0.1]])
+    return matrices(t, 0.0, 1.0, -1.0 - 0.6 * np.cos(np.pi * t), 0.1)
 
 
 def K(t):
-    return np.array([[1.5 + 0.5 * np.sin(np.pi * t), 1.0]])
+    return matrices(t, 1.5 + 0.5 * np.sin(np.pi * t), 1.0)
 
 
-def many(f):
-    return lambda t: np.array([f(one) for one in t])
-
-
-PLANT = fl.PeriodicSystem(many(A), T, B=B)
+PLANT = fl.PeriodicSystem(A, T, B=B)
 
 
 @pytest.fixture(scope="module")
 def found():
-    return fl.margins(PLANT, many(K))
+    return fl.margins(PLANT, K)
 
 
 def radius(factor):
@@ -47,20 +48,22 @@ def growth_with_delay(tau, periods=60):
     h, back = tau / 40, 40
     steps = int(periods * T / h)
     x, past, half, sizes = np.array([1.0, 0.3]), [0.0] * (back + 1), [0.0] * back, []
+    times = h / 2 * np.arange(2 * steps + 1)
+    matrix, gain = A(times), K(times)[:, 0]
 
-    def slope(t, x, late):
-        return A(t) @ x - B[:, 0] * late
+    def slope(k, x, late):
+        return matrix[k] @ x - B[:, 0] * late
 
-    for k in range(steps):
-        t, (old, middle, new) = k * h, (past[k], half[k], past[k + 1])
-        a = slope(t, x, old)
-        b = slope(t + h / 2, x + h / 2 * a, middle)
-        c = slope(t + h / 2, x + h / 2 * b, middle)
-        d = slope(t + h, x + h * c, new)
+    for k in range(0, 2 * steps, 2):
+        old, middle, new = past[k // 2], half[k // 2], past[k // 2 + 1]
+        a = slope(k, x, old)
+        b = slope(k + 1, x + h / 2 * a, middle)
+        c = slope(k + 1, x + h / 2 * b, middle)
+        d = slope(k + 2, x + h * c, new)
         following = x + h / 6 * (a + 2 * b + 2 * c + d)
-        here = (x + following) / 2 + h / 8 * (a - slope(t + h, following, new))
-        half.append(float((K(t + h / 2) @ here)[0]))
-        past.append(float((K(t + h) @ following)[0]))
+        here = (x + following) / 2 + h / 8 * (a - slope(k + 2, following, new))
+        half.append(gain[k + 1] @ here)
+        past.append(gain[k + 2] @ following)
         x = following
         sizes.append(np.linalg.norm(x))
     sizes = np.array(sizes)
@@ -120,14 +123,14 @@ PULSE = 0.3
 def kicked(t):
     """A stiffness that is a pulse of unit area, 1e-4 of the period wide, beside a constant one."""
     size = np.exp(-(((np.mod(t, T) - PULSE) / WIDTH) ** 2) / 2) / (WIDTH * np.sqrt(2 * np.pi))
-    return np.array([[0.0, 1.0], [-1.0 - size, -0.05]])
+    return matrices(t, 0.0, 1.0, -1.0 - size, -0.05)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("named", [True, False])
 def test_a_narrow_pulse_is_in_every_perturbed_loop(named):
     gain = np.array([[2.0, 3.0]])
-    plant = fl.PeriodicSystem(many(kicked), T, B=B, features=[(PULSE, WIDTH)] if named else ())
+    plant = fl.PeriodicSystem(kicked, T, B=B, features=[(PULSE, WIDTH)] if named else ())
     phase = fl.margins(plant, gain).phase
     edges = [0.0, PULSE - 10 * WIDTH, PULSE, PULSE + 10 * WIDTH, T]
 
@@ -154,7 +157,7 @@ def test_a_margin_whose_loops_have_no_verdict_is_said_to_be_unknown(kind, lost, 
         return growth(loop, *tol)
 
     monkeypatch.setattr(search, "judge_growth", refuse)
-    some = fl.margins(PLANT, many(K))
+    some = fl.margins(PLANT, K)
     assert some.gain == found.gain
     assert np.isnan(getattr(some, lost))
     assert getattr(some, kept) == getattr(found, kept)
@@ -172,10 +175,10 @@ def test_a_limit_of_time_ends_the_search_with_what_is_known(found, monkeypatch):
         return growth(loop, *tol)
 
     monkeypatch.setattr(search, "judge_growth", late)
-    some = fl.margins(PLANT, many(K))
+    some = fl.margins(PLANT, K)
     assert some.gain == found.gain
     assert np.isnan([some.phase, some.delay]).all()
     assert some.reason == "margins: stopped at the time limit"
     monkeypatch.setattr(search, "judge_growth", partial(late, states=0))
     with pytest.raises(TimeLimit):
-        fl.margins(PLANT, many(K))
+        fl.margins(PLANT, K)
