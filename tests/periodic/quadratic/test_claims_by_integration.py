@@ -22,11 +22,12 @@ def flip(M):
 
 def waves(rng, rows, columns, size):
     """A random trigonometric polynomial with two harmonics."""
-    parts = size * rng.normal(size=(5, rows, columns))
+    parts = size * rng.normal(size=(5, rows * columns))
 
     def value(t):
-        angle = 2 * np.pi / PERIOD * np.multiply.outer(t, [1, 2])
-        return np.tensordot(np.concatenate([np.ones((len(t), 1)), np.cos(angle), np.sin(angle)], 1), parts, 1)
+        angle = 2 * np.pi / PERIOD * np.outer(t, [1, 2])
+        waves = parts[0] + np.cos(angle) @ parts[1:3] + np.sin(angle) @ parts[3:]
+        return waves.reshape(-1, rows, columns)
 
     return value
 
@@ -52,7 +53,7 @@ class Problem:
         self.times = np.sort(rng.uniform(0, PERIOD, 6))
 
     def step(self, t):
-        return np.where(self.jumps & (np.mod(t, PERIOD) >= JUMP), 2.0, 1.0)[:, None, None]
+        return (1.0 + (self.jumps & (np.mod(t, PERIOD) >= JUMP)))[:, None, None]
 
     def A(self, t):
         return self.units[:, None] * (self.A0(t) + self.shift) / self.units
@@ -61,7 +62,8 @@ class Problem:
         return self.units[:, None] * self.B0(t) * self.step(t)
 
     def Q(self, t):
-        return (self.root(t) @ flip(self.root(t)) + self.least) * self.step(t) / np.outer(self.units, self.units)
+        root = self.root(t)
+        return (root @ flip(root) + self.least) * self.step(t) / np.outer(self.units, self.units)
 
     def R(self, t):
         return self.R0 * self.step(t)
@@ -88,8 +90,9 @@ class Problem:
             def rate(s, x):
                 t, X = np.clip([-s], *inside), x.reshape(shape) * scale
                 X = 0.5 * (X + X.T)  # skew parts could grow
-                A, pull = self.A(t)[0], self.B(t)[0].T @ X + self.N(t)[0].T
-                return ((X @ A + A.T @ X + self.Q(t)[0] - pull.T @ self.gain(t, X)[0]) / scale).ravel()
+                A, B, Q, R, N = (part(t)[0] for part in (self.A, self.B, self.Q, self.R, self.N))
+                pull = B.T @ X + N.T
+                return ((X @ A + A.T @ X + Q - pull.T @ np.linalg.solve(R, pull)) / scale).ravel()
 
             stops = np.append(times[::-1], begin)
             found = solve_ivp(rate, (-end, -begin), x, "DOP853", -stops, rtol=1e-12, atol=1e-13)
