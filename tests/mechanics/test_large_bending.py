@@ -20,10 +20,12 @@ THIN = {"length": 1.0, "mass_per_length": 0.162, "bending_stiffness": 1.4}
 def swing(arm, start, t, dissipated=0.0):
     """The tip (N, 2) and the energy of an arm that is let go at rest."""
     n = arm.n
-    M, left = arm.functions["M"], ca.Function("left", [arm.s, arm.s_dot], [ca.substitute(arm.residual, arm.s_ddot, 0)])
+    still = [ca.substitute(part, arm.s_ddot, 0) for part in (ca.jacobian(arm.residual, arm.s_ddot), arm.residual)]
+    equations = ca.Function("equations", [arm.s, arm.s_dot], still)
 
     def rates(_, x):
-        return np.r_[x[n:], np.linalg.solve(M(x[:n], []).full(), -left(x[:n], x[n:]).full()[:, 0])]
+        M, left = equations(x[:n], x[n:])
+        return np.r_[x[n:], np.linalg.solve(M.full(), -left.full()[:, 0])]
 
     run = solve_ivp(rates, (0.0, t[-1]), np.r_[start, np.zeros(n)], "DOP853", t, rtol=1e-9, atol=1e-11)
     assert run.success
