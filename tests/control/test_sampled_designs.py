@@ -50,7 +50,7 @@ def test_a_report_judges_the_held_torque(scene, made):
     a = analyse(scene)
     block = record(a)["designs"]["digital"]
     assert (block["kind"], block["verdict"]) == ("sampled-lqr", "stable")
-    np.testing.assert_allclose(block["exponents"][0][0], made.floquet(1e-8).exponents[0].real, atol=1e-7)
+    np.testing.assert_allclose(block["exponents"][0].real, made.floquet(1e-8).exponents[0].real, atol=1e-7)
     assert [loop.name for loop in a.loops].count("digital") == 1
 
 

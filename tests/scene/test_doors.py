@@ -8,8 +8,8 @@ import pytest
 
 from flexlin.bounds import LARGEST, LONGEST_NUMBER, read_number
 from flexlin.cli import main
-from tests.torture.bases import sampled_cycle
-from tests.torture.lone_files import ROBOT
+from tests.torture.accidents import ROBOT
+from tests.torture.scenes import sampled_cycle
 
 SCENE = """
 schema = 1
