@@ -6,14 +6,15 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from math import isfinite
 from operator import index
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlin.errors import ArgumentError, TooLarge
+from flexlin.errors import ArgumentError, FlexlinError, TimeLimit, TooLarge
 
 Array = NDArray[Any]
+Answer = TypeVar("Answer")
 SAMPLES = 256
 """Equally spaced times of a period at which something smooth is looked at, or listed."""
 ROUNDING = 1e-12
@@ -101,6 +102,16 @@ def memory_limit(size: float) -> Iterator[None]:
         yield
     finally:
         _limit.reset(token)
+
+
+def try_to(work: Callable[[], Answer]) -> Answer | FlexlinError | np.linalg.LinAlgError:
+    """What work gives, or why it gives nothing. Raises: TimeLimit, which ends more than this work."""
+    try:
+        return work()
+    except TimeLimit:
+        raise
+    except (FlexlinError, np.linalg.LinAlgError) as error:
+        return error
 
 
 def check_size(what: str, size: int, todo: str) -> None:

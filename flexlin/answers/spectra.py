@@ -2,17 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexlin.about.family import PeriodicFamily
-from flexlin.about.free import ParametricLoop, loop_of
-from flexlin.about.linearization import Linearization
+from flexlin.about.free import ParametricLoop
 from flexlin.answers.loops import choose_loop
 from flexlin.answers.sweep.job import check_axes
-from flexlin.checks import Array
-from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
+from flexlin.checks import Array, try_to
+from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.boundary.together import Interpolant, Products, find_together
@@ -45,8 +45,6 @@ WIDE = 8
 PILOTS = 64
 """Points of the ranges at which it is learnt on how many segments spectra are computed together."""
 
-BREAK_EVEN = 1000
-"""Instructions of a loop's matrices for each spectrum that takes alone as long as it takes to prepare the kernel: delta has 58,000."""
 
 Source = Scene | PeriodicFamily | Callable[..., PeriodicSystem]
 """A scene, a family, or a function of one number for each parameter that returns a system."""
@@ -90,31 +88,24 @@ class Family:
     def one_by_one(self, points: Array, tol: float) -> Spectra:
         """Each by `floquet`; not a number where the equations break."""
         self.evaluations += len(points)
-        found = [self.try_at(point, tol) for point in points]
-        known = [one for one in found if one is not None]
-        if not known:
-            return self.unknown(points, tol)
-        states = len(known[0].exponents)
-        none = np.full(states, np.nan + 0j), np.full(states, np.inf)
-        pairs = [none if one is None else (one.log_multipliers, one.errors * one.period) for one in found]
-        return Spectra(np.array([logs for logs, _ in pairs]), np.array([errors for _, errors in pairs]))
+        found = [try_to(partial(self.solve_at, point, tol)) for point in points]
+        known = {k: one for k, one in enumerate(found) if isinstance(one, FloquetResult)}
+        if len(points) and not known:
+            self.solve_at(points[0], tol)  # which says why
+        logs, errors = blank(len(points), len(next(iter(known.values())).errors) if known else self.states)
+        for k, one in known.items():
+            logs[k], errors[k] = one.log_multipliers, one.errors * one.period
+        return Spectra(logs, errors)
 
-    def try_at(self, point: Array, tol: float) -> FloquetResult | None:
-        """The exponents at one point, none where the equations break."""
-        try:
-            system = self.system_at(point)
-            return floquet(system, tol, method="radau" if tol >= LOOSE and is_stiff(system) else "auto")
-        except TimeLimit:
-            raise
-        except (FlexlinError, np.linalg.LinAlgError):
-            return None
+    @property
+    def states(self) -> int:
+        """The number of states, where it is known without a point."""
+        return self.system_at(self.own).n if np.isfinite(self.own).all() else 2
 
-    def unknown(self, points: Array, tol: float) -> Spectra:
-        """No spectrum at any of the points: that of the first says why, unless there is none to ask for."""
-        if len(points):
-            floquet(self.system_at(points[0]), tol)
-        states = self.system_at(self.own).n if np.isfinite(self.own).all() else 2
-        return Spectra(np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf))
+    def solve_at(self, point: Array, tol: float) -> FloquetResult:
+        """The exponents at one point."""
+        system = self.system_at(point)
+        return floquet(system, tol, method="radau" if tol >= LOOSE and is_stiff(system) else "auto")
 
     def is_constant(self, point: Array) -> bool:
         """Whether A does not depend on time at a point (P,)."""
@@ -135,15 +126,14 @@ class Family:
 
 @dataclass
 class SymbolicFamily(Family):
-    """Systems whose equations keep numbers as symbols, the `source`'s: a point's stand at `places` among them, the others are `nominal`.
+    """Systems whose equations keep numbers as symbols: the `source`'s are those of a point in this `order`.
 
     `box` (2, P): ends of the ranges.
     """
 
     source: ParametricLoop | PeriodicFamily = field(kw_only=True)
     box: Array = field(kw_only=True)
-    places: list[int] = field(kw_only=True)
-    nominal: Array = field(kw_only=True)
+    order: list[int] = field(kw_only=True)
 
     @property
     def loop(self) -> ParametricLoop | None:
@@ -159,33 +149,17 @@ class SymbolicFamily(Family):
         shares = np.arange(1, PILOTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
         if len(low) > shares.shape[1]:
             shares = np.random.default_rng(0).random((PILOTS, len(low)))
-        return Together.prepare(self.source, self.place(low + (high - low) * shares), self.coarsest)
-
-    def place(self, points: Array) -> Array:
-        """Points as the source takes them."""
-        placed = np.tile(self.nominal, (len(points), 1))
-        placed[:, self.places] = points
-        return placed
-
-    def system_at(self, point: Array) -> PeriodicSystem:
-        return self.source.system_at(self.place(point[None])[0])
+        return Together.prepare(self.source, (low + (high - low) * shares)[:, self.order], self.coarsest)
 
     @property
     def slow(self) -> bool:
         return self.source.states >= WIDE and self.together is None
 
     def rough(self, points: Array) -> Spectra:
-        """Together, as a sweep computes them, where that is accurate enough; else one by one, and while there are few."""
-        if not len(points):
-            return self.unknown(points, self.coarsest)
-        few = (
-            self.loop is not None
-            and BREAK_EVEN * (self.evaluations + len(points)) < self.loop.matrices.n_instructions()
-        )
-        if few or self.together is None:
+        """Together, as a sweep computes them, where that is accurate enough; else one by one."""
+        if self.together is None or not len(points):
             return super().rough(points)
-        placed, states = self.place(points), self.together.kernel.model.states
-        logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)
+        placed, (logs, errors) = points[:, self.order], blank(len(points), self.together.kernel.model.states)
         tried, used, missed = np.zeros((3, len(points)))
 
         def enter(which: Array, found: "Logs", segments: int) -> Array:
@@ -212,10 +186,10 @@ class SymbolicFamily(Family):
             return None
         from flexlin.answers.sensitivity import integrate_derivatives
 
-        loop = replace(self.loop, linearization=self.loop.at(self.place(point[None])[0]))
+        loop = replace(self.loop, linearization=self.loop.at(point))
         system = loop.linearization.periodic_system()
         modes = solve_floquet_modes(system, floquet(system, self.finest), quick=True)
-        return modes.exponents, modes.errors, integrate_derivatives(loop, modes)[self.places]
+        return modes.exponents, modes.errors, integrate_derivatives(loop, modes)
 
 
 def is_stiff(system: PeriodicSystem) -> bool:
@@ -242,7 +216,7 @@ class FunctionFamily(Family):
     `find_together` begins.
     """
 
-    box: Array | None = None
+    box: Array = field(kw_only=True)
     smooth: bool | None = None
     phases: tuple[float, ...] = ()
     start: int = 0
@@ -250,14 +224,11 @@ class FunctionFamily(Family):
     @lazy
     def interpolant(self) -> Interpolant | None:
         """The transition matrix as a polynomial in the one number, if it is one."""
-        if self.box is None or self.box.shape[1] > 1:
+        if self.box.shape[1] > 1:
             return None
-        try:
-            return Interpolant.fit(self.products, float(self.box[0, 0]), float(self.box[1, 0]), self.coarsest)
-        except TimeLimit:
-            raise
-        except (FlexlinError, np.linalg.LinAlgError):
-            return None
+        low, high = self.box[:, 0].tolist()
+        found = try_to(lambda: Interpolant.fit(self.products, low, high, self.coarsest))
+        return found if isinstance(found, Interpolant) else None
 
     def products(self, values: Array, start: int) -> Products:
         """Together, at values (V,) of the one number, to a part of what is wanted between them."""
@@ -275,21 +246,8 @@ class FunctionFamily(Family):
 
     def rough(self, points: Array) -> Spectra:
         """Together, where A is smooth and that is accurate enough; else one by one."""
-        if not len(points):
-            return self.unknown(points, self.coarsest)
-        try:
-            if self.smooth is None:
-                self.look([self.system_at(point) for point in points[[0, len(points) // 2, -1]]])
-            if not self.smooth:
-                return self.one_by_one(points, self.coarsest)
-            products = None if self.interpolant is None else self.interpolant.at(points[:, 0])
-            if products is None:
-                systems = [self.system_at(point) for point in points]
-                products = find_together(systems, self.coarsest, self.start, self.phases)
-                self.start = products.enough
-        except TimeLimit:
-            raise
-        except (FlexlinError, np.linalg.LinAlgError):
+        products = try_to(partial(self.multiply, points)) if len(points) else None
+        if not isinstance(products, Products):
             return self.one_by_one(points, self.coarsest)
         found, reached = products.spectra, products.meets(self.coarsest)
         self.evaluations += int(reached.sum())
@@ -298,15 +256,26 @@ class FunctionFamily(Family):
             found.logs[~reached], found.errors[~reached] = alone.logs, alone.errors
         return found
 
+    def multiply(self, points: Array) -> Products | None:
+        """The transition matrices of the period at points (V, P); None where A is not smooth."""
+        if self.smooth is None:
+            self.look([self.system_at(point) for point in points[[0, len(points) // 2, -1]]])
+        if not self.smooth:
+            return None
+        if self.interpolant is not None:
+            return self.interpolant.at(points[:, 0])
+        products = find_together(list(map(self.system_at, points)), self.coarsest, self.start, self.phases)
+        self.start = products.enough
+        return products
 
-def make_family(
-    source: Source,
-    ranges: dict[str, tuple[float, float]],
-    loop: str,
-    known: Linearization | None = None,
-    coarsest: float = ROUGH,
-) -> Family:
-    """The systems that a scene's loop, or a function, makes of numbers in ranges; `known`: the loop whose equations keep these free.
+
+def blank(values: int, states: int) -> tuple[Array, Array]:
+    """Logs and errors (V, n) of which nothing is known yet."""
+    return np.full((values, states), np.nan + 0j), np.full((values, states), np.inf)
+
+
+def make_family(source: Source, ranges: dict[str, tuple[float, float]], loop: str, coarsest: float = ROUGH) -> Family:
+    """The systems that a scene's loop, or a function, makes of numbers in ranges.
 
     Raises: ArgumentError for a source of another kind, and for paths that lead to no free number; SceneError for a range that the schema
     refuses.
@@ -315,33 +284,18 @@ def make_family(
     if isinstance(source, Scene):
         check_axes(source, {path: np.array(limits) for path, limits in ranges.items()}, grid=True)
         own = np.array([get_value(source, path) for path in ranges], dtype=float)
-        chosen = choose_loop(source, tuple(ranges), loop) if known is None else loop_of(known)
+        chosen, order = choose_loop(source, tuple(ranges), loop), list(range(len(own)))
         if not isinstance(chosen, ParametricLoop):
             return Family(chosen.system_at, own, coarsest=coarsest)
-        places = list(range(len(own))) if known is None else [chosen.paths.index(path) for path in ranges]
-        return SymbolicFamily(
-            chosen.system_at, own, coarsest=coarsest, source=chosen, box=box, places=places, nominal=chosen.nominal
-        )
+        return SymbolicFamily(chosen.system_at, own, coarsest=coarsest, source=chosen, box=box, order=order)
+    unknown = np.full(len(ranges), np.nan)
     if isinstance(source, PeriodicFamily):
-        order = source.find_places(ranges, loop)
-        places, own = [order.index(k) for k in range(len(order))], np.full(len(order), np.nan)
-        kept = SymbolicFamily(
-            source.system_at, own, coarsest=coarsest, source=source, box=box, places=places, nominal=own
-        )
-        return kept if kept.together is not None else FunctionFamily(kept.system_at, own, coarsest=coarsest, box=box)
+        order, make = source.find_places(ranges, loop), lambda point: source.system_at(point[order])
+        kept = SymbolicFamily(make, unknown, coarsest=coarsest, source=source, box=box, order=order)
+        return kept if kept.together is not None else FunctionFamily(make, unknown, coarsest=coarsest, box=box)
     if not callable(source):
         expected = "a scene, a PeriodicFamily, or a function of numbers that returns a PeriodicSystem"
         raise ArgumentError("the source is of another kind", got=repr(source)[:80], expected=expected)
     if loop != "own":
         raise ArgumentError("a function has one loop", got=repr(loop), expected="own")
-    return FunctionFamily(Positional(source), np.full(len(ranges), np.nan), coarsest=coarsest, box=box)
-
-
-@dataclass(frozen=True)
-class Positional:
-    """A function of numbers as a function of a point."""
-
-    source: Callable[..., PeriodicSystem]
-
-    def __call__(self, point: Array) -> PeriodicSystem:
-        return self.source(*map(float, point))
+    return FunctionFamily(lambda point: source(*map(float, point)), unknown, coarsest=coarsest, box=box)

@@ -1,10 +1,10 @@
 """What accuracy costs in time: every stage of the work at many settings, and at the engine's own, against finer references."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import cache, partial, reduce
-from itertools import chain
+from itertools import chain, product
 from time import perf_counter
 
 import casadi as ca
@@ -90,12 +90,24 @@ def measure_coefficients(closed: Linearization, seconds: float) -> list[Row]:
             at = T * np.arange(2 * h + 1) / (2 * h + 1)
             yield Trial("Fourier series", f"{h} harmonics", partial(interpolate_samples, system, at, t))
 
-    return measure_trials("coefficients", trials(), lambda A: compare_arrays(A, exact), seconds)
+    return compare("coefficients", trials(), exact, seconds)
+
+
+def compare(stage: str, trials: Iterable[Trial], exact: Array, seconds: float) -> list[Row]:
+    """The rows of trials whose answers are arrays."""
+    return measure_trials(stage, trials, partial(compare_arrays, exact=exact), seconds)
 
 
 def interpolate_samples(system: PeriodicSystem, at: Array, t: Array) -> Array:
     """A at the times t by the Fourier series through its samples at equidistant times."""
     return FourierSeries.through(system.A(at), system.period)(t)
+
+
+def try_outside(
+    peers: bool, lin: Linearization, derive: Callable[[Linearization], ca.Function], run: Callable[..., Array]
+) -> Iterable[Trial]:
+    """SciPy's integrators at each of TOLS, the quick ones first."""
+    return try_scipy(lin, derive, run, sorted(TOLS, reverse=True)) if peers else ()
 
 
 def multiply_period(system: PeriodicSystem, setting: Setting) -> Array:
@@ -112,19 +124,20 @@ def measure_transition_matrices(closed: Linearization, exact: Array, peers: bool
         for tol in TOLS:
             setting = choose_setting(system, tol, "auto", None, None)
             if setting.segments <= MOST_SEGMENTS:
-                name = counted(setting.segments, "segment")
-                run = partial(multiply_period, system, setting)
-                yield Trial(f"{setting.method} {setting.order}", name, run, f"{tol:.0e}")
+                yield try_setting(system, setting, f"{tol:.0e}")
         for method, orders in METHODS.items():
-            for order in orders:
-                for count in (k for k in RESOLUTIONS[1:] if k * order <= MOST_SEGMENTS):
-                    setting = Setting(method, order, count, "")
-                    yield Trial(
-                        f"{method} {order}", counted(count, "segment"), partial(multiply_period, system, setting)
-                    )
+            for order, count in product(orders, RESOLUTIONS[1:]):
+                if count * order <= MOST_SEGMENTS:
+                    yield try_setting(system, Setting(method, order, count, ""))
 
-    outside = try_scipy(closed, derive_transition_rate, multiply_up, sorted(TOLS)[::-1]) if peers else ()
-    return measure_trials("transition matrices", chain(trials(), outside), lambda P: compare_arrays(P, exact), seconds)
+    outside = try_outside(peers, closed, derive_transition_rate, multiply_up)
+    return compare("transition matrices", chain(trials(), outside), exact, seconds)
+
+
+def try_setting(system: PeriodicSystem, setting: Setting, chosen: str = "") -> Trial:
+    """The transition matrix of one period by a method on so many segments."""
+    name, run = counted(setting.segments, "segment"), partial(multiply_period, system, setting)
+    return Trial(f"{setting.method} {setting.order}", name, run, chosen)
 
 
 def choose_reference(system: PeriodicSystem, order: int = REFERENCE) -> Setting:
@@ -178,9 +191,8 @@ def measure_riccati(plant: Linearization, peers: bool, seconds: float) -> list[R
     def run(tol: float) -> Array:
         return periodic_riccati(replace(plant).periodic_system(), Q, R, tol=tol).X(t)
 
-    outside = try_scipy(plant, derive_riccati_rate, forget_start, sorted(TOLS)[::-1]) if peers else ()
-    trials = chain(by_tol("periodic_riccati", run), outside)
-    return measure_trials("periodic Riccati", trials, lambda X: compare_arrays(X, exact), seconds)
+    outside = try_outside(peers, plant, derive_riccati_rate, forget_start)
+    return compare("periodic Riccati", chain(by_tol("periodic_riccati", run), outside), exact, seconds)
 
 
 def measure_forced_response(closed: Linearization, peers: bool, seconds: float) -> list[Row]:
@@ -191,10 +203,8 @@ def measure_forced_response(closed: Linearization, peers: bool, seconds: float) 
         system = replace(closed).periodic_system()
         return forced_response(system, OfPlant(closed.forcing, system.n, system.n), tol)(t)
 
-    exact = run(FINE)
-    outside = try_scipy(closed, derive_response_rate, respond_periodically, sorted(TOLS)[::-1]) if peers else ()
-    trials = chain(by_tol("forced_response", run), outside)
-    return measure_trials("forced response", trials, lambda x: compare_arrays(x, exact), seconds)
+    exact, outside = run(FINE), try_outside(peers, closed, derive_response_rate, respond_periodically)
+    return compare("forced response", chain(by_tol("forced_response", run), outside), exact, seconds)
 
 
 def measure_simulation(closed: Linearization, peers: bool, seconds: float) -> list[Row]:
@@ -206,10 +216,8 @@ def measure_simulation(closed: Linearization, peers: bool, seconds: float) -> li
     def run(tol: float) -> Array:
         return simulate(closed, 1.0, tol=tol, points_per_period=SAMPLES).nonlinear
 
-    exact = run(FINE)
-    outside = try_scipy(closed, derive_loop_rate, integrate_loop, sorted(TOLS)[::-1]) if peers else ()
-    trials = chain(by_tol("simulate", run), outside)
-    return measure_trials("simulation", trials, lambda x: compare_arrays(x, exact), seconds)
+    exact, outside = run(FINE), try_outside(peers, closed, derive_loop_rate, integrate_loop)
+    return compare("simulation", chain(by_tol("simulate", run), outside), exact, seconds)
 
 
 def measure_modes(scene: Scene, seconds: float) -> list[Row]:
@@ -251,9 +259,7 @@ def measure_taylor_order(arm: Manipulator, motion: Motion, seconds: float) -> li
     exact = symbolic.evaluate(function, (start + step)[None])[0][0]
     maps = {order: taylor(force, arm.s, start, order) for order in range(1, 5)}
     trials = [Trial("Taylor polynomial", f"order {k}", partial(polynomial, step)) for k, polynomial in maps.items()]
-    return measure_trials(
-        "Taylor order", trials, lambda value: compare_arrays(np.asarray(value).reshape(exact.shape), exact), seconds
-    )
+    return compare("Taylor order", trials, exact, seconds)
 
 
 @checked

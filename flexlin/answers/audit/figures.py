@@ -11,13 +11,14 @@ from flexlin.about.law import Law
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.answers.steady import find_response
-from flexlin.checks import ROUNDING, SAMPLES, Array
+from flexlin.checks import ROUNDING, SAMPLES, Array, try_to
 from flexlin.control.drives import Demand, drive_load
 from flexlin.control.tracking import tip_positions
-from flexlin.errors import FlexlinError, MotionError, TimeLimit
+from flexlin.errors import MotionError
 from flexlin.mechanics import build_manipulator
 from flexlin.periodic.coefficients import solve_mass
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.related import with_matrices
 from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
@@ -208,17 +209,17 @@ def _judge_margin(
     lin: Linearization, places: Array | None, tol: float, problems: list[str]
 ) -> tuple[float, float, str]:
     """Floquet's margin of the coordinates and controller states at some places, or of all."""
-    try:
-        system = lin.periodic_system()
+
+    def solve() -> FloquetResult:
+        system, n = lin.periodic_system(), lin.n
         if places is not None:
-            n = lin.n
             states = np.concatenate([places[places < n], places[places < n] + n, places[places >= n] + n])
             system = with_matrices(system, lambda t: lin.A(t)[:, states[:, None], states], None)
-        result = floquet(system, tol, max_segments=SEGMENTS)
-    except TimeLimit:
-        raise
-    except FlexlinError as error:
-        problems.append(f"stability: {error}")
+        return floquet(system, tol, max_segments=SEGMENTS)
+
+    result = try_to(solve)
+    if isinstance(result, Exception):
+        problems.append(f"stability: {result}")
         return float("nan"), float("nan"), "unknown"
     return float(result.exponents[0].real), float(result.errors[0]), result.verdict
 
@@ -233,13 +234,11 @@ def _follow(
     lin: Linearization, drives: Drives | None, problems: list[str]
 ) -> tuple[Array | None, float, tuple[Demand, ...] | None]:
     """The tip's path, its largest distance from the rigid motion, and what the drives do; not known where there is no response."""
-    try:
-        t, states, law = steady_motion(lin)
-    except TimeLimit:
-        raise
-    except FlexlinError as error:
-        problems.append(f"periodic response: {error}")
+    found = try_to(lambda: steady_motion(lin))
+    if isinstance(found, Exception):
+        problems.append(f"periodic response: {found}")
         return None, float("nan"), None
+    t, states, law = found
     demands = drive_load(lin, t, states, law, drives).demands if lin.about.m else ()
     if lin.arm.near.points is None:
         return np.zeros((len(t), 3)), float("nan"), demands

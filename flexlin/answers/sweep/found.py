@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlin.checks import Array
-from flexlin.errors import FlexlinError, TimeLimit
+from flexlin.checks import Array, try_to
 from flexlin.periodic.circle import measure_distances
 
 if TYPE_CHECKING:
@@ -67,8 +66,8 @@ class Found:
         """Enter what `floquet` says of one value, or why its equations have no answer."""
         self.one_by_one[i] = True
         result = solve_alone(make, tol)
-        if isinstance(result, str):
-            self.verdict[i], self.reason[i] = FAILED, result[:LONGEST]
+        if isinstance(result, Exception):
+            self.verdict[i], self.reason[i] = FAILED, str(result)[:LONGEST]
             return
         self.exponents[i], self.error[i], self.period[i] = result.exponents, result.error, result.period
         self.verdict[i], self.reason[i] = VERDICTS.tolist().index(result.verdict), result.reason[:LONGEST]
@@ -77,7 +76,7 @@ class Found:
         """Whether `floquet` finds the exponents of a value too, but for those that it only bounds, within the errors of both; imaginary
         parts modulo 2 pi / T."""
         result, T = solve_alone(make, tol), self.period[i]
-        if isinstance(result, str):
+        if isinstance(result, Exception):
             return bool(self.verdict[i] == FAILED)
         resolved = result.log_multipliers[np.isfinite(result.errors)]
         apart = measure_distances(resolved, self.exponents[i] * T).min(axis=1)
@@ -90,16 +89,11 @@ class Found:
             getattr(self, one.name)[start : start + len(part)] = part
 
 
-def solve_alone(make: Callable[[], "PeriodicSystem"], tol: float) -> "FloquetResult | str":
+def solve_alone(make: Callable[[], "PeriodicSystem"], tol: float) -> "FloquetResult | Exception":
     """What `floquet` says of a system, or why there is no answer. Raises: TimeLimit."""
     from flexlin.periodic.floquet.exponents import floquet  # most workers do without
 
-    try:
-        return floquet(make(), tol)
-    except TimeLimit:
-        raise
-    except (FlexlinError, np.linalg.LinAlgError) as error:
-        return str(error)
+    return try_to(lambda: floquet(make(), tol))
 
 
 def build_dataset(
