@@ -65,12 +65,8 @@ class Manifest:
 
     def having(self, name: str, files: Files) -> "Manifest":
         """The manifest with a set in the place of what bore its name; files of other sets that it replaces become its own."""
-        others = {
-            other: {path: digest for path, digest in has.items() if path not in files}
-            for other, has in self.sets.items()
-            if other != name
-        }
-        return Manifest({**{other: has for other, has in others.items() if has}, name: files})
+        kept = {one: {path: has[path] for path in has if path not in files} for one, has in self.sets.items()}
+        return Manifest({**{one: has for one, has in kept.items() if has and one != name}, name: files})
 
     def write(self, folder: Path) -> None:
         """Write it into a folder; it can be checked with sha256sum."""
@@ -83,14 +79,11 @@ def read_manifest(folder: Path) -> Manifest:
     """The manifest of a folder; an empty one where there is none, or none that flexlin could have written."""
     try:
         data = json.loads(read_text(folder / MANIFEST, LARGEST_MANIFEST))
-        sets = (
-            {str(name): dict(one["sha256"]) for name, one in data["sets"].items()} if data["format"] == FORMAT else {}
-        )
+        known = Manifest({str(name): dict(one["sha256"]) for name, one in data["sets"].items()})
+        sane = all(isinstance(digest, str) and stays_below(path) for path, digest in known.files.items())
+        return known if sane and data["format"] == FORMAT else Manifest()
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return Manifest()
-    entries = [entry for files in sets.values() for entry in files.items()]
-    sane = all(isinstance(digest, str) and stays_below(path) for path, digest in entries)
-    return Manifest(sets) if sane else Manifest()
 
 
 def stays_below(name: str) -> bool:
@@ -134,12 +127,9 @@ def sync(path: Path) -> None:
 
     Raises: OSError, also where the disk is full only now.
     """
-    if path.is_dir():
-        if os.name == "nt":  # its folders cannot be opened
-            return
-        handle = os.open(path, os.O_RDONLY)
-    else:
-        handle = os.open(path, os.O_RDWR)
+    if os.name == "nt" and path.is_dir():  # its folders cannot be opened
+        return
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
     try:
         os.fsync(handle)
     finally:
@@ -169,17 +159,14 @@ def hold(folder: Path) -> int | None:
     """
     if fcntl is None:
         return None
+    handle = None
     try:
         handle = os.open(folder, os.O_RDONLY)
-    except OSError:
-        return None
-    try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        raise
-    except OSError:  # a file system without locks
-        os.close(handle)
+    except OSError as error:  # a file system without locks, or another's lock
+        let_go(handle)
+        if isinstance(error, BlockingIOError):
+            raise
         return None
     return handle
 

@@ -51,19 +51,13 @@ def prefix_for(name: str) -> str:
 
 
 def staged(place: Path, name: str, ending: str) -> list[Path]:
-    """The staging folders for `name` in a place, in the order of their names."""
+    """This user's staging folders for `name` in a place, in the order of their names: what others put there is none of ours."""
     prefix = prefix_for(name)
     try:
-        with os.scandir(place) as entries:
-            found = [entry for entry in entries if entry.name.startswith(prefix) and entry.name.endswith(ending)]
-            return sorted(Path(entry.path) for entry in found if is_mine(entry))
+        found = [one for one in place.iterdir() if one.name.startswith(prefix) and one.name.endswith(ending)]
+        return sorted(one for one in found if is_folder(one) and one.lstat().st_uid == user())
     except OSError:
         return []
-
-
-def is_mine(entry: os.DirEntry[str]) -> bool:
-    """Whether it is a folder of this user: what others put beside the results is none of ours."""
-    return entry.is_dir(follow_symlinks=False) and entry.stat(follow_symlinks=False).st_uid == user()
 
 
 def user() -> int:
@@ -94,23 +88,12 @@ def staging(place: Path, target: Path) -> Iterator[Path]:
 
 
 def take_away_left(place: Path, target: Path) -> None:
-    """Take away what killed programs left in a place for a target; the place is held."""
+    """Take away what killed programs left in a place for a target, to which nobody writes any more; the place is held."""
     for left in staged(place, target.name, PART):
-        if is_left_behind(left):
-            discard(left, target)
-
-
-def is_left_behind(folder: Path) -> bool:
-    """Whether nobody writes to a staging folder any more."""
-    try:
-        handle = hold(folder)
-    except BlockingIOError:
-        return False
-    let_go(handle)
-    try:
-        return fcntl is not None or time.time() - folder.stat().st_mtime > OLD
-    except OSError:
-        return False
+        with suppress(OSError):  # BlockingIOError where somebody writes to it
+            let_go(hold(left))
+            if fcntl is not None or time.time() - left.stat().st_mtime > OLD:
+                discard(left, target)
 
 
 def discard(folder: Path, target: Path) -> None:
@@ -147,7 +130,8 @@ def switch(stage: Path, target: Path, name: str) -> None:
 def switch_folder(stage: Path, target: Path, manifest: Manifest, name: str) -> bool:
     """Let the staging folder be the target, or change places with it; False where that cannot be done, and then nothing has changed."""
     new = not target.exists()
-    if target in stage.parents or not (new or holds_only_results(target, manifest, manifest.sets[name])):
+    ours = new or (holds_only_results(target, manifest, manifest.sets[name]) and not may_be_missed(target))
+    if target in stage.parents or not ours:
         return False
     try:
         for path in manifest.files.keys() - manifest.sets[name].keys():
@@ -162,16 +146,17 @@ def switch_folder(stage: Path, target: Path, manifest: Manifest, name: str) -> b
     if new:
         os.rename(stage, target)
         return True
-    return take_place(stage, target)
+    shutil.copystat(target, stage)
+    os.utime(stage)
+    return exchange(stage, target)
 
 
 def holds_only_results(target: Path, manifest: Manifest, staged_files: Files) -> bool:
     """Whether nothing but results of flexlin's stands in a folder, as they were written or about to be replaced."""
     old = read_manifest(target).files
     tops = {path.partition("/")[0] for path in (MANIFEST, *old, *staged_files)}
-    with os.scandir(target) as entries:
-        if any(entry.name not in tops for entry in entries):
-            return False
+    if not tops.issuperset(os.listdir(target)):
+        return False
 
     def fits(path: str, file: Path) -> bool:
         carried = path in old and path in manifest.files and not file.is_symlink()
@@ -188,15 +173,6 @@ def may_be_missed(folder: Path) -> bool:
         return True
     owned = about.st_uid == user() and about.st_gid == folder.parent.stat().st_gid
     return folder in (here, *here.parents) or os.path.ismount(folder) or not owned
-
-
-def take_place(new: Path, at: Path) -> bool:
-    """Let a new folder and the one in its place change names, in one step; False where that cannot be done."""
-    if may_be_missed(at):
-        return False
-    shutil.copystat(at, new)
-    os.utime(new)
-    return exchange(new, at)
 
 
 def switch_files(stage: Path, target: Path, manifest: Manifest) -> None:
@@ -220,9 +196,10 @@ def finish(target: Path) -> None:
         stage = whole / INNER
         manifest, old = read_manifest(stage), read_manifest(target).files
         if manifest.sets:
-            target.mkdir(parents=True, exist_ok=True)
-            for name in sorted({path.partition("/")[0] for path in manifest.files}):
-                move(stage / name, target / name, name, manifest.files, old)
+            for path, digest in manifest.files.items():
+                if has_digest(stage / path, digest):  # what is not new has stayed in its place
+                    (target / path).parent.mkdir(parents=True, exist_ok=True)
+                    os.replace(stage / path, target / path)
             for path in old.keys() - manifest.files.keys():
                 remove(target, path, old[path])
             sync_folders(target, manifest.files)
@@ -230,26 +207,6 @@ def finish(target: Path) -> None:
             sync(target)
         os.rename(whole, whole.with_suffix(PART))
         shutil.rmtree(whole.with_suffix(PART), ignore_errors=True)
-
-
-def move(new: Path, at: Path, name: str, wanted: Files, old: Files) -> None:
-    """Move a staged file, or a folder with all that is in it, to its place; what is not new is left alone."""
-    if not is_folder(new):
-        if has_digest(new, wanted.get(name)):
-            os.replace(new, at)
-        return
-    inside = {f"{name}/{path}": file for path, file in files_below(new).items()}
-    whole = inside.keys() == {path for path in wanted if path.startswith(f"{name}/")}
-    whole &= all(has_digest(file, wanted[path]) for path, file in inside.items())
-    if whole and not os.path.lexists(at):
-        os.rename(new, at)
-        return
-    there = {f"{name}/{path}": file for path, file in files_below(at).items()}
-    own = all(path in inside or has_digest(file, old.get(path)) for path, file in there.items())
-    if not (whole and own and take_place(new, at)):
-        at.mkdir(exist_ok=True)
-        for child in sorted(new.iterdir()):
-            move(child, at / child.name, f"{name}/{child.name}", wanted, old)
 
 
 def remove(target: Path, path: str, digest: str) -> None:
@@ -274,14 +231,11 @@ def sync_folders(folder: Path, files: Files) -> None:
 
 def refuse_clashes(files: Files, target: Path) -> None:
     """Refuse a folder in the place of a file, and a file in the place of a folder, before anything is moved."""
-    for path in (MANIFEST, *files):
-        for at in (target / path, *(target / path).parents):
-            wrong = is_folder(at) if at == target / path else at.exists() and not at.is_dir()
-            if wrong:
-                got, expected = ("a folder", "a file") if at == target / path else ("a file", "a folder")
+    for place in (target / path for path in (MANIFEST, *files)):
+        for at in (place, *place.parents[: len(place.parts) - len(target.parts)]):
+            if is_folder(at) if at == place else at.exists() and not at.is_dir():
+                got, expected = ("a folder", "a file") if at == place else ("a file", "a folder")
                 raise OutputError(f"{at} cannot be written", got=got, expected=f"{expected}, or nothing, of that name")
-            if at == target:
-                break
 
 
 @dataclass(frozen=True)
@@ -368,12 +322,8 @@ def check_folder(folder: Path) -> None:
             existing = existing.parent
     except (OSError, RuntimeError, ValueError) as error:  # a name that is too long, a loop of links, a zero in a name
         got = getattr(error, "strerror", None) or ("a loop of links" if isinstance(error, RuntimeError) else str(error))
-        raise OutputError(f"{printable(folder)} cannot be the output folder", got=got, expected="a folder") from None
-    if not existing.is_dir():
-        raise OutputError(f"{folder} cannot be the output folder", got=f"{existing}, a file", expected="a folder")
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise OutputError(
-            f"{folder} cannot be the output folder",
-            got=f"{existing} without permission to write",
-            expected="a folder of yours",
-        )
+    else:
+        if existing.is_dir() and os.access(existing, os.W_OK | os.X_OK):
+            return
+        got = f"{existing} without permission to write" if existing.is_dir() else f"{existing}, a file"
+    raise OutputError(f"{printable(folder)} cannot be the output folder", got=got, expected="a folder of yours")
