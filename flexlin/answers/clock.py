@@ -8,7 +8,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
@@ -25,9 +25,8 @@ from flexlin.resources import SECONDS, Stopwatch, read_resident
 from flexlin.scene.scene import Accuracy
 
 TICK = 0.2
-"""Seconds between two looks at the clock and at the memory in use."""
-AGAIN = 0.3
-"""Seconds after which the alarm rings once more, where a calculation has taken the first for a failed attempt of its own."""
+"""Seconds between two looks at the clock and at the memory in use; so the alarm rings once more where a calculation has taken the first
+for a failed attempt of its own."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +45,8 @@ class Allowance:
     @property
     def more_time(self) -> str:
         """What to do where the time does not do."""
-        return (
-            f"{self.less}allow more time (--limit-seconds above {self.above:g}, or seconds in the scene's [accuracy])"
-        )
+        above = f"--limit-seconds above {self.above:g}, or seconds in the scene's [accuracy]"
+        return f"{self.less}allow more time ({above})"
 
     @property
     def more_memory(self) -> str:
@@ -78,10 +76,8 @@ def limited(name: str, allowed: Allowance) -> Iterator[None]:
     except (MemoryError, RuntimeError) as error:
         if not lacks_memory(error):
             raise
-        got = str(error) if isinstance(error, MemoryError) else None
-        raise NumericalError(
-            f"{name}: there is not enough memory", got=got or None, todo=f"{allowed.less}ask for less at once"
-        ) from error
+        got, todo = str(error) if isinstance(error, MemoryError) else "", f"{allowed.less}ask for less at once"
+        raise NumericalError(f"{name}: there is not enough memory", got=got or None, todo=todo) from error
 
 
 def count_imports(frame: FrameType | None) -> int:
@@ -105,13 +101,22 @@ class Limit:
     rung: list[TimeLimit | TooLarge] = field(default_factory=list)
 
     def look(self) -> None:
-        """Raise TimeLimit or TooLarge where the block has taken more than it may; ring again, in case that is lost."""
+        """Raise TimeLimit or TooLarge where the block has taken more than it may."""
         name, allowed, taken = self.name, self.allowed, read_resident() - self.held
         late, waited = self.watch.seconds >= allowed.seconds, self.watch.clock >= allowed.clock
-        if late or waited or taken > allowed.memory:
-            signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
-            over = late or waited
-            self.rung.append(out_of_time(name, allowed, not late) if over else out_of_memory(name, taken, allowed))
+        if late or waited:
+            of = f" of the {allowed.whole:g} s of the whole" if allowed.seconds < allowed.whole else ""
+            got = (
+                f"no answer in {allowed.seconds:.3g} s{of}"
+                if late
+                else f"no answer in {allowed.clock:.3g} s by the clock"
+            )
+            self.rung.append(TimeLimit(f"{name}: stopped at the time limit", got=got, todo=allowed.more_time))
+            raise self.rung[-1]
+        if taken > allowed.memory:
+            got, most = f"{taken:,} bytes", f"at most {allowed.memory:,.0f} bytes"
+            what = f"{name}: stopped at the limit of memory"
+            self.rung.append(TooLarge(what, got=got, expected=most, todo=allowed.more_memory))
             raise self.rung[-1]
 
 
@@ -188,24 +193,6 @@ def time_limit(
                 signal.setitimer(signal.ITIMER_REAL, TICK, TICK)
             else:
                 give_back()
-
-
-def out_of_time(name: str, allowed: Allowance, by_clock: bool) -> TimeLimit:
-    """The error of a stage that took too long."""
-    taken = allowed.clock if by_clock else allowed.seconds
-    of = f" of the {allowed.whole:g} s of the whole" if allowed.seconds < allowed.whole else ""
-    got = f"no answer in {taken:.3g} s{' by the clock' if by_clock else of}"
-    return TimeLimit(f"{name}: stopped at the time limit", got=got, todo=allowed.more_time)
-
-
-def out_of_memory(name: str, taken: int, allowed: Allowance) -> TooLarge:
-    """The error of a stage that took too much memory."""
-    return TooLarge(
-        f"{name}: stopped at the limit of memory",
-        got=f"{taken:,} bytes",
-        expected=f"at most {allowed.memory:,.0f} bytes",
-        todo=allowed.more_memory,
-    )
 
 
 SHARE = 2 / 3
@@ -295,30 +282,24 @@ class Clock:
         if self.progress is not None:
             self.progress(name)
         found: dict[str, Any] = {}
-        start, cpu, heard = time.perf_counter(), time.process_time(), list[warnings.WarningMessage]()
-        try:
-            with warnings.catch_warnings(record=True) as recorded, self._part():
-                heard = recorded
-                yield found
-        except FlexlinError as error:
-            found["problem"] = str(error)
-            raise
-        finally:
-            found["notes"] = tuple(dict.fromkeys(map(note_of, heard)))
-            step = Step(name, time.perf_counter() - start, time.process_time() - cpu, **found)
-            self.steps.append(step)
-            LOG.info("%s: %.3f s%s", name, step.seconds, f", {step.problem}" if step.problem else "")
+        start, cpu = time.perf_counter(), time.process_time()
+        low, high = (min((len(self.steps) + k) / (self.planned or 1), 1.0) for k in (0, 1))
+        with warnings.catch_warnings(record=True) as heard:
+            try:
+                with part(low, high) if self.planned else nullcontext():
+                    yield found
+            except FlexlinError as error:
+                found["problem"] = str(error)
+                raise
+            finally:
+                found["notes"] = tuple(dict.fromkeys(map(note_of, heard)))
+                step = Step(name, time.perf_counter() - start, time.process_time() - cpu, **found)
+                self.steps.append(step)
+                LOG.info("%s: %.3f s%s", name, step.seconds, f", {step.problem}" if step.problem else "")
 
     def note(self, text: str) -> None:
         """Say something more of the last step."""
         self.steps[-1] = replace(self.steps[-1], notes=(*self.steps[-1].notes, text))
-
-    def _part(self) -> AbstractContextManager[None]:
-        """The part of the work that the next step is, where it is known how many there will be."""
-        if not self.planned:
-            return nullcontext()
-        low, high = (min(done / self.planned, 1.0) for done in (len(self.steps), len(self.steps) + 1))
-        return part(low, high)
 
     def stage(
         self,
@@ -362,14 +343,9 @@ class Clock:
         try:
             return self.stage(name, accuracy, work, error_of, share=SHARE, at_most=at_most)
         except (NumericalError, TooLarge) as error:
-            problems[key], self.failures[key] = str(error), forget_trace(error)
+            error.__cause__ = error.__context__ = None  # calls that led to it would keep all their arrays in memory
+            problems[key], self.failures[key] = str(error), error.with_traceback(None)
             return None
-
-
-def forget_trace(error: FlexlinError) -> FlexlinError:
-    """The error without the calls that led to it, which would keep all their arrays in memory."""
-    error.__cause__ = error.__context__ = None
-    return error.with_traceback(None)
 
 
 def note_of(warning: warnings.WarningMessage) -> str:
