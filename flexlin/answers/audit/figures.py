@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from time import perf_counter
+from timeit import repeat
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -24,7 +24,7 @@ from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
-PHASES, REPEATS = 9, 3
+PHASES, REPEATS = 9, 4
 SEGMENTS = 4000
 """A version that needs more segments than these for its margin is not judged."""
 COUPLINGS = 97
@@ -137,20 +137,9 @@ def measure(scene: Scene, tol: float = 1e-4) -> Measure:
     parts = tuple(judge_parts(lin, tol, problems))
     worst = join_parts(parts)
     path, away, demands = _follow(lin, scene.drives, problems)
-    return Measure(
-        worst.margin,
-        worst.error,
-        worst.verdict,
-        worst.frequencies,
-        away,
-        lin.n,
-        lin.coefficients.n_instructions(),
-        _time_evaluation(lin),
-        tuple(problems),
-        path,
-        demands,
-        parts,
-    )
+    figures = worst.margin, worst.error, worst.verdict, worst.frequencies, away
+    size = lin.n, lin.coefficients.n_instructions(), _time_evaluation(lin)
+    return Measure(*figures, *size, tuple(problems), path, demands, parts)
 
 
 def join_parts(parts: tuple[Part, ...]) -> Part:
@@ -249,13 +238,7 @@ def _follow(
 
 def _time_evaluation(lin: Linearization) -> float:
     t = np.linspace(0, lin.period, SAMPLES + 1)
-    lin.sample(t)
-    times = []
-    for _ in range(REPEATS):
-        start = perf_counter()
-        lin.sample(t)
-        times.append(perf_counter() - start)
-    return 1e6 * min(times) / SAMPLES
+    return 1e6 * min(repeat(lambda: lin.sample(t), number=1, repeat=REPEATS)) / SAMPLES
 
 
 RESPONSE = 1e-3

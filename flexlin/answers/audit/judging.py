@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -9,8 +10,8 @@ from flexlin.answers.audit.figures import Measure, Part, join_parts, measure
 from flexlin.answers.audit.result import Minimal, Row
 from flexlin.answers.audit.versions import Version, list_mode_versions, list_model_versions
 from flexlin.answers.validity import SMALL
+from flexlin.checks import try_to
 from flexlin.control.drives import Demand
-from flexlin.errors import FlexlinError, TimeLimit
 from flexlin.progress import advance
 from flexlin.scene.scene import Scene
 
@@ -38,46 +39,25 @@ class Judge:
 
     def row(self, version: Version, scene: Scene | None = None) -> Row:
         """What a version changes; or what another scene does that was made of several."""
-        head = (version.change, version.kind, version.subject, version.on, version.table)
-        try:
-            other = measure(version.make(self.scene) if scene is None else scene, self.tol)
-        except TimeLimit:
-            raise
-        except FlexlinError as error:
-            nan = float("nan")
-            return Row(*head, nan, nan, nan, 0, nan, 0, "unknown", nan, "see the problem", str(error), version.units)
+        head, nan = (version.change, version.kind, version.subject, version.on, version.table), float("nan")
+        other = try_to(lambda: measure(version.make(self.scene) if scene is None else scene, self.tol))
+        if isinstance(other, Exception):
+            return Row(*head, nan, nan, nan, 0, nan, 0, "unknown", nan, "see the problem", str(other), version.units)
         base = self.base
         own, theirs, unfelt = share_parts(base, other)
-        frequency, path, torque = (
-            compare_frequencies(own, theirs),
-            self.compare_paths(other),
-            compare_torques(base, other),
-        )
-        marks = changed_marks(base, other)
+        path, torque, marks = self.compare_paths(other), compare_torques(base, other), changed_marks(base, other)
+        margin, frequency = theirs.margin - own.margin, compare_frequencies(own, theirs)
         size = float(np.nanmax([compare_margins(own, theirs), frequency, path, torque]))
         if marks or ("unknown" not in (own.verdict, theirs.verdict) and own.verdict != theirs.verdict):
             size = float("inf")
-        margin = theirs.margin - own.margin
         judged = bool(np.isfinite([margin, path, torque]).all())
         broken = max(other.tip_error, base.tip_error) > SMALL * self.reach
-        return Row(
-            *head,
-            margin,
-            frequency,
-            other.tip_error - base.tip_error,
-            other.instructions - base.instructions,
-            other.microseconds - base.microseconds,
-            other.coordinates - base.coordinates,
-            theirs.verdict,
-            size,
-            advise(version, size > self.tolerance, judged, broken, unfelt),
-            "; ".join(other.problems),
-            version.units,
-            path,
-            torque,
-            marks,
-            unfelt,
-        )
+        advice = advise(version, size > self.tolerance, judged, broken, unfelt)
+        grown = (getattr(other, what) - getattr(base, what) for what in ("instructions", "microseconds", "coordinates"))
+        instructions, microseconds, coordinates = grown
+        moved = (*head, margin, frequency, other.tip_error - base.tip_error, instructions, microseconds, coordinates)
+        said = (*moved, theirs.verdict, size, advice, "; ".join(other.problems), version.units)
+        return Row(*said, path=path, torque=torque, marks=marks, unfelt=unfelt)
 
     def compare_paths(self, other: Measure) -> float:
         """The largest distance of the two tip paths, relative to how far the tip moves, or to the arm where it rests; 0 without points."""
@@ -94,9 +74,7 @@ def share_parts(base: Measure, other: Measure) -> tuple[Part, Part, tuple[str, .
 
     These are coordinates of one of the two alone that neither motors nor motion reach, unless they grow by themselves.
     """
-    shared = {name for part in base.parts for name in part.names} & {
-        name for part in other.parts for name in part.names
-    }
+    shared = set.intersection(*({name for part in m.parts for name in part.names} for m in (base, other)))
 
     def counts(part: Part) -> bool:
         return part.felt or part.verdict == "unstable" or not shared.isdisjoint(part.names)
@@ -164,6 +142,8 @@ def advise(version: Version, matters: bool, judged: bool, broken: bool, unfelt: 
 
 MOST_GROWTH = 2
 """Rounds in which links are given a mode more."""
+NOTHING = Version(lambda scene: scene, "the minimal scene", "minimal", "scene", True, {})
+"""The change that is none."""
 
 
 def shrink(
@@ -176,9 +156,9 @@ def shrink(
     needed, but another order may leave less.
     """
     judge, added = grow(judge, report)
-    row, dropped, scene = judge.row(nothing()), list[str](), judge.scene
-    cancelling = {row.subject for row in pairs if row.on and row.significance <= judge.tolerance}
-    paired = {name for subject in cancelling for name in subject.split(" and ")}
+    row, dropped, scene = judge.row(NOTHING), list[str](), judge.scene
+    cancelling = [set(row.subject.split(" and ")) for row in pairs if row.on and row.significance <= judge.tolerance]
+    paired = set[str]().union(*cancelling)
     known = [(version, alone) for version, alone in tried if version.on and alone.judged]
     known = [one for one in known if one[1].significance <= judge.tolerance or one[0].subject in paired]
     candidates = [version for version, _ in sorted(known, key=lambda one: one[1].significance)]
@@ -186,19 +166,16 @@ def shrink(
     while candidates:
         version = candidates.pop(0)
         done += 1
-        partners = [other for other in candidates if f"{version.subject} and {other.subject}" in cancelling]
-        partners += [other for other in candidates if f"{other.subject} and {version.subject}" in cancelling]
-        for partner in (None, *partners):
-            trial = version.make(scene) if partner is None else partner.make(version.make(scene))
+        partners = [other for other in candidates if {version.subject, other.subject} in cancelling]
+        for changes in ([version], *([version, partner] for partner in partners)):
+            trial = reduce(lambda made, change: change.make(made), changes, scene)
             report(f"minimal scene: {version.change}")
             advance(done / (done + len(candidates) + 1))
-            found = judge.row(nothing(), trial)
+            found = judge.row(NOTHING, trial)
             if found.judged and found.significance <= judge.tolerance:
                 row, scene = found, trial
-                dropped.append(version.change)
-                if partner is not None:
-                    candidates.remove(partner)
-                    dropped.append(partner.change)
+                dropped += [change.change for change in changes]
+                candidates = [other for other in candidates if other not in changes]
                 if version.kind == "modes":
                     candidates = again(scene, version) + candidates
                 break
@@ -232,8 +209,3 @@ def mode_versions(scene: Scene) -> list[Version]:
 def again(scene: Scene, version: Version) -> list[Version]:
     """The same link with yet a mode less of the same kind."""
     return [other for other in mode_versions(scene) if other.on and other.subject == version.subject]
-
-
-def nothing() -> Version:
-    """The change that is none."""
-    return Version(lambda scene: scene, "the minimal scene", "minimal", "scene", True, {})

@@ -1,7 +1,7 @@
 """The versions of a scene that an audit tries: each effect switched on or off, each link a mode more or less, a model's own parameters."""
 
-import copy
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
+from flexlin.errors import counted
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.effects import Effect, Scale
 from flexlin.mechanics.link_shapes import make_shapes
@@ -18,6 +19,7 @@ from flexlin.scene.base import Table
 from flexlin.scene.effects import known_effects
 from flexlin.scene.library import registered_model
 from flexlin.scene.links import Direction, Modes
+from flexlin.scene.parameters import PARAMETERS, get_value, replace_value
 from flexlin.scene.scene import Scene
 
 MOST_MODES = 12
@@ -66,14 +68,19 @@ def list_mode_versions(scene: Scene) -> Iterator[Version]:
             continue
         for direction, count in link.counts.by_direction().items():
             plain = not isinstance(link.modes, Modes)
-            for step in (-1, 1) if count or (plain and direction == "y") else ():
-                modes = count + step
-                if 0 <= modes <= MOST_MODES:
-                    which = "" if plain else f" in {direction}"
-                    change = f"link {i + 1} with {modes} mode{'s' if modes != 1 else ''}{which}"
-                    give = partial(with_modes, link=i, step=step, direction=direction)
-                    subject = f"links.{i}" if plain else f"links.{i}.modes.{direction}"
-                    yield Version(give, change, "modes", subject, step < 0, {"modes": modes})
+            if count or (plain and direction == "y"):
+                words = f"link {i + 1} with {{}}" + ("" if plain else f" in {direction}")
+                subject = f"links.{i}" if plain else f"links.{i}.modes.{direction}"
+                yield from step_modes(count, words, subject, partial(with_modes, link=i, direction=direction))
+
+
+def step_modes(count: int, words: str, subject: str, give: Callable[..., Scene]) -> Iterator[Version]:
+    """A number of modes one less and one more."""
+    for step in (-1, 1):
+        modes = count + step
+        if 0 <= modes <= MOST_MODES:
+            change, make = words.format(counted(modes, "mode")), partial(give, step=step)
+            yield Version(make, change, "modes", subject, step < 0, {"modes": modes})
 
 
 def with_modes(scene: Scene, link: int, step: int, direction: Direction = "y") -> Scene:
@@ -115,12 +122,6 @@ def read_scale(scene: Scene) -> Scale:
     )
 
 
-MODES = "modes"
-"""A key of a model's table that means what it means in a scene: the modes of a link."""
-
-Path = tuple[str | int, ...]
-
-
 def list_model_versions(scene: Scene) -> Iterator[Version]:
     """Set each number of the model's table to zero that may be zero, change each number of modes by one.
 
@@ -130,7 +131,8 @@ def list_model_versions(scene: Scene) -> Iterator[Version]:
         return
     schema = registered_model(scene.model).schema
     for version in (*list_switches(scene, schema), *list_mode_steps(scene)):
-        if accepts(schema, version.make(scene).parameters):
+        with suppress(ValidationError):
+            schema.model_validate(version.make(scene).parameters)
             yield version
 
 
@@ -140,53 +142,33 @@ def list_switches(scene: Scene, schema: type[BaseModel]) -> Iterator[Version]:
     for name, entry in schema.model_fields.items():
         value = scene.parameters.get(name, entry.default)
         if isinstance(value, int | float) and not isinstance(value, bool) and value != 0:
-            switch = partial(with_parameter, path=(name,), value=0.0)
+            switch = partial(without_parameter, name=name)
             yield Version(switch, f"without {name}", "effect", name, True, {name: float(value)}, units)
 
 
+def without_parameter(scene: Scene, name: str) -> Scene:
+    """The scene with zero for a number of the model's table."""
+    return scene.model_copy(update={"parameters": {**scene.parameters, name: 0.0}})
+
+
 def list_mode_steps(scene: Scene) -> Iterator[Version]:
-    """Each number of modes in the model's table one less and one more."""
-    for path, modes in find_modes(scene.parameters):
-        where = ".".join(map(str, path[:-1]))
-        for step in (-1, 1):
-            if 0 <= modes + step <= MOST_MODES:
-                change = f"{where} with {modes + step} mode{'s' if modes + step != 1 else ''}"
-                give = partial(with_more, path=path, step=step)
-                yield Version(give, change, "modes", where, step < 0, {"modes": modes + step})
+    """Each number of modes in the model's table, where the key means what it means in a scene, one less and one more."""
+    for path, modes in find_modes(scene.parameters, PARAMETERS):
+        where = path.removeprefix(f"{PARAMETERS}.").removesuffix(".modes")
+        yield from step_modes(modes, f"{where} with {{}}", where, partial(with_more, path=path))
 
 
-def find_modes(node: Any, path: Path = ()) -> Iterator[tuple[Path, int]]:
+def find_modes(node: Any, path: str) -> Iterator[tuple[str, int]]:
     """Every whole number under a key `modes`, with its path."""
     children = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list | tuple) else ()
     for key, child in children:
-        if key == MODES and isinstance(child, int) and not isinstance(child, bool):
-            yield (*path, key), child
+        if key == "modes" and isinstance(child, int) and not isinstance(child, bool):
+            yield f"{path}.{key}", child
         else:
-            yield from find_modes(child, (*path, key))
+            yield from find_modes(child, f"{path}.{key}")
 
 
-def with_parameter(scene: Scene, path: Path, value: Any) -> Scene:
-    """The scene with another value in the model's table."""
-    table = copy.deepcopy(scene.parameters)
-    node: Any = table
-    for step in path[:-1]:
-        node = node[step]
-    node[path[-1]] = value
-    return scene.model_copy(update={"parameters": table})
-
-
-def with_more(scene: Scene, path: Path, step: int) -> Scene:
+def with_more(scene: Scene, path: str, step: int) -> Scene:
     """The scene with a number of the model's table changed by a step."""
-    value: Any = scene.parameters
-    for key in path:
-        value = value[key]
-    return with_parameter(scene, path, value + step)
-
-
-def accepts(schema: type[BaseModel], table: dict[str, Any]) -> bool:
-    """Whether a model takes a table."""
-    try:
-        schema.model_validate(table)
-    except ValidationError:
-        return False
-    return True
+    changed: Scene = replace_value(scene, path, get_value(scene, path) + step)
+    return changed
