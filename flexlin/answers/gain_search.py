@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, brentq, minimize
 from scipy.stats import qmc
 
-from flexlin.answers.spectra import Family, SymbolicFamily
+from flexlin.answers.spectra import Family
 from flexlin.checks import Array
 from flexlin.resources import Stopwatch
 
@@ -120,44 +120,28 @@ class Problem:
         return np.arcsin(np.clip(2 * (now - low) / (high - low) - 1, -0.999, 0.999))
 
     @property
-    def batched(self) -> bool:
-        """Whether many scenarios are computed together."""
-        return (
-            isinstance(self.family, SymbolicFamily)
-            and self.family.loop is not None
-            and self.family.together is not None
-        )
-
-    @property
     def exact(self) -> bool:
         """Whether slopes come from Floquet vectors: many small loops, and those given by functions, take differences."""
-        if not isinstance(self.family, SymbolicFamily) or self.batched:
-            return False
-        return self.family.loop is not None and self.family.loop.kept is None
+        loop = self.family.loop
+        return loop is not None and loop.kept is None and not self.family.batched
 
     def exponents(self, gains: Array, scenarios: Array) -> tuple[Array, Array]:
         """Exponents (S, n), infinite where there are none, and periods (S,) at each scenario; or (G, S, n) for gains (G, P)."""
         several = np.atleast_2d(gains)
         points = np.concatenate([np.repeat(several, len(scenarios), axis=0), np.tile(scenarios, (len(several), 1))], 1)
-        begun, periods = self.watch.seconds, self.periods(points)
+        begun, periods = self.watch.seconds, self.family.periods(points)
         found = self.family.rough(points).logs / periods[:, None]
         self.taken = self.taken[0] + self.watch.seconds - begun, self.taken[1] + len(points)
         known = np.where(np.isfinite(found).all(axis=1, keepdims=True), found, np.inf)
         return known.reshape(*gains.shape[:-1], len(scenarios), -1), periods[: len(scenarios)]
 
-    def growths(self, gains: Array, scenarios: Array | None = None) -> Array:
+    def growths(self, gains: Array, scenarios: Array) -> Array:
         """The growth rate at each scenario, (S,), infinite where there is none."""
-        return self.exponents(gains, self.scenarios if scenarios is None else scenarios)[0].real.max(axis=-1)
+        return self.exponents(gains, scenarios)[0].real.max(axis=-1)
 
     def worst(self, x: Array) -> float:
         """The largest growth rate of all scenarios."""
-        return float(self.growths(self.gains(x)).max())
-
-    def periods(self, points: Array) -> Array:
-        """T in s at points (N, P)."""
-        if isinstance(self.family, SymbolicFamily) and self.family.loop is not None:
-            return self.family.loop.periods(points)
-        return np.array([self.family.system_at(point).period for point in points])
+        return float(self.growths(self.gains(x), self.scenarios).max())
 
     def affordable(self) -> float:
         """Scenarios that can still be verified in time."""
@@ -202,7 +186,7 @@ def search(problem: Problem, own: Array, ranges: Array, starts: int, steps: int,
 
     Returns: the gains, and the finer set of scenarios; where time gives out the best gains so far, and as many scenarios as it does for.
     """
-    fewer = 1 if problem.batched else ALONE
+    fewer = 1 if problem.family.batched else ALONE
     laid = lay_scenarios(ranges, FINE // fewer // 4 ** len(ranges) + 1)
     fine = np.concatenate([laid, draw_scenarios(ranges, RANDOM // fewer, seed + 2)])
     try:
@@ -215,7 +199,7 @@ def search(problem: Problem, own: Array, ranges: Array, starts: int, steps: int,
 
 def minimise(problem: Problem, own: Array, starts: int, steps: int, seed: int, fine: Array) -> Array:
     """The gains that the search ends with. Raises: OutOfTimeError."""
-    screened = SCREENED if problem.batched else SCREENED // ALONE
+    screened = SCREENED if problem.family.batched else SCREENED // ALONE
     drawn = np.random.default_rng(seed).uniform(-np.pi / 2, np.pi / 2, (screened, len(own)))
     sizes = [problem.worst(x) for x in drawn[: screened * (starts > 1)]]
     levels = LEVELS if problem.exact else BY_DIFFERENCES
@@ -284,8 +268,6 @@ def find_unit(problem: Problem, x: Array) -> float:
 
 def lay_scenarios(ranges: Array, each: int) -> Array:
     """A grid of scenarios over ranges (V, 2), ends included; beyond three numbers the corners and as many quasi-random ones."""
-    if not len(ranges):
-        return np.zeros((1, 0))
     if len(ranges) <= 3:
         return np.array(list(product(*[np.linspace(low, high, each) for low, high in ranges])))
     corners = np.array(list(product(*ranges)))

@@ -1,6 +1,7 @@
 """How much of its uncertainty a loop endures: the smallest change of its numbers that makes it unstable."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise, product
 
@@ -74,14 +75,6 @@ class Box:
         return np.where((self.slope(np.zeros(len(self.own))) < 0) | (self.high == self.own), -1.0, 1.0)
 
 
-def list_ranges(source: Source, ranges: Ranges | None) -> dict[str, tuple[float, float]]:
-    """The ranges that are given, or those of the scene."""
-    if ranges is not None:
-        return {path: (float(low), float(high)) for path, (low, high) in ranges.items()}
-    known = source.uncertainty if isinstance(source, Scene) else {}
-    return {path: (one.low, one.high) for path, one in known.items()}
-
-
 def make_box(
     source: Source,
     ranges: Ranges | None = None,
@@ -93,40 +86,32 @@ def make_box(
 
     Raises: ArgumentError where no ranges are known, they do not hold the loop's own numbers, or a path leads to no free number.
     """
-    ends = list_ranges(source, ranges)
+    if ranges is None and isinstance(source, Scene):
+        ranges = {path: (one.low, one.high) for path, one in source.uncertainty.items()}
+    ends = {path: (float(low), float(high)) for path, (low, high) in (ranges or {}).items()}
     if not ends:
         raise ArgumentError("no range is known", expected="ranges, or a table [uncertainty] in the scene")
-    family = make_family(source, ends, loop)
+    family, most = make_family(source, ends, loop), []
     if not isinstance(source, Scene):
-        family.own = np.asarray(np.nan if own is None else own, dtype=float)
-    low, high = np.array(list(ends.values())).T
-    need_own_inside(ends, family.own)
-    most = np.full((2, len(ends)), furthest)
-    if isinstance(source, Scene):
-        for i, path in enumerate(ends):
-            most[:, i] = [allowed(source, path, family.own[i], end[i], furthest) for end in (low, high)]
-    return Box(family, tuple(ends), family.own, low, high, most)
-
-
-def need_own_inside(ends: dict[str, tuple[float, float]], own: Array) -> None:
-    """Refuse ranges that do not hold the loop's own numbers. Raises: ArgumentError."""
-    for (path, (low, high)), value in zip(ends.items(), np.broadcast_to(own, len(ends)), strict=True):
+        family.own = np.broadcast_to(np.asarray(np.nan if own is None else own, dtype=float), len(ends))
+    for (path, (low, high)), value in zip(ends.items(), family.own.tolist(), strict=True):
         if not (low <= value <= high and low < high):
-            raise ArgumentError(
-                f"the range of {path} does not hold the loop's own number",
-                got=f"{low:g} to {high:g}",
-                expected=f"{value:g} between them" if np.isfinite(value) else "own numbers, one for each range",
-            )
+            got = f"{low:g} to {high:g}"
+            expected = f"{value:g} between them" if np.isfinite(value) else "own numbers, one for each range"
+            raise ArgumentError(f"the range of {path} does not hold the loop's own number", got=got, expected=expected)
+        most.append([allowed(source, path, value, end, furthest) for end in (low, high)])
+    lows, highs = np.array(list(ends.values())).T
+    return Box(family, tuple(ends), family.own, lows, highs, np.array(most).T)
 
 
-def allowed(scene: Scene, path: str, own: float, end: float, furthest: float) -> float:
-    """The multiple of a number's change to one end up to which the schema accepts it."""
+def allowed(source: Source, path: str, own: float, end: float, furthest: float) -> float:
+    """The multiple of a number's change to one end up to which a scene's schema accepts it."""
+    if not isinstance(source, Scene):
+        return furthest
     for size in (min(one, furthest) for one in FURTHEST):
-        try:
-            check_axes(scene, {path: np.array([own, own + size * (end - own)])}, grid=True)
-        except InputError:
-            continue
-        return size
+        with suppress(InputError):
+            check_axes(source, {path: np.array([own, own + size * (end - own)])}, grid=True)
+            return size
     return 1.0
 
 
@@ -148,10 +133,8 @@ def list_directions(box: Box) -> Array:
     if box.family.slow:
         uphill = box.uphill()
         return np.unique(np.vstack([uphill, np.diag(uphill)]), axis=0)
-    every = 2**P <= CORNERS
-    signs = (
-        list(product([-1.0, 1.0], repeat=P)) if every else np.random.default_rng(0).choice([-1.0, 1.0], (CORNERS, P))
-    )
+    ends, draw = [-1.0, 1.0], np.random.default_rng(0).choice
+    signs = list(product(ends, repeat=P)) if 2**P <= CORNERS else draw(ends, (CORNERS, P))
     inside = 2 * qmc.Sobol(P, seed=0).random(CORNERS // 2) - 1
     faces = inside / np.abs(inside).max(axis=1, keepdims=True) if P > 1 else inside[:0]
     return np.unique(np.vstack([np.eye(P), -np.eye(P), signs, faces]), axis=0)
@@ -345,15 +328,14 @@ def search_box(box: Box) -> NearestInstability:
         raise NotStable(f"the loop is {at_rest.verdict} as it is", got=at_rest.status, expected="a stable loop")
     growth = find_spread(box)
     places = [follow(box, *ray) for ray in scan(box)]
-    tried = box.family.evaluations + len(box.known)
+    about = box.furthest, box.family.evaluations + len(box.known), growth
     if not places:
-        nowhere = np.full(len(box.own), np.nan)
-        return NearestInstability(box.paths, box.own, nowhere, np.inf, 0.0, False, box.furthest, tried, growth)
+        return NearestInstability(box.paths, box.own, np.full(len(box.own), np.nan), np.inf, 0.0, False, *about)
     u = min(places, key=lambda place: float(np.abs(place).max()))
     scale = float(np.abs(u).max())
     error = measure_error(box, u / scale, scale)
     confirmed = confirm(box, u / scale, scale, error)
-    return NearestInstability(box.paths, box.own, box.values(u), scale, error, confirmed, box.furthest, tried, growth)
+    return NearestInstability(box.paths, box.own, box.values(u), scale, error, confirmed, *about)
 
 
 def find_spread(box: Box) -> tuple[float, float]:

@@ -62,13 +62,27 @@ class Family:
     coarsest: float = ROUGH
 
     @property
+    def loop(self) -> ParametricLoop | None:
+        """The loop on a scene's arm that keeps the numbers as symbols, where it is one."""
+        return None
+
+    @property
+    def batched(self) -> bool:
+        """Whether many spectra of such a loop are computed together."""
+        return False
+
+    @property
     def slow(self) -> bool:
         """Whether spectra take so long that a scan should leave out what it can."""
-        return False
+        return self.loop is not None and self.loop.states >= WIDE and not self.batched
 
     def system_at(self, point: Array) -> PeriodicSystem:
         """The system at one point (P,)."""
         return self.make(point)
+
+    def periods(self, points: Array) -> Array:
+        """T in s at points (V, P)."""
+        return np.array([self.system_at(point).period for point in points])
 
     def rough(self, points: Array) -> Spectra:
         """Spectra at points (V, P): to LOOSE where all then decays for certain, by far more than is not known; else to `coarsest`."""
@@ -137,8 +151,11 @@ class SymbolicFamily(Family):
 
     @property
     def loop(self) -> ParametricLoop | None:
-        """The loop on a scene's arm, where it is one."""
         return self.source if isinstance(self.source, ParametricLoop) else None
+
+    @property
+    def batched(self) -> bool:
+        return self.loop is not None and self.together is not None
 
     @lazy
     def together(self) -> "Together | None":
@@ -146,14 +163,11 @@ class SymbolicFamily(Family):
         from flexlin.answers.sweep.together import Together
 
         low, high = self.box
-        shares = np.arange(1, PILOTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
-        if len(low) > shares.shape[1]:
-            shares = np.random.default_rng(0).random((PILOTS, len(low)))
-        return Together.prepare(self.source, (low + (high - low) * shares)[:, self.order], self.coarsest)
+        pilots = np.random.default_rng(0).uniform(low, high, (PILOTS, len(low)))
+        return Together.prepare(self.source, pilots[:, self.order], self.coarsest)
 
-    @property
-    def slow(self) -> bool:
-        return self.source.states >= WIDE and self.together is None
+    def periods(self, points: Array) -> Array:
+        return super().periods(points) if self.loop is None else self.loop.periods(points)
 
     def rough(self, points: Array) -> Spectra:
         """Together, as a sweep computes them, where that is accurate enough; else one by one."""

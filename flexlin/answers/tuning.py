@@ -200,8 +200,8 @@ def keep_torque(
     corners = np.concatenate([fine[fine.argmax(axis=0)], worst]) if fine.shape[1] else fine
 
     def keeps(numbers: Array) -> bool:
-        revised = revise_scene(source, dict(zip(gains, map(float, numbers), strict=True)))
-        return all(peak_torque(revised, dict(zip(vary, map(float, one), strict=True))) <= limit for one in corners)
+        revised = revise_scene(source, named(gains, numbers))
+        return all(peak_torque(revise_scene(revised, named(vary, one))) <= limit for one in corners)
 
     if keeps(tuned):
         return tuned, ""
@@ -229,16 +229,14 @@ def report_tuning(
     active = []
     for k in np.argsort(-growth)[:CONFIRMED]:
         result = floquet(problem.family.system_at(np.concatenate([tuned, every[k]])))
-        scenario = dict(zip(vary, map(float, every[k]), strict=True))
+        scenario = named(vary, every[k])
         if result.verdict != "stable":
-            where = f" at {scenario}" if scenario else ""
-            raise NotStable(
-                "the search found no gains that are stable in all scenarios", got=f"{result.verdict}{where}",
-                expected="gains that hold everywhere", todo="widen the limits, or narrow the scenarios",
-            )  # fmt: skip
-        for exponent, error in zip(result.exponents, result.errors, strict=True):
-            if exponent.imag >= 0:
-                active.append(ActiveExponent(scenario, complex(exponent), float(error)))
+            what, got = "the search found no gains that are stable in all scenarios", result.verdict
+            got += f" at {scenario}" if scenario else ""
+            todo = "widen the limits, or narrow the scenarios"
+            raise NotStable(what, got=got, expected="gains that hold everywhere", todo=todo)
+        pairs = zip(result.exponents.tolist(), result.errors.tolist(), strict=True)
+        active += [ActiveExponent(scenario, exponent, error) for exponent, error in pairs if exponent.imag >= 0]
     active.sort(key=lambda one: -one.exponent.real)
     worst = active[0].exponent.real
     active = [one for one in active if one.exponent.real >= worst + NEAR * worst]
@@ -250,15 +248,18 @@ def report_tuning(
         if abs(value - edge) < NEAR * min(abs(edge) or np.inf, high - low)
     ]
     meeting = f"{len(active)} exponents meet" if len(active) > 1 else "one exponent at one scenario"
-    ended = ["the time, which ended the search"] if problem.ended else []
-    named = (*bound, *([capped] if capped else []), *ended, meeting)
-    numbers = dict(zip(gains, map(float, tuned), strict=True))
+    ended = "the time, which ended the search" if problem.ended else ""
+    limits = tuple(filter(None, (*bound, capped, ended, meeting)))
+    numbers = named(gains, tuned)
     scene = revise_scene(source, numbers) if isinstance(source, Scene) else None
-    status = (
-        f"the slowest decay over {len(every)} scenarios goes from {-before:.4g} to {-worst:.4g} 1/s; "
-        f"what limits it: {'; '.join(named)}"
-    )
-    return Tuning(scene, numbers, float(worst), before, tuple(active), named, len(every), status)
+    goes = f"the slowest decay over {len(every)} scenarios goes from {-before:.4g} to {-worst:.4g} 1/s"
+    status = f"{goes}; what limits it: {'; '.join(limits)}"
+    return Tuning(scene, numbers, float(worst), before, tuple(active), limits, len(every), status)
+
+
+def named(paths: tuple[str, ...], numbers: Array) -> dict[str, float]:
+    """Numbers by their paths."""
+    return dict(zip(paths, numbers.tolist(), strict=True))
 
 
 RESPONSE_TOL = 1e-6
@@ -270,18 +271,16 @@ def torque_limit(source: Source, limits: Mapping[str, Any]) -> float | None:
         return positive("the limit of the torque", limits["torque"])
     if not isinstance(source, Scene):
         return None
-    drives, saturation = getattr(source, "drives", None), source.control.saturation
+    saturation, peak = source.control.saturation, None if source.drives is None else source.drives.torque.peak
     known = [] if saturation is None else list(saturation.torque)
-    if drives is not None and drives.torque.peak is not None:
-        several = drives.torque.peak if isinstance(drives.torque.peak, list | tuple) else [drives.torque.peak]
-        known += [min(in_si(item, "N m", "N") for item in several)]
+    if peak is not None:
+        known += [in_si(item, "N m", "N") for item in (peak if isinstance(peak, list | tuple) else [peak])]
     return float(min(known)) if known else None
 
 
-def peak_torque(scene: Scene, numbers: Mapping[str, float]) -> float:
-    """The largest torque of the scene's steady motion with other numbers, in N m."""
-    revised = revise_scene(scene, numbers)
-    lin = linearize(build_manipulator(revised), revised.motion, revised.control)
+def peak_torque(scene: Scene) -> float:
+    """The largest torque of the scene's steady motion, in N m."""
+    lin = linearize(build_manipulator(scene), scene.motion, scene.control)
     t = lin.period * np.arange(SAMPLES) / SAMPLES
     states = find_response(lin, lin.periodic_system(), t, RESPONSE_TOL).states
     return float(np.abs(drive_load(lin, t, states, lin.law).torque).max())

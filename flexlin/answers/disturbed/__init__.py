@@ -124,25 +124,23 @@ def answer_nonlinearly(
     lin: Linearization, law: Law, drive: Drive, stated: Disturbance, begin: float, t: Array, start: Array, tol: float
 ) -> tuple[Array, Array]:
     """States (S, 2n + k) with and without the disturbance at times t (S,) after `begin`, from the steady state `start` (2n + k,)."""
-    moments = begin + t
-    without = NonlinearLoop(lin, law, drive).integrate(moments, start, tol)[:, :-1]
+
+    def follow(loop: NonlinearLoop, times: Array, start: Array) -> Array:
+        return loop.integrate(times, start, tol)[:, :-1]
+
+    moments, away = begin + t, np.zeros(len(start))
+    without = follow(NonlinearLoop(lin, law, drive), moments, start)
+    if stated.kind == "push":
+        until = int(np.searchsorted(t, stated.time * (1 + 1e-12), side="right"))
+        pushed = follow(PushedLoop(lin, law, Directions(lin, stated.axis), stated.size), moments[:until], start)
+        after = follow(NonlinearLoop(lin, law, drive), moments[until - 1 :], pushed[-1])
+        return np.concatenate([pushed, after[1:]]), without
     if stated.kind == "initial":
-        away = np.append(stated.start, np.zeros(len(start) - len(stated.start)))
-        return NonlinearLoop(lin, law, drive).integrate(moments, start + away, tol)[:, :-1], without
-    if stated.kind == "step":
-
-        def shifted(t: Array) -> Array:
-            torque = np.array(law.forward(t))
-            torque[:, stated.joint] += stated.size
-            return torque
-
-        return NonlinearLoop(lin, replace(law, forward=shifted), drive).integrate(moments, start, tol)[:, :-1], without
-    until = int(np.searchsorted(t, stated.time * (1 + 1e-12), side="right"))
-    pushed = PushedLoop(lin, law, Directions(lin, stated.axis), stated.size).integrate(moments[:until], start, tol)[
-        :, :-1
-    ]
-    after = NonlinearLoop(lin, law, drive).integrate(moments[until - 1 :], pushed[-1], tol)[1:, :-1]
-    return np.concatenate([pushed, after]), without
+        away[: len(stated.start)] = stated.start
+    else:
+        step, forward = stated.size * np.eye(lin.about.m)[stated.joint], law.forward
+        law = replace(law, forward=lambda t: forward(t) + step)
+    return follow(NonlinearLoop(lin, law, drive), moments, start + away), without
 
 
 Seen = Callable[[Array, Array], Array]
@@ -273,9 +271,8 @@ def respond(
     over = np.array([overshoot(row, end) for row, end in zip(values, ends, strict=True)])
     worst = int(np.lexsort((-over, -settling))[0])
     nonlinear, problem, load = judge_nonlinear(closed, stated, law, loop, linear, worst, seen, tol, drives)
-    return DisturbanceAnswer(
-        stated.words, what, unit, linear.phases, linear.t, values, settling, over, worst, nonlinear, problem, load
-    )
+    about = stated.words, what, unit, linear.phases, linear.t, values
+    return DisturbanceAnswer(*about, settling, over, worst, nonlinear, problem, load)
 
 
 def steps_of(growth: float, period: float, periods: float | None) -> int:
@@ -343,10 +340,9 @@ def judge_nonlinear(
     begin = linear.phases[worst] * closed.period
     left_over = OfPlant(closed.forcing, 2 * closed.n, loop.n)
     steady = forced_response(loop, left_over, tol)(np.array([begin]))[0]
+    beginning = begin, linear.t, steady, max(tol, 1e-9)
     try:
-        disturbed, without = answer_nonlinearly(
-            closed, law, scene_drive(closed), stated, begin, linear.t, steady, max(tol, 1e-9)
-        )
+        disturbed, without = answer_nonlinearly(closed, law, scene_drive(closed), stated, *beginning)
     except NumericalError as error:
         return None, str(error), None
     times = begin + linear.t
@@ -363,9 +359,9 @@ def answer_in_scene(
     """
     clock, asked = clock or Clock(), scene.accuracy
     tables = {table.name: table for table in scene.designs}
-    if loop != "own" and loop not in tables:
-        raise ArgumentError("there is no such loop", got=repr(loop), expected=" | ".join(["own", *tables]))
     if loop != "own":
+        if loop not in tables:
+            raise ArgumentError("there is no such loop", got=repr(loop), expected=" | ".join(["own", *tables]))
         need_continuous(tables[loop])
     tol = max(asked.tol, LEAST)
     arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
@@ -373,9 +369,8 @@ def answer_in_scene(
     stated = state_disturbance(kind, words, closed)
     law, system = closed.law, closed.periodic_system()
     if loop != "own":
-        made = clock.stage(
-            f"design: {loop}", asked, lambda: design(linearize(arm, scene.motion), tables[loop], asked.tol)
-        )
+        work = lambda: design(linearize(arm, scene.motion), tables[loop], asked.tol)  # noqa: E731
+        made = clock.stage(f"design: {loop}", asked, work)
         law, system = law.with_gain(made.K, made.controller), made.closed_loop
     if kind == "noise":
         return clock.stage("covariance", asked, lambda: answer_noise(closed, stated, system, tol))
