@@ -22,6 +22,7 @@ ANY_SYSTEM = f"a {SYSTEM}, or what has one"
 """Where a system is meant, a linearization serves that makes one."""
 HINTS = {
     "a Scene": "load one: fl.load_scene(name or path)",
+    "a Scene or a PeriodicFamily": "load one: fl.load_scene(name or path)",
     ANY_SYSTEM: f"make one of A(t) and its period: fl.{SYSTEM}(A, period)",
 }
 """What to do where a scene or a system is missing, which most often means that its name, or A(t) itself, was given."""
@@ -59,7 +60,7 @@ def checked(function: Function) -> Function:
     @cache
     def kinds() -> dict[str, Kind]:
         single = {name: one for name, one in signature.parameters.items() if one.kind not in SEVERAL}
-        found = {name: kind_of(resolved(one.annotation, function)) for name, one in single.items()}
+        found = {name: kind_of(one.annotation) for name, one in single.items()}
         return {name: kind for name, kind in found.items() if kind is not None}
 
     @wraps(function)
@@ -70,12 +71,8 @@ def checked(function: Function) -> Function:
             return function(*given, **named)
         for name, kind in kinds().items():
             if name in bound and not kind.fits(bound[name]):
-                raise ArgumentError(
-                    f"{name} is of another kind",
-                    got=shown(bound[name]),
-                    expected=kind.words,
-                    todo=HINTS.get(kind.words),
-                )
+                got, todo = shown(bound[name]), HINTS.get(kind.words)
+                raise ArgumentError(f"{name} is of another kind", got=got, expected=kind.words, todo=todo)
         return function(*given, **named)
 
     return begin  # type: ignore[return-value]
@@ -87,16 +84,6 @@ def shown(value: Any) -> str:
         return " ".join(repr(value).split())[:80]
     except Exception:
         return name_kind(type(value))
-
-
-def resolved(annotation: Any, function: Callable[..., Any]) -> Any:
-    """An annotation that is given as a string, by the names that its module knows; without them, the class's name alone."""
-    if not isinstance(annotation, str):
-        return annotation
-    try:
-        return eval(annotation, getattr(function, "__globals__", {}))
-    except NameError:  # a name for the type checker alone
-        return Any
 
 
 def kind_of(annotation: Any) -> Kind | None:
@@ -137,9 +124,7 @@ def plain_kind(annotation: Any, origin: Any, inside: tuple[Any, ...]) -> Kind | 
         return Kind("a mapping", lambda value: isinstance(value, Mapping))
     if origin is not None and isinstance(origin, type) and issubclass(origin, Iterable):
         return list_of(kind_of(inside[0]) if inside else None)
-    if getattr(annotation, "_is_protocol", False):
-        has = [name for name in (*vars(annotation), *annotation.__annotations__) if not name.startswith("_")]
-        return Kind(name_kind(annotation), lambda value: all(hasattr(value, name) for name in has))
+
     if getattr(annotation, "__name__", "") == SYSTEM and isinstance(annotation, type):
         return Kind(ANY_SYSTEM, lambda v: isinstance(v, annotation) or callable(getattr(v, MAKER, None)))
     if isinstance(annotation, type) and annotation not in (object, Any):

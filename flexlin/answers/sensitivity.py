@@ -9,7 +9,7 @@ import numpy as np
 
 from flexlin import symbolic
 from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.arguments import checked, instance
+from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.exponents import floquet
@@ -69,12 +69,7 @@ def sensitivity(scene: Scene, paths: Sequence[str] | None = None, tol: float = 1
     >>> found["derivative"].dims, found["value"].values.tolist()
     (('parameter', 'mode'), [0.5])
     """
-    instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
-    if paths is not None:
-        instance("paths", paths, (list, tuple), "give dotted paths, such as ['effects.payload.mass']")
     paths = choose_paths(scene) if paths is None else tuple(paths)
-    for path in paths:
-        instance("a path", path, str, "give dotted paths, such as 'effects.payload.mass'")
     if not paths:
         raise ArgumentError("no parameter to differentiate by", expected="at least one dotted path")
     loop = parametric_loop(scene, paths)

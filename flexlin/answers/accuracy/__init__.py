@@ -35,7 +35,7 @@ from flexlin.answers.accuracy.scipy_methods import (
     try_scipy,
 )
 from flexlin.answers.clock import time_limit
-from flexlin.arguments import checked, instance
+from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import ArgumentError, FlexlinError, counted
 from flexlin.mechanics import build_manipulator
@@ -304,7 +304,6 @@ def cost(scene: Scene, *, peers: bool = True, seconds: float | None = None) -> C
     >>> result.cheapest("exponents", 1e-8).setting  # doctest: +SKIP
     'tol 1e-08, gauss 20 on 40'
     """
-    instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
     end = perf_counter() + (scene.accuracy.seconds if seconds is None else positive("seconds", seconds))
     arm = build_manipulator(scene)
     closed, plant = linearize(arm, scene.motion, scene.control), linearize(arm, scene.motion)

@@ -18,7 +18,7 @@ from flexlin.answers.audit.versions import (
     read_scale,
 )
 from flexlin.answers.steady import arm_length
-from flexlin.arguments import checked, instance
+from flexlin.arguments import checked
 from flexlin.checks import positive
 from flexlin.errors import TimeLimit
 from flexlin.mechanics import build_manipulator
@@ -80,7 +80,6 @@ def audit(
     >>> found.needed
     ('payload',)
     """
-    instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
     tolerance, tol = positive("tolerance", tolerance), positive("tol", tol)
     report = progress or (lambda text: None)
     report("the scene as it is")

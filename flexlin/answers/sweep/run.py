@@ -15,7 +15,7 @@ from flexlin.answers.sweep.found import Found
 from flexlin.answers.sweep.job import Job, Work, compute_here, prepare_job
 from flexlin.answers.sweep.sharing import share_among_processes, share_among_threads, share_on_cluster
 from flexlin.answers.sweep.store import Store
-from flexlin.arguments import checked, instance
+from flexlin.arguments import checked
 from flexlin.checks import whole
 from flexlin.errors import ArgumentError
 from flexlin.resources import Stopwatch
@@ -101,8 +101,6 @@ def sweep(
     >>> bool((found["error"] < 1e-6 * abs(found["exponents"]).max("mode")).all())
     True
     """
-    instance("scene", scene, (Scene, PeriodicFamily), "load one: fl.load_scene(name or path)")
-    instance("values", values, Mapping, "give dotted paths with their values")
     job = prepare_job(scene, values, tol, grid, loop)
     if store is not None:
         keep_in(store, job)
