@@ -163,8 +163,10 @@ class SymbolicFamily(Family):
         from flexlin.answers.sweep.together import Together
 
         low, high = self.box
-        pilots = np.random.default_rng(0).uniform(low, high, (PILOTS, len(low)))
-        return Together.prepare(self.source, pilots[:, self.order], self.coarsest)
+        shares = np.arange(1, PILOTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
+        if len(low) > shares.shape[1]:
+            shares = np.random.default_rng(0).random((PILOTS, len(low)))
+        return Together.prepare(self.source, (low + (high - low) * shares)[:, self.order], self.coarsest)
 
     def periods(self, points: Array) -> Array:
         return super().periods(points) if self.loop is None else self.loop.periods(points)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,21 +34,29 @@ MOST_CORNERS = 6
 """Paths of a grid whose corners are checked together."""
 
 
-class Work(Protocol):
-    """What computes a block of values; it pickles, so that it can be sent to where the work is done.
+@dataclass(frozen=True)
+class OneByOne:
+    """The computation of values by `floquet`."""
 
-    `threaded`: whether threads of one process do it as fast as processes.
-    """
+    source: AnyLoop | PeriodicFamily
+    tol: float
+    block: int = 4
+    route = "one by one"
+    segments = 0
+    threaded = False
 
-    route: str
+    def compute(self, points: Array) -> Found:
+        """All values of a block."""
+        found = Found.empty(len(points), self.source.states)
+        for i, point in enumerate(points):
+            advance(i / len(points))
+            found.put_alone(i, partial(self.source.system_at, point), self.tol)
+        return found
 
-    @property
-    def segments(self) -> int: ...
-    @property
-    def block(self) -> int: ...
-    @property
-    def threaded(self) -> bool: ...
-    def compute(self, points: Array) -> Found: ...
+
+Work = Together | OneByOne
+"""What computes a block of values; it pickles, so that it can be sent to where the work is done. `threaded`: whether threads of one process
+do it as fast as processes."""
 
 
 @dataclass
@@ -189,23 +197,3 @@ def choose_work(source: AnyLoop | PeriodicFamily, points: Array, tol: float) -> 
     if isinstance(source, ParametricLoop | PeriodicFamily):
         together = Together.prepare(source, points, tol)
     return together or OneByOne(source, tol)
-
-
-@dataclass(frozen=True)
-class OneByOne:
-    """The computation of values by `floquet`."""
-
-    source: AnyLoop | PeriodicFamily
-    tol: float
-    block: int = 4
-    route = "one by one"
-    segments = 0
-    threaded = False
-
-    def compute(self, points: Array) -> Found:
-        """All values of a block."""
-        found = Found.empty(len(points), self.source.states)
-        for i, point in enumerate(points):
-            advance(i / len(points))
-            found.put_alone(i, partial(self.source.system_at, point), self.tol)
-        return found

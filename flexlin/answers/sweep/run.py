@@ -124,20 +124,15 @@ def choose_crew(
             raise ArgumentError("a cluster has its own workers", got=f"workers={workers!r}", expected="client alone")
         need_portable(job.work)
         return partial(share_on_cluster, client=client)
-    if workers is not None:
-        workers = min(whole("workers", workers), max(1, len(job.blocks)))
-        if workers == 1:
-            return compute_here
-        if job.work.threaded:
-            return partial(share_among_threads, workers=workers)
-        need_portable(job.work)
-        return partial(share_among_processes, workers=workers)
-    cores = count_cores()
-    if job.work.threaded:
-        return partial(share_among_threads, workers=cores)
-    if cores == 1 or not is_portable(job.work) or predict_seconds(job) < LOADED:
+    several = count_cores() if workers is None else min(whole("workers", workers), max(1, len(job.blocks)))
+    if several == 1:
         return compute_here
-    return partial(share_among_processes, workers=cores)
+    if job.work.threaded:
+        return partial(share_among_threads, workers=several)
+    if workers is None and (not is_portable(job.work) or predict_seconds(job) < LOADED):
+        return compute_here
+    need_portable(job.work)
+    return partial(share_among_processes, workers=several)
 
 
 def predict_seconds(job: Job) -> float:
@@ -165,11 +160,9 @@ def is_portable(work: Work) -> bool:
 def need_portable(work: Work) -> None:
     """Refuse to send work elsewhere that would not be understood there."""
     if not is_portable(work):
-        got, todo = (
-            "a model that is registered in this process only, or functions that do not pickle",
-            "ask for workers = 1",
-        )
-        raise ArgumentError("the loop cannot be sent to other processes", got=got, todo=todo)
+        what, todo = "the loop cannot be sent to other processes", "ask for workers = 1"
+        got = "a model that is registered in this process only, or functions that do not pickle"
+        raise ArgumentError(what, got=got, todo=todo)
 
 
 def count_cores() -> int:

@@ -21,7 +21,7 @@ from flexlin.errors import ArgumentError, NumericalError
 from flexlin.progress import listening
 
 if TYPE_CHECKING:
-    from flexlin.answers.sweep.job import Job, Work
+    from flexlin.answers.sweep.job import Job
 
 AHEAD = 4
 """Blocks for each worker that are given out at once: on a cluster they wait where they are computed."""
@@ -71,12 +71,8 @@ def share_among_threads(job: "Job", workers: int) -> Iterator[tuple[int, Found]]
 
 
 def share_among_processes(job: "Job", workers: int) -> Iterator[tuple[int, Found]]:
-    """Each thread has a process of this machine that works for it. Raises: ArgumentError where the work cannot be sent."""
-    try:
-        crew = Crew(pickle.dumps(job.work, protocol=pickle.HIGHEST_PROTOCOL), workers, job.found.exponents.shape[1])
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
-        todo = "ask for workers = 1"
-        raise ArgumentError("the loop cannot be sent to other processes", got=str(error), todo=todo) from None
+    """Each thread has a process of this machine that works for it."""
+    crew = Crew(pickle.dumps(job.work, protocol=pickle.HIGHEST_PROTOCOL), workers, job.found.exponents.shape[1])
     with ThreadPoolExecutor(workers) as pool:
         try:
             yield from share(job, lambda points: pool.submit(crew.compute, points), workers)
@@ -93,17 +89,12 @@ def share_on_cluster(job: "Job", client: Any) -> Iterator[tuple[int, Found]]:
         pool = known.get_executor(pure=False, retries=ATTEMPTS)
         try:
             threads = max(1, sum(known.nthreads().values()))
-            yield from share(job, lambda points: pool.submit(compute_block, work, points.copy()), threads)
+            yield from share(job, lambda points: pool.submit(type(job.work).compute, work, points.copy()), threads)
         except KilledWorker as error:
             todo = "give the workers more memory, or ask for fewer values"
             raise NumericalError("workers died over a block", got=str(error)[:200], todo=todo) from None
         finally:
             pool.shutdown(wait=False)
-
-
-def compute_block(work: "Work", points: Array) -> Found:
-    """A block, on the worker of a cluster."""
-    return work.compute(points)
 
 
 @contextmanager
@@ -124,11 +115,8 @@ def connect(client: Any) -> Iterator[Any]:
         refuse_silence(client)
         known = Client(client, timeout=PATIENCE)
     except (OSError, ValueError, TimeoutError) as error:
-        got, todo = (
-            f"{client}: {str(error)[:120]}",
-            "start one: dask scheduler, and dask worker ADDRESS on each machine",
-        )
-        raise ArgumentError("no scheduler answers", got=got, todo=todo) from None
+        todo = "start one: dask scheduler, and dask worker ADDRESS on each machine"
+        raise ArgumentError("no scheduler answers", got=f"{client}: {str(error)[:120]}", todo=todo) from None
     with known:
         yield known
 
@@ -151,25 +139,24 @@ class Crew:
 
     def compute(self, points: Array) -> Found:
         """A block, by a process that is idle. Raises: what the block raised there."""
-        process = self._idle.get()
+        process, answer = self._idle.get(), None
         try:
             for _ in range(ATTEMPTS):
-                try:
+                with suppress(EOFError, OSError, pickle.UnpicklingError):
                     process = process or self._start()
                     send(process.stdin, points)  # type: ignore[arg-type]
                     answer = pickle.load(process.stdout)  # type: ignore[arg-type]
-                except (EOFError, OSError, pickle.UnpicklingError):
-                    self._end(process)
-                    process = None
-                    continue
-                if isinstance(answer, Exception):
-                    raise answer
-                return answer
+                    break
+                self._end(process)
+                process = None
         finally:
             self._idle.put(process)
-        found = Found.empty(len(points), self._states)
-        found.verdict[:], found.reason[:] = FAILED, ENDED
-        return found
+        if isinstance(answer, Exception):
+            raise answer
+        if answer is None:
+            answer = Found.empty(len(points), self._states)
+            answer.verdict[:], answer.reason[:] = FAILED, ENDED
+        return answer
 
     def close(self) -> None:
         """End the processes for good; what they were asked is lost."""
