@@ -39,14 +39,7 @@ LAY_OUT = declare(
 MARCH_PROGRAM = declare(
     "long march_program(long steps, const Step *code, long points, long times, long inputs, const double **in, const long *rows, "
     "const long *ahead, long outputs, double **out, const long *sizes, const long *beyond, double *work)",
-    lambda steps, code, points, times, inputs, read, rows, ahead, outputs, *_: (
-        (steps, WORDS),
-        inputs,
-        inputs,
-        outputs,
-        outputs,
-        None,
-    ),
+    lambda steps, code, points, times, m, read, rows, ahead, n, *_: ((steps, WORDS), m, m, n, n, None),
 )
 
 

@@ -179,14 +179,14 @@ def check_limits(path: str, limits: tuple[float, float]) -> tuple[float, float]:
 def describe_crossing(path: str, crossing: Crossing, family: Family, effort: Effort) -> CriticalValue:
     """A crossing with its resonance, its distance from the scene's own value, and its exact slope, as far as the effort affords them."""
     kind, distance = "onset" if crossing.onset else "recovery", crossing.value - float(family.own[0])
+    found = CriticalValue(path, crossing.value, crossing.error, kind, "not looked for", distance, np.nan)
     if crossing.touching:
         text = f"touching tongue: closed to within rounding, narrower than {2 * crossing.error:.1e}"
-        return CriticalValue(path, crossing.value, crossing.error, kind, text, distance, 0.0, True)
+        return replace(found, resonance=text, slope=0.0, touching=True)
     if not effort.affords(DESCRIBED):
         effort.unfinished = True
-        return CriticalValue(path, crossing.value, crossing.error, kind, "not looked for", distance, np.nan)
-    text = describe_causes(family, np.array([crossing.inside]))
-    found = CriticalValue(path, crossing.value, crossing.error, kind, text, distance, np.inf)
+        return found
+    found = replace(found, resonance=describe_causes(family, np.array([crossing.inside])), slope=np.inf)
     return found if crossing.undamped else add_slope(found, family)
 
 
@@ -271,30 +271,17 @@ def find_margin(
 
 def choose_margins(scene: Scene) -> dict[str, tuple[float, float]]:
     """The numbers that engineers ask for first, speed and payload, with ranges about the scene's own values."""
-    paths = (
-        "motion.frequency",
-        "motion.move_time",
-        "motion.joints.0.rate",
-        last_number(scene, "effects.payload.mass"),
-        "parameters.payload_mass",
-    )
-    known = {path: read_number(scene, path) for path in paths}
+    motion = ("motion.frequency", "motion.move_time", "motion.joints.0.rate")
+    known = dict(find_number(scene, path) for path in (*motion, "effects.payload.mass", "parameters.payload_mass"))
     ends = {path: sorted(factor * own for factor in FACTORS) for path, own in known.items() if own}
     return {path: (low, high) for path, (low, high) in ends.items()}
 
 
-def last_number(scene: Scene, path: str) -> str:
-    """The path of a list's last number, here that of the load at the tip; the path itself where it leads to one number."""
+def find_number(scene: Scene, path: str) -> tuple[str, float]:
+    """A number of the scene with its path, of a list the last one, which is that of the load at the tip; 0 where there is none."""
     with suppress(ArgumentError):
         value = get_value(scene, path)
-        return path if isinstance(value, float) else f"{path}.{len(value) - 1}"
-    return path
-
-
-def read_number(scene: Scene, path: str) -> float:
-    """The number at a path, 0 where there is none."""
-    try:
-        value = get_value(scene, path)
-    except ArgumentError:
-        return 0.0
-    return value if isinstance(value, float) else 0.0
+        if isinstance(value, list | tuple):
+            path, value = f"{path}.{len(value) - 1}", value[-1]
+        return path, value if isinstance(value, float) else 0.0
+    return path, 0.0

@@ -105,14 +105,8 @@ def integrate_derivatives(loop: ParametricLoop, modes: FloquetModes) -> Array:
     size = max(1, CHUNK_BYTES // (8 * (len(loop.paths) + 1) * 3 * states**2))
     total = -modes.exponents * stretch[:, None] / modes.period
     for k in (used[i : i + size] for i in range(0, len(used), size)):
-        part = replace(
-            modes,
-            times=modes.times[k],
-            weights=modes.weights[k],
-            right=modes.right[k],
-            left=modes.left[k],
-            exponents=np.zeros_like(modes.exponents),
-        )
+        some = {name: getattr(modes, name)[k] for name in ("times", "weights", "right", "left")}
+        part = replace(modes, **some, exponents=np.zeros_like(modes.exponents))
         A, slope = differentiate_state_matrix(loop, part.times / modes.period)
         total = total + differentiate_exponents(part, slope, A, stretch)
     return total

@@ -189,12 +189,6 @@ def list_values(job: Job) -> dict[str, Array]:
     return {name: np.ascontiguousarray(points[:, i]) for i, name in enumerate(job.axes)}
 
 
-def chunks(name: str, array: Array, job: Job) -> tuple[int, ...]:
-    """Of one array of the store: what varies is written once."""
-    rows = 1 if name == "checksum" else job.work.block if name in NUMBERS else len(array)
-    return (rows, *array.shape[1:])
-
-
 def create(path: Path, job: Job, maker: dict[str, str]) -> None:
     """Make an empty store under another name, and move it into place when it is whole."""
     import xarray as xr
@@ -208,7 +202,8 @@ def create(path: Path, job: Job, maker: dict[str, str]) -> None:
         variables[name] = (dims, array, {"units": units[name]} if name in units else {})
     variables["verdict"][2]["flag_meanings"] = " ".join(VERDICTS)
     data = xr.Dataset(variables, attrs={"title": job.scene.title, MAKER: maker})
-    encoding = {name: {"chunks": chunks(name, array, job)} for name, array in empty.items()}
+    rows = {"checksum": 1, **dict.fromkeys(NUMBERS, job.work.block)}  # what varies is written once
+    encoding = {name: {"chunks": (rows.get(name, len(array)), *array.shape[1:])} for name, array in empty.items()}
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}.")
     try:
@@ -225,13 +220,13 @@ def describe(job: Job) -> dict[str, str]:
         f"values of {name}": f"{len(axis)} from {axis[0]} to {axis[-1]} ({digest(axis.tobytes())})"
         for name, axis in job.axes.items()
     }
+    if isinstance(job.scene, PeriodicFamily):
+        text = job.scene.text
+    else:  # limits change no number, tol stands below
+        text = json.dumps({**raw_tables(job.scene), "accuracy": None}, sort_keys=True)
     return {
         "version of flexlin": flexlin.__version__,
-        "scene": job.scene.text
-        if isinstance(job.scene, PeriodicFamily)
-        else json.dumps(
-            {**raw_tables(job.scene), "accuracy": None}, sort_keys=True
-        ),  # limits change no number, tol stands below
+        "scene": text,
         **values,
         "shape": str(job.shape),
         "loop": job.loop,
@@ -266,16 +261,10 @@ def shorten(text: str, other: str) -> str:
 
 def encode(reasons: Any) -> Any:
     """Texts as bytes (V, LONGEST), cut where a character ends."""
-    table = np.zeros((len(reasons), LONGEST), dtype=np.uint8)
-    for i in np.flatnonzero(reasons != ""):
-        data = reasons[i].encode()[:LONGEST].decode(errors="ignore").encode()
-        table[i, : len(data)] = np.frombuffer(data, dtype=np.uint8)
-    return table
+    cut = [text.encode()[:LONGEST].decode(errors="ignore").encode() for text in reasons]
+    return np.array(cut, dtype=f"S{LONGEST}").view(np.uint8).reshape(-1, LONGEST)
 
 
 def decode(table: Any) -> Any:
-    """Bytes (V, LONGEST) as texts, most of which are empty."""
-    reasons = np.full(len(table), "", dtype=object)
-    for i in np.flatnonzero(table.any(axis=1)):
-        reasons[i] = bytes(table[i]).rstrip(b"\0").decode()
-    return reasons
+    """Bytes (V, LONGEST) as texts."""
+    return np.array([bytes(row).rstrip(b"\0").decode() for row in table], dtype=object)
