@@ -37,28 +37,24 @@ def result(scene):
 
 
 @pytest.mark.slow
-def test_every_effect_is_tried(result):
-    assert {row.subject for row in result.effects} == set(known_effects()) - {"tip_force"}
-    assert {row.subject for row in result.effects if row.on} == {
-        "hub",
-        "geometric_stiffening",
-        "modal_damping",
-        "viscous_friction",
-    }
-    assert all(
-        row.table or row.subject in ("geometric_stiffening", "bending_torsion_coupling") for row in result.effects
-    )
-
-
-@pytest.mark.slow
-def test_rows_are_sorted_and_advice_follows_the_tolerance(result):
+def test_every_effect_and_modes_both_ways_are_tried_and_advice_follows_the_tolerance(result):
+    rows = {row.subject: row for row in result.effects}
+    assert set(rows) == set(known_effects()) - {"tip_force"}
+    on = {row.subject for row in result.effects if row.on}
+    assert on == {"hub", "geometric_stiffening", "modal_damping", "viscous_friction"}
+    assert all(row.table or name in ("geometric_stiffening", "bending_torsion_coupling") for name, row in rows.items())
     significance = [row.significance for row in result.effects if np.isfinite(row.significance)]
     assert significance == sorted(significance, reverse=True)
     for row in result.effects:
         assert (row.significance > result.tolerance) == row.advice.startswith(("keep", "consider"))
     assert "hub" in result.needed
     assert "rotary_inertia" not in result.missing  # a slender strip
-    assert set(result.needed) | set(result.droppable) == {row.subject for row in result.effects if row.on}
+    assert set(result.needed) | set(result.droppable) == on
+    assert rows["joint_flexibility"].coordinates == 1
+    assert rows["joint_flexibility"].instructions > 0
+    modes = {row.table["modes"]: row.advice for row in result.modes}
+    assert set(modes) == {0, 2}
+    assert modes[0] == "its last mode is needed"  # a strip of 3 Hz is not rigid
 
 
 def figures_from_scratch(**overrides):
@@ -93,20 +89,6 @@ def test_figures_are_those_of_the_two_scenes(result):
     assert row.instructions == other_instructions - instructions
     assert row.frequency == pytest.approx(abs(slower - other_slower) / max(slower, other_slower), rel=1e-9)
     assert abs(row.margin) > 1e-2  # so that no sign or version can be mixed up within the tolerances above
-
-
-@pytest.mark.slow
-def test_joint_flexibility_adds_a_coordinate(result):
-    row = next(row for row in result.effects if row.subject == "joint_flexibility")
-    assert row.coordinates == 1
-    assert row.instructions > 0
-
-
-@pytest.mark.slow
-def test_modes_are_tried_both_ways(result):
-    assert {row.table["modes"] for row in result.modes} == {0, 2}
-    fewer = next(row for row in result.modes if row.table["modes"] == 0)
-    assert fewer.advice == "its last mode is needed"  # a strip of 3 Hz is not rigid
 
 
 @pytest.mark.slow

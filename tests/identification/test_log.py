@@ -1,11 +1,14 @@
 """Logs: what is read, what is said of what is missing, and broken ones."""
 
+import json
+
 import numpy as np
 import pandas
 import pytest
 import xarray
 
 import flexlin as fl
+from flexlin.cli import main
 from tests.torture.inputs import boast
 
 T = np.arange(200) * 0.005
@@ -172,8 +175,6 @@ def test_files_that_are_none_and_scenes_without_a_table(tmp_path):
 
 @pytest.mark.slow
 def test_the_command_writes_the_fit_of_each_column(tmp_path, capsys):
-    from flexlin.cli import main
-
     path = write_csv(tmp_path / "log.csv")
     table = '{time="ms",second=0.001,inputs={q1={column="current_A"}},outputs={q1={column="angle_rad"}}}'
     out = tmp_path / "out"
@@ -189,8 +190,6 @@ def test_the_command_writes_the_fit_of_each_column(tmp_path, capsys):
         str(out),
     ]
     assert main([*words, "--window", "0.5"]) == 0
-    import json
-
     found = json.loads((out / "predict.json").read_text())
     assert list(found["fit"]) == ["angle_rad"]
     assert len(found["starts"]) == 2

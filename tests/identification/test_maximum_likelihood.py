@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
+from flexlin.identification import maximum_likelihood
 from flexlin.scene import get_value, revise_scene
 from tests.identification.logs import coordinate, simulated, swing, tip
 from tests.thinned import thin
@@ -33,6 +34,11 @@ def noisy(time, readings, torques, seed, noise=NOISE):
     return fl.Log(time, dict(zip(names, torques, strict=True)), measured)
 
 
+def usual():
+    scene, time, readings = clean()
+    return scene, noisy(time, readings, [0.3 * swing(time)[0]], 3)
+
+
 def beside(scene, paths, seed=0):
     """The scene with other numbers, from which the search begins."""
     rng = np.random.default_rng(seed)
@@ -41,8 +47,7 @@ def beside(scene, paths, seed=0):
 
 @pytest.mark.slow
 def test_three_numbers_are_found_within_their_errors():
-    scene, time, readings = clean()
-    log = noisy(time, readings, [0.3 * swing(time)[0]], 3)
+    scene, log = usual()
     found = fl.identify(beside(scene, FREE), log, FREE, window=1.0, starts=1)
     for path in FREE:
         true = get_value(scene, path)
@@ -60,8 +65,7 @@ def test_three_numbers_are_found_within_their_errors():
 @pytest.mark.slow
 def test_numbers_are_handed_back_when_the_time_ends_first():
     """They are then not the most likely ones, and what errors they have nobody knows."""
-    scene, time, readings = clean()
-    log = noisy(time, readings, [0.3 * swing(time)[0]], 3)
+    scene, log = usual()
     found = fl.identify(beside(scene, FREE), log, FREE, window=1.0, seconds=1e-6)
     assert not found.settled
     assert "allow more" in found.status
@@ -76,10 +80,7 @@ def test_numbers_are_handed_back_when_the_time_ends_first():
 @pytest.mark.parametrize("seed", thin(range(4)))
 def test_a_search_that_cannot_step_does_not_pass_for_settled(monkeypatch, seed):
     """Numbers that stay because no step gains are not those of the minimum: it is said, or their errors are as large as they are off."""
-    from flexlin.identification import maximum_likelihood
-
-    scene, time, readings = clean()
-    log = noisy(time, readings, [0.3 * swing(time)[0]], 3)
+    scene, log = usual()
     monkeypatch.setattr(maximum_likelihood, "solve", lambda problem, start, p, *rest, **more: problem.at(start, p))
     stuck = fl.identify(beside(scene, FREE, seed), log, FREE, window=1.0, starts=1)
     off = [abs(stuck.values[path] - get_value(scene, path)) / stuck.errors[path] for path in stuck.values]
@@ -88,10 +89,7 @@ def test_a_search_that_cannot_step_does_not_pass_for_settled(monkeypatch, seed):
 
 
 def test_rounds_that_end_before_the_numbers_stay_are_no_settled_search(monkeypatch):
-    from flexlin.identification import maximum_likelihood
-
-    scene, time, readings = clean()
-    log = noisy(time, readings, [0.3 * swing(time)[0]], 3)
+    scene, log = usual()
     monkeypatch.setattr(maximum_likelihood, "ROUNDS", 1)
     found = fl.identify(beside(scene, FREE), log, FREE, window=1.0, starts=1)
     assert not found.settled
@@ -135,9 +133,8 @@ def test_numbers_that_make_up_for_a_wrong_sign_are_named(monkeypatch):
     scene, time, readings = clean()
     torque = 0.3 * swing(time)[0]
     wrong = fl.identify(scene, noisy(time, readings, [-torque], 3), FREE, window=1.0, starts=1)
-    assert "effects.viscous_friction.coefficient went far from the scene's" in wrong.status.replace(
-        "effects.payload.mass, ", ""
-    )
+    said = wrong.status.replace("effects.payload.mass, ", "")
+    assert "effects.viscous_friction.coefficient went far from the scene's" in said
     assert "check signs" in wrong.status
 
 
@@ -234,11 +231,8 @@ def test_a_start_whose_vibrations_slip_by_a_cycle_is_left():
         {"name": "a", "length": 0.75, "mass_per_length": 0.32, "bending_stiffness": 4.4, "modes": 1},
         {"name": "b", "length": 0.99, "mass_per_length": 0.56, "bending_stiffness": 14.0, "modes": 1},
     ]
-    effects = {
-        "hub": {"inertia": [0.04, 0.0028]},
-        "payload": {"mass": [0.39, 0.25]},
-        "modal_damping": {"ratio": 0.02},
-    }
+    bodies = {"hub": {"inertia": [0.04, 0.0028]}, "payload": {"mass": [0.39, 0.25]}}
+    effects = {**bodies, "modal_damping": {"ratio": 0.02}}
     motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.3}, {"amplitude": 0.2}]}
     scene = fl.parse_scene({"schema": 1, "title": "two", "links": links, "effects": effects, "motion": motion})
     time, sensors = np.arange(600) * 0.01, {"q2": coordinate("q2"), **SENSORS}
