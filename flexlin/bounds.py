@@ -6,9 +6,10 @@ from contextlib import suppress
 from typing import Any
 from unicodedata import category
 
-LARGEST_SCENE, LARGEST_ROBOT, LARGEST_LOG = 2**20, 2**22, 2**30
+MEBIBYTE = 2**20
+LARGEST_SCENE, LARGEST_ROBOT, LARGEST_LOG = MEBIBYTE, 4 * MEBIBYTE, 1024 * MEBIBYTE
 """Bytes of a scene, a URDF file, and a log."""
-LARGEST_TABLE = LARGEST_MANIFEST = 2**26
+LARGEST_TABLE = LARGEST_MANIFEST = 64 * MEBIBYTE
 """Bytes of a table of a motion, and of a list of results."""
 MOST_ROWS, MOST_COLUMNS, MOST_ELEMENTS, MOST_ITEMS = 2**18, 1000, 50_000, 200
 """Rows of a table, columns of a log, elements of a URDF file, and links, or designs, of one scene."""

@@ -133,10 +133,32 @@ def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
     coefficients = shared.clock.stage("coefficients over a period", shared.asked, work)
     own, open_loop = judge_own_loops(shared)
     a = Analysis(**vars(shared), coefficients=coefficients, own=own, open_loop=open_loop)
-    for stage in PERIODIC if a.plant.motion.periodic else ENDING:
-        stage(a)
+    if a.plant.motion.periodic:
+        judge_period(a)
+    else:
+        a.problems |= dict.fromkeys(("response", "linear range"), describe_end(a.plant))
+        follow_nonlinear(a)
+        a.designs = judge_designs(a)
     a.steps = tuple(a.clock.steps)
     return a
+
+
+def judge_period(a: Analysis) -> None:
+    """The stages of a report that only a periodic motion has, and what all have between them."""
+    a.elastic = judge_elastic_loop(a) if a.scene.control.about == "elastic" else None
+    find_causes(a)
+    system = a.closed.periodic_system()
+    work = partial(find_response, a.closed, system, a.t, a.asked.tol)
+    a.response = a.attempt("response", "forced response", work, response_error)
+    follow_nonlinear(a)
+    find_range(a)
+    if 0 < len(a.plant.driven) <= 2 and a.plant.n != len(a.plant.driven) and a.plant.arm.points is not None:
+        a.zeros = a.attempt("zeros", "zeros of tip control", partial(tip_zeros, a.plant, a.asked.tol))
+    a.designs = judge_designs(a)
+    a.sampled = judge_sampled_loops(a, (a.own, *a.designs))
+    a.estimated = judge_estimated_loops(a, a.designs)
+    bare = replace(a.own, name="open loop", response=a.response)
+    a.open_loop = bare if a.own.kind == "open" else with_response(a, a.open_loop, a.plant.periodic_system())
 
 
 def derive_equations(scene: Scene, clock: Clock) -> Stages:
@@ -166,16 +188,6 @@ def plant_and_designs(scene: Scene, clock: Clock) -> tuple[Linearization, tuple[
     return shared.plant, judge_designs(shared)
 
 
-def say_what_ends(a: Analysis) -> None:
-    """A motion that ends has neither a periodic response nor modes."""
-    a.problems |= dict.fromkeys(("response", "linear range"), describe_end(a.plant))
-
-
-def judge_elastic(a: Analysis) -> None:
-    """The own loop about the elastic motion."""
-    a.elastic = judge_elastic_loop(a) if a.scene.control.about == "elastic" else None
-
-
 def find_causes(a: Analysis) -> None:
     """The parametric resonances behind an unstable own loop."""
     result = a.own.floquet
@@ -184,18 +196,8 @@ def find_causes(a: Analysis) -> None:
     from flexlin.periodic.floquet.resonance import find_resonances
 
     system = a.closed.periodic_system()
-    found = a.attempt(
-        "resonances", "cause of the instability", lambda: find_resonances(system, floquet_modes(system, result))
-    )
-    a.resonances = tuple(found or ())
-
-
-def respond(a: Analysis) -> None:
-    """The periodic response of the own loop."""
-    system = a.closed.periodic_system()
-    a.response = a.attempt(
-        "response", "forced response", lambda: find_response(a.closed, system, a.t, a.asked.tol), response_error
-    )
+    work = lambda: find_resonances(system, floquet_modes(system, result))  # noqa: E731
+    a.resonances = tuple(a.attempt("resonances", "cause of the instability", work) or ())
 
 
 def follow_nonlinear(a: Analysis) -> None:
@@ -215,41 +217,6 @@ def find_range(a: Analysis) -> None:
         return
     work = partial(linear_range, a.closed, result=a.own.floquet, tol=max(RANGE, a.asked.tol), plant=a.plant)
     a.linear_range = a.attempt("linear range", "range of the linear equations", work)
-
-
-def find_zeros(a: Analysis) -> None:
-    """The invariant zeros of tip control, where the motors move the tip in as many directions as they are."""
-    inputs = len(a.plant.driven)
-    if 0 < inputs <= 2 and a.plant.n != inputs and a.plant.arm.points is not None:
-        a.zeros = a.attempt("zeros", "zeros of tip control", partial(tip_zeros, a.plant, a.asked.tol))
-
-
-def judge_controllers(a: Analysis) -> None:
-    """The designs; they and the own loop once more, sampled, or with states that are estimated."""
-    a.designs = judge_designs(a)
-    if a.plant.motion.periodic:
-        a.sampled = judge_sampled_loops(a, (a.own, *a.designs))
-        a.estimated = judge_estimated_loops(a, a.designs)
-
-
-def respond_openly(a: Analysis) -> None:
-    """The periodic response of the arm without feedback."""
-    bare = replace(a.own, name="open loop", response=a.response)
-    a.open_loop = bare if a.own.kind == "open" else with_response(a, a.open_loop, a.plant.periodic_system())
-
-
-PERIODIC = (
-    judge_elastic,
-    find_causes,
-    respond,
-    follow_nonlinear,
-    find_range,
-    find_zeros,
-    judge_controllers,
-    respond_openly,
-)
-ENDING = (say_what_ends, follow_nonlinear, judge_controllers)
-"""The stages of a report, for a periodic motion and for one that ends."""
 
 
 def simulation_error(found: Simulation) -> float:

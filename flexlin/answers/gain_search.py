@@ -9,6 +9,7 @@ from scipy.stats import qmc
 
 from flexlin.answers.spectra import Family
 from flexlin.checks import Array
+from flexlin.periodic.precision import SLIGHT
 from flexlin.resources import Stopwatch
 
 
@@ -53,8 +54,6 @@ BY_DIFFERENCES = LEVELS[:5]
 """The same where slopes are differences of spectra, which are known to 1e-8."""
 HORIZON = 2.0
 """N T in units of one over the growth rate."""
-SMALL = 1e-3
-"""The least unit, in mean sizes of an exponent."""
 AGAIN, CHANGED = 5, 2.0
 """How often the first level is repeated while the growth rate still changes by this factor."""
 SETTLED, PATIENCE = 0.01, 5
@@ -69,8 +68,8 @@ FINE, RANDOM = 512, 200
 """Scenarios of the verification, a narrow parametric resonance lies at an edge: of an axis, over four for each, and quasi-random ones."""
 ALONE = 8
 """How many fewer where scenarios are computed one by one."""
-ROUNDS, WORSE, ADDED = 6, 1e-3, 3
-"""Rounds in which the worst scenarios are added, as many at once, while they exceed the others by this share."""
+ROUNDS, ADDED = 6, 3
+"""Rounds in which the worst scenarios are added, and as many at once, while they exceed the others by a slight share."""
 CHECKED = 12
 """Scenarios of the finer set, beside those of the search, for which time is kept; and spectra that take as long as exact slopes."""
 TWICE = 2.5
@@ -209,7 +208,7 @@ def minimise(problem: Problem, own: Array, starts: int, steps: int, seed: int, f
         growth, x = min((growth, x), found, key=lambda one: one[0])
     for _ in range(ROUNDS):
         growths = problem.growths(problem.gains(x), fine)
-        if growths.max() <= growth + WORSE * abs(growth):
+        if growths.max() <= growth + SLIGHT * abs(growth):
             break
         problem.scenarios = np.concatenate([problem.scenarios, fine[np.argsort(-growths)[:ADDED]]])
         problem.ever = np.inf, x
@@ -263,7 +262,7 @@ def find_unit(problem: Problem, x: Array) -> float:
     """The size of the largest growth rate, or a small share of the exponents' sizes where it is smaller, in 1/s."""
     exponents = problem.exponents(problem.gains(x), problem.scenarios)[0]
     finite = exponents[np.isfinite(exponents)]
-    return max(abs(float(exponents.real.max())), SMALL * float(np.abs(finite).mean())) if len(finite) else 1.0
+    return max(abs(float(exponents.real.max())), SLIGHT * float(np.abs(finite).mean())) if len(finite) else 1.0
 
 
 def lay_scenarios(ranges: Array, each: int) -> Array:

@@ -6,9 +6,8 @@ from typing import Literal
 import numpy as np
 
 SMALL = 0.2
-"""The share of the arm's length beyond which a deflection is not small."""
-BEYOND = 0.2
-"""The share of the largest deviation by which the linear answer may miss the nonlinear one."""
+"""The share of the arm's length beyond which a deflection is not small, and of the largest deviation by which the linear answer may miss
+the nonlinear one."""
 REPEATABLE = 1e-5
 """A share of the arm's length of the order in which good arms repeat a motion (some 0.01 mm for 1 m, ISO 9283): nothing is gained
 below it."""
@@ -69,7 +68,7 @@ def judge_model(
 
     The steady motion's tip error may not exceed SMALL of the arm, unless a simulation that came as far agrees; nor may its bending,
     where only links that bend as curves (`curved`) make the simulation a judge of it. The linear answer may miss the nonlinear one by
-    BEYOND of the largest deviation, or by what no arm repeats. A simulation that ended outside the equations' range is against it.
+    SMALL of the largest deviation, or by what no arm repeats. A simulation that ended outside the equations' range is against it.
 
     Parameters: length: of the arm in m, not a number where it has no points; steady: bending and tip error in m of a steady motion that
     the loop keeps; simulated: how far the answers are apart, the largest deviation, the error of the first, the unit; stopped: when
@@ -79,7 +78,7 @@ def judge_model(
     if simulated is not None:
         apart, largest, error, unit = simulated
         floor = REPEATABLE * length if unit == "m" and np.isfinite(length) else REPEATABLE
-        found.append(ModelEvidence("difference", apart, max(BEYOND * largest, error, floor), unit, largest))
+        found.append(ModelEvidence("difference", apart, max(SMALL * largest, error, floor), unit, largest))
     if stopped is not None:
         found.append(ModelEvidence("stopped", stopped[1], stopped[0], "s", stopped[1]))
     if steady is not None and np.all(np.isfinite([*steady, length])):

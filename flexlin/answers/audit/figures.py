@@ -27,8 +27,6 @@ from flexlin.summary import represent
 PHASES, REPEATS = 9, 4
 SEGMENTS = 4000
 """A version that needs more segments than these for its margin is not judged."""
-COUPLINGS = 97
-"""Times at which the equations are looked at for coordinates that nothing couples to the others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +177,7 @@ def part_coordinates(lin: Linearization) -> tuple[Array, Array]:
 
     With M, D, K, h, B of coordinates of unit inertia; where nothing acts on anything, all counts as reached.
     """
-    t = lin.period * np.arange(COUPLINGS) / COUPLINGS
+    t = lin.period * np.arange(SAMPLES) / SAMPLES
     M, D, K, h = second_order_with_states(lin, t)
     inertia = np.einsum("tii->ti", M).max(axis=0)
     unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))

@@ -18,18 +18,16 @@ if TYPE_CHECKING:
     from flexlin.about.free import ParametricLoop
 
 
-FEWEST, MOST, FINENESS = 4, 1024, 12
-"""Numbers of segments among which is chosen: the least, the largest, and how many in a factor of two."""
-STARTS = np.unique(np.round(FEWEST * 2 ** (np.arange(FINENESS * np.log2(MOST / FEWEST) + 1) / FINENESS)).astype(int))
-"""The numbers themselves; the resolutions are multiples of them."""
+FEWEST, MOST = 4, 1024
+"""Least and largest number of segments among which is chosen."""
+STARTS = np.unique(np.geomspace(FEWEST, MOST, 97).round().astype(int))
+"""The numbers themselves, twelve in a factor of two; the resolutions are multiples of them."""
 FEW = 3
 """Resolutions of a first trial."""
 ORDER = 8
 """Of the extrapolated logs, by the length of the segments."""
 STEPS = 1.15, 2.0
 """Factors between the numbers of segments of a value's trials."""
-FURTHER = STEPS[1] ** 2
-"""Pilots that need so many times more than the others are given up."""
 MARGIN = 1.06
 """What values are given over what pilots needed: a second trial costs more."""
 PILOTS, EACH = (16, 256), 64
@@ -116,7 +114,9 @@ def try_pilots(kernel: Kernel, pilots: Array, scale: Array, tol: float) -> tuple
             spread = max(spread, measure_spread(found.logs[met]))
         wanted[now] = np.ceil(segments * np.clip(growth, *STEPS))
         known = needs[np.isfinite(needs)]
-        most = min(MOST, FURTHER * known.max(initial=0.0) if known.size else np.inf)
+        most = (
+            min(MOST, STEPS[1] ** 2 * known.max()) if known.size else MOST
+        )  # who needs far more than the others is given up
         left = left[np.isinf(needs[left]) & (wanted[left] <= most)]
     return needs, spread if np.isfinite(spread) else np.inf
 
