@@ -42,7 +42,7 @@ from flexlin.simulation.run import simulate
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.answers.audit.result import Audit
+    from flexlin.answers.audit.judging import Audit
     from flexlin.answers.nearest import NearestInstability
     from flexlin.periodic.floquet.resonance import Resonance
     from flexlin.periodic.margins import Margins

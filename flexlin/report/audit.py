@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlin.answers.audit.result import Audit, Minimal, Row
+from flexlin.answers.audit.judging import Audit, Minimal, Row
 from flexlin.errors import SceneError, counted
 from flexlin.plots.panel import LINE, Panel
 from flexlin.plots.scales import Linear, Logarithmic, Named

@@ -22,7 +22,7 @@ from flexlin.scene.scene import Scene
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.answers.audit.result import Audit
+    from flexlin.answers.audit.judging import Audit
     from flexlin.answers.nearest import NearestInstability
 
 SCHEMA = 1

@@ -8,8 +8,7 @@ import numpy as np
 
 from flexlin.about.linear import linearize
 from flexlin.answers.audit.figures import Measure, measure
-from flexlin.answers.audit.judging import Judge, shrink
-from flexlin.answers.audit.result import Audit, Minimal, Row
+from flexlin.answers.audit.judging import Audit, Judge, Minimal, Row, shrink
 from flexlin.answers.audit.versions import (
     Version,
     list_effect_versions,

@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlin.answers.disturbed import DisturbanceAnswer
-from flexlin.answers.disturbed.noise import NoiseAnswer
+from flexlin.answers.disturbed import DisturbanceAnswer, NoiseAnswer
 from flexlin.checks import Array
 from flexlin.identification.maximum_likelihood import Identification
 from flexlin.identification.prediction import Prediction
