@@ -8,33 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = [
-    "ArgumentError",
-    "DesignError",
-    "FlexlinError",
-    "IllPosedSegment",
-    "InputError",
-    "ModelError",
-    "MotionError",
-    "NotCertified",
-    "NotDetectable",
-    "NotPeriodic",
-    "NotStabilizable",
-    "NotStable",
-    "NumericalError",
-    "OutputError",
-    "Problem",
-    "ResonantForcing",
-    "SceneError",
-    "SimulationStopped",
-    "SingularClosure",
-    "SingularMassMatrix",
-    "TimeLimit",
-    "ToleranceNotReached",
-    "TooLarge",
-    "TooManySegments",
-    "UnresolvedCoefficient",
-]
 SHOWN = 40
 """Problems of one scene that are listed."""
 
@@ -255,7 +228,7 @@ class SceneError(InputError):
 
     def __init__(self, source: str, problems: Sequence[Problem]):
         self.source, self.problems = source, tuple(problems)
-        lines = [f"{source}: {len(self.problems)} problem{'s' if len(self.problems) != 1 else ''}"]
+        lines = [f"{source}: {counted(len(self.problems), 'problem')}"]
         lines += [str(problem) for problem in self.problems[:SHOWN]]
         lines += [f"... and {len(self.problems) - SHOWN} more"] if len(self.problems) > SHOWN else []
         super().__init__("\n  ".join(lines))
@@ -463,3 +436,8 @@ class NotCertified(NotStable):
         ...
     flexlin.errors.NotCertified: the loop is unstable...
     """
+
+
+KINDS = [name for name, kind in globals().items() if isinstance(kind, type) and issubclass(kind, FlexlinError)]
+__all__ = ["Problem", *sorted(KINDS)]
+"""Every kind of error is public."""

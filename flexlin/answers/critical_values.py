@@ -13,7 +13,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.crossings import SAMPLES, Crossing, find_crossings
-from flexlin.periodic.boundary.spectra import Effort, Spectra
+from flexlin.periodic.boundary.spectra import Effort
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
@@ -154,13 +154,7 @@ def search_family(
 ) -> list[CriticalValue]:
     """The critical values of the one number of a family; effort: ends the search, with what is known by then."""
     effort = effort or Effort()
-
-    def rough(values: Array) -> Spectra:
-        return family.rough(values[:, None])
-
-    def fine(values: Array) -> Spectra:
-        return family.fine(values[:, None])
-
+    rough, fine = (lambda values, find=find: find(values[:, None]) for find in (family.rough, family.fine))
     tongues = not family.is_constant(np.array([(low + high) / 2]))
     found = find_crossings(rough, fine, low, high, tol, samples, tongues, effort)
     nearest_first = sorted(found, key=lambda one: abs(one.value - float(np.nan_to_num(family.own[0]))))

@@ -12,7 +12,7 @@ from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError, counted
 from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.curves import Curve, find_curves, find_lost_ends
-from flexlin.periodic.boundary.spectra import Effort, Spectra
+from flexlin.periodic.boundary.spectra import Effort, SpectraFunction
 from flexlin.periodic.precision import MINOR
 from flexlin.summary import represent
 
@@ -143,10 +143,7 @@ def search_boundary(
     coarsest = float(np.clip(MINOR * share, ROUGH, LOOSE))  # it moves a place by a small part of the wanted distance
     ends = {path: (float(a), float(b)) for path, (a, b) in ranges.items()}
     family = make_family(source, ends, loop, coarsest=coarsest)
-
-    def rough(points: Array) -> Spectra:
-        return family.rough(low + span * points)
-
+    rough: SpectraFunction = lambda points: family.rough(low + span * points)  # noqa: E731
     found = find_curves(rough, share, cells, family.is_constant(low + span / 2), effort)
     first, second = ranges
     curves = [
