@@ -119,10 +119,10 @@ def judge_own_loops(a: Stages) -> tuple[Loop, Loop]:
     if not a.plant.motion.periodic:
         bare = Loop("open loop", "open", None, describe_end(a.plant), ends=True)
         return replace(bare, name=name, kind=kind), bare
+    step = "open loop" if feedback is None else "the scene's loop"
+    own = judge_loop(a, name, kind, f"Floquet: {step}", a.closed.periodic_system())
     if feedback is None:
-        own = judge_loop(a, name, kind, "Floquet: open loop", a.closed.periodic_system())
         return own, replace(own, name="open loop")
-    own = judge_loop(a, name, kind, "Floquet: the scene's loop", a.closed.periodic_system())
     return own, judge_loop(a, "open loop", "open", "Floquet: open loop", a.plant.periodic_system())
 
 
@@ -149,16 +149,10 @@ def judge_loop(
     """Floquet's verdict on a loop, or why there is none."""
     found = a.attempt_alone(step, lambda: floquet(system, a.asked.tol), exponent_error)
     result, problem = found
-    proof = None
-    if result is not None and is_worth_proof(result):
-        proof, _ = a.attempt_alone(f"certificate: {name}", result.certificate, at_most=PROOF)
-    return Loop(name, kind, result, problem, made, certificate=proof)
-
-
-def is_worth_proof(result: FloquetResult) -> bool:
-    """Whether a loop is stable, and decays fast enough for a proof in a report."""
-    slowest = -float(result.exponents.real.max())
-    return result.verdict == "stable" and slowest > WORTH_PROOF * 2 * pi / result.period
+    loop = Loop(name, kind, result, problem, made)
+    if result is None or loop.verdict != "stable" or -loop.growth[0] <= WORTH_PROOF * 2 * pi / result.period:
+        return loop
+    return replace(loop, certificate=a.attempt_alone(f"certificate: {name}", result.certificate, at_most=PROOF)[0])
 
 
 def judge_designs(a: Stages) -> tuple[Loop, ...]:
@@ -220,10 +214,8 @@ def judge_estimated_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
         from flexlin.control.estimator import output_feedback
         from flexlin.control.sensors import scene_sensors
 
-        name, work = (
-            f"{loop.name}, estimated",
-            partial(scene_sensors(a.scene, a.plant, table).filter, a.plant, a.asked.tol),
-        )
+        name = f"{loop.name}, estimated"
+        work = partial(scene_sensors(a.scene, a.plant, table).filter, a.plant, a.asked.tol)
         filtered = a.attempt_alone(f"estimator: {loop.name}", work, lambda known: known.error)
         estimator, problem = filtered
         if estimator is None:

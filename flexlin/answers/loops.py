@@ -96,10 +96,9 @@ def choose_loop(scene: Scene, paths: Iterable[str], loop: str = "own", tol: floa
     paths = tuple(path_in(scene, path) for path in paths)
     outside = [path for path in paths if path.split(".")[0] in OUTSIDE]
     if outside:
+        what = "this number does not stand in the equations of the loop"
         expected = "a number of the links, effects, motion, control or parameters"
-        raise ArgumentError(
-            "this number does not stand in the equations of the loop", got=outside[0], expected=expected
-        )
+        raise ArgumentError(what, got=outside[0], expected=expected)
     if loop == "own":
         return leave_free(scene, paths, closed=True)
     table = None if loop == "open" else find_design(scene, loop)
@@ -169,11 +168,9 @@ def is_same_model(loop: ParametricLoop, rebuilt: RebuiltLoop) -> bool:
 def need_continuous(table: DesignTable) -> None:
     """Raise ArgumentError for a sampled design, which is judged at the scene's own numbers alone."""
     if table.sample_time is not None:
-        raise ArgumentError(
-            "this answer is known of continuous designs alone",
-            got=f"{table.name}, sampled every {table.sample_time:g} s",
-            todo="ask for a report, with --set for other numbers, or leave sample_time out",
-        )
+        got = f"{table.name}, sampled every {table.sample_time:g} s"
+        todo = "ask for a report, with --set for other numbers, or leave sample_time out"
+        raise ArgumentError("this answer is known of continuous designs alone", got=got, todo=todo)
 
 
 def find_design(scene: Scene, loop: str) -> DesignTable:

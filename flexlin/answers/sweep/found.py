@@ -22,12 +22,6 @@ VERDICTS = np.array(["undecided", "stable", "unstable", "failed", "missing"])
 FAILED, MISSING = np.flatnonzero(np.isin(VERDICTS, ["failed", "missing"]))
 LONGEST = 240
 """Characters of a reason."""
-TAKEN = {"exponents", "error", "verdict", "period", "one_by_one", "reason", "mode"} | {
-    "exponents_re",
-    "exponents_im",
-    "checksum",
-}
-"""Names of what a result or its store holds beside the numbers that vary."""
 WITHIN = "the growth rate is zero to within its error: a smaller tol may decide"
 
 
@@ -44,14 +38,9 @@ class Found:
 
     @classmethod
     def empty(cls, values: int, states: int) -> "Found":
-        code, flag = np.zeros(values, dtype=np.int8), np.zeros(values, dtype=bool)
-        numbers = (
-            np.full((values, states), np.nan, dtype=complex),
-            np.full(values, np.nan),
-            code,
-            np.full(values, np.nan),
-        )
-        return cls(*numbers, flag, np.full(values, "", dtype=object))
+        exponents, error, period = np.full((values, states), np.nan + 0j), *np.full((2, values), np.nan)
+        verdict, one_by_one = np.zeros(values, dtype=np.int8), np.zeros(values, dtype=bool)
+        return cls(exponents, error, verdict, period, one_by_one, np.full(values, "", dtype=object))
 
     def put(self, which: Array, exponents: Array, errors: Array) -> None:
         """Enter exponents and errors (V, n): unordered, and judge them."""
@@ -87,6 +76,10 @@ class Found:
         for one in fields(self):
             part = getattr(block, one.name)
             getattr(self, one.name)[start : start + len(part)] = part
+
+
+TAKEN = {*(one.name for one in fields(Found)), "mode", "exponents_re", "exponents_im", "checksum"}
+"""Names of what a result or its store holds beside the numbers that vary."""
 
 
 def solve_alone(make: Callable[[], "PeriodicSystem"], tol: float) -> "FloquetResult | Exception":
