@@ -93,8 +93,7 @@ class Problem:
     high: Array
     scenarios: Array
     best: tuple[float, Array] = field(default=(np.inf, np.zeros(0)))
-    """The best growth rate and x of this search, and of all searches with these scenarios."""
-    ever: tuple[float, Array] = field(default=(np.inf, np.zeros(0)))
+    """The best growth rate and x of all searches with these scenarios."""
     until: float = np.inf
     """Seconds of work in which the verification must be done."""
     watch: Stopwatch = field(default_factory=Stopwatch)
@@ -165,7 +164,7 @@ class Problem:
         gains = self.gains(places)
         spectra, periods = self.exponents(gains, self.scenarios)
         growth = float(spectra[0].real.max())
-        self.best, self.ever = (min(one, (growth, x), key=lambda pair: pair[0]) for one in (self.best, self.ever))
+        self.best = min(self.best, (growth, x), key=lambda pair: pair[0])
         if not self.exact:
             values = np.array([smooth_growth(one, periods, mu, horizon)[0] for one in spectra])
             return float(values[0]), (values[1 : len(x) + 1] - values[len(x) + 1 :]) / (2 * step)
@@ -191,7 +190,7 @@ def search(problem: Problem, own: Array, ranges: Array, starts: int, steps: int,
     try:
         return minimise(problem, own, starts, steps, seed, fine), fine
     except OutOfTimeError:
-        growth, x = problem.ever
+        growth, x = problem.best
         found = problem.gains(x) if np.isfinite(growth) else np.clip(own, problem.low, problem.high)
         return found, fine[: max(CHECKED, int(problem.affordable()) - len(problem.scenarios))]
 
@@ -202,27 +201,27 @@ def minimise(problem: Problem, own: Array, starts: int, steps: int, seed: int, f
     drawn = np.random.default_rng(seed).uniform(-np.pi / 2, np.pi / 2, (screened, len(own)))
     sizes = [problem.worst(x) for x in drawn[: screened * (starts > 1)]]
     levels = LEVELS if problem.exact else BY_DIFFERENCES
-    growth, x = np.inf, own
-    for start in (problem.position(own), *drawn[np.argsort(sizes)[: starts - 1]]):
-        found = follow_levels(problem, start, steps, levels)
-        growth, x = min((growth, x), found, key=lambda one: one[0])
+    problem.best = np.inf, problem.position(own)
+    for start in (problem.best[1], *drawn[np.argsort(sizes)[: starts - 1]]):
+        follow_levels(problem, start, steps, levels)
     for _ in range(ROUNDS):
+        growth, x = problem.best
         growths = problem.growths(problem.gains(x), fine)
         if growths.max() <= growth + SLIGHT * abs(growth):
             break
         problem.scenarios = np.concatenate([problem.scenarios, fine[np.argsort(-growths)[:ADDED]]])
-        problem.ever = np.inf, x
-        growth, x = follow_levels(problem, min((x, *drawn), key=problem.worst), steps, levels)
-    return problem.gains(x)
+        problem.best = np.inf, x
+        follow_levels(problem, min((x, *drawn), key=problem.worst), steps, levels)
+    return problem.gains(problem.best[1])
 
 
 def follow_levels(problem: Problem, x: Array, steps: int, levels: Array) -> tuple[float, Array]:
-    """The best growth rate and its x, after these levels.
+    """The best growth rate so far and its x, after these levels.
 
     The unit of time is the growth rate itself, which may fall a lot at the first level: this is repeated until it stays. Too large a mu,
     or too short a horizon, rewards modes that run off to infinity; too small a mu finds the nearest kink.
     """
-    problem.best, factor = (np.inf, x), np.eye(len(x))
+    factor = np.eye(len(x))
     for level in levels:
         for _ in range(AGAIN if level == levels[0] else 1):
             unit = find_unit(problem, x)
