@@ -191,17 +191,24 @@ def parametric_loop(scene: Scene, paths: Iterable[str], *, closed: bool = True) 
     Paths may lead into links, effects, motion and control: `effects.payload.mass`, `motion.frequency`, `control.feedback.kp.0`.
     Assumes mode shapes as the scene's own numbers give them: a free number moves the energies, not the shapes.
 
-    Raises: ArgumentError for a path that leads to no free number, one that moves the breaks of the motion, or a motion that is given by
-    samples, or ends.
+    Raises: ArgumentError for a path that leads to no free number, one that moves the breaks of the motion, or a motion given by samples.
     """
     paths = tuple(paths)
     moving = [path for path in paths if path in ("motion.move_time", "motion.dwell_time")]
     if moving:
         raise ArgumentError("this number moves the breaks of the motion and cannot be free", got=", ".join(moving))
-    lin = linearize(build_manipulator(scene, paths), scene.motion, scene.control if closed else None)
+    arm = build_manipulator(scene, paths)
+    return loop_of(linearize(arm, scene.motion, scene.control if closed else None))
+
+
+def loop_of(lin: Linearization) -> ParametricLoop:
+    """The linear equations of an arm whose numbers were left free, for all their values.
+
+    Raises: ArgumentError for a motion that is given by samples, or ends.
+    """
+    if not isinstance(lin.motion, SymbolicMotion) or not lin.motion.periodic:
+        raise ArgumentError("parameters need a periodic motion that is an expression", got=repr(lin.motion))
     motion = lin.motion
-    if not isinstance(motion, SymbolicMotion) or not motion.periodic:
-        raise ArgumentError("parameters need a periodic motion that is an expression", got=repr(motion))
     duration = ca.Function("duration", [motion.parameters.symbols], [ca.densify(motion.duration)], ["p"], ["T"])
     return ParametricLoop(lin.arm.parameters.paths, lin, duration)
 
