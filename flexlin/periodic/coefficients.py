@@ -48,12 +48,12 @@ def has_nothing_narrow(coefficient: Callable[..., Any]) -> bool:
 class Combined:
     """A function of time made of others, rule(f(t), g(t) ...); `complete`: as of `has_nothing_narrow`."""
 
-    rule: Callable[..., Array]
-    parts: tuple[Callable[[Array], Array], ...]
+    rule: Callable[..., Any]
+    parts: tuple[Callable[[Array], Any], ...]
     complete: bool = False
 
-    def __call__(self, t: Array) -> Array:
-        return self.rule(*(part(t) for part in self.parts))
+    def __call__(self, t: ArrayLike) -> Any:
+        return at_times(lambda s: self.rule(*(part(s) for part in self.parts)), t)
 
 
 def combine(rule: Callable[..., Array], *parts: Callable[[Array], Array]) -> Combined:
@@ -61,16 +61,17 @@ def combine(rule: Callable[..., Array], *parts: Callable[[Array], Array]) -> Com
     return Combined(rule, parts, all(map(has_nothing_narrow, parts)))
 
 
-@dataclass(frozen=True)
-class ClosedLoop:
-    """A(t) - B(t) K(t)."""
+def close_loop(A: Array, B: Array, K: Array) -> Array:
+    """A - B K."""
+    return A - B @ K
 
-    A: MatrixFunction
-    B: MatrixFunction
-    K: MatrixFunction
 
-    def __call__(self, t: ArrayLike) -> Array:
-        return at_times(lambda t: self.A(t) - self.B(t) @ self.K(t), t)
+def hold_input(A: Array, B: Array) -> Array:
+    """[[A, B], [0, 0]] (..., n + m, n + m): the state with an input that is held."""
+    n, m = B.shape[-2:]
+    out = np.zeros((*A.shape[:-2], n + m, n + m))
+    out[..., :n, :n], out[..., :n, n:] = A, B
+    return out
 
 
 def varies(coefficient: MatrixFunction, period: float) -> bool:
@@ -194,34 +195,19 @@ class SecondOrder:
     def feedback(self, gain: MatrixFunction) -> "SecondOrder | None":
         """The equations with u = -gain(t) [y; y'], of those that have an input."""
         force = self.force
-        return None if force is None else SecondOrder(SecondOrderLoop(self.sample, force, gain), force)
+        return None if force is None else SecondOrder(Combined(feed_back, (self.sample, force, gain)), force)
 
 
-@dataclass(frozen=True)
-class Separate:
+def gather(*matrices: Array) -> tuple[Array, ...]:
     """M, D, K of three functions."""
-
-    M: MatrixFunction
-    D: MatrixFunction
-    K: MatrixFunction
-
-    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
-        return self.M(t), self.D(t), self.K(t)
+    return matrices
 
 
-@dataclass(frozen=True)
-class SecondOrderLoop:
+def feed_back(equations: tuple[Array, Array, Array], force: Array, gain: Array) -> tuple[Array, Array, Array]:
     """M, D + F K_v, K + F K_y: the second-order coefficients with u = -[K_y, K_v] [y; y'] closed."""
-
-    plant: SecondOrderFunction
-    force: MatrixFunction
-    gain: MatrixFunction
-
-    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
-        M, D, K = self.plant(t)
-        n = M.shape[-1]
-        feedback = self.force(t) @ self.gain(t)
-        return M, D + feedback[..., n:], K + feedback[..., :n]
+    M, D, K = equations
+    by_place, by_rate = np.split(force @ gain, 2, axis=2)
+    return M, D + by_rate, K + by_place
 
 
 @dataclass(frozen=True)
@@ -266,11 +252,13 @@ def build_input(M: Array, F: Array, t: Array) -> Array:
 
 def stack_companion(X: Array, Y: Array) -> Array:
     """Return [[0, I], [X, Y]] for blocks (..., n, n): the state matrix of y'' = X y + Y y'."""
-    n = X.shape[-1]
-    A = np.zeros((*X.shape[:-2], 2 * n, 2 * n))
-    A[..., :n, n:] = np.eye(n)
-    A[..., n:, :n], A[..., n:, n:] = X, Y
-    return A
+    eye = np.broadcast_to(np.eye(X.shape[-1]), X.shape)
+    return np.block([[np.zeros_like(X), eye], [X, Y]])
+
+
+def assemble_hamiltonian(A: Array, S: Array, Q: Array) -> Array:
+    """Return [[A, -S], [-Q, -A']] for stacks of matrices."""
+    return np.block([[A, -S], [-Q, -np.swapaxes(A, 1, 2)]])
 
 
 def solve_mass(M: Array, right: Array, t: Array) -> Array:

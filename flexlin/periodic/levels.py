@@ -9,6 +9,7 @@ from flexlin.checks import Array
 from flexlin.errors import TooManySegments
 from flexlin.lazy import lazy
 from flexlin.periodic.circle import measure_distances, wrap_angle, wrap_log
+from flexlin.periodic.coefficients import assemble_hamiltonian
 from flexlin.periodic.floquet.exponents import answer_by_segments, floquet
 from flexlin.periodic.floquet.modes import MODES_TOL, solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
@@ -16,9 +17,9 @@ from flexlin.periodic.floquet.segmented import Factored
 from flexlin.periodic.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY
 from flexlin.periodic.product import Unknown
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.response.frequency import Segments, condense, place_stages
+from flexlin.periodic.response.frequency import Segments, condense
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import Tableau, sample_at
+from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
 from flexlin.periodic.transition.setting import (
     FEWER_SEGMENTS,
     METHODS,
@@ -69,9 +70,8 @@ class BoundedReal:
             R = level**2 * np.eye(D.shape[2]) - turned_D @ D
             S = level**2 * np.eye(D.shape[1]) - D @ turned_D
             A = self.system.resolved(t) + B @ np.linalg.solve(R, turned_D @ C)
-            upper = np.concatenate([A, level * B @ np.linalg.solve(R, turned_B)], axis=2)
-            lower = np.concatenate([-level * turned_C @ np.linalg.solve(S, C), -np.swapaxes(A, 1, 2)], axis=2)
-            return np.concatenate([upper, lower], axis=1)
+            forth, back = level * B @ np.linalg.solve(R, turned_B), level * turned_C @ np.linalg.solve(S, C)
+            return assemble_hamiltonian(A, -forth, back)
 
         if self.constant:
             return PeriodicSystem(H(np.zeros(1))[0], self.system.period)
@@ -105,7 +105,7 @@ class BoundedReal:
         """The system's own, which serve all levels; inputs and outputs so weighted that their squares add up to the integrals."""
         key = edges.tobytes(), rule.c.tobytes()
         if key not in self.made:
-            t, h = place_stages(edges, rule), np.diff(edges)
+            t, h = place_nodes(edges, rule.c), np.diff(edges)
             A, *ports = (sample_at(one, t) for one in (self.system.resolved, self.B, self.C, self.D))
             found = condense(A, ports, h, rule)
             p, m = ports[2].shape[-2:]
@@ -241,7 +241,7 @@ class PeakSearch:
         if self.edges is None:
             return max(self.problem.constant_gain(omega), self.floor)
         rule, orders = METHODS[self.setting.method](self.setting.order + better), np.arange(-WAVES, WAVES + 1)
-        t, m = place_stages(self.edges, rule), self.problem.system.m
+        t, m = place_nodes(self.edges, rule.c), self.problem.system.m
         waves = np.exp(1j * (omega + 2 * np.pi / self.period * orders) * t[..., None])
         tried = np.einsum("ks,ksl,ij->ksilj", np.sqrt(np.diff(self.edges)[:, None] * rule.b), waves, np.eye(m))
         found = self.problem.segments(self.edges, rule).largest_gain(

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.errors import NotStable, NumericalError, TimeLimit
-from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, combine
+from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_function, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.precision import ROOT, TINY
@@ -128,7 +128,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
         return system.feedback(combine(partial(np.multiply, kappa), K), breaks)
 
     def with_phase(phi: float) -> PeriodicSystem:
-        return with_matrices(nominal, Turned(system.A, B, K, phi), breaks=breaks)
+        return with_matrices(nominal, Combined(partial(turn, phi=phi), (system.A, B, K)), breaks=breaks)
 
     steps = STEP ** np.arange(1, int(np.log(LARGEST_GAIN) / np.log(STEP)) + 1)
     angles = np.linspace(0.0, np.pi, len(steps) + 1)[1:]
@@ -136,7 +136,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
 
     def with_delay(tau: float, more: int = 0) -> PeriodicSystem:
         order = choose_order(fastest * tau, tol / 2) + more
-        return with_matrices(nominal, Delayed(system.A, B, K, tau, order), breaks=breaks)
+        return with_matrices(nominal, Combined(partial(delay, tau=tau, order=order), (system.A, B, K)), breaks=breaks)
 
     delays = list_delays(nominal.period, sizes)
     searches: list[Callable[[], Found]] = [
@@ -145,51 +145,28 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
         partial(find_first, with_phase, (0.0, decay), angles, tol),
         partial(find_first, with_delay, (0.0, decay), delays, tol, partial(with_delay, more=1)),
     ]
-    (low, below), (high, above), (phase, turned), (delay, late), reasons = find_known(searches)
+    (low, below), (high, above), (phase, turned), (longest, late), reasons = find_known(searches)
     gain = 0.0 if np.isinf(low) else low, high
-    return Margins(gain, phase, delay, (below, above, turned, late), "; ".join(dict.fromkeys(reasons)))
+    return Margins(gain, phase, longest, (below, above, turned, late), "; ".join(dict.fromkeys(reasons)))
 
 
-@dataclass(frozen=True, eq=False)
-class Turned:
+def turn(A: Array, B: Array, K: Array, phi: float) -> Array:
     """A - exp(i phi) B K as a real matrix of [Re x; Im x]."""
-
-    A: MatrixFunction
-    B: MatrixFunction
-    K: MatrixFunction
-    phi: float
-
-    def __call__(self, t: Array) -> Array:
-        feedback = self.B(t) @ self.K(t)
-        real, turned = self.A(t) - np.cos(self.phi) * feedback, np.sin(self.phi) * feedback
-        return np.concatenate([np.concatenate([real, turned], axis=2), np.concatenate([-turned, real], axis=2)], axis=1)
+    feedback = B @ K
+    real, turned = A - np.cos(phi) * feedback, np.sin(phi) * feedback
+    return np.block([[real, turned], [-turned, real]])
 
 
-@dataclass(frozen=True, eq=False)
-class Delayed:
+def delay(A: Array, B: Array, K: Array, tau: float, order: int) -> Array:
     """x' = A x - B w, where w is K x a time tau ago, by a line of `order` Legendre polynomials for each input.
 
     tau z_i' = (2 i + 1) ((-1)^i v + sum_j a_ij z_j),   a_ij = -1 for i < j, (-1)^(i - j + 1) else,   w = sum_i z_i
     """
-
-    A: MatrixFunction
-    B: MatrixFunction
-    K: MatrixFunction
-    tau: float
-    order: int
-
-    def __call__(self, t: Array) -> Array:
-        i = np.arange(self.order)
-        rates = (2 * i + 1) / self.tau
-        line = rates[:, None] * np.where(i[:, None] < i, -1.0, (-1.0) ** (i[:, None] - i + 1))
-        A, B, K = self.A(t), self.B(t), self.K(t)
-        n, m = B.shape[1:]
-        out = np.zeros((len(t), n + m * self.order, n + m * self.order))
-        out[:, :n, :n] = A
-        out[:, :n, n:] = -np.repeat(B, self.order, axis=2)
-        out[:, n:, :n] = np.repeat(K, self.order, axis=1) * np.tile(rates * (-1.0) ** i, m)[:, None]
-        out[:, n:, n:] = np.kron(np.eye(m), line)
-        return out
+    i, m = np.arange(order), B.shape[2]
+    rates = (2 * i + 1) / tau
+    line = np.kron(np.eye(m), rates[:, None] * np.where(i[:, None] < i, -1.0, (-1.0) ** (i[:, None] - i + 1)))
+    into = np.repeat(K, order, axis=1) * np.tile(rates * (-1.0) ** i, m)[:, None]
+    return np.block([[A, -np.repeat(B, order, axis=2)], [into, np.broadcast_to(line, (len(A), *line.shape))]])
 
 
 def find_known(searches: list[Callable[[], Found]]) -> tuple[Found, Found, Found, Found, list[str]]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow
+from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, has_nothing_narrow, hold_input
 from flexlin.periodic.grid import golden
 from flexlin.periodic.precision import ROOT
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
@@ -73,19 +74,11 @@ class Backward:
         return has_nothing_narrow(self.coefficient)
 
 
-@dataclass(frozen=True, eq=False)
-class ExtendedState:
-    """[[A, 0], [rates]] as a function of time, for rates (k, n + k)."""
-
-    A: MatrixFunction
-    rates: Array
-
-    def __call__(self, t: Array) -> Array:
-        k, size = self.rates.shape
-        out = np.zeros((len(t), size, size))
-        out[:, : size - k, : size - k] = self.A(t)
-        out[:, size - k :] = self.rates
-        return out
+def extend_state(A: Array, rates: Array) -> Array:
+    """[[A, 0], [rates]] for rates (k, n + k)."""
+    out = hold_input(A, np.zeros((*A.shape[:2], len(rates))))
+    out[:, A.shape[1] :] = rates
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +107,7 @@ def extend_system(system: PeriodicSystem, rates: Array) -> PeriodicSystem:
     [x; z]' = [[A, 0], [rates]] [x; z] + [B; 0] u,   rates (k, n + k)
     """
     B = None if system.B is None else OfPlant(system.B, system.n, system.n + len(rates))
-    return with_matrices(system, ExtendedState(system.A, rates), B)
+    return with_matrices(system, Combined(partial(extend_state, rates=rates), (system.A,)), B)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,33 +216,16 @@ Wires = tuple[Array, Array, Array]
 """F, G, L of u = F y + G r and L y, for the inputs and outputs of two systems, one's above the other's."""
 
 
-@dataclass(frozen=True, eq=False)
-class Joined:
-    """One of A, B, C, D of two systems that are connected, as a function of time.
+def join(*matrices: Array, wires: Wires, which: int) -> Array:
+    """One of A, B, C, D of two systems that are connected, from those of the first and those of the second.
 
     u = E (F C x + G r),   E = (I - F D)^-1
     """
-
-    first: PeriodicStateSpace
-    second: PeriodicStateSpace
-    wires: Wires
-    which: int
-
-    def __call__(self, t: Array) -> Array:
-        A, B, C, D = (beside(*(f(t) for f in pair)) for pair in zip(*map(functions, self._both), strict=True))
-        F, G, L = self.wires
-        E = np.linalg.inv(np.eye(len(F)) - F @ D)
-        u, r = E @ F @ C, E @ G
-        return np.asarray((A + B @ u, B @ r, L @ (C + D @ u), L @ D @ r)[self.which])
-
-    @property
-    def complete(self) -> bool:
-        """Whether what it is made of has nothing narrow of its own."""
-        return all(one.system.complete and all(map(has_nothing_narrow, (one.C, one.D))) for one in self._both)
-
-    @property
-    def _both(self) -> tuple[PeriodicStateSpace, PeriodicStateSpace]:
-        return self.first, self.second
+    A, B, C, D = map(beside, matrices[:4], matrices[4:])
+    F, G, L = wires
+    E = np.linalg.inv(np.eye(len(F)) - F @ D)
+    u, r = E @ F @ C, E @ G
+    return np.asarray((A + B @ u, B @ r, L @ (C + D @ u), L @ D @ r)[which])
 
 
 def functions(one: PeriodicStateSpace) -> tuple[MatrixFunction, MatrixFunction, MatrixFunction, MatrixFunction]:
@@ -277,9 +253,12 @@ def connect(
         raise ArgumentError(
             "inputs and outputs do not fit each other", got=str(list(fitting)), expected="equal numbers"
         )
-    parts: list[MatrixFunction] = [Joined(first, second, wires, which) for which in range(4)]
-    complete = has_nothing_narrow(parts[0])
-    if all(isinstance(f, Constant) for one in (first, second) for f in functions(one)):
+    known = *functions(first), *functions(second)
+    complete = all(one.system.complete and all(map(has_nothing_narrow, (one.C, one.D))) for one in (first, second))
+    parts: list[MatrixFunction] = [
+        Combined(partial(join, wires=wires, which=which), known, complete) for which in range(4)
+    ]
+    if all(isinstance(f, Constant) for f in known):
         parts = [Constant(part(np.zeros(1))[0]) for part in parts]
     A, B, C, D = parts
     breaks, features = (sorted({*getattr(both[0], name), *getattr(both[1], name)}) for name in ("breaks", "features"))

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments, counted
-from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
+from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_function, check_samples, hold_input
 from flexlin.periodic.floquet.result import FloquetResult, judge
 from flexlin.periodic.floquet.segmented import SAFETY
 from flexlin.periodic.grid import divide_segments, edges_of_short
@@ -31,23 +31,6 @@ MOST = 1024
 """Samples of a round, unless a single period takes more."""
 EXACT = MOST * EPS
 """Relative distance at which a sampling time counts as a whole part of whole periods."""
-
-
-@dataclass(frozen=True, eq=False)
-class Augmented:
-    """[[A, B], [0, 0]]: the state with an input that is held."""
-
-    A: MatrixFunction
-    B: MatrixFunction
-    period: float
-
-    def __call__(self, t: Array) -> Array:
-        now = np.mod(t, self.period)
-        A, B = self.A(now), self.B(now)
-        n, m = B.shape[1:]
-        out = np.zeros((len(t), n + m, n + m))
-        out[:, :n, :n], out[:, :n, n:] = A, B
-        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +102,8 @@ def with_controller_states(plant: HeldPlant, rates: Array, step: float) -> HeldP
 
 def sections(system: PeriodicSystem, begin: Array, end: Array, tol: float, stages: int) -> Array:
     """Transition matrices (N, n + m, n + m) of the augmented system from begin (N,) to end (N,), all of one length."""
-    augmented = Augmented(system.resolved, system.resolved_input, system.period)
-    parts = step_sections(augmented, divide(system, begin, end, tol), stages)
+    held = Combined(hold_input, (system.resolved, system.resolved_input))
+    parts = step_sections(held, divide(system, begin, end, tol), stages)
     whole = parts[:, 0]
     for k in range(1, parts.shape[1]):
         whole = parts[:, k] @ whole

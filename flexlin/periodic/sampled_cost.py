@@ -6,8 +6,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import IllPosedSegment, NotDetectable, NotStabilizable, NumericalError
+from flexlin.periodic.coefficients import Combined, assemble_hamiltonian, hold_input
 from flexlin.periodic.precision import EPS, MINOR, ROOT
-from flexlin.periodic.quadratic.linear_quadratic import assemble_hamiltonian
 from flexlin.periodic.quadratic.scattering import (
     MAX_DOUBLINGS,
     Segment,
@@ -17,8 +17,9 @@ from flexlin.periodic.quadratic.scattering import (
     star_product,
     transpose,
 )
+from flexlin.periodic.related import beside
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.sampled import Augmented, divide, step_sections
+from flexlin.periodic.sampled import divide, step_sections
 from flexlin.periodic.system import PeriodicSystem
 
 LARGEST = 1e13
@@ -41,19 +42,15 @@ class SampledProblem:
     late: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Weighed:
-    """The Hamiltonian [[A, 0], [-W, -A']] of the augmented system with W = diag(Q, R), as a function of time."""
+def weigh_held(A: Array, B: Array, Q: Array, R: Array) -> Array:
+    """The Hamiltonian [[A, 0], [-W, -A']] of the state with the input that is held, W = diag(Q, R)."""
+    held, W = hold_input(A, B), beside(Q, R)
+    return assemble_hamiltonian(held, np.zeros_like(W), W)
 
-    plant: Augmented
-    Q: ResolvedMatrix
-    R: ResolvedMatrix
 
-    def __call__(self, t: Array) -> Array:
-        now, A = np.mod(t, self.plant.period), self.plant(t)
-        W, n = np.zeros_like(A), self.Q.shape[0]
-        W[:, :n, :n], W[:, n:, n:] = self.Q(now), self.R(now)
-        return assemble_hamiltonian(A, np.zeros_like(A), W)
+def excite(A: Array, W: Array) -> Array:
+    """The Hamiltonian [[A, -W], [0, -A']], in scattering form the covariance that noise of intensity W adds up to."""
+    return assemble_hamiltonian(A, W, np.zeros_like(A))
 
 
 def weigh_samples(
@@ -76,7 +73,7 @@ def weigh_samples(
     n, m = system.n, system.m
     span = system.period * periods
     t, h = span * np.arange(samples) / samples, span / samples
-    weighed = Weighed(Augmented(system.resolved, system.resolved_input, system.period), Q, R)
+    weighed = Combined(weigh_held, (system.resolved, system.resolved_input, Q, R))
 
     def section(begin: Array, end: Array) -> tuple[Array, Array]:
         if not np.any(end > begin):
@@ -119,26 +116,14 @@ def integrate_weight(R: ResolvedMatrix, edges: Array) -> Array:
     return np.einsum("kcs,kcsij->kij", h * w / 2, values)
 
 
-@dataclass(frozen=True, eq=False)
-class Excited:
-    """The Hamiltonian [[A, -W], [0, -A']], in scattering form the covariance that noise of intensity W adds up to."""
-
-    system: PeriodicSystem
-    W: ResolvedMatrix
-
-    def __call__(self, t: Array) -> Array:
-        now = np.mod(t, self.system.period)
-        A, W = self.system.resolved(now), self.W(now)
-        return assemble_hamiltonian(A, W, np.zeros_like(A))
-
-
 def spread_noise(
     system: PeriodicSystem, W: ResolvedMatrix, samples: int, periods: int, tol: float, stages: int
 ) -> tuple[Array, Array]:
     """F and the integral of P W P' dt (N, n, n) over equal intervals, P the transition matrix to their ends."""
     span = system.period * periods
     t, h = span * np.arange(samples) / samples, span / samples
-    parts = scatter_hamiltonian(step_sections(Excited(system, W), divide(system, t, t + h, tol, (W,)), stages))
+    steps = step_sections(Combined(excite, (system.resolved, W)), divide(system, t, t + h, tol, (W,)), stages)
+    parts = scatter_hamiltonian(steps)
     F, G = parts.F[:, 0], parts.G[:, 0]
     for k in range(1, parts.F.shape[1]):
         F, G = parts.F[:, k] @ F, parts.G[:, k] + parts.F[:, k] @ G @ transpose(parts.F[:, k])

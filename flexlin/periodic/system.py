@@ -12,16 +12,17 @@ from flexlin.checks import SAMPLES, positive, whole
 from flexlin.errors import ArgumentError, counted
 from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import (
-    ClosedLoop,
+    Combined,
     Constant,
     InputMatrix,
     MatrixFunction,
     SecondOrder,
     SecondOrderFunction,
-    Separate,
     StateMatrix,
     as_matrix_function,
     check_samples,
+    close_loop,
+    gather,
     has_nothing_narrow,
 )
 from flexlin.periodic.interpolation import ChebyshevPanels
@@ -248,7 +249,7 @@ class PeriodicSystem(Shown):
             raise ArgumentError("M is not square", got=size, expected="(n, n), at least one coordinate")
         D, K = (as_port(name, f, size, period) for name, f in (("D", D), ("K", K)))
         force = None if B is None else as_port("B", B, (size[0], None), period)
-        equations = SecondOrder(together or Separate(M, D, K), force)
+        equations = SecondOrder(together or Combined(gather, (M, D, K)), force)
         B = None if force is None else InputMatrix(M, force)
         return cls(StateMatrix(equations.sample), period, B, breaks, equations, features, complete)
 
@@ -276,7 +277,7 @@ class PeriodicSystem(Shown):
         """
         B, K = input_of(self), as_port("gain", gain, (self.m, self.n), self.period)
         second_order = None if self.second_order is None else self.second_order.feedback(K)
-        loop = ClosedLoop(self.A, B, K)
+        loop = Combined(close_loop, (self.A, B, K))
         complete = self.complete and has_nothing_narrow(K)
         corners = (*self.breaks, *breaks, *(K.edges[:-1] if isinstance(K, ChebyshevPanels) else ()))
         return PeriodicSystem(loop, self.period, B, corners, second_order, self.features, complete)

@@ -295,6 +295,4 @@ class DecoupledExponents:
 
 def as_real(B: Array) -> Array:
     """Complex matrices (..., p, p) as real ones [[Re, -Im], [Im, Re]] (..., 2p, 2p)."""
-    return np.concatenate(
-        [np.concatenate([B.real, -B.imag], axis=-1), np.concatenate([B.imag, B.real], axis=-1)], axis=-2
-    )
+    return np.block([[B.real, -B.imag], [B.imag, B.real]])

@@ -66,15 +66,6 @@ class LinearQuadratic:
         return np.linalg.solve(self.R(t), np.swapaxes(self.B(t), 1, 2) @ X + np.swapaxes(self.N(t), 1, 2))
 
 
-def assemble_hamiltonian(A: Array, S: Array, Q: Array) -> Array:
-    """Return [[A, -S], [-Q, -A']] for stacks of matrices."""
-    n = A.shape[-1]
-    H = np.empty((len(A), 2 * n, 2 * n))
-    H[:, :n, :n], H[:, :n, n:] = A, -S
-    H[:, n:, :n], H[:, n:, n:] = -Q, -np.swapaxes(A, 1, 2)
-    return H
-
-
 def take_once(values: Array) -> Array:
     """Return the one matrix of a coefficient that is constant (a broadcast array), so that work on it is done once."""
     return values[:1] if values.strides[0] == 0 else values

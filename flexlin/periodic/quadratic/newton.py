@@ -7,9 +7,10 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import IllPosedSegment, NumericalError, ToleranceNotReached
+from flexlin.periodic.coefficients import assemble_hamiltonian
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SAFETY, SLIGHT
 from flexlin.periodic.quadratic.blocked import bound_sizes, name_blocked_mode
-from flexlin.periodic.quadratic.linear_quadratic import SAMPLES, LinearQuadratic, RiccatiSolution, assemble_hamiltonian
+from flexlin.periodic.quadratic.linear_quadratic import SAMPLES, LinearQuadratic, RiccatiSolution
 from flexlin.periodic.quadratic.lyapunov import LoopLyapunov, step_exactly, twice
 from flexlin.periodic.quadratic.nodes import Nodes
 from flexlin.periodic.quadratic.scattering import (

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import NotStable, NumericalError
-from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow, varies
+from flexlin.periodic.coefficients import Constant, MatrixFunction, assemble_hamiltonian, has_nothing_narrow, varies
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.grid import divided, edges_of_short
 from flexlin.periodic.interpolation import FourierSeries
@@ -20,7 +20,6 @@ from flexlin.periodic.quadratic.linear_quadratic import (
     WAVES,
     LinearQuadratic,
     RiccatiSolution,
-    assemble_hamiltonian,
     check_between,
     linear_quadratic,
 )

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, at_times, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing, TooManySegments
-from flexlin.periodic.coefficients import PROBES, Constant, has_nothing_narrow, refuse_signature
+from flexlin.periodic.coefficients import PROBES, Constant, has_nothing_narrow, hold_input, refuse_signature
 from flexlin.periodic.grid import FINER, edges_of_short, place_edges
 from flexlin.periodic.precision import EPS, FOURTH, MINOR, ROOT, SAFETY, TINY
 from flexlin.periodic.product import COHERENT, cyclic_system, find_spectrum
@@ -345,14 +345,11 @@ def sample_forced(
     system: PeriodicSystem, f: VectorFunction, grid: Array, rule: Tableau
 ) -> Iterator[tuple[slice, Array]]:
     """[[A, f], [0, 0]] at the stages (k, s, n + 1, n + 1), before a jump at the end of a segment, for CHUNK_BYTES of segments at a time."""
-    n, s = system.n, len(rule.c)
-    size = max(8, CHUNK_BYTES // (8 * s * (n + 1) ** 2))
+    size = max(8, CHUNK_BYTES // (8 * len(rule.c) * (system.n + 1) ** 2))
     for i in range(0, len(grid) - 1, size):
-        edges = grid[i : i + size + 1]
-        t = np.minimum(place_nodes(edges, rule.c), np.nextafter(edges[1:, None], -np.inf))
-        A = np.zeros((*t.shape, n + 1, n + 1))
-        A[..., :n, :n], A[..., :n, n] = sample_at(system.resolved, t), real_array("f", sample_at(f, t))
-        yield slice(i, i + size), A
+        t = place_nodes(grid[i : i + size + 1], rule.c)
+        force = real_array("f", sample_at(f, t))
+        yield slice(i, i + size), hold_input(sample_at(system.resolved, t), force[..., None])
 
 
 def stagnant(misses: list[float]) -> bool:

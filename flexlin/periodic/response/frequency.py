@@ -192,7 +192,7 @@ class Collocated:
         least = max((-(-2 * one.degree // STAGES) for one in every if one.panels > 1), default=1)
         edges = place_edges(system.period, np.unique(np.concatenate([one.edges for one in every])), count, least)
         self.rule, self.h = radau(STAGES), np.diff(edges)
-        t = place_stages(edges, self.rule)
+        t = place_nodes(edges, self.rule.c)
         self.t, self.period, self.weights = t, system.period, self.h[:, None] * self.rule.b / system.period
         self.A, self.ports = sample_at(system.resolved, t), [sample_at(one, t) for one in ports]
 
@@ -264,11 +264,6 @@ class Segments:
             inputs = np.column_stack([inputs, u])
             outputs = np.column_stack([outputs, forth(u.reshape(K, size, 1)).ravel()])
         return float(gains[0])
-
-
-def place_stages(edges: Array, rule: Tableau) -> Array:
-    """The times (K, s) of the stages of all segments; one at an end stands before a jump there."""
-    return np.minimum(place_nodes(edges, rule.c), np.nextafter(edges[1:, None], -np.inf))
 
 
 def condense(A: Array, ports: list[Array], h: Array, rule: Tableau) -> Segments:

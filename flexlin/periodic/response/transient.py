@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments
-from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
 from flexlin.periodic.precision import EPS, SAFETY, TINY
 from flexlin.periodic.related import edges_between
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of
@@ -136,13 +137,19 @@ def respond(
     n, m = system.n, system.m
     if not (u is None and push is None and noise is None):
         input_of(system)
-    given = u if u is None or callable(u) else Constant(real_array("u", u, (m,)))
-    driven = Driven(system, given, np.zeros((m, m)) if noise is None else real_array("noise", noise, (m, m)))
+    driven: MatrixFunction = system.resolved
+    if u is not None:
+        given = u if callable(u) else Constant(real_array("u", u, (m,)))
+        driven = Combined(push_by, (system.resolved, system.resolved_input, given))
+    excited = None
+    if noise is not None:
+        intensity = real_array("noise", noise, (m, m))
+        excited = Combined(partial(excite, noise=intensity), (system.resolved, system.resolved_input))
     start = np.zeros(n) if x0 is None else real_array("x0", x0, (n,))
     if push is not None:
         start = start + system.resolved_input(times[:1])[0] @ real_array("push", push, (m,))
     edges = divide_times(system, times, positive("tol", tol))
-    runs = [driven.run(start, edges, stages) for stages in (STAGES, STAGES + 2)]
+    runs = [follow(driven, excited, start, edges, stages) for stages in (STAGES, STAGES + 2)]
     at = np.searchsorted(edges, times)
     (x, P), (better, spread) = ((states[at], covariance[at]) for states, covariance in runs)
     roots = [np.sqrt(np.abs(np.diagonal(one, axis1=1, axis2=2))) for one in (P, spread)]
@@ -170,42 +177,28 @@ def divide_times(system: PeriodicSystem, times: Array, tol: float) -> Array:
     return np.append(inner, marks[-1])
 
 
-@dataclass(frozen=True, eq=False)
-class Driven:
-    """A system under inputs (functions of time) and noise of some intensity."""
+def push_by(A: Array, B: Array, u: Array) -> Array:
+    """[[A, B u], [0, 0]] (N, n + 1, n + 1)."""
+    return hold_input(A, B @ u[:, :, None])
 
-    system: PeriodicSystem
-    u: Callable[[Array], Array] | None
-    noise: Array
 
-    def forced(self, t: Array) -> Array:
-        """[[A, B u], [0, 0]] (N, n + 1, n + 1)."""
-        n, now = self.system.n, np.mod(t, self.system.period)
-        out = np.zeros((len(t), n + 1, n + 1))
-        out[:, :n, :n] = self.system.resolved(now)
-        if self.u is not None:
-            out[:, :n, n] = np.einsum("tij,tj->ti", self.system.resolved_input(now), self.u(t))
-        return out
+def excite(A: Array, B: Array, noise: Array) -> Array:
+    """[[A, B S B'], [0, -A']] (N, 2 n, 2 n)."""
+    return assemble_hamiltonian(A, -B @ noise @ np.swapaxes(B, 1, 2), np.zeros_like(A))
 
-    def excited(self, t: Array) -> Array:
-        """[[A, B S B'], [0, -A']] (N, 2 n, 2 n)."""
-        n, now = self.system.n, np.mod(t, self.system.period)
-        A, B = self.system.resolved(now), self.system.resolved_input(now)
-        out = np.zeros((len(t), 2 * n, 2 * n))
-        out[:, :n, :n], out[:, :n, n:], out[:, n:, n:] = A, B @ self.noise @ np.swapaxes(B, 1, 2), -np.swapaxes(A, 1, 2)
-        return out
 
-    def run(self, start: Array, edges: Array, stages: int) -> tuple[Array, Array]:
-        """States (K, n) and covariance (K, n, n) at the edges."""
-        n = self.system.n
-        steps, state = gauss_transitions(self.forced, edges, stages), np.append(start, 1.0)
-        x, P = np.zeros((len(edges), n)), np.zeros((len(edges), n, n))
-        x[0] = start
-        for k, step in enumerate(steps):
-            state = step @ state
-            x[k + 1] = state[:n]
-        if self.noise.any():
-            for k, step in enumerate(gauss_transitions(self.excited, edges, stages)):
-                F = step[:n, :n]
-                P[k + 1] = F @ P[k] @ F.T + step[:n, n:] @ F.T
-        return x, P
+def follow(
+    driven: MatrixFunction, excited: MatrixFunction | None, start: Array, edges: Array, stages: int
+) -> tuple[Array, Array]:
+    """States (K, n) and covariance (K, n, n) at the edges."""
+    n, steps = len(start), gauss_transitions(driven, edges, stages)
+    state = np.append(start, 1.0)[: steps.shape[-1]]
+    x, P = np.zeros((len(edges), n)), np.zeros((len(edges), n, n))
+    x[0] = start
+    for k, step in enumerate(steps):
+        state = step @ state
+        x[k + 1] = state[:n]
+    for k, step in enumerate(() if excited is None else gauss_transitions(excited, edges, stages)):
+        F = step[:n, :n]
+        P[k + 1] = F @ P[k] @ F.T + step[:n, n:] @ F.T
+    return x, P

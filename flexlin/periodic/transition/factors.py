@@ -18,6 +18,7 @@ from flexlin.periodic.transition.gauss import (
     collocate,
     collocate_accelerations,
     fold_samples,
+    place_nodes,
     solve_accelerations,
 )
 
@@ -111,14 +112,10 @@ def sample_segments(
     rows, columns = resolved.shape
     size = max(8, CHUNK_BYTES // (8 * rows * columns * sum(map(len, nodes))))
     for i in range(0, len(edges) - 1, size):
-        first, last = edges[i : i + size + 1][:-1, None], edges[i : i + size + 1][1:, None]
-        times = [first + (last - first) * c for c in nodes]
-        for t, rule in zip(times, rules, strict=False):
-            if rule.c[-1] == 1.0:
-                t[:, -1:] = np.nextafter(last, -np.inf)
+        times = [place_nodes(edges[i : i + size + 1], c) for c in nodes]
         t = np.concatenate([part.ravel() for part in times])
         values = np.split(fold_samples(resolved.series(t), t), np.cumsum([part.size for part in times])[:-1])
-        split = [part.reshape(len(first), -1, rows, columns) for part in values]
+        split = [part.reshape(len(times[0]), -1, rows, columns) for part in values]
         yield slice(i, i + size), split[: len(rules)], split[-1][:, 0]
 
 

@@ -44,8 +44,9 @@ def gauss(stages: int) -> Tableau:
 
 
 def place_nodes(edges: Array, c: Array) -> Array:
-    """Return the times (K, s) of the stages of all segments."""
-    return edges[:-1, None] + np.diff(edges)[:, None] * c
+    """Return the times (K, s) of the stages of all segments; one at an end stands before a jump there."""
+    t = edges[:-1, None] + np.diff(edges)[:, None] * c
+    return np.minimum(t, np.nextafter(edges[1:, None], -np.inf))
 
 
 def gauss_transitions(A: MatrixFunction, edges: Array, stages: int = STAGES) -> Array:
