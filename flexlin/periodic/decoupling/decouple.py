@@ -19,11 +19,9 @@ from flexlin.periodic.decoupling.coupling import (
 )
 from flexlin.periodic.decoupling.frames import (
     SLOW_PART,
-    Eigenvectors,
     Group,
     aliasing,
     circle_derivative,
-    find_eigenvectors,
     find_frame,
     follow_modes,
     grouped_modes,
@@ -31,7 +29,6 @@ from flexlin.periodic.decoupling.frames import (
     interpolated,
     low_harmonics,
     mixing,
-    rounds,
     shifted,
     smooth,
     sylvester,
@@ -52,6 +49,8 @@ ADIABATIC = 0.05
 HOPELESS = 300.0
 """On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
 MAX_ROUNDS, MAX_MERGES = 14, 12
+ENOUGH = 0.01
+"""Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than the slowest harmonics do."""
 
 
 def decouple(
@@ -127,26 +126,21 @@ def decouple_on_more(
 ) -> Decoupled | Refusal:
     """Decouple on nodes at which A is given (N, n, n), as it is half-way between them, and on twice as many until both agree.
 
-    These go on from what the fewer ones reached, where that parts; else they begin anew, from the eigenvectors of A(t).
     Raises: LinAlgError where the eigenvectors of A(t) depend on each other at a node.
     """
-    joined, before = np.zeros(samples.shape[1:], bool), None
+    joined = np.zeros(samples.shape[1:], bool)
     while True:
         count = len(samples)
         if hides_waves(A, period, samples, between):
             return Refusal("the coefficients have harmonics that equidistant nodes take for others")
-        going = None if before is None else part_frame(before.frame.doubled(), samples, period, tol)
-        parted: Parted | Refusal | None = going
-        if going is None or going.stuck.any():
-            few = count == FIRST_NODES
-            parted = built_on(samples, find_eigenvectors(samples), joined, period, tol, tries, few)
+        parted = built_on(samples, joined, period, tol, tries, count == FIRST_NODES)
         if isinstance(parted, Refusal):
             return parted
         if parted is not None and not parted.stuck.any():
             answer, settled = checked(parted.decoupled, samples, between, tol, uncertainty)
             if settled or count == MAX_NODES:
                 return answer
-        before, samples = parted, interleaved(samples, between)
+        samples = interleaved(samples, between)
         between = A(period / len(samples) * (np.arange(len(samples)) + 0.5))
 
 
@@ -207,43 +201,23 @@ def with_evidence(
 
 
 @dataclass(frozen=True)
-class Frame:
-    """Groups of modes, a basis T (N, n, n) of their subspaces, the real groups whose basis is complex (G,), the least size of each
-    eigenvalue (n,)."""
-
-    groups: tuple[Group, ...]
-    T: Array
-    turning: Array
-    size: Array
-
-    def doubled(self) -> "Frame":
-        """The same on twice the nodes."""
-        return replace(self, T=interleaved(self.T, shifted(self.T, 0.5)))
-
-
-@dataclass(frozen=True)
 class Parted:
     """What the rounds reached from a frame: the pairs of modes (n, n) whose coupling stays too large, and by which factor at the most."""
 
     decoupled: Decoupled
     stuck: Array
     excess: float
-    size: Array
-
-    @property
-    def frame(self) -> Frame:
-        return Frame(self.decoupled.groups, self.decoupled.frame, self.decoupled.turning, self.size)
 
 
 def built_on(
-    samples: Array, vectors: Eigenvectors, joined: Array, period: float, tol: float, tries: int, few: bool
+    samples: Array, joined: Array, period: float, tol: float, tries: int, few: bool
 ) -> Parted | Refusal | None:
     """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part.
 
     On the fewest nodes, `few`, what more nodes may part is handed back as it is, or None where all modes are one group; what they would
     not part is added to `joined` (n, n).
     """
-    modes = follow_modes(vectors)
+    modes = follow_modes(samples)
     apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
     together = joined | (apart < 2 * np.pi / period / ADIABATIC)
     for _ in range(tries):
@@ -252,7 +226,8 @@ def built_on(
             return None if few else Refusal("no eigenvalues of A(t) stand apart from the others along the period")
         taken = modes.taken(columns)
         T, turning = find_frame(taken, groups)
-        found = part_frame(Frame(groups, smooth(T), turning, np.abs(taken.values).min(axis=0)), samples, period, tol)
+        allowed = tol * np.maximum(1, np.abs(taken.values).min(axis=0))[:, None]
+        found = part_frame(smooth(T), groups, turning, samples, period, allowed)
         stuck = found.stuck
         if not stuck.any() or (few and found.excess < HOPELESS):
             return found
@@ -262,43 +237,52 @@ def built_on(
     return Refusal("the coupling between groups of modes does not shrink")
 
 
-def part_frame(frame: Frame, A: Array, period: float, tol: float) -> Parted:
-    """Make the rounds from a frame on its nodes, where no first step would mix modes by much."""
-    T, groups = frame.T, frame.groups
+def part_frame(T: Array, groups: tuple[Group, ...], turning: Array, A: Array, period: float, allowed: Array) -> Parted:
+    """Make the rounds from a basis T (N, n, n) of the groups' subspaces, where no first step would mix modes by much.
+
+    Parameters: turning (G,): real groups whose basis is complex; allowed (n, 1): error of each exponent, in 1/s.
+    """
     B = np.linalg.solve(T, A @ T - circle_derivative(T, period))
     S = sylvester(B, groups)
     share = mixing(S)
     stuck, excess, made = share > MINOR, np.inf, 0
     if not stuck.any():
-        allowed = tol * np.maximum(1, frame.size)[:, None]
         T, B, S, made, left = part_groups(T, B, S, groups, period, allowed)
         stuck = left > MINOR * allowed + transformation_noise(T, A)
         share, excess = mixing(S), float((left / allowed)[stuck].max(initial=0.0))
     if (strongest := share[stuck].max(initial=0.0)) > SLIGHT:  # put those together that mix the most
         stuck &= share >= PARTIAL * strongest
     none = np.zeros(stuck.shape)
-    parted = Decoupled(period, np.empty(0), T, T, B, groups, frame.turning, none, none, made)
-    return Parted(parted, stuck, excess, frame.size)
+    parted = Decoupled(period, np.empty(0), T, T, B, groups, turning, none, none, made)
+    return Parted(parted, stuck, excess)
 
 
 def part_groups(
     T: Array, B: Array, S: Array, groups: tuple[Group, ...], period: float, allowed: Array
 ) -> tuple[Array, Array, Array, int, Array]:
-    """Make the rounds: T, B, S, how many were made, and what the coupling that is left does to each mode by each other one (n, n)."""
+    """Repeat T := T (1 + S), B := (1 + S)^-1 (B (1 + S) - S') until the coupling's effect stops shrinking; keep the best.
+
+    S solves the Sylvester equations of the coupling: what is left is S' and products of S, smaller by the rate of change over the gap
+    of the eigenvalues in every round.
+
+    Returns: T, B, S, rounds, and what the coupling that is left does to each mode by each other one (n, n).
+    Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
+    """
     apart = group_separation(block_values(B, groups), period, groups)
-    apart = replace(apart, swing=np.minimum(apart.swing, GROUP_CONDITION))
-    i, j = np.nonzero(apart.outside & (SLOW_PART * apart.gap < np.pi / period * len(B)))
-
-    def measure(B: Array, S: Array) -> Array:
-        rough = np.zeros(apart.gap.shape)
-        rough[i, j] = np.abs(high_harmonics(B[:, i, j], period, apart.gap[i, j])).max(axis=0)
-        return pair_effects(B, S, apart, rough)
-
-    def effect(B: Array, S: Array) -> Array:
-        return measure(B, S) / (MINOR * allowed)  # couplings of a group add up, and it may amplify them
-
-    T, B, S, made = rounds(B, T, S, groups, lambda S: low_harmonics(S, period, apart.gap), effect, MAX_ROUNDS)
-    return T, B, S, made, measure(B, S)
+    apart, least = replace(apart, swing=np.minimum(apart.swing, GROUP_CONDITION)), np.inf
+    for turn in range(MAX_ROUNDS + 1):
+        left = pair_effects(B, S, apart, np.abs(high_harmonics(B, period, apart.gap)).max(axis=0))
+        size = float((left / (MINOR * allowed)).max())  # couplings of a group add up, and it may amplify them
+        if turn and not size < SLOW_PART * least:
+            break
+        best, least = (T, B, S, turn, left), size
+        if size < ENOUGH or turn == MAX_ROUNDS:
+            break
+        low, slope = low_harmonics(S, period, apart.gap)
+        step = np.eye(S.shape[-1]) + low
+        T, B = T @ step, np.linalg.solve(step, B @ step - slope)
+        S = sylvester(B, groups)
+    return best
 
 
 def transformation_noise(T: Array, A: Array) -> Array:

@@ -1,6 +1,5 @@
-"""Frames of groups of modes: eigenvalues followed along a period, grouped, and the superadiabatic rounds that part the groups."""
+"""Frames of groups of modes: eigenvalues followed along a period, grouped, and bases of the groups' subspaces."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -12,14 +11,10 @@ from flexlin.periodic.circle import assign
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.precision import PARTIAL, ROOT
 
-Eigenvectors = tuple[Array, ...]
-"""Eigenvalues (N, n), right vectors (N, n, n) as columns and left ones (N, n, n) as rows, at nodes."""
 KEPT = 1 / 3
 """The part of the nodes' harmonics that the filter keeps; the others hold the rounding that differentiation amplifies."""
 SLOW_PART = 0.8
 """Harmonics of the coupling below this part of the gap shrink from round to round."""
-ENOUGH = 0.01
-"""Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than the slowest harmonics do."""
 
 
 @dataclass(frozen=True)
@@ -65,19 +60,14 @@ class Group:
         return slice(self.start, self.stop)
 
 
-def find_eigenvectors(A: Array) -> Eigenvectors:
-    """Eigenvalues and vectors of A (N, n, n). Raises: LinAlgError where the vectors of a node depend on each other."""
-    values, right = np.linalg.eig(A)
-    right = right.astype(complex)
-    return values.astype(complex), right, np.linalg.inv(right)
-
-
-def follow_modes(found: Eigenvectors) -> Modes:
-    """Eigenvalues and vectors at the nodes of a closed curve in one order: that of the first node.
+def follow_modes(A: Array) -> Modes:
+    """Eigenvalues and vectors of A (N, n, n) at the nodes of a closed curve in one order: that of the first node.
 
     The share |w_i(t_k) v_j(t_k+1) w_j(t_k+1) v_i(t_k)| does not depend on the vectors' lengths; the best matching is taken.
+    Raises: LinAlgError where the vectors of a node depend on each other.
     """
-    values, right, left = found
+    values, right = (part.astype(complex) for part in np.linalg.eig(A))
+    left = np.linalg.inv(right)
     share = np.abs((left @ np.roll(right, -1, 0)) * np.swapaxes(np.roll(left, -1, 0) @ right, 1, 2))
     order, near = matched(share)
     values = np.take_along_axis(values, order, 1)
@@ -315,43 +305,6 @@ def mixing(S: Array) -> Array:
     """How far a step 1 + S would mix each pair of modes (n, n), whatever their scaling."""
     size = np.abs(S).max(axis=0)
     return np.sqrt(size * size.T)
-
-
-def rounds(
-    B: Array,
-    T: Array,
-    S: Array,
-    groups: tuple[Group, ...],
-    cleaned: Callable[[Array], tuple[Array, Array]],
-    effect: Callable[[Array, Array], Array],
-    most: int,
-) -> tuple[Array, Array, Array, int]:
-    """Repeat T := T (1 + S), B := (1 + S)^-1 (B (1 + S) - S') until the coupling's effect stops shrinking; keep the best.
-
-    S solves the Sylvester equations of the coupling: what is left is S' and products of S, smaller by the rate of change over the gap
-    of the eigenvalues in every round.
-
-    Parameters: S: the solution for B; cleaned(S): S without the harmonics that would not shrink, and its derivative; effect(B, S): the
-    size of each pair's coupling (n, n) against what is allowed. Returns: T, B, S, rounds.
-    Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
-    """
-    best, least = (T, B, S, 0), np.inf
-    for turn in range(most + 1):
-        size = float(effect(B, S).max())
-        if not size < SLOW_PART * least:
-            break
-        best, least = (T, B, S, turn), size
-        if size < ENOUGH or turn == most:
-            break
-        T, B = take_step(T, B, *cleaned(S))
-        S = sylvester(B, groups)
-    return best
-
-
-def take_step(T: Array, B: Array, S: Array, slope: Array) -> tuple[Array, Array]:
-    """T (1 + S) and (1 + S)^-1 (B (1 + S) - S')."""
-    step = np.eye(S.shape[-1]) + S
-    return T @ step, np.linalg.solve(step, B @ step - slope)
 
 
 def low_harmonics(S: Array, period: float, gap: Array) -> tuple[Array, Array]:
