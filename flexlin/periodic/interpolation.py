@@ -118,13 +118,6 @@ class FourierSeries:
         """One panel: the period."""
         return np.array([0.0, self.period])
 
-    def at_nodes(self, count: int) -> Array:
-        """The function at N equally spaced times: (N, ...)."""
-        flat = self.coefficients.reshape(len(self.coefficients), -1)
-        values = waves_at_nodes(count, self.degree)[:, 1:] @ flat[1:]
-        values += flat[0]
-        return np.asarray(values.reshape(count, *self.coefficients.shape[1:]))
-
     def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
         """The function, or its derivative by time of the given order, at one time (...) or at times (N,): (N, ...)."""
         series = self

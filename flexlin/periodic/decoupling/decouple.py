@@ -126,14 +126,19 @@ def decouple_on_more(
 ) -> Decoupled | Refusal:
     """Decouple on nodes at which A is given (N, n, n), as it is half-way between them, and on twice as many until both agree.
 
+    These go on from what the fewer ones reached, where that parts; else they begin anew, from the eigenvectors of A(t).
     Raises: LinAlgError where the eigenvectors of A(t) depend on each other at a node.
     """
     joined = np.zeros(samples.shape[1:], bool)
+    parted: Parted | Refusal | None = None
     while True:
         count = len(samples)
         if hides_waves(A, period, samples, between):
             return Refusal("the coefficients have harmonics that equidistant nodes take for others")
-        parted = built_on(samples, joined, period, tol, tries, count == FIRST_NODES)
+        if isinstance(parted, Parted):
+            parted = parted.go_on(samples)
+        if not isinstance(parted, Parted) or parted.stuck.any():
+            parted = built_on(samples, joined, period, tol, tries, count == FIRST_NODES)
         if isinstance(parted, Refusal):
             return parted
         if parted is not None and not parted.stuck.any():
@@ -202,11 +207,19 @@ def with_evidence(
 
 @dataclass(frozen=True)
 class Parted:
-    """What the rounds reached from a frame: the pairs of modes (n, n) whose coupling stays too large, and by which factor at the most."""
+    """What the rounds reached from a frame: the pairs of modes (n, n) whose coupling stays too large, and by which factor at the most;
+    allowed (n, 1): error of each exponent, in 1/s."""
 
     decoupled: Decoupled
     stuck: Array
     excess: float
+    allowed: Array
+
+    def go_on(self, A: Array) -> "Parted":
+        """From the frame that was reached, on twice the nodes."""
+        old = self.decoupled
+        T = interleaved(old.frame, shifted(old.frame, 0.5))
+        return part_frame(T, old.groups, old.turning, A, old.period, self.allowed)
 
 
 def built_on(
@@ -254,7 +267,7 @@ def part_frame(T: Array, groups: tuple[Group, ...], turning: Array, A: Array, pe
         stuck &= share >= PARTIAL * strongest
     none = np.zeros(stuck.shape)
     parted = Decoupled(period, np.empty(0), T, T, B, groups, turning, none, none, made)
-    return Parted(parted, stuck, excess)
+    return Parted(parted, stuck, excess, allowed)
 
 
 def part_groups(

@@ -141,9 +141,7 @@ class ResolvedCompanion(Resolved):
         edges, T = self.edges, self.period
         if isinstance(self.series, FourierSeries):
             count = 8 * max(NODES, self.degree)
-            return np.asarray(
-                build_companion(*self.split(self.series.at_nodes(count)), fourier_nodes(count, T)).mean(axis=0)
-            )
+            return np.asarray(self(fourier_nodes(count, T)).mean(axis=0))
         x, w = np.polynomial.legendre.leggauss(NODES)
         h = np.diff(edges)[:, None]
         t = (edges[:-1, None] + h * (x + 1) / 2).ravel()
