@@ -19,9 +19,9 @@ from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
 from flexlin.periodic.transition.setting import (
     FEWER_SEGMENTS,
-    METHODS,
     Setting,
     choose_setting,
+    find_rule,
     place_segments,
 )
 
@@ -212,7 +212,7 @@ class PeakSearch:
         """The gain at a frequency by segments of an order that is so much better, sought from inputs of some harmonics."""
         if self.edges is None:
             return max(self.problem.constant_gain(omega), self.floor)
-        rule, orders = METHODS[self.setting.method](self.setting.order + better), np.arange(-WAVES, WAVES + 1)
+        rule, orders = find_rule(self.setting.method, self.setting.order + better), np.arange(-WAVES, WAVES + 1)
         t, m = place_nodes(self.edges, rule.c), self.problem.system.m
         waves = np.exp(1j * (omega + 2 * np.pi / self.period * orders) * t[..., None])
         tried = np.einsum("ks,ksl,ij->ksilj", np.sqrt(np.diff(self.edges)[:, None] * rule.b), waves, np.eye(m))

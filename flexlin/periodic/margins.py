@@ -14,7 +14,7 @@ from flexlin.errors import NotStable, NumericalError, TimeLimit
 from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_function, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.precision import ROOT, TINY
+from flexlin.periodic.precision import FOURTH, ROOT, SLIGHT, TINY
 from flexlin.periodic.related import with_matrices
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of
 from flexlin.periodic.transition.setting import FEWER_SEGMENTS
@@ -26,9 +26,6 @@ LONGEST_DELAY = 20.0
 """In times of the slowest exponent of A(t), or periods; the first delay is this part of the time of the fastest."""
 SHORTEST_LINE, LINE = 2, 8
 """Orders of the delay line, [1/2] to [7/8] Pade, as short as tol allows for the fastest mode; the next order shows the error."""
-
-SCANNED, SURE = 1e-4, 1e3
-"""Accuracy with which loops are judged at first, and how many times its error a growth rate exceeds where no better one is needed."""
 
 Perturbed = Callable[[float], PeriodicSystem]
 Found = tuple[float, float]
@@ -188,13 +185,13 @@ def find_known(searches: list[Callable[[], Found]]) -> tuple[Found, Found, Found
     return first, second, third, last, reasons
 
 
-def measure_rates(loop: PeriodicSystem, turn: Perturbed, angles: Array) -> tuple[Array, float]:
+def measure_rates(loop: PeriodicSystem, with_phase: Perturbed, angles: Array) -> tuple[Array, float]:
     """The sizes (33, n) of the eigenvalues of A(t) over a period, and the largest of the loops with a phase, in 1/s.
 
     With a delay tau as well, s is an eigenvalue of A - exp(-s tau) B K, a loop with a phase where it neither grows nor decays.
     """
     t = loop.period * np.arange(33) / 33
-    turned = [np.abs(np.linalg.eigvals(turn(phi).A(t))).max() for phi in angles]
+    turned = [np.abs(np.linalg.eigvals(with_phase(phi).A(t))).max() for phi in angles]
     return np.abs(np.linalg.eigvals(loop.A(t))), float(max(turned))
 
 
@@ -250,9 +247,9 @@ def judge_growth(loop: PeriodicSystem) -> FloquetResult:
 
     Raises: TooManySegments, far beyond twice FEWER_SEGMENTS: a search asks for dozens.
     """
-    found = floquet(loop, SCANNED, max_segments=2 * FEWER_SEGMENTS)
+    found = floquet(loop, FOURTH, max_segments=2 * FEWER_SEGMENTS)
     size, error = abs(float(found.exponents[0].real)), float(found.errors[0])
-    if size > SURE * error or error > SCANNED * max(1.0, abs(found.exponents[0])):  # known, or no better with more work
+    if error < SLIGHT * size or error > FOURTH * max(1.0, abs(found.exponents[0])):  # known, or no better with more work
         return found
     return floquet(loop, ROOT, max_segments=2 * FEWER_SEGMENTS)
 

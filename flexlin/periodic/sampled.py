@@ -18,12 +18,11 @@ from flexlin.periodic.precision import EPS, SLIGHT
 from flexlin.periodic.product import find_spectrum
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.panels import NODES
+from flexlin.periodic.response.transient import STAGES
 from flexlin.periodic.system import PeriodicSystem, input_of
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, choose_gauss_step, measure_pace
 
-STAGES = 6
-"""Gauss stages between samples; two more show the error."""
 PARTS = NODES // STAGES
 """Steps, at the least, over a panel of the coefficients: it may hold more waves than the stages of one follow."""
 MOST_STEPS = NODES * MAX_SEGMENTS

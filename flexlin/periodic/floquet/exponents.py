@@ -19,6 +19,7 @@ from flexlin.periodic.product import balance_factors, bound_pairs, separate_tria
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, couple_uncertainty
 from flexlin.periodic.resolved.sampling import BLOCKS, stratified
 from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.transition.gauss import CHUNK_BYTES
 from flexlin.periodic.transition.setting import (
     MAX_SEGMENTS,
     Setting,
@@ -29,7 +30,7 @@ from flexlin.periodic.transition.setting import (
 
 PATIENCE = 4e9
 """Multiplications of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
-FACTOR_BYTES = 2**27
+FACTOR_BYTES = 4 * CHUNK_BYTES
 """The transition matrices of a period take at most this many bytes."""
 
 

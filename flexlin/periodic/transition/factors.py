@@ -37,6 +37,11 @@ def shape_accelerations(m: int, s: int, K: int, *_: object) -> tuple[object, ...
     return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)
 
 
+def shape_motions(m: int, s: int, K: int, *_: object) -> tuple[object, ...]:
+    """What `follow_accelerations` takes and makes."""
+    return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m), (K, s, m), (K,)
+
+
 FACTOR_STATES = declare(
     "int factor_states(int n, int stages, int segments, int stiff, const double *A, const double *lengths, const double *tableau, "
     "const double *units, double *Phi, int *good)",
@@ -50,7 +55,7 @@ FACTOR_ACCELERATIONS = declare(
 FOLLOW_ACCELERATIONS = declare(
     "int follow_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "const double *x, double *w, int *good)",
-    lambda m, s, K, *_: ((K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m), (K, s, m), (K,)),
+    shape_motions,
 )
 
 

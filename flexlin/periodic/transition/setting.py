@@ -18,12 +18,9 @@ from flexlin.periodic.transition.gauss import Tableau, gauss, radau
 
 MAX_SEGMENTS, FEWER_SEGMENTS = 20_000, 4000
 """Of a period at the most, and where another way is open beyond."""
-METHODS: dict[str, Callable[[int], Tableau]] = {
-    "gauss": lambda order: gauss(order // 2),
-    "radau": lambda order: radau((order + 1) // 2),
-}
-"""Each: order -> stages."""
-ORDERS = {"gauss": range(2, 65, 2), "radau": range(1, 32, 2)}
+METHODS: dict[str, Callable[[int], Tableau]] = {"gauss": gauss, "radau": radau}
+"""Each: stages -> tableau, of order 2 s and 2 s - 1."""
+MOST_STAGES = 32
 MARGIN = 400.0
 """The first guess aims at this part of tol: a third more segments cost less than a second try."""
 STAGES = np.arange(4, 11)
@@ -64,6 +61,11 @@ class Setting:
         return replace(self, segments=segments)
 
 
+def find_rule(method: str, order: int) -> Tableau:
+    """The tableau of a method of some order."""
+    return METHODS[method](-(-order // 2))
+
+
 def place_segments(system: PeriodicSystem, setting: Setting) -> Array:
     """Edges (K + 1,) of the segments of a period: every panel of the resolved coefficients is divided evenly by its share.
 
@@ -85,14 +87,14 @@ def place_segments(system: PeriodicSystem, setting: Setting) -> Array:
 def factor_by(system: PeriodicSystem, edges: Array, method: str, order: int) -> Array:
     """Transition matrices (K, n, n) over the segments between consecutive edges. Raises: NumericalError where stages are singular."""
     with determined(edges):
-        return factor_segments(system.resolved, edges, METHODS[method](order))
+        return factor_segments(system.resolved, edges, find_rule(method, order))
 
 
 def factor_twice(system: PeriodicSystem, edges: Array, setting: Setting) -> tuple[list[Array], Array, Unknown]:
     """As `measure_segments`, by the setting's method and by two stages more, which share no node. Raises: as `factor_by`."""
-    rule = METHODS[setting.method]
+    rules = find_rule(setting.method, setting.order), find_rule(setting.method, setting.order + 4)
     with determined(edges):
-        return measure_segments(system.resolved, edges, (rule(setting.order), rule(setting.order + 4)))
+        return measure_segments(system.resolved, edges, rules)
 
 
 @contextmanager
@@ -180,8 +182,10 @@ def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int |
     if method not in ("auto", *METHODS):
         raise ArgumentError("unknown method", got=repr(method), expected=", ".join(["auto", "hill", *METHODS]))
     name = "gauss" if method == "auto" else method
-    if order is not None and order not in ORDERS[name]:
-        raise ArgumentError(f"{name} has no such order", got=order, expected=", ".join(map(str, ORDERS[name])))
+    odd = name == "radau"
+    if order is not None and not (order % 2 == odd and order <= 2 * MOST_STAGES):
+        expected = f"an {'odd' if odd else 'even'} number up to {2 * MOST_STAGES}"
+        raise ArgumentError(f"{name} has no such order", got=order, expected=expected)
     pace = measure_pace(system, 0.01 * tol)
     rate = float(pace.rate.max())
     if method == "radau":
@@ -233,7 +237,7 @@ def choose_gauss_step(rate: Array, tol: float, stages: Array | int) -> Array:
 def gauss_constants() -> Array:
     """The constants c in the error of s Gauss stages, s = 0 ... 32."""
     f = math.factorial
-    return np.array([f(s) ** 2 / (f(2 * s) * f(2 * s + 1)) for s in range(33)])
+    return np.array([f(s) ** 2 / (f(2 * s) * f(2 * s + 1)) for s in range(MOST_STAGES + 1)])
 
 
 def estimate_work(n: int, unknowns: int, stages: Array, segments: Array) -> Array:
