@@ -144,12 +144,3 @@ CALLED int find_spectrum(int n, int count, const double *plain, const double *be
   free(space);
   return code;
 }
-
-/* The periodic Schur form alone: Q (count + 1, n, n), T (count, n, n), turn, logs (n,), start (n, n), defect (1,). */
-CALLED int find_periodic_schur(int n, int count, const double *factors, const double *start, const void *lapack, double complex *Q,
-                               double complex *T, double complex *turn, double complex *logs, double *end, double *defect) {
-  Form form = {n, count, (cpx *)Q, (cpx *)T, (cpx *)turn, (cpx *)logs, end, 0.0};
-  int code = find_schur_form(lapack, factors, start, &form);
-  *defect = form.defect;
-  return code;
-}

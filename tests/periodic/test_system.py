@@ -7,8 +7,8 @@ import pytest
 
 import flexlin as fl
 from flexlin import PeriodicSystem
-from flexlin.errors import ArgumentError, TooLarge
-from flexlin.periodic import finite_horizon_riccati, periodic_riccati
+from flexlin.errors import ArgumentError, SingularMassMatrix, TooLarge
+from flexlin.periodic import build_companion, periodic_riccati
 
 M, D, K = np.array([[2.0, 0.3], [0.3, 1.0]]), 0.1 * np.eye(2), np.diag([5.0, 9.0])
 B = np.array([[1.0], [0.5]])
@@ -40,26 +40,6 @@ def test_systems_come_back_from_a_pickle():
         np.testing.assert_array_equal(fl.floquet(copy).exponents, fl.floquet(system).exponents)
 
 
-def test_answers_come_back_from_a_pickle():
-    system = plant()
-    result = fl.floquet(system)
-    np.testing.assert_array_equal(again(result).errors, result.errors)
-    assert again(result).status == result.status
-    response = fl.forced_response(system, [0.0, 0.0, 1.0, 0.0])
-    np.testing.assert_array_equal(again(response)(T), response(T))
-    for solution in (
-        periodic_riccati(system, np.eye(4), np.eye(1)),
-        finite_horizon_riccati(system, np.eye(4), np.eye(1), np.eye(4)),
-    ):
-        np.testing.assert_array_equal(again(solution).X(T), solution.X(T))
-        np.testing.assert_array_equal(again(solution).K(T), solution.K(T))
-
-
-def test_a_loop_closed_by_a_solution_comes_back_too():
-    loop = fl.periodic_lqr(PeriodicSystem(swing, 1.0, B), np.eye(2), np.eye(1)).closed_loop
-    np.testing.assert_array_equal(again(loop).A(T), loop.A(T))
-
-
 def test_one_time_gives_one_value():
     system = plant()
     solution = periodic_riccati(system, np.eye(4), np.eye(1))
@@ -72,22 +52,6 @@ def test_one_time_gives_one_value():
             function(np.nan)
         with pytest.raises(ArgumentError):
             function([[0.1]])
-
-
-def test_sizes_are_known_without_sampling():
-    calls = []
-
-    def counted(t):
-        calls.append(len(t))
-        return swing(t)
-
-    system = PeriodicSystem(counted, 1.0, np.zeros((2, 3)))
-    calls.clear()
-    assert (system.n, system.m) == (2, 3)
-    assert PeriodicSystem(counted, 1.0).m == 0
-    calls.clear()
-    assert system.n == 2
-    assert not calls
 
 
 def squeezed(t):
@@ -155,3 +119,9 @@ def test_hill_refuses_orders_that_are_none_or_out_of_reach():
     with pytest.raises(TooLarge, match="bytes"):
         fl.floquet(plant(), method="hill", order=10**6)
     assert fl.floquet(plant(), method="hill", order=np.int64(8)).setting.order == 8
+
+
+def test_a_singular_mass_names_its_time():
+    M = np.stack([np.eye(2), np.zeros((2, 2))])
+    with pytest.raises(SingularMassMatrix, match=r"t = 0\.75 s"):
+        build_companion(M, M, M, np.array([0.5, 0.75]))

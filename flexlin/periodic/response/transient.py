@@ -144,7 +144,7 @@ def respond(
     excited = None
     if noise is not None:
         intensity = real_array("noise", noise, (m, m))
-        excited = Combined(partial(excite, noise=intensity), (system.resolved, system.resolved_input))
+        excited = Combined(partial(spread_by, noise=intensity), (system.resolved, system.resolved_input))
     start = np.zeros(n) if x0 is None else real_array("x0", x0, (n,))
     if push is not None:
         start = start + system.resolved_input(times[:1])[0] @ real_array("push", push, (m,))
@@ -182,7 +182,7 @@ def push_by(A: Array, B: Array, u: Array) -> Array:
     return hold_input(A, B @ u[:, :, None])
 
 
-def excite(A: Array, B: Array, noise: Array) -> Array:
+def spread_by(A: Array, B: Array, noise: Array) -> Array:
     """[[A, B S B'], [0, -A']] (N, 2 n, 2 n)."""
     return assemble_hamiltonian(A, -B @ noise @ np.swapaxes(B, 1, 2), np.zeros_like(A))
 

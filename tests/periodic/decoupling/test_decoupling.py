@@ -1,6 +1,5 @@
 """Decoupling: exponents of systems with very fast modes, against exact ones, and refusals where nothing stands apart."""
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -115,29 +114,6 @@ def test_the_worse_of_two_answers_is_not_given(monkeypatch):
         assert routes.find_exponents(system, 1e-8, "auto", None, None, 10**6) is half
 
 
-def test_a_constant_system_keeps_its_eigenvalues():
-    rng = np.random.default_rng(5)
-    V = rng.standard_normal((5, 5))
-    A = V @ np.diag([-1.0, -400, -3e4, 2e5, 7e6]) @ np.linalg.inv(V)
-    decoupled = decouple(lambda t: np.broadcast_to(A, (len(t), 5, 5)), 1.0)
-    answer = decoupled_exponents(decoupled)
-    known = np.sort(np.linalg.eigvals(A).real)[::-1]
-    assert (np.abs(answer.exponents.real - known) <= answer.errors + 1e-15 * np.linalg.cond(V) * 7e6).all()
-    assert (answer.exponents.imag == 0).all()
-
-
-@pytest.mark.slow
-def test_conjugates_are_paired_exactly():
-    system = random_system(3, "plain")
-    decoupled = decouple(system, system.period)
-    for group in decoupled.groups:
-        mate = decoupled.groups[group.partner]
-        assert decoupled.groups[mate.partner] == group
-    exponents = decoupled_exponents(decoupled).exponents
-    inside = np.abs(exponents.imag) < np.pi / system.period * (1 - 1e-9)
-    assert np.array_equal(np.sort_complex(exponents[inside]), np.sort_complex(exponents[inside].conj()))
-
-
 def test_a_mode_whose_vector_turns_over_within_the_period():
     turns = [Turn(0, 1, True, steady(0.0))]
     modes = [(steady(-1.0), None), (steady(-900.0), None)]
@@ -213,14 +189,6 @@ def test_a_corner_that_is_not_named_shows_in_the_error(corner):
     answer = decoupled_exponents(decouple(lambda t: np.diag([-1.0, -500]) * (1 + distance(t))[:, None, None], 2.0))
     assert (np.abs(answer.exponents - np.array([-1.5, -750])) <= answer.errors).all()
     assert answer.errors[1] > 1e-3
-
-
-def test_a_decoupled_system_pickles_and_is_short_in_print():
-    decoupled = decouple(fast_and_slow(1e4), 2.0)
-    copy = pickle.loads(pickle.dumps(decoupled))
-    assert isinstance(copy, Decoupled)
-    assert np.array_equal(copy.frame, decoupled.frame)
-    assert len(repr(decoupled)) < 120
 
 
 @pytest.mark.parametrize("jump", [0.015, 0.05001, 0.095])
@@ -359,25 +327,3 @@ def test_growth_is_bounded_from_both_sides(seed):
     assert real.max() <= high
     assert high < real.max() + 2
     assert low > real.min() - 4
-
-
-def two_oscillators(t):
-    """Two weakly modulated oscillators, one of 3e4 rad/s, coupled and damped."""
-    K = np.zeros((len(t), 2, 2))
-    K[:, 0, 0] = 4 + 0.5 * np.cos(t)
-    K[:, 1, 1] = 9e8 * (1 + 0 * t)
-    K[:, 0, 1] = K[:, 1, 0] = np.sin(t)
-    return K
-
-
-def test_fast_modes_are_decoupled():
-    system = fl.PeriodicSystem.from_second_order(np.eye(2), 0.02 * np.eye(2), two_oscillators, 2 * np.pi)
-    result = fl.floquet(system, tol=1e-8)
-    assert result.setting.method == "decoupling"
-    np.testing.assert_allclose(result.exponents.real, -0.01, atol=1e-9)
-    assert result.verdict == "stable"
-    slow = fl.PeriodicSystem.from_second_order(
-        np.eye(1), 0.02 * np.eye(1), lambda t: two_oscillators(t)[:, :1, :1], 2 * np.pi
-    )
-    reference = fl.floquet(slow, tol=1e-12).exponents
-    assert np.abs(result.exponents[:, None] - reference).min(axis=0).max() < 1e-8

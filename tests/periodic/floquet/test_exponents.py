@@ -8,14 +8,7 @@ from flexlin.errors import ArgumentError, NumericalError, TooManySegments
 from flexlin.periodic import Setting, judge
 from tests.periodic.judge import judged
 from tests.periodic.random_systems import draw
-from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order, meissner
-
-
-def test_colaneri_keeps_the_strongly_damped_exponent():
-    result = fl.floquet(fl.PeriodicSystem(colaneri, 2 * np.pi), tol=1e-10)
-    np.testing.assert_allclose(result.exponents, [0, -24], atol=24e-10)
-    assert result.verdict == "undecided"
-    assert abs(result.multipliers[1] / np.exp(-48 * np.pi) - 1) < 2 * np.pi * 24 * 1e-10
+from tests.periodic.systems import lyapunov_transformed, mathieu, mathieu_second_order
 
 
 @pytest.mark.parametrize(
@@ -35,19 +28,6 @@ def test_verdicts_on_both_sides_of_a_tongue(characteristic, side, index):
     assert fl.floquet(mathieu_second_order(boundary + side * 1e-5, q)).verdict == "unstable"
     assert fl.floquet(mathieu_second_order(boundary - side * 1e-5, q)).verdict == "undecided"
     assert fl.floquet(mathieu_second_order(boundary, q)).verdict == "undecided"
-
-
-def test_meissner_with_its_break():
-    result = fl.floquet(fl.PeriodicSystem(meissner, np.pi, breaks=(np.pi / 3,)))
-    np.testing.assert_allclose(result.exponents.real, [0.04137974466122074514, -0.04137974466122074514], atol=1e-14)
-    np.testing.assert_allclose(result.exponents.imag, 1, atol=1e-14)
-
-
-def test_a_forgotten_break_is_found():
-    system = fl.PeriodicSystem(meissner, np.pi)
-    result = fl.floquet(system)
-    assert abs(result.exponents[0].real - 0.04137974466122074514) <= result.errors[0] < 1e-9
-    assert any(abs(place.time - np.pi / 3) < 1e-14 and place.kind == "jump" for place in system.resolved.found)
 
 
 @pytest.mark.parametrize("segments", [1, 2, 5])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.floquet.exponents import is_hamiltonian, pair_hamiltonian
+from flexlin.periodic.floquet.exponents import is_hamiltonian
 from tests.periodic.systems import colaneri, mathieu, mathieu_second_order
 
 
@@ -64,10 +64,3 @@ def test_long_product_keeps_the_pairing():
     result = fl.floquet(system, tol=1e-10)
     assert np.abs(result.exponents.real).max() < 1e-13
     assert result.error < 1e-6
-
-
-def test_a_violated_pairing_is_measured():
-    logs = np.array([1e-3 + 1j, -1.2e-3 - 1j, 0.5 + 0j, -0.5 + 0j])
-    exact, violation = pair_hamiltonian(logs)
-    np.testing.assert_allclose(violation, [2e-4, 2e-4, 0, 0], atol=1e-16)
-    np.testing.assert_allclose(exact, [1.1e-3 + 1j, -1.1e-3 - 1j, 0.5, -0.5], atol=1e-16)

@@ -51,12 +51,6 @@ def test_copies_of_double_exponents_are_told_from_solutions():
     )
 
 
-def test_imaginary_parts_are_the_mean_motion():
-    """x'' + 30 x = 0 seen over T = pi turns nearly three times a period; the unfolded frequency is sqrt 30."""
-    spectrum = hill_spectrum(fl.PeriodicSystem(mathieu(30, 0), np.pi), 1e-9)
-    np.testing.assert_allclose(np.sort(spectrum.exponents.imag), [-np.sqrt(30), np.sqrt(30)], atol=1e-12)
-
-
 def fast_pendulum(waves, swing=300.0, stiffness=-1.0):
     """y'' + 0.1 y' + (stiffness - swing cos 2 pi waves t) y = 0, T = 1."""
 

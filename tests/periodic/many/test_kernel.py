@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import flexlin as fl
 from flexlin.about import make_kernel, record_model
-from flexlin.periodic import MULTIPLES, SIZES, Kernel, find_gains, measure_distances, take_phases
+from flexlin.periodic import MULTIPLES, SIZES, Kernel, measure_distances, take_phases
 
 T, A, B = ca.SX.sym("t"), ca.SX.sym("a"), ca.SX.sym("b")
 TURN = 2 * np.pi
@@ -127,25 +127,6 @@ def test_thousands_of_factors_neither_over_nor_underflow():
     assert fine.sound.all()
     apart = max(measure_distances(a, b).min(axis=1).max() for a, b in zip(coarse.logs, fine.logs, strict=True))
     assert apart < 1e-7
-
-
-def test_balancing_keeps_the_upper_half_a_multiple_of_the_identity():
-    family = random_family(3, False, 4)
-    scale = make_kernel(family).balance(np.ones((3, 2)))
-    assert np.all(scale[3:] / scale[:3] == scale[3] / scale[0])
-    assert np.all(np.log2(scale) % 1 == 0)
-
-
-@pytest.mark.parametrize("k", range(2, len(MULTIPLES)))
-def test_powers_four_and_six_vanish(k):
-    n = np.array(MULTIPLES[k - 2 : k + 1])
-    first, before, b, a = find_gains(*n)
-    for power in (4, 6):
-        coarse, middle, fine = n ** -float(power)
-        assert fine + b * (fine - middle) + a * (middle - coarse) == pytest.approx(0.0, abs=1e-17)
-    coarse, middle, fine = n**-4.0
-    assert fine + first * (fine - middle) == pytest.approx(0.0, abs=1e-17)
-    assert middle + before * (middle - coarse) == pytest.approx(0.0, abs=1e-17)
 
 
 def test_exponentials_of_full_matrices_far_from_zero():

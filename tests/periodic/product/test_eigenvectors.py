@@ -1,11 +1,10 @@
-"""Periodic Schur form and eigenvectors along a product: the identities that define them, and what they say of perturbations."""
+"""Eigenvectors along a product: what they say of perturbations."""
 
 import mpmath
 import numpy as np
 import pytest
 
 from flexlin.periodic import find_spectrum, match_logs, separate_triangular
-from tests.periodic.product.schur import periodic_schur
 
 
 @pytest.fixture
@@ -28,19 +27,6 @@ def factors_of(rng, count, n, spread):
             blocks[:, i, i] = size
             i += 1
     return np.roll(frames, -1, axis=0) @ blocks @ np.linalg.inv(frames)
-
-
-CASES = [(1, 3, 1.0), (2, 5, 3.0), (17, 4, 4.0), (64, 9, 0.5), (100, 7, 3.0)]
-
-
-@pytest.mark.parametrize(("count", "n", "spread"), CASES)
-def test_schur_form_reproduces_every_factor(count, n, spread, rng):
-    F = factors_of(rng, count, n, spread)
-    Q, T, turn = periodic_schur(F)
-    np.testing.assert_allclose(Q[1:] @ T, F @ Q[:-1], atol=1e-13)
-    assert np.abs(np.tril(T, -1)).max() == 0
-    np.testing.assert_allclose(np.conj(np.swapaxes(Q, 1, 2)) @ Q, np.broadcast_to(np.eye(n), Q.shape), atol=1e-13)
-    np.testing.assert_allclose(Q[-1], Q[0] * turn, atol=1e-12)
 
 
 def exact_logs(factors):

@@ -225,23 +225,3 @@ def test_bad_weights_are_refused(Q, R, N, message):
 def test_singular_segment_is_named():
     with pytest.raises(IllPosedSegment, match="P22 of segment 1 of 2"):
         scatter_hamiltonian(np.stack([np.eye(2), np.zeros((2, 2))]))
-
-
-def test_fast_damped_turning_mode_falls_back_on_collocation():
-    """-1000/s beside +0.5/s in a frame that turns: Magnus' exponential converges too slowly there, so collocation takes over."""
-
-    def turn(t):
-        return rotation(t / 2)
-
-    spin, fast = np.array([[0.0, 1.0], [-1.0, 0.0]]), np.diag([-1000.0, 0.5])
-    system = PeriodicSystem(
-        lambda t: spin + turn(t) @ fast @ np.swapaxes(turn(t), 1, 2),
-        2 * np.pi,
-        lambda t: turn(t) @ np.array([[1], [0.5]]),
-    )
-    X, *_ = control.care(fast, np.array([[1.0], [0.5]]), np.eye(2), np.eye(1))
-    found = periodic_riccati(system, np.eye(2), np.eye(1))
-    t = np.random.default_rng(4).uniform(0, 6, 40)
-    exact = turn(t) @ X @ np.swapaxes(turn(t), 1, 2)
-    assert found.status == "converged"
-    assert np.abs(found.X(t) - exact).max() < 1e-9 * np.abs(exact).max()

@@ -5,7 +5,7 @@ from scipy.linalg import expm
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition import gauss as collocation
-from flexlin.periodic.transition.gauss import gauss, gauss_transitions
+from flexlin.periodic.transition.gauss import gauss_transitions
 from tests.periodic.systems import mathieu
 from tests.periodic.transition.second_order import second_order_transitions
 
@@ -15,14 +15,6 @@ def product(factors):
     for factor in factors:
         total = factor @ total
     return total
-
-
-@pytest.mark.parametrize("stages", [1, 2, 3, 8, 16])
-def test_tableau_integrates_polynomials(stages):
-    rule = gauss(stages)
-    for k in range(stages):
-        np.testing.assert_allclose(rule.a @ rule.c**k, rule.c ** (k + 1) / (k + 1), atol=2e-15)
-    np.testing.assert_allclose(rule.b @ rule.c ** (2 * stages - 1), 1 / (2 * stages), rtol=1e-13)
 
 
 @pytest.mark.parametrize("stages", [1, 2, 3])

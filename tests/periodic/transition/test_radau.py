@@ -6,15 +6,6 @@ from flexlin.periodic import factor_by, gauss_transitions, place_edges, radau
 from tests.periodic.systems import colaneri, mathieu, meissner
 
 
-@pytest.mark.parametrize("stages", [1, 2, 3, 5])
-def test_tableau(stages):
-    rule = radau(stages)
-    for k in range(stages):
-        np.testing.assert_allclose(rule.a @ rule.c**k, rule.c ** (k + 1) / (k + 1), atol=1e-14)
-    np.testing.assert_allclose(rule.b @ rule.c ** (2 * stages - 2), 1 / (2 * stages - 1), rtol=1e-13)
-    assert rule.c[-1] == 1
-
-
 def test_three_stages_are_hairer_s():
     """Solving ODEs II, table IV.5.6."""
     r = np.sqrt(6)
