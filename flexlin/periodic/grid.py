@@ -1,7 +1,6 @@
 """Times of a period: edges of segments that respect the breaks of the coefficients, and what counts as narrow."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -46,6 +45,10 @@ def divide_segments(grid: Array, parts: int) -> Array:
 
 def divided(edges: Array, longest: float, least: int = 1) -> Array:
     """Divide intervals evenly, each into so many at the least, until none is longer."""
-    counts = np.maximum(least, np.ceil(np.diff(edges) / longest * (1 - 1e-12)).astype(int))
-    parts = [np.linspace(a, b, k, endpoint=False) for (a, b), k in zip(pairwise(edges), counts, strict=True)]
-    return np.concatenate([*parts, edges[-1:]])
+    return divide_evenly(edges, np.maximum(least, np.ceil(np.diff(edges) / longest * (1 - 1e-12)).astype(int)))
+
+
+def divide_evenly(edges: Array, counts: Array) -> Array:
+    """Each interval between edges (K + 1,) divided into so many (K,)."""
+    which = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.append(np.repeat(edges[:-1], counts) + np.repeat(np.diff(edges) / counts, counts) * which, edges[-1])

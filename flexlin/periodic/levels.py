@@ -13,6 +13,7 @@ from flexlin.periodic.floquet.exponents import answer_by_segments, floquet
 from flexlin.periodic.floquet.modes import MODES_TOL, solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY
+from flexlin.periodic.related import edges_between
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.response.frequency import Segments, condense
 from flexlin.periodic.system import PeriodicSystem
@@ -52,10 +53,9 @@ class BoundedReal:
         return all(one.constant for one in (self.system.resolved, self.B, self.C, self.D))
 
     @lazy
-    def breaks(self) -> tuple[float, ...]:
+    def breaks(self) -> list[float]:
         """Edges of all panels of the coefficients, so that nothing narrow between them is overlooked; none where all are smooth."""
-        every = (self.system.resolved, self.B, self.C, self.D)
-        return tuple(sorted({time for one in every if one.panels > 1 for time in one.edges[:-1].tolist()}))
+        return edges_between(self.system.resolved, self.B, self.C, self.D)
 
     def hamiltonian(self, level: float) -> PeriodicSystem:
         """The system x' = H(t) x of 2 n states."""

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.periodic.circle import wrap_angle
-from flexlin.periodic.coefficients import MatrixFunction, combine, has_nothing_narrow
+from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.grid import divide_segments
 from flexlin.periodic.interpolation import fourier_nodes
@@ -19,7 +19,7 @@ from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.panels import MOST_PANELS, NODES
-from flexlin.periodic.resolved.resolve import resolve_constant, resolve_port
+from flexlin.periodic.resolved.resolve import resolve_constant
 from flexlin.periodic.roots import MOST
 from flexlin.periodic.system import PeriodicSystem, as_port, input_of
 from flexlin.summary import represent
@@ -215,11 +215,7 @@ def hinf_norm(
     verdict = floquet(system)
     if verdict.verdict != "stable":
         raise NotStable("the norm is infinite or unknown", got=verdict.status, expected="a stable system")
-    known = (
-        resolve_port(one, system.period, system.breaks, system.features, system.complete and has_nothing_narrow(one))
-        for one in (output, through)
-    )
-    problem = BoundedReal(system, verdict, system.resolved_input, *known)
+    problem = BoundedReal(system, verdict, system.resolved_input, *map(system.resolve_beside, (output, through)))
     if not problem.constant:
         return bracket_norm(problem, tol)
     A = system.resolved.mean()

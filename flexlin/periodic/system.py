@@ -196,6 +196,14 @@ class PeriodicSystem(Shown):
         """
         return resolve_port(input_of(self), self.period, self.breaks, self.features, self.complete)
 
+    def resolve_beside(self, given: MatrixFunction) -> ResolvedMatrix:
+        """What stands beside A(t), an output or a weight, as series: where it may hold a pulse of its own it is looked at everywhere.
+
+        Raises: NotPeriodic, UnresolvedCoefficient, ArgumentError as `resolve`.
+        """
+        complete = self.complete and has_nothing_narrow(given)
+        return resolve_port(given, self.period, self.breaks, self.features, complete)
+
     @classmethod
     @checked
     def from_second_order(

@@ -9,12 +9,12 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.errors import NumericalError, counted
 from flexlin.periodic.circle import assign
-from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.precision import FAINT, SAFETY, SLIGHT, TINY
 from flexlin.periodic.related import edges_between
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.resolve import resolve, resolve_port
+from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.sampling import stratified
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
 from flexlin.summary import represent
@@ -120,8 +120,7 @@ def invariant_zeros(
     as_many = system.period, ": outputs as inputs"
     output = as_port("C", C, (m, n), *as_many)
     through = as_port("D", np.zeros((m, m)) if D is None else D, (m, m), *as_many)
-    named = system.period, system.breaks, system.features, system.complete
-    chains = find_chains(system, resolve_port(output, *named), resolve_port(through, *named))
+    chains = find_chains(system, system.resolve_beside(output), system.resolve_beside(through))
     poles = [2 * np.pi / system.period * (0.5 + 0.23 * k) for k in range(sum(one.degree for one in chains))]
     loop = ZeroedOutput(system, tuple(chains), tuple(poles))
     loop.check()
@@ -146,11 +145,6 @@ class Chain:
     def degree(self) -> int:
         """The output's relative degree k."""
         return len(self.rows) - 1
-
-
-def product(row: MatrixFunction, B: MatrixFunction) -> MatrixFunction:
-    """h B."""
-    return lambda t: row(t) @ B(t)
 
 
 def differentiate(row: ResolvedMatrix, A: MatrixFunction) -> MatrixFunction:
@@ -182,7 +176,7 @@ def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) ->
                     got=counted(len(rows) - 1, "derivative"),
                     todo="smooth the coefficients",
                 )
-            by_input = product(row, B)
+            by_input = combine(np.matmul, row, B)
             size = float((np.abs(row(t)) @ np.abs(B(t))).max()) + TINY
             row = take(system, differentiate(row, system.resolved), row.breaks)
             rows.append(row)

@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from flexlin.checks import Array
-from flexlin.periodic.grid import FINER, divide_segments
+from flexlin.periodic.grid import FINER, divide_evenly, divide_segments
 from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, fourier_nodes
 from flexlin.periodic.precision import EPS, SAFETY, TINY
 from flexlin.periodic.resolved.sampling import NEAR
@@ -188,8 +187,7 @@ class PanelNodes:
         parts = np.where((high > wanted) & (fall < 2), 4, parts)
         if parts.max() == 1:
             return None
-        pieces = [np.linspace(a, b, p + 1)[:-1] for (a, b), p in zip(pairwise(self.edges), parts, strict=True)]
-        return PanelNodes(np.unique(np.append(np.concatenate(pieces), self.edges[-1])), self.wraps)
+        return PanelNodes(np.unique(divide_evenly(self.edges, parts)), self.wraps)
 
     def resize(self, count: int) -> "PanelNodes":
         """Each panel divided until there are so many: panels are few at first. One of a rounding's length leaves no room for more."""

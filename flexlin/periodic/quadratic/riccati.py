@@ -27,7 +27,7 @@ from flexlin.periodic.quadratic.newton import MOST, solve_by_newton
 from flexlin.periodic.quadratic.nodes import FourierNodes, Nodes, PanelNodes
 from flexlin.periodic.related import with_matrices
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
-from flexlin.periodic.resolved.resolve import resolve, resolve_port
+from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.system import PeriodicSystem, as_system
 
 PER_WAVE = 4
@@ -270,9 +270,9 @@ def resolve_coefficient(
     """One of them: A(t) and B(t) as the system has resolved them, weights by themselves."""
     if repeats and (given is system.A or given is system.B):
         return system.resolved if given is system.A else system.resolved_input
-    complete = system.complete and (given is system.A or given is system.B or has_nothing_narrow(given))
     if repeats or not varies(given, system.period):
-        return resolve_port(given, system.period, system.breaks, system.features, complete)
+        return system.resolve_beside(given)
+    complete = system.complete and (given is system.A or given is system.B or has_nothing_narrow(given))
     corners = np.union1d(0.0, system.breaks).tolist()
     return resolve(given, system.period, corners, system.features, complete=complete, repeats=False)
 

@@ -32,12 +32,6 @@ class PanelSet:
     drift: Array
     checked: Array
 
-    @classmethod
-    def empty(cls, entries: int) -> "PanelSet":
-        """No panels."""
-        none, each = np.empty(0), np.empty((0, entries))
-        return cls(none, none, np.empty((0, NODES, entries)), each, each, each, each, np.empty(0, dtype=bool))
-
     @property
     def width(self) -> Array:
         """Lengths in s."""

@@ -58,22 +58,22 @@ class PanelResolver:
         self.sample, self.checks = sample, checks
         self.named, self.wary = named, wary
         self.settled: set[float] = set(named.tolist())
-        self.done = PanelSet.empty(len(sample.scale))
-        self.start = edges
+        self.first = fitted(sample, edges[:-1], edges[1:])
+        self.done = self.first.some(slice(0))
 
     def run(self) -> None:
         """Refine until nodes, edges and check points agree.
 
         Raises: UnresolvedCoefficient.
         """
-        todo = fitted(self.sample, self.start[:-1], self.start[1:])
+        todo = self.first
         while len(todo.begin):
             while len(todo.begin):
                 todo = self.refined(self.accept(todo))
             todo = self.settle_edges()
             if not len(todo.begin):
                 self.check()
-                panels, self.done = self.done, PanelSet.empty(len(self.sample.scale))
+                panels, self.done = self.done, self.done.some(slice(0))
                 todo = self.refined(self.accept(panels))
 
     def accept(self, panels: PanelSet) -> PanelSet:

@@ -21,7 +21,15 @@ from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.factors import factor, follow_rates
-from flexlin.periodic.transition.gauss import CHUNK_BYTES, Tableau, gauss, place_nodes, radau, sample_at
+from flexlin.periodic.transition.gauss import (
+    CHUNK_BYTES,
+    Tableau,
+    gauss,
+    integrate_legendre,
+    place_nodes,
+    radau,
+    sample_at,
+)
 from flexlin.periodic.transition.setting import MARGIN, MAX_SEGMENTS, Setting, choose_setting, report_too_many
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
@@ -50,7 +58,7 @@ class PiecewiseSolution:
     def __call__(self, t: Array) -> Array:
         k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.start) - 1)
         h = np.diff(self.edges)[k]
-        integral = h[:, None] * integrate_legendre((t - self.edges[k]) / h, self.slope.shape[1])
+        integral = h[:, None] * integrate_legendre(2 * (t - self.edges[k]) / h - 1, self.slope.shape[1])
         return self.start[k] + (integral[:, None, :] @ self.slope[k])[:, 0]
 
 
@@ -145,13 +153,6 @@ def label_states(count: int, names: Sequence[str], units: Sequence[str]) -> tupl
         if len(given) not in (0, count):
             raise ArgumentError(f"{what} do not fit the states", got=len(given), expected=str(count))
     return list(names) or [f"x{i + 1}" for i in range(count)], list(units) or [""] * count
-
-
-def integrate_legendre(theta: Array, count: int) -> Array:
-    """int_0^theta P_m(2 s - 1) ds for m < count: (N, count)."""
-    P = legvander(2 * theta - 1, count)
-    m = np.arange(1, count)
-    return np.column_stack([theta, (P[:, 2:] - P[:, :-2]) / (2 * (2 * m + 1))])
 
 
 @checked

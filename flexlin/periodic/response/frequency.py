@@ -17,7 +17,6 @@ from flexlin.periodic.grid import place_edges
 from flexlin.periodic.precision import CUBE, EPS, SAFETY, TINY
 from flexlin.periodic.product import cyclic_system
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.resolve import resolve_port
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
@@ -162,7 +161,7 @@ def frequency_response(
     verdict = floquet(system)
     if verdict.verdict != "stable":
         raise NotStable("there is no response that lasts", got=verdict.status, expected="a stable system")
-    output = resolve_port(given, system.period, system.breaks, system.features, system.complete)
+    output = system.resolve_beside(given)
     count, before = STAGES, np.zeros((len(frequencies), 1, *output.shape[:1], system.m), complex)
     while True:
         found = Collocated(system, output, count).harmonics(frequencies, min(count, FARTHEST_ORDER))

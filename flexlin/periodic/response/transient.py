@@ -12,6 +12,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
+from flexlin.periodic.grid import divide_evenly
 from flexlin.periodic.precision import EPS, SAFETY, TINY
 from flexlin.periodic.related import edges_between
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of
@@ -171,10 +172,7 @@ def divide_times(system: PeriodicSystem, times: Array, tol: float) -> Array:
         raise TooManySegments(
             "the response takes too many steps", got=int(counts.sum()), expected=f"at most {16 * MAX_SEGMENTS}"
         )
-    inner = np.repeat(marks[:-1], counts) + np.concatenate([np.arange(k) / k for k in counts]) * np.repeat(
-        np.diff(marks), counts
-    )
-    return np.append(inner, marks[-1])
+    return divide_evenly(marks, counts)
 
 
 def push_by(A: Array, B: Array, u: Array) -> Array:

@@ -36,11 +36,14 @@ def gauss(stages: int) -> Tableau:
     """
     x, w = leggauss(stages)
     b = w / 2
-    P = legvander(x, stages)
-    k = np.arange(1, stages)
-    integral = np.column_stack([(1 + x) / 2, (P[:, 2:] - P[:, :-2]) / (2 * (2 * k + 1))])
-    a = integral @ ((2 * np.arange(stages) + 1)[:, None] * P[:, :stages].T) * b
+    a = integrate_legendre(x, stages) @ ((2 * np.arange(stages) + 1)[:, None] * legvander(x, stages - 1).T) * b
     return Tableau((1 + x) / 2, a, b)
+
+
+def integrate_legendre(x: Array, count: int) -> Array:
+    """int_-1^x P_m(s) ds / 2 for m < count: (N, count)."""
+    P, m = legvander(x, count), np.arange(1, count)
+    return np.column_stack([(1 + x) / 2, (P[:, 2:] - P[:, :-2]) / (2 * (2 * m + 1))])
 
 
 def place_nodes(edges: Array, c: Array) -> Array:
@@ -175,7 +178,5 @@ def radau(stages: int) -> Tableau:
     k = np.arange(1, stages)
     diagonal, beside = -1 / ((2 * k - 1) * (2 * k + 1)), np.sqrt(k * (k + 1.0)) / (2 * k + 1)
     x = np.append(np.linalg.eigvalsh(np.diag(diagonal) + np.diag(beside[:-1], -1)), 1.0)
-    P = legvander(x, stages)
-    integral = np.column_stack([(1 + x) / 2, (P[:, 2:] - P[:, :-2]) / (2 * (2 * k + 1))])
-    a = np.linalg.solve(P[:, :stages].T, integral.T).T
+    a = np.linalg.solve(legvander(x, stages - 1).T, integrate_legendre(x, stages).T).T
     return Tableau((1 + x) / 2, a, a[-1])

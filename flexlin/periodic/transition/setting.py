@@ -10,6 +10,7 @@ import numpy as np
 
 from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError, NumericalError, TooManySegments, counted
+from flexlin.periodic.grid import divide_evenly
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.product import GROUP_CONDITION, Unknown
 from flexlin.periodic.system import PeriodicSystem
@@ -80,8 +81,7 @@ def place_segments(system: PeriodicSystem, setting: Setting) -> Array:
         8 * int(counts.sum()) * system.n**2,
         "leave out the fastest modes, or lower the gains behind them",
     )
-    which = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    return np.append(np.repeat(corners[:-1], counts) + np.repeat(panels / counts, counts) * which, corners[-1])
+    return divide_evenly(corners, counts)
 
 
 def factor_by(system: PeriodicSystem, edges: Array, method: str, order: int) -> Array:
