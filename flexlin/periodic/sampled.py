@@ -155,6 +155,9 @@ class Round:
     periods: int
     off: float
 
+    def __str__(self) -> str:
+        return f"{counted(self.samples, 'sample')} in {counted(self.periods, 'period')}"
+
 
 def find_rounds(period: float, sample_time: float) -> tuple[Round, ...]:
     """One exact round, or the nearest below and above with at most MOST samples, the nearer one first.
@@ -245,7 +248,7 @@ def sampled_floquet(
     best, *others = find_rounds(system.period, h)
     time = best.periods * system.period
     exponents, errors = (part / time for part in solve_round(system, K, best, delay / h, tol, own))
-    reason = f"{counted(best.samples, 'sample')} in {counted(best.periods, 'period')}"
+    reason = str(best)
     for other in others:
         logs, _ = solve_round(system, K, other, delay / h, tol, own)
         errors = errors + SAFETY * abs(logs[0].real / (other.periods * system.period) - exponents[0].real)
@@ -279,7 +282,4 @@ def solve_loops(loops: Array, better: Array) -> tuple[Array, Array]:
 def judge_samples(loops: Array, better: Array, turn: Round, period: float, tol: float) -> FloquetResult:
     """The verdict on the steps (N, r, r) of a round that is exact."""
     (logs, errors), time = solve_loops(loops, better), turn.periods * period
-    setting = Setting(
-        "sampled", 0, turn.samples, f"{counted(turn.samples, 'sample')} in {counted(turn.periods, 'period')}"
-    )
-    return judge(logs / time, errors / time, time, setting, tol)
+    return judge(logs / time, errors / time, time, Setting("sampled", 0, turn.samples, str(turn)), tol)

@@ -142,7 +142,7 @@ def decouple_on_more(
         if isinstance(parted, Refusal):
             return parted
         if parted is not None and not parted.stuck.any():
-            answer, settled = checked(parted.decoupled, samples, between, tol, uncertainty)
+            answer, settled = checked(parted, samples, between, tol, uncertainty)
             if settled or count == MAX_NODES:
                 return answer
         samples = interleaved(samples, between)
@@ -163,63 +163,54 @@ def hides_waves(A: MatrixFunction, period: float, samples: Array, between: Array
 
 
 def checked(
-    built: Decoupled, A: Array, between: Array, tol: float, uncertainty: Uncertainty | None
+    parted: "Parted", A: Array, between: Array, tol: float, uncertainty: Uncertainty | None
 ) -> tuple[Decoupled, bool]:
-    """Evaluate the generator half-way between the nodes too: the denser result, and whether the two sets of nodes agree."""
-    period = built.period
-    T = interleaved(built.frame, shifted(built.frame, 0.5))
-    slope = interleaved(*(circle_derivative(built.frame, period, shift) for shift in (0.0, 0.5)))
+    """Evaluate the generator half-way between the nodes too, and state what rounding leaves beside the coupling: the denser result, and
+    whether the two sets of nodes agree on every mode and its coupling is small enough."""
+    period, frame, groups = parted.period, parted.frame, parted.groups
+    T = interleaved(frame, shifted(frame, 0.5))
+    slope = interleaved(*(circle_derivative(frame, period, shift) for shift in (0.0, 0.5)))
     A = interleaved(A, between)
     inverse = np.linalg.inv(T)
     inverse += inverse @ (np.eye(T.shape[-1]) - T @ inverse)
-    B = inverse @ (A @ T - slope)
-    times = period / len(A) * np.arange(len(A))
-    done = replace(built, times=times, frame=T, inverse=inverse, generator=B)
-    coupled = Coupled(B, period, built.groups)
-    done = replace(done, residual=residual_effect(coupled))
-    allowed = tol * np.maximum(1, np.abs(np.einsum("tii->ti", B).mean(axis=0)))
-    done, agree, parted = with_evidence(done, coupled, slope, A, allowed, uncertainty)
-    return done, bool(np.all(agree & parted))
-
-
-def with_evidence(
-    done: Decoupled, coupled: Coupled, slope: Array, A: Array, allowed: Array, uncertainty: Uncertainty | None
-) -> tuple[Decoupled, Array, Array]:
-    """State what rounding is left beside the coupling; and of which modes the nodes and those half-way between them agree (n,), and the
-    coupling is small enough (n,).
-
-    Parameters: coupled: the generator; slope, A (N, n, n): the frame's slope and the coefficients at the times of `done`;
-    allowed (n,): error of each exponent, in 1/s.
-    """
-    T, inverse = done.frame, done.inverse
+    B, times = inverse @ (A @ T - slope), period / len(A) * np.arange(len(A))
     rounding = EPS * (np.abs(inverse) @ (np.abs(A) @ np.abs(T) + np.abs(slope))).mean(axis=0)
     if uncertainty is not None:
-        rounding = rounding + COHERENT / 3 * uncertainty(done.times, inverse, T).mean(axis=0)
-    means = np.einsum("tii->ti", done.generator)
+        rounding = rounding + COHERENT / 3 * uncertainty(times, inverse, T).mean(axis=0)
+    means = np.einsum("tii->ti", B)
+    allowed, noise = tol * np.maximum(1, np.abs(means.mean(axis=0))), 4 * np.diagonal(rounding)
     apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
-    noise = 4 * np.diagonal(rounding)
-    hidden = hidden_effect(coupled, rounding)
-    parted = np.diagonal(done.residual) < PARTIAL * allowed + noise
-    parted |= np.diagonal(hidden) > allowed  # more nodes would not help
-    stated = replace(done, residual=done.residual + hidden, rounding=rounding, coupled=coupled)
-    return stated, apart < MINOR * allowed + noise, parted
+    coupled = Coupled(B, period, groups)
+    residual, hidden = residual_effect(coupled), hidden_effect(coupled, rounding)
+    enough = np.diagonal(residual) < PARTIAL * allowed + noise
+    enough |= np.diagonal(hidden) > allowed  # more nodes would not help
+    done = Decoupled(
+        period, times, T, inverse, B, groups, parted.turning, residual + hidden, rounding, parted.rounds, coupled
+    )
+    return done, bool(np.all((apart < MINOR * allowed + noise) & enough))
 
 
 @dataclass(frozen=True)
 class Parted:
-    """What the rounds reached from a frame: the pairs of modes (n, n) whose coupling stays too large, and by which factor at the most;
-    allowed (n, 1): error of each exponent, in 1/s."""
+    """What the rounds reached from a frame on its nodes: a basis T (N, n, n) of the groups' subspaces.
 
-    decoupled: Decoupled
+    turning (G,): real groups whose basis is complex; allowed (n, 1): error of each exponent, in 1/s; stuck (n, n): pairs of modes whose
+    coupling stays too large, and by which factor at the most.
+    """
+
+    period: float
+    frame: Array
+    groups: tuple[Group, ...]
+    turning: Array
+    allowed: Array
+    rounds: int
     stuck: Array
     excess: float
-    allowed: Array
 
     def go_on(self, A: Array) -> "Parted":
         """From the frame that was reached, on twice the nodes."""
-        old = self.decoupled
-        T = interleaved(old.frame, shifted(old.frame, 0.5))
-        return part_frame(T, old.groups, old.turning, A, old.period, self.allowed)
+        T = interleaved(self.frame, shifted(self.frame, 0.5))
+        return part_frame(T, self.groups, self.turning, A, self.period, self.allowed)
 
 
 def built_on(
@@ -265,9 +256,7 @@ def part_frame(T: Array, groups: tuple[Group, ...], turning: Array, A: Array, pe
         share, excess = mixing(S), float((left / allowed)[stuck].max(initial=0.0))
     if (strongest := share[stuck].max(initial=0.0)) > SLIGHT:  # put those together that mix the most
         stuck &= share >= PARTIAL * strongest
-    none = np.zeros(stuck.shape)
-    parted = Decoupled(period, np.empty(0), T, T, B, groups, turning, none, none, made)
-    return Parted(parted, stuck, excess, allowed)
+    return Parted(period, T, groups, turning, allowed, made, stuck, excess)
 
 
 def part_groups(

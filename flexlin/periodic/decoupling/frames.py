@@ -80,13 +80,10 @@ def follow_modes(A: Array) -> Modes:
 def matched(share: Array) -> tuple[Array, Array]:
     """The order of the modes at each node (N, n), and the pairs that are ambiguous or change places after a period (n, n)."""
     count, n = share.shape[:2]
-    best = share.argmax(axis=2)
     order, near = np.empty((count + 1, n), int), np.zeros((n, n), bool)
     order[0] = np.arange(n)
-    for k, step in enumerate(best):
-        if len(np.unique(step)) < n:
-            step = assign(-share[k])
-        order[k + 1] = step[order[k]]
+    for k in range(count):
+        order[k + 1] = assign(-share[k])[order[k]]
     now, then = order[:-1, :, None], order[1:, None, :]
     near |= (share[np.arange(count)[:, None, None], now, then] > PARTIAL).any(axis=0) & ~np.eye(n, dtype=bool)
     near[np.arange(n), order[-1]] = True
@@ -163,19 +160,20 @@ def find_frame(modes: Modes, groups: tuple[Group, ...]) -> tuple[Array, Array]:
         if group.partner < i:
             T[:, :, group.part] = T[:, :, groups[group.partner].part].conj()
             continue
-        seen, R = measure_sight(L[0, group.part], V[:, :, group.part])
+        R, U = L[0, group.part], V[:, :, group.part]
+        seen = measure_sight(R, U)
         if seen.min() < PARTIAL:
             turned = [R + sign * L[seen.argmin(), group.part] for sign in (1j, -1j)]
-            R = max(turned, key=lambda rows: measure_sight(rows, V[:, :, group.part])[0].min())
+            R = max(turned, key=lambda rows: measure_sight(rows, U).min())
             complex_basis[i] = group.partner == i
-        own = V[:, :, group.part] @ np.linalg.inv(R @ V[:, :, group.part])
+        own = U @ np.linalg.inv(R @ U)
         T[:, :, group.part] = own.real if group.partner == i and not complex_basis[i] else own
     return T, complex_basis
 
 
-def measure_sight(R: Array, V: Array) -> tuple[Array, Array]:
-    """The least singular value of R V at each node (N,), and R."""
-    return np.linalg.svd(R @ V, compute_uv=False)[:, -1], R
+def measure_sight(R: Array, V: Array) -> Array:
+    """The least singular value of R V at each node (N,)."""
+    return np.linalg.svd(R @ V, compute_uv=False)[:, -1]
 
 
 def start_basis(modes: Modes, groups: tuple[Group, ...]) -> Array:

@@ -42,10 +42,9 @@ def name_blocked_mode(unreached: bool, problem: LinearQuadratic, edges: Array) -
     got = f"real part of its exponent about {growth:.3g}/s, direction {np.array2string(vector, precision=3)} at t = 0"
     todo = "bring states, inputs and weights to like sizes, ask for a larger tol, or leave out the fastest modes"
     if share > SLIGHT:  # its square leaves ten digits
-        sizes = [float(np.abs(part).max()) for part in problem.reduced(edges[:-1])]
         return NumericalError(
             "the problem's coefficients lie too far apart to be computed with",
-            got="|A| = {:.2g}, |B R^-1 B'| = {:.2g}, |Q| = {:.2g} (less what N takes)".format(*sizes),
+            got=problem.describe_sizes(edges[:-1]),
             todo=todo,
         )
     if share > rounding:

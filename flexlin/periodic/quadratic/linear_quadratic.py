@@ -55,6 +55,11 @@ class LinearQuadratic:
         half = np.swapaxes(np.linalg.solve(root, np.swapaxes(cross, 1, 2)), 1, 2)
         return A - G @ np.swapaxes(half, 1, 2), G, Q - half @ np.swapaxes(half, 1, 2)
 
+    def describe_sizes(self, t: Array) -> str:
+        """How large its coefficients are at times (N,)."""
+        sizes = [float(np.abs(part).max()) for part in self.reduced(t)]
+        return "|A| = {:.2g}, |B R^-1 B'| = {:.2g}, |Q| = {:.2g} (less what N takes)".format(*sizes)
+
     def ease(self, factor: float) -> "LinearQuadratic":
         """The problem with a larger R."""
         R = self.R

@@ -88,10 +88,9 @@ def solve_by_newton(
                 finer = nodes.refine(corrected.X, seen) or nodes.resize(2 * nodes.count)
         X, nodes = nodes.series(corrected.X * np.outer(corrected.units, corrected.units))(finer.places), finer
     if best is None:
-        sizes = [float(np.abs(part).max()) for part in problem.reduced(nodes.t[:SAMPLES])]
         raise ToleranceNotReached(
             "the Riccati equation was not solved to the asked accuracy: its coefficients may lie too far apart to be computed with",
-            got="|A| = {:.2g}, |B R^-1 B'| = {:.2g}, |Q| = {:.2g} (less what N takes)".format(*sizes),
+            got=problem.describe_sizes(nodes.t[:SAMPLES]),
             expected=f"a proof of an error of at most {tol:.2g} on up to {nodes.count} nodes",
             todo="bring states, inputs and weights to like sizes (a small R makes fast modes), or ask for a larger tol",
         )
