@@ -210,25 +210,9 @@ def feed_back(equations: tuple[Array, Array, Array], force: Array, gain: Array) 
     return M, D + by_rate, K + by_place
 
 
-@dataclass(frozen=True)
-class StateMatrix:
-    """[[0, I], [-M^-1 K, -M^-1 D]], (N, 2n, 2n)."""
-
-    second_order: SecondOrderFunction
-
-    def __call__(self, t: ArrayLike) -> Array:
-        return at_times(lambda t: build_companion(*self.second_order(t), t), t)
-
-
-@dataclass(frozen=True)
-class InputMatrix:
-    """[0; M^-1 F], (N, 2n, m)."""
-
-    M: MatrixFunction
-    force: MatrixFunction
-
-    def __call__(self, t: ArrayLike) -> Array:
-        return at_times(lambda t: build_input(self.M(t), self.force(t), t), t)
+def solve_rates(equations: tuple[Array, Array, Array], t: Array) -> Array:
+    """[[0, I], [-M^-1 K, -M^-1 D]], (N, 2n, 2n), at the times t (N,)."""
+    return build_companion(*equations, t)
 
 
 def build_companion(M: Array, D: Array, K: Array, t: Array) -> Array:

@@ -194,16 +194,9 @@ def bound_pairs(coupling: Array, own: Array, gap: Array, shared: Array) -> Array
     close gaps; gap (n, n): distances of the eigenvalues; shared (n, n): couplings left between equal ones.
     """
     gap = np.maximum(gap - own[:, None] - own, 0.0)
-    size = pair_size(coupling)
+    size = np.where(np.eye(len(coupling), dtype=bool), 0.0, np.sqrt(coupling * coupling.T))
     pairs = np.where(size > MINOR * gap, 2 * size, size**2 / np.maximum(gap, size + TINY))  # as in motion.c
     return pairs.sum(axis=1) + bound_shared(coupling, np.abs(shared))
-
-
-def pair_size(coupling: Array) -> Array:
-    """sqrt(A_ij A_ji) of each pair (n, n), zero on the diagonal."""
-    product = coupling * coupling.T
-    np.fill_diagonal(product, 0.0)
-    return np.asarray(np.sqrt(product))
 
 
 def bound_shared(coupling: Array, shared: Array) -> Array:

@@ -14,16 +14,16 @@ from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import (
     Combined,
     Constant,
-    InputMatrix,
     MatrixFunction,
     SecondOrder,
     SecondOrderFunction,
-    StateMatrix,
     as_matrix_function,
+    build_input,
     check_samples,
     close_loop,
     gather,
     has_nothing_narrow,
+    solve_rates,
 )
 from flexlin.periodic.interpolation import ChebyshevPanels
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, weigh_entries
@@ -258,8 +258,9 @@ class PeriodicSystem(Shown):
         D, K = (as_port(name, f, size, period) for name, f in (("D", D), ("K", K)))
         force = None if B is None else as_port("B", B, (size[0], None), period)
         equations = SecondOrder(together or Combined(gather, (M, D, K)), force)
-        B = None if force is None else InputMatrix(M, force)
-        return cls(StateMatrix(equations.sample), period, B, breaks, equations, features, complete)
+        B = None if force is None else Combined(build_input, (M, force, np.asarray))
+        A = Combined(solve_rates, (equations.sample, np.asarray))
+        return cls(A, period, B, breaks, equations, features, complete)
 
     def feedback(self, gain: MatrixFunction | ArrayLike, breaks: Sequence[float] = ()) -> "PeriodicSystem":
         """Close the loop u = -K(t) x: the system x' = (A - B K) x + B u.

@@ -136,7 +136,9 @@ def find_exponents(
             todo="ask for fewer, or leave segments to the solver",
         )
     if segments is not None:
-        return judge_fixed(system, choose_setting(system, tol, method, order, segments), tol)
+        setting = choose_setting(system, tol, method, order, segments)
+        fixed = solve_by_segments(system, setting, tol, segments, fixed=True)
+        return judge_beside(system, fixed.logs / system.period, fixed.rounding / system.period, setting, tol)
     setting = choose_setting(system, tol, method, order, None)
     if method != "auto":
         return answer_by_segments(system, setting, tol, limit)
@@ -215,12 +217,6 @@ def finish(
         logs, violation = pair_hamiltonian(exponents * system.period)
         exponents, errors = logs / system.period, np.maximum(errors, violation / system.period)
     return judge(exponents, errors, system.period, setting, tol, undamped, decoupled=decoupled)
-
-
-def judge_fixed(system: PeriodicSystem, setting: Setting, tol: float) -> FloquetResult:
-    """The exponents at a setting fixed by the user; their errors by the exponents at a setting that the engine chose."""
-    fixed = solve_by_segments(system, setting, tol, setting.segments, fixed=True)
-    return judge_beside(system, fixed.logs / system.period, fixed.rounding / system.period, setting, tol)
 
 
 def judge_beside(

@@ -53,7 +53,10 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
     Source: Hill (1886); sorting by the mean harmonic after Lazarus, Thomas, C. R. Mecanique 338 (2010).
     """
     n, waves = system.n, count_harmonics(system, tol)
-    count = choose_harmonics(n, waves) if harmonics is None else whole("harmonics", harmonics)
+    twice = max(
+        FIRST, min(2 * waves, (MAX_SIZE // n - 1) // 2)
+    )  # so that half of them hold A too, as far as its size allows
+    count = twice if harmonics is None else whole("harmonics", harmonics)
     rows = n * (2 * count + 1)
     check_size(f"Hill's matrix with {rows} rows", 16 * HELD * rows**2, "keep fewer harmonics")
     coarse = truncate_hill(system, max(1, count // 2))
@@ -74,11 +77,6 @@ def count_harmonics(system: PeriodicSystem, tol: float) -> int:
     if system.resolved.panels == 1:
         return int(waves.max())
     return int(np.ceil((waves / 2 * system.period / np.diff(system.resolved.edges)).max()))
-
-
-def choose_harmonics(n: int, waves: int) -> int:
-    """Harmonics of the first matrix: twice those of A, so that half of them hold A too, as far as its size allows."""
-    return max(FIRST, min(2 * waves, (MAX_SIZE // n - 1) // 2))
 
 
 def truncate_hill(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]:

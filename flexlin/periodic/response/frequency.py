@@ -164,7 +164,7 @@ def frequency_response(
     output = system.resolve_beside(given)
     count, before = STAGES, np.zeros((len(frequencies), 1, *output.shape[:1], system.m), complex)
     while True:
-        found = Collocated(system, output, count).harmonics(frequencies, min(count, FARTHEST_ORDER))
+        found = find_harmonics(system, output, count, frequencies, min(count, FARTHEST_ORDER))
         size = np.abs(found).max(axis=(1, 2, 3)) + TINY
         beyond = (found.shape[1] - before.shape[1]) // 2
         apart = found - np.pad(before, ((0, 0), (beyond, beyond), (0, 0), (0, 0)))
@@ -182,35 +182,23 @@ def frequency_response(
         count, before = 2 * count, found
 
 
-class Collocated:
-    """x' = A x + B u, y = C x under u = exp(i omega t), on so many segments of a period, between all edges of the coefficients."""
-
-    def __init__(self, system: PeriodicSystem, C: ResolvedMatrix, count: int):
-        ports = [system.resolved_input, C]
-        every = (system.resolved, *ports)
-        least = max((-(-2 * one.degree // STAGES) for one in every if one.panels > 1), default=1)
-        edges = place_edges(system.period, np.unique(np.concatenate([one.edges for one in every])), count, least)
-        self.rule, self.h = radau(STAGES), np.diff(edges)
-        t = place_nodes(edges, self.rule.c)
-        self.t, self.period, self.weights = t, system.period, self.h[:, None] * self.rule.b / system.period
-        self.A, self.ports = sample_at(system.resolved, t), [sample_at(one, t) for one in ports]
-
-    def condense(self, shift: float) -> "Segments":
-        """The segments of x' = (A - i shift) x + B u."""
-        A = self.A - 1j * shift * np.eye(self.A.shape[-1]) if shift else self.A
-        return condense(A, self.ports, self.h, self.rule)
-
-    def harmonics(self, omega: Array, highest: int) -> Array:
-        """H (W, 2 highest + 1, p, m)."""
-        (K, s), p, m = self.t.shape, self.ports[1].shape[-2], self.ports[0].shape[-1]
-        v = np.tile(np.eye(m), (s, 1))
-        back = self.weights * self.waves(-np.arange(-highest, highest + 1))
-        answers = (self.condense(w).respond(1.0)(v).reshape(K, s, p, m) for w in omega.tolist())
-        return np.array([np.tensordot(back, y, axes=((1, 2), (0, 1))) for y in answers])
-
-    def waves(self, orders: Array) -> Array:
-        """exp(2 pi i k t / T) at the stages, (k, K, s)."""
-        return np.asarray(np.exp(2j * np.pi / self.period * orders[:, None, None] * self.t))
+def find_harmonics(system: PeriodicSystem, C: ResolvedMatrix, count: int, omega: Array, highest: int) -> Array:
+    """H (W, 2 highest + 1, p, m) under u = exp(i omega t), on so many segments of a period, between all edges of the coefficients."""
+    every = (system.resolved, system.resolved_input, C)
+    least = max((-(-2 * one.degree // STAGES) for one in every if one.panels > 1), default=1)
+    edges = place_edges(system.period, np.unique(np.concatenate([one.edges for one in every])), count, least)
+    rule, h = radau(STAGES), np.diff(edges)
+    t = place_nodes(edges, rule.c)
+    A, *ports = (sample_at(one, t) for one in every)
+    (K, s), p, m = t.shape, C.shape[0], system.m
+    orders = np.arange(-highest, highest + 1)[:, None, None]
+    back = h[:, None] * rule.b / system.period * np.exp(-2j * np.pi / system.period * orders * t)
+    v, found = np.tile(np.eye(m), (s, 1)), []
+    for shift in omega.tolist():
+        moved = A - 1j * shift * np.eye(system.n) if shift else A
+        y = condense(moved, ports, h, rule).respond(1.0)(v).reshape(K, s, p, m)
+        found.append(np.tensordot(back, y, axes=((1, 2), (0, 1))))
+    return np.array(found)
 
 
 @dataclass(frozen=True, eq=False)

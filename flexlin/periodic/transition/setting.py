@@ -209,8 +209,8 @@ def spread_out(method: str, order: int, demand: Array, reason: str, rate: float,
 
 
 def gauss_demand(pace: Pace, tol: float, stages: Array) -> Array:
-    """Segments that each panel needs with s Gauss stages, (S, P) for stages (S, 1)."""
-    least = np.maximum(separate_modes(pace), max(1.0, LEAST / len(pace.rate)))
+    """Segments that each panel needs with s Gauss stages, (S, P) for stages (S, 1); in none do modes part by more than GROUP_CONDITION."""
+    least = np.maximum(pace.length * pace.spread / math.log(GROUP_CONDITION), max(1.0, LEAST / len(pace.rate)))
     steps = pace.length / choose_gauss_step(pace.rate, tol, stages)
     return np.maximum(np.maximum(steps, WAVES * pace.waves / stages), least)
 
@@ -220,11 +220,6 @@ def radau_demand(pace: Pace) -> Array:
     return np.maximum.reduce(
         [2 * pace.length * pace.top, WAVES * pace.waves / 5, np.full(len(pace.rate), 32.0 / len(pace.rate))]
     )
-
-
-def separate_modes(pace: Pace) -> Array:
-    """Segments in none of which two modes part by more than GROUP_CONDITION, (P,)."""
-    return pace.length * pace.spread / math.log(GROUP_CONDITION)
 
 
 def choose_gauss_step(rate: Array, tol: float, stages: Array | int) -> Array:
