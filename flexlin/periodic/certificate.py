@@ -58,10 +58,8 @@ class Proof:
 
 def represent_on_panels(resolved: Resolved, solution: RiccatiSolution) -> CommonPanels:
     """Interpolate A and X on panels; A's error: that of its representation, what the panels add between their nodes, and rounding."""
-    n, both = (
-        len(resolved.mean()),
-        ((resolved.series, 1), (solution.series, 2)),
-    )  # X to half the digits, of half the waves
+    n = len(resolved.mean())
+    both = (resolved.series, 1), (solution.series, 2)  # X to half the digits, of half the waves
     waves = max(one.degree / share if isinstance(one, FourierSeries) else 0.0 for one, share in both)
     edges = divided(solution.series.edges, resolved.period * WAVES / max(waves, WAVES))
     t = panel_times(edges[:-1], edges[1:], NODES)

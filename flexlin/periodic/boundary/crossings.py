@@ -193,9 +193,8 @@ def find_islands(xs: Array, ys: Array, spectra: Spectra, function: SpectraFuncti
 
 def find_peaks(growth: Array, verdicts: Array) -> Array:
     """Which points decay while all around decays faster, or grow while all around grows faster, by half as much as they do or more."""
-    around = [
-        np.lib.stride_tricks.sliding_window_view(np.pad(one, 1, mode="edge"), (3, 3)) for one in (growth, verdicts)
-    ]
+    slide = np.lib.stride_tricks.sliding_window_view
+    around = [slide(np.pad(one, 1, mode="edge"), (3, 3)) for one in (growth, verdicts)]
     least, most = around[0].min(axis=(2, 3)), around[0].max(axis=(2, 3))
     alike = (around[1] == verdicts[..., None, None]).all(axis=(2, 3))
     lifted = np.abs(growth) <= 2 * np.maximum(most - growth, growth - least)
@@ -220,9 +219,8 @@ def find_nodes(
         return np.stack([np.where(along, values, other), np.where(along, other, values)], axis=1)
 
     index = np.arange(shape.prod()).reshape(shape)
-    line = np.concatenate(
-        [np.repeat(np.arange(shape[1]), shape[0]), shape[1] + np.repeat(np.arange(shape[0]), shape[1])]
-    )
+    across, along = (np.repeat(np.arange(k), other) for k, other in (shape[::-1], shape))
+    line = np.concatenate([across, shape[1] + along])
     known = spectra.at(np.concatenate([index.T.ravel(), index.ravel()]))
     values = np.concatenate([np.tile(xs, shape[1]), np.tile(ys, shape[0])])
     scan = Scan(line, values, known, lambda k, x: function(place(k, x)))

@@ -96,10 +96,8 @@ class Interpolant:
             return None
         scaled = sure.periods * between
         inverse = bool(low > 0 and np.ptp(scaled) < ROOT * scaled[0])
-        missed, known = (
-            np.zeros(sure.P.shape[1:]),
-            products_at(cls.place(low, high, FEWEST_POINTS, inverse), sure.enough),
-        )
+        missed = np.zeros(sure.P.shape[1:])
+        known = products_at(cls.place(low, high, FEWEST_POINTS, inverse), sure.enough)
         while True:
             found = cls(low, high, known, missed, inverse)
             here = found.at(between)

@@ -218,11 +218,8 @@ def solve_decoupled_modes(decoupled: Decoupled, exponents: Array) -> tuple[Array
     Parameters: exponents (n,): in 1/s, in the order of the modes that are wanted.
     """
     period, n = decoupled.period, len(exponents)
-    V, own, moved = (
-        np.zeros_like(decoupled.generator),
-        np.zeros(n, complex),
-        np.zeros((len(decoupled.times), n), complex),
-    )
+    V, own = np.zeros_like(decoupled.generator), np.zeros(n, complex)
+    moved = np.zeros((len(decoupled.times), n), complex)
     for i, group in enumerate(decoupled.groups):
         found = follow_block(decoupled, i, group)
         if found is None:

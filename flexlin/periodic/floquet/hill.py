@@ -53,9 +53,8 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
     Source: Hill (1886); sorting by the mean harmonic after Lazarus, Thomas, C. R. Mecanique 338 (2010).
     """
     n, waves = system.n, count_harmonics(system, tol)
-    twice = max(
-        FIRST, min(2 * waves, (MAX_SIZE // n - 1) // 2)
-    )  # so that half of them hold A too, as far as its size allows
+    # so that half of them hold A too, as far as its size allows
+    twice = max(FIRST, min(2 * waves, (MAX_SIZE // n - 1) // 2))
     count = twice if harmonics is None else whole("harmonics", harmonics)
     rows = n * (2 * count + 1)
     check_size(f"Hill's matrix with {rows} rows", 16 * HELD * rows**2, "keep fewer harmonics")

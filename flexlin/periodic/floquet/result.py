@@ -172,11 +172,8 @@ def judge(
     undamped: the system is Hamiltonian; coarse: the resolution makes the errors, and another one makes smaller ones; decoupled: what the
     exponents were found in, to be kept.
     """
-    values, growth, off = (
-        exponents.tolist(),
-        exponents.real.tolist(),
-        errors.tolist(),
-    )  # a few numbers, faster than arrays
+    # a few numbers, faster than arrays
+    values, growth, off = exponents.tolist(), exponents.real.tolist(), errors.tolist()
     both, modes = list(zip(growth, off, strict=True)), range(len(off))
     critical = max(modes, key=lambda i: -inf if off[i] == inf else growth[i] + off[i])
     if any(g > e for g, e in both):

@@ -145,9 +145,8 @@ def measure_spectrum(
         errors = np.where((errors > SLIGHT * below) & (below > max(EXTINCT, errors[0])), np.inf, errors)
         method, errors = (np.append(np.maximum(part[0], hidden), part[1:]) for part in (method, errors))
     errors = errors + liouville_excess(system, logs, errors)
-    lost = (errors > 1) & np.isfinite(
-        errors
-    )  # a multiplier of which no digit is known may be any that roundings lead to
+    # a multiplier of which no digit is known may be any that roundings lead to
+    lost = (errors > 1) & np.isfinite(errors)
     errors = np.where(lost, errors + np.ptp(logs.real), errors)
     return SegmentedSpectrum(logs, errors, rounding, setting, found.start, found.stretched), method
 

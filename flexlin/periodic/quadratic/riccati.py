@@ -187,9 +187,8 @@ def grade_back(problem: LinearQuadratic, edges: Array, end: Array) -> Array:
     """Edges that halve their distance to the end of each panel, down to the layer in which X leaves what the fastest mode meets there."""
     A, S, Q = problem.reduced(np.nextafter(edges[1:], 0.0))
     rates = np.abs(np.linalg.eigvals(assemble_hamiltonian(A, S, Q))).max(axis=1)
-    rates[-1] = max(
-        rates[-1], float(np.abs(np.linalg.eigvals(A[-1] - S[-1] @ end)).max())
-    )  # of the loop under the cost at the end
+    at_end = float(np.abs(np.linalg.eigvals(A[-1] - S[-1] @ end)).max())  # of the loop under the cost there
+    rates[-1] = max(rates[-1], at_end)
     layers = 1 / np.maximum(rates, 1 / edges[-1])
     halvings = np.maximum(np.ceil(np.log2(np.diff(edges) / layers)), 0).astype(int)
     inner = [b - (b - a) * 0.5 ** np.arange(1, k + 1) for (a, b), k in zip(pairwise(edges), halvings, strict=True)]

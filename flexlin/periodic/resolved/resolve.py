@@ -178,9 +178,8 @@ class FourierFit:
                 need_repetition(sample, first, look_beyond(sample, T + t), t, self.allowed)
                 return True
             last, worst, count = worst, float(excess.max()), len(values)
-            ahead = worst * min(worst / max(last, LEAST), 1.0) ** (
-                2 * (MOST / count - 1)
-            )  # if the harmonics fall on as they did
+            # if the harmonics fall on as they did
+            ahead = worst * min(worst / max(last, LEAST), 1.0) ** (2 * (MOST / count - 1))
             if count >= MOST or (count > BLOCKS and not ahead <= 1 < worst):
                 return False
             between = sample(fourier_nodes(count, T) + T / (2 * count))
@@ -192,9 +191,8 @@ class FourierFit:
         H = len(self.full) // 2
         squares = self.full[1:] ** 2
         self.size = np.sqrt(squares[:H] + squares[H:])
-        self.rounding = (
-            2 * np.pi * EPS * np.arange(1, H + 1)
-        ) @ self.size  # the largest rate of A times the rounding of t = T
+        # the largest rate of A times the rounding of t = T
+        self.rounding = 2 * np.pi * EPS * np.arange(1, H + 1) @ self.size
         return self.size
 
     @property
@@ -237,9 +235,8 @@ class FourierFit:
     def apart(self, phases: Array, there: Array) -> Array:
         """The largest deviation of each entry from A at some phases, (E,)."""
         H = len(self.coefficients) // 2
-        return np.abs(there - self.coefficients[0] - fourier_basis(phases, H)[:, 1:] @ self.coefficients[1:]).max(
-            axis=0
-        )
+        waves = fourier_basis(phases, H)[:, 1:] @ self.coefficients[1:]
+        return np.abs(there - self.coefficients[0] - waves).max(axis=0)
 
     def search(self) -> None:
         """Find the times at which A is furthest from the series, and hold it against these there.

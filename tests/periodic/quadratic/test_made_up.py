@@ -10,6 +10,7 @@ from flexlin import PeriodicSystem, periodic_lyapunov
 from flexlin.control import periodic_lqr
 from flexlin.errors import NotStable
 from flexlin.periodic import periodic_riccati
+from tests.periodic.quadratic.test_riccati import A0, B0, rotated, rotation
 from tests.thinned import thin
 
 
@@ -88,14 +89,7 @@ def test_errors_of_made_up_solutions_are_covered(seed):
 @pytest.mark.parametrize("effort", thin([1e-2, 1e-6, 1e4]))
 def test_design_knows_the_error_of_its_gain(effort):
     """The rotated problem of Johansson et al. (2007), from cheap to dear control: K is known exactly."""
-    A0, B0 = np.array([[1.0, 0.5], [3.0, 5.0]]), np.array([[3.0], [1.0]])
-    spin = np.array([[0.0, 2.0], [-2.0, 0.0]])
-
-    def turn(t):
-        c, s = np.cos(2 * t), np.sin(2 * t)
-        return np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], -2)
-
-    system = PeriodicSystem(lambda t: spin + turn(t) @ A0 @ flip(turn(t)), np.pi, lambda t: turn(t) @ B0)
+    system, turn = rotated(), rotation
     gain, X, _ = control.lqr(A0, B0, np.eye(2), effort * np.eye(1))
     made = periodic_lqr(system, np.eye(2), effort * np.eye(1))
     t = np.random.default_rng(1).uniform(0, 9, 300)

@@ -6,21 +6,14 @@ from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NotStable
+from tests.periodic.norms.test_norms import rotated
 
 A0, B0, C0 = np.array([[-0.2, 1.5], [-1.5, -0.3]]), np.array([[1.0], [0.4]]), np.array([[1.0, 2.0]])
 
 
 def test_a_plant_in_turning_coordinates_answers_in_two_sidebands():
     """x = exp(J t) z, y = C0 x: with P+- = (I -+ i J) / 2 the answer at w + k is C0 P_k (i w - A0)^-1 B0."""
-    J = np.array([[0.0, 1.0], [-1.0, 0.0]])
-
-    def P(t):
-        return np.cos(t)[:, None, None] * np.eye(2) + np.sin(t)[:, None, None] * J
-
-    def A(t):
-        return J + P(t) @ A0 @ np.swapaxes(P(t), 1, 2)
-
-    system = fl.PeriodicSystem(A, 2 * np.pi, B=lambda t: P(t) @ B0)
+    J, (system, _) = np.array([[0.0, 1.0], [-1.0, 0.0]]), rotated(A0, B0, C0, speed=1.0)
     omega = np.array([0.0, 0.7, 3.0])
     found = fl.frequency_response(system, C0, omega)
     for w, H in zip(omega, found.H[:, :, 0, 0], strict=True):

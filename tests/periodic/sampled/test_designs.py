@@ -8,6 +8,7 @@ from scipy.linalg import expm
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
+from tests.periodic.sampled.test_sampled import matrices
 
 T, SAMPLES = np.pi, 5
 H = T / SAMPLES
@@ -15,18 +16,11 @@ Q, R = np.diag([2.0, 0.5]), np.array([[0.3]])
 
 
 def A(t):
-    t = np.asarray(t)
-    out = np.zeros((*t.shape, 2, 2))
-    out[..., 0, 1], out[..., 1, 1] = 1.0, -0.1
-    out[..., 1, 0] = 0.6 + 0.5 * np.cos(2 * t)
-    return out
+    return matrices(t)[0]
 
 
 def B(t):
-    t = np.asarray(t)
-    out = np.zeros((*t.shape, 2, 1))
-    out[..., 1, 0] = 1.0 + 0.3 * np.sin(2 * t)
-    return out
+    return matrices(t)[1]
 
 
 def weight(t):
