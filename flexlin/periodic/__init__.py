@@ -13,7 +13,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.boundary.together": "find_together",
         "periodic.certificate": "digest",
         "periodic.circle": "assign count_turns match_logs measure_distances wrap_angle wrap_log",
-        "periodic.coefficients": "build_companion build_input stack_companion",
+        "periodic.coefficients": "build_companion stack_companion",
         "periodic.decoupling.coupling": "as_real Coupled Refusal",
         "periodic.decoupling.decouple": "decouple",
         "periodic.decoupling.frames": "Group sylvester",
@@ -28,7 +28,7 @@ __getattr__, __dir__, __all__ = load_lazily(
             "chebyshev_coefficients chebyshev_nodes ChebyshevPanels panel_times "
             "fourier_differentiation fourier_nodes FourierSeries"
         ),
-        "periodic.many": "find_gains Kernel MULTIPLES SIZES take_phases",
+        "periodic.many": "Kernel MULTIPLES SIZES take_phases",
         "periodic.margins": "Margins",
         "periodic.norms": "find_largest_gain",
         "periodic.product": "cyclic_system find_spectrum separate_triangular Unknown",

@@ -141,13 +141,7 @@ class Kernel:
         Raises: MemoryError.
         """
         V, n, points = len(points), self.model.states, np.ascontiguousarray(points, dtype=float)
-        found = Logs(
-            np.empty((V, n), dtype=complex),
-            np.empty((V, n)),
-            np.empty(V, dtype=bool),
-            np.empty(V),
-            np.empty(V, dtype=np.intc),
-        )
+        found = Logs(np.empty((V, n), complex), np.empty((V, n)), np.empty(V, bool), np.empty(V), np.empty(V, np.intc))
         counts, *tables = self.tabulate(segments, levels)
         reach = np.array([(accuracy * factorial(degree + 1)) ** (1 / degree) for degree in DEGREES])
         tables += [np.ascontiguousarray(scale / scale[:, None]), reach]

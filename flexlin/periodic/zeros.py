@@ -1,6 +1,7 @@
 """Invariant zeros: the motions that a system may make while its output stays zero."""
 
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -153,17 +154,13 @@ def differentiate(row: ResolvedMatrix, A: MatrixFunction) -> MatrixFunction:
     return lambda t: slope(t) + row(t) @ A(t)
 
 
-def pick(matrix: MatrixFunction, i: int) -> MatrixFunction:
-    """One row of a matrix."""
-    return lambda t: matrix(t)[:, i : i + 1]
-
-
 def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) -> list[Chain]:
     """Each output's derivatives until the input appears. Raises: NumericalError where it never does, or a derivative jumps before."""
     t, B, chains = system.period * stratified(TIMES), system.resolved_input, []
     for i in range(system.m):
-        row = take(system, pick(C, i), C.breaks)
-        rows, by_input = [row], pick(D, i)
+        of_output = itemgetter((slice(None), slice(i, i + 1)))
+        row = take(system, combine(of_output, C), C.breaks)
+        rows, by_input = [row], combine(of_output, D)
         size = np.abs(D(t)).max()
         while not np.abs(by_input(t)).max() > FAINT * size:
             if len(rows) > system.n:

@@ -170,8 +170,7 @@ def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit
 
 def try_decoupling(system: PeriodicSystem, setting: Setting, tol: float) -> FloquetResult | None:
     """The exponents by decoupling, where that promises less work than segments, and serves."""
-    by_segments = estimate_segment_work(system.n, system.second_order is not None, setting)
-    tries = by_segments / estimate_decoupling_work(system.n)
+    tries = estimate_segment_work(system, setting) / estimate_decoupling_work(system.n)
     if tries < 1:
         return None
     found = solve_decoupled(system, tol, int(min(tries, MAX_MERGES)))
@@ -185,8 +184,7 @@ def try_decoupling(system: PeriodicSystem, setting: Setting, tol: float) -> Floq
 
 def is_worth_trying(system: PeriodicSystem, setting: Setting, limit: int) -> bool:
     """Whether segments are tried where decoupling has answered, but not to the wanted accuracy."""
-    work = estimate_segment_work(system.n, system.second_order is not None, setting)
-    return setting.segments <= limit and work < PATIENCE
+    return setting.segments <= limit and estimate_segment_work(system, setting) < PATIENCE
 
 
 def count_missed(found: FloquetResult, tol: float) -> int:

@@ -242,10 +242,10 @@ def estimate_work(n: int, unknowns: int, stages: Array, segments: Array) -> Arra
     return np.asarray(segments * (solved + VECTORS * n**3 + BESIDE))
 
 
-def estimate_segment_work(n: int, second_order: bool, setting: Setting) -> float:
-    """The work of a setting for n states, in multiplications."""
-    work = estimate_work(n, n // 2 if second_order else n, np.array(setting.order // 2), np.array(setting.segments))
-    return float(work)
+def estimate_segment_work(system: PeriodicSystem, setting: Setting) -> float:
+    """The work of a setting, in multiplications."""
+    unknowns = system.n if system.second_order is None else system.n // 2
+    return float(estimate_work(system.n, unknowns, np.array(setting.order // 2), np.array(setting.segments)))
 
 
 def fall_back(system: PeriodicSystem, tol: float) -> Setting:

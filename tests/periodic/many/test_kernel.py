@@ -4,8 +4,6 @@ import casadi as ca
 import numpy as np
 import pytest
 import scipy.linalg
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import flexlin as fl
 from flexlin.about import make_kernel, record_model
@@ -83,19 +81,6 @@ def test_every_size_gives_what_floquet_gives(size):
             assert np.all(apart.min(axis=1) <= got.errors[i].max() + exact.error)
             assert np.all(apart.min(axis=0) <= got.errors[i].max() + exact.error)
     assert fine.errors.max() < 1e-7
-
-
-@pytest.mark.slow
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 10**6), st.sampled_from(SIZES[1:4] + SIZES[6:10]), st.integers(4, 40))
-def test_errors_cover_random_systems(seed, size, segments):
-    family = random_family(size[1], size[0] == size[1], seed)
-    points = np.random.default_rng(seed).uniform(-1.5, 1.5, (8, 2))
-    got = solve(family, points, segments, 1e-10, levels=3)
-    for i in np.flatnonzero(got.misses(1e-6) <= 1)[:2]:
-        exact = fl.floquet(family.at(points[i]), 1e-11)
-        apart = measure_distances(got.logs[i], exact.log_multipliers).min(axis=1)
-        assert np.all(apart <= got.errors[i] + exact.error)
 
 
 def test_a_value_that_overflows_leaves_its_neighbours_alone():
