@@ -21,7 +21,7 @@ from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.panels import MOST_PANELS, NODES
 from flexlin.periodic.resolved.resolve import resolve_constant
 from flexlin.periodic.roots import MOST
-from flexlin.periodic.system import PeriodicSystem, as_port, input_of
+from flexlin.periodic.system import PeriodicSystem, as_port, input_of, resolve_beside
 from flexlin.summary import represent
 
 
@@ -215,7 +215,9 @@ def hinf_norm(
     verdict = floquet(system)
     if verdict.verdict != "stable":
         raise NotStable("the norm is infinite or unknown", got=verdict.status, expected="a stable system")
-    problem = BoundedReal(system, verdict, system.resolved_input, *map(system.resolve_beside, (output, through)))
+    problem = BoundedReal(
+        system, verdict, system.resolved_input, *(resolve_beside(system, one) for one in (output, through))
+    )
     if not problem.constant:
         return bracket_norm(problem, tol)
     A = system.resolved.mean()

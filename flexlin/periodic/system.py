@@ -196,14 +196,6 @@ class PeriodicSystem(Shown):
         """
         return resolve_port(input_of(self), self.period, self.breaks, self.features, self.complete)
 
-    def resolve_beside(self, given: MatrixFunction) -> ResolvedMatrix:
-        """What stands beside A(t), an output or a weight, as series: where it may hold a pulse of its own it is looked at everywhere.
-
-        Raises: NotPeriodic, UnresolvedCoefficient, ArgumentError as `resolve`.
-        """
-        complete = self.complete and has_nothing_narrow(given)
-        return resolve_port(given, self.period, self.breaks, self.features, complete)
-
     @classmethod
     @checked
     def from_second_order(
@@ -297,6 +289,15 @@ def input_of(system: PeriodicSystem) -> MatrixFunction:
     if system.B is None:
         raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
     return system.B
+
+
+def resolve_beside(system: PeriodicSystem, given: MatrixFunction) -> ResolvedMatrix:
+    """What stands beside A(t), an output or a weight, as series: where it may hold a pulse of its own it is looked at everywhere.
+
+    Raises: NotPeriodic, UnresolvedCoefficient, ArgumentError as `resolve`.
+    """
+    complete = system.complete and has_nothing_narrow(given)
+    return resolve_port(given, system.period, system.breaks, system.features, complete)
 
 
 def as_port(

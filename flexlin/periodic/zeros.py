@@ -17,7 +17,7 @@ from flexlin.periodic.related import edges_between
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.sampling import stratified
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
+from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
 from flexlin.summary import represent
 
 TIMES = 1024
@@ -121,7 +121,7 @@ def invariant_zeros(
     as_many = system.period, ": outputs as inputs"
     output = as_port("C", C, (m, n), *as_many)
     through = as_port("D", np.zeros((m, m)) if D is None else D, (m, m), *as_many)
-    chains = find_chains(system, system.resolve_beside(output), system.resolve_beside(through))
+    chains = find_chains(system, *(resolve_beside(system, one) for one in (output, through)))
     poles = [2 * np.pi / system.period * (0.5 + 0.23 * k) for k in range(sum(one.degree for one in chains))]
     loop = ZeroedOutput(system, tuple(chains), tuple(poles))
     loop.check()

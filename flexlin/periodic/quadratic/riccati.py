@@ -28,7 +28,7 @@ from flexlin.periodic.quadratic.nodes import FourierNodes, Nodes, PanelNodes
 from flexlin.periodic.related import with_matrices
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside
 
 PER_WAVE = 4
 """Nodes for each wave of the coefficients on which X is sought first."""
@@ -270,7 +270,7 @@ def resolve_coefficient(
     if repeats and (given is system.A or given is system.B):
         return system.resolved if given is system.A else system.resolved_input
     if repeats or not varies(given, system.period):
-        return system.resolve_beside(given)
+        return resolve_beside(system, given)
     complete = system.complete and (given is system.A or given is system.B or has_nothing_narrow(given))
     corners = np.union1d(0.0, system.breaks).tolist()
     return resolve(given, system.period, corners, system.features, complete=complete, repeats=False)

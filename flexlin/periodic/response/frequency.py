@@ -17,7 +17,7 @@ from flexlin.periodic.grid import place_edges
 from flexlin.periodic.precision import CUBE, EPS, SAFETY, TINY
 from flexlin.periodic.product import cyclic_system
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
+from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
     Tableau,
@@ -161,7 +161,7 @@ def frequency_response(
     verdict = floquet(system)
     if verdict.verdict != "stable":
         raise NotStable("there is no response that lasts", got=verdict.status, expected="a stable system")
-    output = system.resolve_beside(given)
+    output = resolve_beside(system, given)
     count, before = STAGES, np.zeros((len(frequencies), 1, *output.shape[:1], system.m), complex)
     while True:
         found = find_harmonics(system, output, count, frequencies, min(count, FARTHEST_ORDER))
