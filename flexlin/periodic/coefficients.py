@@ -236,13 +236,18 @@ def build_input(M: Array, F: Array, t: Array) -> Array:
 
 def stack_companion(X: Array, Y: Array) -> Array:
     """Return [[0, I], [X, Y]] for blocks (..., n, n): the state matrix of y'' = X y + Y y'."""
-    eye = np.broadcast_to(np.eye(X.shape[-1]), X.shape)
-    return np.block([[np.zeros_like(X), eye], [X, Y]])
+    n = X.shape[-1]
+    A = np.zeros((*X.shape[:-2], 2 * n, 2 * n))
+    A[..., :n, n:] = np.eye(n)
+    A[..., n:, :n], A[..., n:, n:] = X, Y
+    return A
 
 
 def assemble_hamiltonian(A: Array, S: Array, Q: Array) -> Array:
     """Return [[A, -S], [-Q, -A']] for stacks of matrices."""
-    return np.block([[A, -S], [-Q, -np.swapaxes(A, 1, 2)]])
+    H, n = hold_input(A, -S), A.shape[-1]
+    H[:, n:, :n], H[:, n:, n:] = -Q, -np.swapaxes(A, 1, 2)
+    return H
 
 
 def solve_mass(M: Array, right: Array, t: Array) -> Array:

@@ -1,6 +1,7 @@
 """Levels of the H-infinity norm, judged by a Hamiltonian system's multipliers, and the gains beside which they are tried."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +13,9 @@ from flexlin.periodic.coefficients import assemble_hamiltonian
 from flexlin.periodic.floquet.exponents import answer_by_segments, floquet
 from flexlin.periodic.floquet.modes import MODES_TOL, solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.floquet.segmented import Factored
 from flexlin.periodic.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY
+from flexlin.periodic.product import Unknown
 from flexlin.periodic.related import edges_between
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.response.frequency import Segments, condense
@@ -22,6 +25,7 @@ from flexlin.periodic.transition.setting import (
     FEWER_SEGMENTS,
     Setting,
     choose_setting,
+    factor_twice,
     find_rule,
     place_segments,
 )
@@ -110,10 +114,34 @@ class BoundedReal:
             self.made[key] = Segments(found.free, found.pushed * into, found.seen * out, found.through * out * into)
         return self.made[key]
 
-    def find_exponents(self, system: PeriodicSystem) -> FloquetResult:
+    def factor(self, level: float, system: PeriodicSystem, edges: Array, setting: Setting) -> Factored:
+        """Transition matrices of H from the segments of the system itself: Gauss collocation of the one is that of the other.
+
+            g^2 u = P' l_1 + R' y,  l_0 = F' l_1 + S' y       x_1 = F x_0 + P u,  y = S x_0 + R u
+
+        Source: Sanz-Serna, Symplectic Runge-Kutta schemes for adjoint equations, optimal control, and more, SIAM Review 58 (2016).
+        """
+        if setting.method != "gauss":
+            return factor_twice(system, edges, setting)
+        resolved, h, n = system.resolved, np.diff(edges)[:, None, None], self.system.n
+        starts, factors = resolved(edges[:-1]), []
+        for order in (setting.order, setting.order + 4):
+            one = self.segments(edges, find_rule(setting.method, order))
+            F, P, S, R = one.free, one.pushed, one.seen, one.through
+            turned = np.swapaxes(R, 1, 2)
+            solved = np.linalg.solve(
+                level**2 * np.eye(R.shape[2]) - turned @ R, np.concatenate([turned @ S, np.swapaxes(P, 1, 2)], axis=2)
+            )
+            a, b = F + P @ solved[..., :n], level * P @ solved[..., n:]
+            c = np.swapaxes(S, 1, 2) @ (S + R @ solved[..., :n]) / level
+            back = np.linalg.inv(np.swapaxes(a, 1, 2))
+            factors.append(np.block([[a - b @ back @ c, b @ back], [-back @ c, back]]))
+        return factors, h * starts, Unknown(h * (EPS * np.abs(starts) + resolved.mean_error(edges)))
+
+    def find_exponents(self, system: PeriodicSystem, level: float) -> FloquetResult:
         """The exponents of H by segments that all levels share, where so few do."""
         try:
-            return answer_by_segments(system, self.begun[0], MODES_TOL, FEWER_SEGMENTS)
+            return answer_by_segments(system, self.begun[0], MODES_TOL, FEWER_SEGMENTS, partial(self.factor, level))
         except TooManySegments:
             return floquet(system, MODES_TOL)
 
@@ -124,7 +152,7 @@ class BoundedReal:
         the pairs of modes that are `unseen` or not reached, which no level moves, where no other one is near.
         """
         system = self.hamiltonian(level)
-        found = floquet(system) if self.constant else self.find_exponents(system)
+        found = floquet(system) if self.constant else self.find_exponents(system, level)
         known = np.isfinite(found.errors)
         errors, size = np.where(known, found.errors, 0.0), np.where(known, np.abs(found.exponents.real), np.inf)
         logs = found.log_multipliers

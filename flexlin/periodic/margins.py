@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.errors import NotStable, NumericalError, TimeLimit
-from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_function, combine
+from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_function, combine, hold_input
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.precision import FOURTH, ROOT, SLIGHT, TINY
@@ -163,7 +163,9 @@ def delay(A: Array, B: Array, K: Array, tau: float, order: int) -> Array:
     rates = (2 * i + 1) / tau
     line = np.kron(np.eye(m), rates[:, None] * np.where(i[:, None] < i, -1.0, (-1.0) ** (i[:, None] - i + 1)))
     into = np.repeat(K, order, axis=1) * np.tile(rates * (-1.0) ** i, m)[:, None]
-    return np.block([[A, -np.repeat(B, order, axis=2)], [into, np.broadcast_to(line, (len(A), *line.shape))]])
+    out, n = hold_input(A, -np.repeat(B, order, axis=2)), A.shape[1]
+    out[:, n:, :n], out[:, n:, n:] = into, line
+    return out
 
 
 def find_known(searches: list[Callable[[], Found]]) -> tuple[Found, Found, Found, Found, list[str]]:

@@ -13,7 +13,7 @@ from flexlin.periodic.decoupling.coupling import Decoupled, Refusal
 from flexlin.periodic.decoupling.decouple import MAX_MERGES
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
 from flexlin.periodic.floquet.result import FloquetResult, find_coinciding_within, find_reached, judge
-from flexlin.periodic.floquet.segmented import solve_by_segments
+from flexlin.periodic.floquet.segmented import Factoring, solve_by_segments
 from flexlin.periodic.precision import CUBE, EPS, FAINT, SAFETY
 from flexlin.periodic.product import balance_factors, bound_pairs, separate_triangular
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, couple_uncertainty
@@ -25,6 +25,7 @@ from flexlin.periodic.transition.setting import (
     Setting,
     choose_setting,
     estimate_segment_work,
+    factor_twice,
     fall_back,
 )
 
@@ -145,12 +146,14 @@ def find_exponents(
     return answer_by_either(system, setting, tol, limit)
 
 
-def answer_by_segments(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
+def answer_by_segments(
+    system: PeriodicSystem, setting: Setting, tol: float, limit: int, factor: Factoring = factor_twice
+) -> FloquetResult:
     """The exponents of the product of the segments' factors.
 
     Raises: TooManySegments.
     """
-    spectrum = solve_by_segments(system, setting, tol, limit)
+    spectrum = solve_by_segments(system, setting, tol, limit, factor=factor)
     return finish(system, spectrum.logs / system.period, spectrum.errors / system.period, spectrum.setting, tol)
 
 
