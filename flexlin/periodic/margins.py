@@ -251,7 +251,9 @@ def judge_growth(loop: PeriodicSystem) -> FloquetResult:
     """
     found = floquet(loop, FOURTH, max_segments=2 * FEWER_SEGMENTS)
     size, error = abs(float(found.exponents[0].real)), float(found.errors[0])
-    if error < SLIGHT * size or error > FOURTH * max(1.0, abs(found.exponents[0])):  # known, or no better with more work
+    if error < SLIGHT * size or error > FOURTH * max(
+        1.0, abs(found.exponents[0])
+    ):  # known, or no better with more work
         return found
     return floquet(loop, ROOT, max_segments=2 * FEWER_SEGMENTS)
 
