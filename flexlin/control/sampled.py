@@ -11,18 +11,16 @@ from flexlin.checks import Array, positive
 from flexlin.control.designed_loop import Design
 from flexlin.control.estimator import as_measurement, said_of_a_filter
 from flexlin.errors import ArgumentError, counted
-from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow
+from flexlin.periodic.coefficients import Constant, MatrixFunction
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.interpolation import ChebyshevPanels
 from flexlin.periodic.precision import SAFETY
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.scattering import transpose
 from flexlin.periodic.related import with_matrices
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.resolve import resolve_port
 from flexlin.periodic.sampled import STAGES, HeldPlant, Round, find_rounds, hold_plant, judge_samples, sampled_floquet
 from flexlin.periodic.sampled_cost import SampledProblem, bound_rounding, solve_samples, spread_noise, weigh_samples
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside
 from flexlin.summary import represent
 
 
@@ -396,12 +394,6 @@ def find_round(system: PeriodicSystem, sample_time: float, delay: float) -> Roun
             expected=f"such as sample_time = {system.period * turn.periods / turn.samples:.9g} s",
         )
     return turn
-
-
-def resolve_beside(system: PeriodicSystem, given: MatrixFunction) -> ResolvedMatrix:
-    """A weight as series, beside the corners of the system."""
-    complete = system.complete and has_nothing_narrow(given)
-    return resolve_port(given, system.period, system.breaks, system.features, complete)
 
 
 def state_error(K: Array, better: Array, rounding: float) -> float:

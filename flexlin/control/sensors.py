@@ -210,7 +210,7 @@ def tip_zeros(lin: Linearization, tol: float = 1e-9) -> InvariantZeros:
     Raises: ArgumentError where the tip is not known; NumericalError where motors move it in too few directions.
     """
     joints = [lin.kept.index(joint) for joint in lin.driven]
-    output = Combined(partial(along_motors, joints=joints), (tip_position(lin),))
+    output = Combined(partial(along_motors, joints=joints), (tip_position(lin),), complete=True)
     return invariant_zeros(lin.periodic_system(), output, tol=tol)
 
 
