@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 ROUNDS = 20
 """Times that noise, and shapes of links that carry fitted masses, are found anew."""
-STEPS = 4
+STEPS = 3
 """Gauss-Newton steps of a round behind the first, which comes near the minimum: noise that is found far from there misleads."""
 UNEXPLAINED = 0.02
 """Share of the readings' deviations below which a start is good, and no other is tried."""
@@ -208,9 +208,9 @@ def identify(
     search = Search(scene, fitted, paths, low, high, lambda: watch.clock >= most)
     windows = Windows.of(fitted, positive("window", window))
     with part(0.0, 0.3):
-        values = choose_start(search, windows, whole("starts", starts))
+        values, met = choose_start(search, windows, whole("starts", starts))
     with part(0.3, 0.9):
-        point, problem, evidence = refine(search, windows, values)
+        point, problem, evidence = refine(search, windows, values, met)
     settled = evidence is not None
     evidence = leave_unknown(problem, point, paths) if evidence is None else evidence
     known = {path: float(point.p[k]) for k, path in enumerate(paths) if path in evidence.known}
@@ -285,47 +285,47 @@ class Search:
         return Problem(shooting, readings, scale, self.low, self.high, size, allows)
 
 
-def choose_start(search: Search, windows: Windows, starts: int) -> Array:
-    """The values, of several sets, from which a few windows are best met after a few steps; no set is tried when it is late.
+def choose_start(search: Search, windows: Windows, starts: int) -> tuple[Array, dict[int, Array]]:
+    """The values, of several sets, from which a few windows are best met after a few steps, and the starting states of these windows.
 
+    No set is tried when it is late.
     All but the first try have met the windows' heads before: over so short a time no vibration slips by a cycle.
     """
     own = np.array([float(get_value(search.scene, path)) for path in search.paths])
     if starts == 1:
-        return own
-    some = windows.chosen(np.unique(np.linspace(0, windows.count - 1, SCREENED).astype(int)))
+        return own, {}
+    which = np.unique(np.linspace(0, windows.count - 1, SCREENED).astype(int))
+    some = windows.chosen(which)
     heads = some.head(HEAD * float((some.ends - some.starts).max()))
     model = search.model(own)
     problem, short = (search.pose(model, these, own) for these in (some, heads))
     rng, tried = np.random.default_rng(0), []
     for k in range(starts):
         values = np.clip(own * (np.exp(rng.normal(0, 0.5, len(own))) if k > 1 else 1.0), search.low, search.high)
+        start = find_starts(problem.shooting, SETTLE, values, SCREENED).start
         if k:
-            values = compare(short, values, search.late).p
-        point = compare(problem, values, search.late)
-        tried.append((float(point.costs.sum()), k, point.p))
+            head = solve(short, start, values, SCREENED, late=search.late)
+            start, values = head.start, head.p
+        point = solve(problem, start, values, SCREENED, late=search.late)
+        tried.append((float(point.costs.sum()), k, point))
         inside = not problem.limited(point.p).any()
         if search.late() or (inside and tried[-1][0] < 0.5 * UNEXPLAINED**2 * np.count_nonzero(point.residual)):
             break
-    cost, _, values = min(tried, key=lambda one: one[:2])
+    cost, _, best = min(tried, key=lambda one: one[:2])
     if not np.isfinite(cost):
         got = "; ".join(search.log.notes) or None
         raise NumericalError(
             "the equations diverge from every start", got=got, todo="check signs, units and gains of the inputs"
         )
-    return values
+    return best.p, dict(zip(which.tolist(), best.start, strict=True))
 
 
-def compare(problem: Problem, values: Array, late: Callable[[], bool]) -> Point:
-    """Where a few steps lead from these values."""
-    start = find_starts(problem.shooting, SETTLE, values, SCREENED).start
-    return solve(problem, start, values, SCREENED, late=late)
-
-
-def refine(search: Search, windows: Windows, values: Array) -> tuple[Point, Problem, Evidence | None]:
+def refine(
+    search: Search, windows: Windows, values: Array, met: dict[int, Array]
+) -> tuple[Point, Problem, Evidence | None]:
     """The maximum of the likelihood: noise and shapes of links are found anew until noise and numbers stay.
 
-    No evidence where time or rounds ended first.
+    met: starting states of some windows. No evidence where time or rounds ended first.
     """
     sigma, start, damping, shapes = None, None, Point.damping, list[Array]()
     for k in range(ROUNDS):
@@ -334,7 +334,10 @@ def refine(search: Search, windows: Windows, values: Array) -> tuple[Point, Prob
             if not before or not all(map(np.array_equal, before, shapes)):
                 model = search.model(values)
             problem = search.pose(model, windows, values, sigma)
-            start = find_starts(problem.shooting, SETTLE, values).start if start is None else start
+            if start is None:
+                start = find_starts(problem.shooting, SETTLE, values).start
+                for window, state in met.items():
+                    start[window] = state
             most, gain = (30, NEAR) if sigma is None else (STEPS, 1e-6)
             point = solve(problem, start, values, most, gain, search.late, damping)
         if not np.isfinite(point.costs).any():
