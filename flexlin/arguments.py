@@ -23,6 +23,8 @@ ANY_SYSTEM = f"a {SYSTEM}, or what has one"
 HINTS = {
     "a Scene": "load one: fl.load_scene(name or path)",
     "a Scene or a PeriodicFamily": "load one: fl.load_scene(name or path)",
+    "a Linearization": "make one: fl.linearize(arm, motion, control)",
+    "a PeriodicMotion": "give what periodic_motion hands back",
     ANY_SYSTEM: f"make one of A(t) and its period: fl.{SYSTEM}(A, period)",
 }
 """What to do where a scene or a system is missing, which most often means that its name, or A(t) itself, was given."""

@@ -22,7 +22,7 @@ from flexlin.about.harmonic_balance import (
 from flexlin.about.law import Law
 from flexlin.about.layers import Layers
 from flexlin.about.linearization import Linearization
-from flexlin.arguments import checked, instance
+from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, at_times, positive
 from flexlin.errors import MotionError, NumericalError, ToleranceNotReached
 from flexlin.periodic.interpolation import FourierSeries
@@ -297,7 +297,6 @@ def periodic_motion(
     >>> motion.error < 1e-6
     True
     """
-    instance("lin", lin, Linearization, "make one: fl.linearize(arm, motion, control)")
     positive("tol", tol)
     if not lin.motion.periodic:
         raise MotionError("a one-way motion has no periodic solution", todo="use course = 'there-and-back'")
@@ -427,7 +426,6 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
     >>> fl.floquet(elastic, tol=1e-6).verdict
     'stable'
     """
-    instance("motion", motion, PeriodicMotion, "give what periodic_motion hands back")
     lin = motion.lin
     found = Slopes(motion, slopes(lin.about))
     M, D, K, B = (partial(found.one, name) for name in "MDKB")

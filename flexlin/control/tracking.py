@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from flexlin.about.deviation import Deviation
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
-from flexlin.arguments import checked, instance
+from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, at_times, whole
 from flexlin.control.sensors import points_of
 from flexlin.errors import ArgumentError
@@ -212,7 +212,6 @@ def feedforward(lin: Linearization, kind: str = "tip-exact", tol: float = 1e-8) 
     joint-exact: 86.01 mm
     tip-exact: 0.67 mm
     """
-    instance("lin", lin, Linearization, "make one: fl.linearize(arm, motion, control)")
     if kind not in KINDS:
         raise ArgumentError("there is no such feedforward", got=repr(kind), expected=", ".join(KINDS))
     if not lin.driven:

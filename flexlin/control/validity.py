@@ -8,7 +8,7 @@ from scipy.interpolate import PPoly
 
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
-from flexlin.arguments import checked, instance
+from flexlin.arguments import checked
 from flexlin.checks import ROUNDING, SAMPLES, Array, positive
 from flexlin.control.slow_motions import SLOW_TOL, interpolate, slow_motions
 from flexlin.lazy import lazy
@@ -221,7 +221,6 @@ def linear_range(
     >>> print(f"{fl.control.linear_range(lin, modes=1).amplitudes.min():.2f}")
     0.07
     """
-    instance("lin", lin, Linearization, "make one: fl.linearize(arm, motion, control)")
     positive("share", share)
     positive("tol", tol)
     system = lin.periodic_system()

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from flexlin.arguments import checked, instance
+from flexlin.arguments import checked
 from flexlin.errors import ArgumentError, ModelError
 from flexlin.mechanics.axes import list_axes, list_points
 from flexlin.mechanics.body import (
@@ -85,7 +85,6 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     >>> arm.names, arm.parameters.paths
     (('q1', 'w11', 'w12'), ('effects.payload.mass',))
     """
-    instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
     free = Parameters.of_scene(scene, parameters)
     if scene.model is not None:
         return _build_registered(scene, free)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
-from flexlin.arguments import checked, instance
+from flexlin.arguments import checked
 from flexlin.checks import Array, check_size, positive, real_array, whole
 from flexlin.control.tracking import Feedforward, scene_feedforward, tip_positions
 from flexlin.errors import ArgumentError
@@ -82,7 +82,6 @@ def simulate(
     >>> run.t.shape, run.nonlinear.shape, run.error < 1e-5, run.energy_error < 1e-5
     ((33,), (33, 4), True, True)
     """
-    instance("lin", lin, Linearization, "make one: fl.linearize(arm, motion, control)")
     t = output_times(lin, positive("periods", periods), points_per_period)
     tol, n = positive("tol", tol), lin.n
     if law is None:
