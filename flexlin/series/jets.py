@@ -15,7 +15,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.program import CONST, INPUT, OUTPUT, Program, name_of
-from flexlin.series.indices import TABLES, Indices, is_zero, shared_indices
+from flexlin.series.indices import TABLES, Indices, head_of, is_zero, kept_indices, sum_products
 
 
 def atan2(y: Array, x: Array) -> Array:
@@ -66,8 +66,9 @@ class Space:
         return tuple(range(self.n))
 
     def indices(self, variables: tuple[int, ...]) -> Indices:
-        """The multi-indices of some of the variables."""
-        return shared_indices(len(variables), self.order)
+        """The multi-indices of some of the variables, divided as those of all are."""
+        head = sum(i < head_of(self.n) for i in variables)
+        return kept_indices(head, len(variables) - head, self.order)
 
     def zeros(self, variables: tuple[int, ...]) -> Array:
         """The coefficients of 0."""
@@ -99,13 +100,13 @@ class Space:
         if indices.tabulated or self.batch or self.dtype is object:
             pairs = indices.pairs(k)
             return np.add.reduceat(a[pairs.left] * b[pairs.right], pairs.start, axis=0)
-        return indices.sum_products(a, b, k, np.ones(k + 1))
+        return sum_products(indices, a, b, k, np.ones(k + 1))
 
     def integrate(self, indices: Indices, u: Array, g: Array, k: int) -> Array:
         """The part of degree k of y with y' = g u', by the Euler derivative: k y_k = sum_j j u_j g_(k-j)."""
         if indices.tabulated or self.batch:
             return self.convolve(indices, indices.degrees.reshape(-1, *[1] * len(self.batch)) * u, g, k) / k
-        return indices.sum_products(u, g, k, np.arange(k + 1) / k)
+        return sum_products(indices, u, g, k, np.arange(k + 1) / k)
 
     def apply(self, name: str, *values: Array) -> Array:
         """An elementary function of coefficients of degree 0."""

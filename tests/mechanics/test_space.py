@@ -9,7 +9,24 @@ import flexlin as fl
 from flexlin.scene import parse_scene
 
 from .scenes import random_state, value
-from .spatial import random_chain, scene_table
+from .spatial import inverse_dynamics, random_chain, scene_table
+
+
+def chain_of(seed, joints, **effects):
+    links = random_chain(np.random.default_rng(seed), joints)
+    return links, fl.build_manipulator(parse_scene(scene_table(links, **effects)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("joints", range(1, 8))
+def test_inverse_dynamics(joints):
+    for seed in range(3):
+        links, arm = chain_of(100 * joints + seed, joints)
+        state = random_state(arm, seed)
+        expected = inverse_dynamics(links, *state)
+        got = value(arm, "residual", *state)[:, 0]
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
 
 LINK = {"length": 0.6, "mass_per_length": 0.5, "bending_stiffness": 9.0, "modes": 2}
 EFFECTS = {"payload": {"mass": 0.2, "inertia": 0.01}, "geometric_stiffening": {}, "modal_damping": {"ratio": 0.01}}
