@@ -94,9 +94,13 @@ class Closure:
         return implicit_taylor(f, u, v, at[list(independent)], at[self.dependent(independent)], order)
 
     def close(self, s: ArrayLike, independent: Sequence[int]) -> Array:
-        """Return s with its dependent coordinates moved by Newton's method until f(s) = 0; errors as of `solve_implicit`."""
+        """Return s with its dependent coordinates moved by Newton's method until f(s) = 0.
+
+        Raises: as `solve_implicit`; SingularClosure when V is singular at the start.
+        """
         s = real_array("s", s, (self.linear.shape[1],)).copy()
         dependent, (f, u, v) = self.dependent(independent), self.equations(independent)
+        self.checked_V(s, dependent)
         s[dependent] = solve_implicit(f, u, v, s[list(independent)], s[dependent])
         return s
 
