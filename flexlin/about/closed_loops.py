@@ -1,11 +1,13 @@
 """Closed loops along the rigid motion: whether they stay closed, never become singular, and keep clear of dead points."""
 
+import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
 from flexlin.about.deviation import Deviation
 from flexlin.checks import ROUNDING, SAMPLES, Array
 from flexlin.errors import MotionError, SingularClosure
+from flexlin.motion import SymbolicMotion
 from flexlin.periodic.precision import CUBE
 from flexlin.series.tracking import CONTRACTION, SHORTEST, find_singular, track
 
@@ -139,6 +141,15 @@ def keeps_clear(about: Deviation) -> bool:
     except np.linalg.LinAlgError:  # a loop that is open or at a dead point
         return False
     return bool(np.abs(rates).max(initial=0.0) * CLEAR * T <= 1)
+
+
+def moves_followers(about: Deviation) -> bool:
+    """Whether free numbers of the arm move its followers at a given phase, or how V depends on them."""
+    loops, motion, p = about.arm.loops, about.motion, about.arm.parameters.symbols
+    if loops is None or not isinstance(motion, SymbolicMotion):
+        return True
+    symbols = (part for part in (p, motion.parameters.symbols) if part.numel())
+    return any(ca.depends_on(ca.vertcat(loops.gap, motion.angles), part) for part in symbols)
 
 
 def closings_along(about: Deviation, t: Array) -> Array:

@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {},
     within={
-        "answers.analysis": "analyse Analysis find_loop_margins plant_and_designs",
+        "answers.analysis": "analyse Analysis build_with_free find_loop_margins plant_and_designs",
         "answers.steady": "examine find_bending",
         "answers.audit": "Audit Measure Row find_reach",
         "answers.audit.judging": "Judge",

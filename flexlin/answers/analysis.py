@@ -1,6 +1,7 @@
 """All numbers of a report, from one scene."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -23,13 +24,14 @@ from flexlin.answers.judging import (
     load_of,
     with_response,
 )
+from flexlin.answers.loops import can_stay_free
 from flexlin.answers.steady import Response, arm_length, find_response, response_error
 from flexlin.answers.validity import ModelValidity, judge_model
 from flexlin.checks import SAMPLES
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.control.sensors import tip_zeros
 from flexlin.control.validity import Validity, linear_range
-from flexlin.errors import SimulationStopped
+from flexlin.errors import InputError, SimulationStopped
 from flexlin.mechanics import Manipulator, build_manipulator
 from flexlin.periodic.floquet.modes import floquet_modes
 from flexlin.periodic.margins import Margins, margins
@@ -118,17 +120,18 @@ class Analysis(Stages):
         return (*first, self.own, *elastic, *self.designs, *self.estimated, *self.sampled)
 
 
-def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
+def analyse(scene: Scene, clock: Clock | None = None, free: Sequence[str] = ()) -> Analysis:
     """Linearize a scene's arm along its motion, judge every loop by Floquet, and compare with the nonlinear equations.
 
     Every stage is asked for `scene.accuracy.tol` and kept within the limits that stand beside it; where no tol is given the nonlinear
     check is asked for what its comparison needs.
 
-    Parameters: clock: collects the steps, and reports their progress.
+    Parameters: clock: collects the steps, and reports their progress; free: numbers of the scene that the equations keep as symbols where
+    they can, with the scene's own values, for who asks about them later.
     Returns: an `Analysis`; a stage that fails or meets a limit is a message in it.
     Raises: InputError for a scene that cannot be used; NumericalError when there are no linear equations.
     """
-    shared = derive_equations(scene, clock or Clock())
+    shared = derive_equations(scene, clock or Clock(), free)
     work = partial(shared.plant.sample, shared.t)
     coefficients = shared.clock.stage("coefficients over a period", shared.asked, work)
     own, open_loop = judge_own_loops(shared)
@@ -141,6 +144,14 @@ def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
         a.designs = judge_designs(a)
     a.steps = tuple(a.clock.steps)
     return a
+
+
+def build_with_free(scene: Scene, free: Sequence[str]) -> Manipulator:
+    """The manipulator, with numbers left free where all of them can be."""
+    if free and can_stay_free(scene, free):
+        with suppress(InputError):
+            return build_manipulator(scene, free)
+    return build_manipulator(scene)
 
 
 def judge_period(a: Analysis) -> None:
@@ -161,9 +172,9 @@ def judge_period(a: Analysis) -> None:
     a.open_loop = bare if a.own.kind == "open" else with_response(a, a.open_loop, a.plant.periodic_system())
 
 
-def derive_equations(scene: Scene, clock: Clock) -> Stages:
+def derive_equations(scene: Scene, clock: Clock, free: Sequence[str] = ()) -> Stages:
     """The arm alone, and with the scene's own loop; limits of the drives and designs that do not fit are refused before any other work."""
-    arm = clock.stage("equations of motion", scene.accuracy, partial(build_manipulator, scene))
+    arm = clock.stage("equations of motion", scene.accuracy, lambda: build_with_free(scene, free))
 
     def work() -> tuple[Linearization, Linearization]:
         plant = linearize(arm, scene.motion)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexlin.about.linearization import Linearization
 from flexlin.answers.loops import need_numbers
 from flexlin.answers.spectra import Family, Source, make_family
 from flexlin.arguments import checked
@@ -248,16 +249,23 @@ class Margin:
 
 
 def find_margin(
-    scene: Scene, path: str, limits: tuple[float, float], seconds: float = inf, loop: str = "own"
+    scene: Scene,
+    path: str,
+    limits: tuple[float, float],
+    seconds: float = inf,
+    known: Linearization | None = None,
+    loop: str = "own",
 ) -> Margin:
     """The critical values of one number of a scene's loop, by default its own, or as much of them as so many seconds of work bring.
 
+    Parameters: known: the loop; where its equations keep the number free they are not derived again.
     Raises: what `make_family` raises; ArgumentError for what is no real number of the scene (`need_numbers`).
     """
     need_numbers(scene, (path,))
     own = float(get_value(scene, path))
     (low, high), effort = check_limits(path, limits), Effort(seconds, own)
-    family = replace(make_family(scene, {path: (low, high)}, loop), finest=FINE)
+    kept = known if known is not None and path in known.arm.parameters.paths else None
+    family = replace(make_family(scene, {path: (low, high)}, loop, kept), finest=FINE)
     found = search_family(family, path, low, high, TOL * (high - low), effort=effort)
     searched = max(low, effort.searched[0]), min(high, effort.searched[1])
     return Margin(path, low, high, own, effort.values, tuple(found), effort.gap, searched)

@@ -138,6 +138,12 @@ def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> Parametric
     return loop if is_same_model(loop, rebuilt) else rebuilt
 
 
+def can_stay_free(scene: Scene, paths: Iterable[str]) -> bool:
+    """Whether these numbers can be symbols in the equations, and mean the same there without a look at a model's code."""
+    moving = scene.motion.kind not in SAMPLED and getattr(scene.motion, "course", "") != "one-way"
+    return moving and not any(path.startswith(f"{PARAMETERS}.") or path in TIMES for path in paths)
+
+
 def need_numbers(scene: Scene, paths: Iterable[str]) -> None:
     """Raise for a path that leads to no real number of the scene."""
     for path in paths:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.about.family import PeriodicFamily
-from flexlin.about.free import ParametricLoop
+from flexlin.about.free import ParametricLoop, loop_of
+from flexlin.about.linearization import Linearization
 from flexlin.answers.loops import choose_loop
 from flexlin.answers.sweep.job import check_axes
 from flexlin.checks import Array, try_to
@@ -44,7 +45,8 @@ WIDE = 8
 """A scan one by one of systems with so many states or more leaves out what it can."""
 PILOTS = 64
 """Points of the ranges at which it is learnt on how many segments spectra are computed together."""
-
+BREAK_EVEN = 1000
+"""Instructions of a loop's matrices for each spectrum that takes alone as long as it takes to prepare the kernel: delta has 58,000."""
 
 Source = Scene | PeriodicFamily | Callable[..., PeriodicSystem]
 """A scene, a family, or a function of one number for each parameter that returns a system."""
@@ -140,14 +142,15 @@ class Family:
 
 @dataclass
 class SymbolicFamily(Family):
-    """Systems whose equations keep numbers as symbols: the `source`'s are those of a point in this `order`.
+    """Systems whose equations keep numbers as symbols, the `source`'s: a point's stand at `places` among them, the others are `nominal`.
 
     `box` (2, P): ends of the ranges.
     """
 
     source: ParametricLoop | PeriodicFamily = field(kw_only=True)
     box: Array = field(kw_only=True)
-    order: list[int] = field(kw_only=True)
+    places: list[int] = field(kw_only=True)
+    nominal: Array = field(kw_only=True)
 
     @property
     def loop(self) -> ParametricLoop | None:
@@ -166,16 +169,27 @@ class SymbolicFamily(Family):
         shares = np.arange(1, PILOTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
         if len(low) > shares.shape[1]:
             shares = np.random.default_rng(0).random((PILOTS, len(low)))
-        return Together.prepare(self.source, (low + (high - low) * shares)[:, self.order], self.coarsest)
+        return Together.prepare(self.source, self.place(low + (high - low) * shares), self.coarsest)
+
+    def place(self, points: Array) -> Array:
+        """Points as the source takes them."""
+        placed = np.tile(self.nominal, (len(points), 1))
+        placed[:, self.places] = points
+        return placed
+
+    def system_at(self, point: Array) -> PeriodicSystem:
+        return self.source.system_at(self.place(point[None])[0])
 
     def periods(self, points: Array) -> Array:
-        return super().periods(points) if self.loop is None else self.loop.periods(points)
+        return super().periods(points) if self.loop is None else self.loop.periods(self.place(points))
 
     def rough(self, points: Array) -> Spectra:
-        """Together, as a sweep computes them, where that is accurate enough; else one by one."""
-        if self.together is None or not len(points):
+        """Together, as a sweep computes them, where that is accurate enough; else one by one, and while there are few."""
+        reached = BREAK_EVEN * (self.evaluations + len(points))
+        few = self.loop is not None and reached < self.loop.matrices.n_instructions()
+        if few or self.together is None or not len(points):
             return super().rough(points)
-        placed, (logs, errors) = points[:, self.order], blank(len(points), self.together.kernel.model.states)
+        placed, (logs, errors) = self.place(points), blank(len(points), self.together.kernel.model.states)
         tried, used, missed = np.zeros((3, len(points)))
 
         def enter(which: Array, found: "Logs", segments: int) -> Array:
@@ -202,10 +216,10 @@ class SymbolicFamily(Family):
             return None
         from flexlin.answers.sensitivity import integrate_derivatives
 
-        loop = replace(self.loop, linearization=self.loop.at(point))
+        loop = replace(self.loop, linearization=self.loop.at(self.place(point[None])[0]))
         system = loop.linearization.periodic_system()
         modes = solve_floquet_modes(system, floquet(system, self.finest), quick=True)
-        return modes.exponents, modes.errors, integrate_derivatives(loop, modes)
+        return modes.exponents, modes.errors, integrate_derivatives(loop, modes)[self.places]
 
 
 def is_stiff(system: PeriodicSystem) -> bool:
@@ -290,8 +304,14 @@ def blank(values: int, states: int) -> tuple[Array, Array]:
     return np.full((values, states), np.nan + 0j), np.full((values, states), np.inf)
 
 
-def make_family(source: Source, ranges: dict[str, tuple[float, float]], loop: str, coarsest: float = ROUGH) -> Family:
-    """The systems that a scene's loop, or a function, makes of numbers in ranges.
+def make_family(
+    source: Source,
+    ranges: dict[str, tuple[float, float]],
+    loop: str,
+    known: Linearization | None = None,
+    coarsest: float = ROUGH,
+) -> Family:
+    """The systems that a scene's loop, or a function, makes of numbers in ranges; `known`: the loop whose equations keep these free.
 
     Raises: ArgumentError for a source of another kind, and for paths that lead to no free number; SceneError for a range that the schema
     refuses.
@@ -300,15 +320,23 @@ def make_family(source: Source, ranges: dict[str, tuple[float, float]], loop: st
     if isinstance(source, Scene):
         check_axes(source, {path: np.array(limits) for path, limits in ranges.items()}, grid=True)
         own = np.array([get_value(source, path) for path in ranges], dtype=float)
-        chosen, order = choose_loop(source, tuple(ranges), loop), list(range(len(own)))
+        chosen = choose_loop(source, tuple(ranges), loop) if known is None else loop_of(known)
         if not isinstance(chosen, ParametricLoop):
             return Family(chosen.system_at, own, coarsest=coarsest)
-        return SymbolicFamily(chosen.system_at, own, coarsest=coarsest, source=chosen, box=box, order=order)
+        places = [chosen.paths.index(path) for path in ranges] if known is not None else list(range(len(own)))
+        return SymbolicFamily(
+            chosen.system_at, own, coarsest=coarsest, source=chosen, box=box, places=places, nominal=chosen.nominal
+        )
     unknown = np.full(len(ranges), np.nan)
     if isinstance(source, PeriodicFamily):
-        order, make = source.find_places(ranges, loop), lambda point: source.system_at(point[order])
-        kept = SymbolicFamily(make, unknown, coarsest=coarsest, source=source, box=box, order=order)
-        return kept if kept.together is not None else FunctionFamily(make, unknown, coarsest=coarsest, box=box)
+        order = source.find_places(ranges, loop)
+        places = [order.index(k) for k in range(len(order))]
+        kept = SymbolicFamily(
+            source.system_at, unknown, coarsest=coarsest, source=source, box=box, places=places, nominal=unknown
+        )
+        return (
+            kept if kept.together is not None else FunctionFamily(kept.system_at, unknown, coarsest=coarsest, box=box)
+        )
     if not callable(source):
         expected = "a scene, a PeriodicFamily, or a function of numbers that returns a PeriodicSystem"
         raise ArgumentError("the source is of another kind", got=repr(source)[:80], expected=expected)

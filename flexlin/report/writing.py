@@ -61,12 +61,13 @@ def write_report(
             from flexlin.answers.nearest import make_box, search_box
 
             box = make_box(scene)
+    from flexlin.answers.critical_values import choose_margins
     from flexlin.answers.loops import need_numbers
 
     need_numbers(scene, margins or ())
     asked = scene.accuracy
     try:
-        a = analyse(scene, clock)
+        a = analyse(scene, clock, tuple(choose_margins(scene) if margins is None else margins))
     except (NumericalError, TooLarge) as error:
         return error, write_why(scene, folder, command, clock, error)
     a.margins = find_margins(a, margins)
@@ -144,9 +145,9 @@ def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | Non
 
         def work(path: str = path, limits: tuple[float, float] = limits, left: int = left) -> "Margin | None":
             if chosen is not None:
-                return find_margin(scene, path, limits, a.clock.budget.plan("", asked, SHARE) / left)
+                return find_margin(scene, path, limits, a.clock.budget.plan("", asked, SHARE) / left, a.closed)
             with suppress(InputError):
-                return find_margin(scene, path, limits, (unasked - watch.seconds) / left)
+                return find_margin(scene, path, limits, (unasked - watch.seconds) / left, a.closed)
             return None
 
         at_most = inf if chosen is not None else USUAL

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
+from flexlin.about import parametric_loop
 
 
 def stretched(gap):
@@ -33,3 +34,12 @@ def test_what_is_complete_is_right_between_its_samples(gap):
     t = lin.period * np.concatenate([np.random.default_rng(1).random(2000), 0.5 + 1e-3 * np.linspace(-1, 1, 201)])
     exact = np.concatenate(lin.equations(t), axis=2)
     assert np.all(np.abs(resolved.series(t) - exact) <= 2 * resolved.error + 1e-15 * np.abs(exact).max(axis=0))
+
+
+@pytest.mark.parametrize(("path", "followed"), [("motion.frequency", True), ("motion.joints.0.mean", False)])
+def test_a_number_that_moves_no_follower_leaves_the_dead_points_where_they_are(path, followed):
+    scene = fl.load_scene("spatial-four-bar")
+    loop = parametric_loop(scene, [path])
+    moved = loop.at(1.01 * loop.nominal)
+    assert moved.clear is (True if followed else None)
+    assert moved.complete
