@@ -1,5 +1,7 @@
 """Where a resisting force saturates within a thin layer of rates, such as friction about rest."""
 
+from functools import lru_cache
+
 import casadi as ca
 import numpy as np
 
@@ -30,12 +32,12 @@ class Layers:
         self.about, self._function = about, about.function(angles, {"y": y, "y1": rate}, {"arguments": values})
 
     @classmethod
+    @lru_cache(maxsize=8)
     def of(cls, about: Deviation) -> "Layers | None":
-        """Those of an arm; None where it has none."""
+        """Those of an arm; None where it has none. Kept for the next run."""
         about, arm = about.near, about.arm.near
-        found = saturating_arguments(
-            arm.damping if arm.loops is None else arm.loops.residual
-        )  # with symbols it is short
+        resisting = arm.damping if arm.loops is None else arm.loops.residual  # with symbols for the joints that follow
+        found = saturating_arguments(resisting)
         return cls(about, found) if found else None
 
     def arguments(self, t: Array, y: Array, rate: Array) -> Array:
