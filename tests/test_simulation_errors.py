@@ -68,6 +68,13 @@ def test_metres_are_compared_with_metres(lin):
     assert "50 %" in bare.status
 
 
+def test_what_rounding_leaves_is_no_difference(lin):
+    """All of a deviation of 1e-16 m was called beyond the linear model."""
+    run = simulate(lin, 0.05, tol=1e-6)
+    tiny = replace(run, tip=run.tip_rigid + 1e-16, tip_linear=run.tip_rigid, difference_error=0.0, peaks=None)
+    assert "agree to the error of the integration" in tiny.status
+
+
 def test_a_simulation_of_unreasonable_size_is_refused_before_it_begins(lin):
     for wrong in ({"periods": 1e9}, {"periods": 1e300}, {"points_per_period": 10**9}):
         with pytest.raises(TooLarge, match="fewer"):

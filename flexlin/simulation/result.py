@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlin.checks import Array
+from flexlin.checks import ROUNDING, Array
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
 
@@ -230,8 +230,9 @@ class Simulation(Shown):
         if self.is_lost:
             return "tips", np.inf, peaks.tip, 0.0
         if np.isfinite(peaks.difference):
-            return "tips", peaks.difference, max(peaks.tip, peaks.tip_linear), self.difference_error
-        error = (self.error + self.linear_error) * max(1.0, float(np.abs(self.nonlinear).max()))
+            rounding = ROUNDING * float(np.abs(self.tip).max())
+            return "tips", peaks.difference, max(peaks.tip, peaks.tip_linear), max(self.difference_error, rounding)
+        error = (self.error + self.linear_error + ROUNDING) * max(1.0, float(np.abs(self.nonlinear).max()))
         apart, largest = peaks.apart, np.maximum(peaks.nonlinear, peaks.linear)
         share = np.where(apart > error, apart / np.where(largest > 0, largest, 1.0), 0.0)
         worst = int(np.argmax(share)) if share.any() else int(np.argmax(apart))
