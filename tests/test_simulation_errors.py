@@ -72,7 +72,7 @@ def test_what_rounding_leaves_is_no_difference(lin):
     """All of a deviation of 1e-16 m was called beyond the linear model."""
     run = simulate(lin, 0.05, tol=1e-6)
     tiny = replace(run, tip=run.tip_rigid + 1e-16, tip_linear=run.tip_rigid, difference_error=0.0, peaks=None)
-    assert "agree to the error of the integration" in tiny.status
+    assert "agree to rounding: the linear model holds" in tiny.status
 
 
 def test_a_simulation_of_unreasonable_size_is_refused_before_it_begins(lin):

@@ -187,6 +187,8 @@ class Simulation(Shown):
         if apart <= error:
             agree = f"agree to the error of the integration, {error:.0e}{self.unit}" if error else "are the same"
             return f"linear and nonlinear {what} {agree}: the linear model holds here"
+        if apart <= ROUNDING * max(1.0, float(np.abs(np.nan_to_num(self.tip)).max())):
+            return f"linear and nonlinear {what} agree to rounding: the linear model holds here"
         share = apart / largest
         facts = f"linear and nonlinear {what} differ by {apart:.3g}{self.unit}, {100 * share:.2g} % of the largest deviation"
         if share > 0.2:
@@ -230,9 +232,8 @@ class Simulation(Shown):
         if self.is_lost:
             return "tips", np.inf, peaks.tip, 0.0
         if np.isfinite(peaks.difference):
-            rounding = ROUNDING * float(np.abs(self.tip).max())
-            return "tips", peaks.difference, max(peaks.tip, peaks.tip_linear), max(self.difference_error, rounding)
-        error = (self.error + self.linear_error + ROUNDING) * max(1.0, float(np.abs(self.nonlinear).max()))
+            return "tips", peaks.difference, max(peaks.tip, peaks.tip_linear), self.difference_error
+        error = (self.error + self.linear_error) * max(1.0, float(np.abs(self.nonlinear).max()))
         apart, largest = peaks.apart, np.maximum(peaks.nonlinear, peaks.linear)
         share = np.where(apart > error, apart / np.where(largest > 0, largest, 1.0), 0.0)
         worst = int(np.argmax(share)) if share.any() else int(np.argmax(apart))
