@@ -126,7 +126,6 @@ def plain_kind(annotation: Any, origin: Any, inside: tuple[Any, ...]) -> Kind | 
         return Kind("a mapping", lambda value: isinstance(value, Mapping))
     if origin is not None and isinstance(origin, type) and issubclass(origin, Iterable):
         return list_of(kind_of(inside[0]) if inside else None)
-
     if getattr(annotation, "__name__", "") == SYSTEM and isinstance(annotation, type):
         return Kind(ANY_SYSTEM, lambda v: isinstance(v, annotation) or callable(getattr(v, MAKER, None)))
     if isinstance(annotation, type) and annotation not in (object, Any):

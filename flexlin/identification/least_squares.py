@@ -89,8 +89,8 @@ class Problem:
         return (p <= self.low + 1e-9) | (p >= self.high - 1e-9)
 
     def ends(self, p: Array) -> tuple[Array, Array]:
-        """Where the next step may end."""
-        reach = np.where(self.low >= 0, REACH * np.maximum(np.abs(p), self.usual), np.inf)
+        """Where the next step may end; a number that is 0 in the scene has no size to go by."""
+        reach = np.where((self.low >= 0) & (self.usual > 0), REACH * np.maximum(np.abs(p), self.usual), np.inf)
         return np.maximum(self.low, p - reach), np.minimum(self.high, p + reach)
 
     def slopes(self, point: Point) -> Array:

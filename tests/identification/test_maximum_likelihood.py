@@ -62,6 +62,14 @@ def test_three_numbers_are_found_within_their_errors():
     assert "no step gains" not in found.status
 
 
+def test_a_number_that_is_zero_in_the_scene_is_found():
+    """A step that may change a number by twice its size does not tie it to zero."""
+    scene, time, readings = clean()
+    log, path = noisy(time, readings, [0.3 * swing(time)[0]], 3), FREE[0]
+    found = fl.identify(revise_scene(scene, {path: 0.0}), log, [path], window=1.0, starts=1)
+    assert abs(found.values[path] - get_value(scene, path)) < 3.5 * found.errors[path]
+
+
 @pytest.mark.slow
 def test_numbers_are_handed_back_when_the_time_ends_first():
     """They are then not the most likely ones, and what errors they have nobody knows."""
