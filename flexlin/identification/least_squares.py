@@ -6,7 +6,7 @@ Source: Golub, Pereyra (2003), Separable nonlinear least squares, Inverse Proble
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -31,11 +31,11 @@ BLOCKS = 4
 """Blocks of a window whose sums show how coloured residuals add up."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Point:
     """Starting states (W, 2n), shared numbers (n_p,), and what they leave: residuals over their standard deviations, (W, N, outputs).
 
-    damping: of the next step.
+    damping: of the next step; jacobian: of the readings, once it was asked for.
     """
 
     start: Array
@@ -43,6 +43,7 @@ class Point:
     states: Array
     residual: Array
     damping: float = 1e-3
+    jacobian: Array | None = field(default=None, init=False)
 
     @property
     def costs(self) -> Array:
@@ -95,34 +96,49 @@ class Problem:
 
     def slopes(self, point: Point) -> Array:
         """Of the weighted readings by start and p, (W, N outputs, 2n + n_p)."""
-        found = self.weigh(self.shooting.jacobian(point.states, point.p), point.p)
-        found = found[..., : point.start.shape[1] + len(self.low)]
+        if point.jacobian is None:
+            point.jacobian = self.shooting.jacobian(point.states, point.p)
+        found = self.weigh(point.jacobian[..., : point.start.shape[1] + len(self.low)], point.p)
         return found.reshape(found.shape[0], -1, found.shape[3])
+
+    def condensed(self, point: Point) -> tuple[Array, Array]:
+        """Fewer rows with the same least-squares problem: R = Q' [slopes, residual] of each window; zeros where it diverges."""
+        lost = ~np.isfinite(point.costs)[:, None, None]
+        rows = np.concatenate([self.slopes(point), point.residual.reshape(len(point.start), -1, 1)], axis=2)
+        R = np.asarray(np.linalg.qr(np.where(lost | ~np.isfinite(rows), 0.0, rows), mode="r"))
+        return R[:, :, :-1], R[:, :, -1]
+
+    def carried_on(self, other: "Problem", point: Point) -> tuple["Problem", Point]:
+        """This problem, and a point of another one in it: simulated anew where equations or steps are not the same."""
+        own, its = self.shooting, other.shooting
+        if own.model is not its.model or own.windows.h != its.windows.h:
+            return self, self.at(point.start, point.p)
+        moved = replace(point, residual=point.residual * (other.sigma / self.sigma))
+        moved.jacobian = point.jacobian
+        return replace(other, sigma=self.sigma), moved
 
 
 def solve(
     problem: Problem,
-    start: Array,
-    p: Array,
+    point: Point,
     iterations: int = 30,
     tol: float = 1e-6,
     late: Callable[[], bool] = bool,
-    damping: float = Point.damping,
 ) -> Point:
     """The least sum of squares that damped Gauss-Newton steps find from here until it is late; without shared numbers each window goes
     its own way."""
-    point, dampings = problem.at(start, p), np.full(len(start), damping)
+    dampings = np.full(len(point.start), point.damping)
     for _ in range(iterations):
         if late() or not np.isfinite(point.costs).any():
             break
-        slopes = problem.slopes(point)
-        gained = np.zeros(len(start))
+        slopes, residual = problem.condensed(point)
+        gained = np.zeros(len(dampings))
         for _ in range(8):
-            to = take_step(problem, point, slopes, dampings)
+            to = take_step(problem, point, slopes, residual, dampings)
             trial = problem.at(*to)
             with np.errstate(invalid="ignore"):
                 gain = together(problem, point.costs - trial.costs)
-                expected = together(problem, promise(point, slopes, *to))
+                expected = together(problem, promise(point, slopes, residual, *to))
             better = gain > 0
             point, gained = choose(point, trial, better), np.where(better, gain, gained)
             dampings = dampings * np.where(gain > GOOD * expected, 0.2, np.where(better, 1.0, 5.0))
@@ -130,15 +146,15 @@ def solve(
                 break
         if np.all(gained <= tol * together(problem, point.costs)):
             break
-    return replace(point, damping=float(dampings.max()))
+    point.damping = float(dampings.max())
+    return point
 
 
-def promise(point: Point, slopes: Array, start: Array, p: Array) -> Array:
+def promise(point: Point, slopes: Array, residual: Array, start: Array, p: Array) -> Array:
     """How much less each window's cost would be at another point if the readings were linear."""
     shared = slopes.shape[2] - start.shape[1]
     step = np.concatenate([start - point.start, np.tile((p - point.p)[:shared], (len(start), 1))], axis=1)
     moved = np.einsum("wij,wj->wi", slopes, step)
-    residual = point.residual.reshape(moved.shape)
     return np.einsum("wi,wi->w", moved, residual - 0.5 * moved)
 
 
@@ -176,16 +192,11 @@ def eliminate(slopes: Array, residual: Array, size: int, damping: Array) -> tupl
     return scale, R, onto, other - Q @ onto
 
 
-def take_step(problem: Problem, point: Point, slopes: Array, damping: Array) -> tuple[Array, Array]:
+def take_step(problem: Problem, point: Point, slopes: Array, residual: Array, damping: Array) -> tuple[Array, Array]:
     """Starting states and shared numbers after a damped step; the shared numbers stay within their bounds."""
     from scipy.optimize import lsq_linear
 
-    windows, size = point.start.shape
-    residual = point.residual.reshape(windows, -1)
-    lost = ~np.isfinite(point.costs)
-    slopes = np.where(lost[:, None, None] | ~np.isfinite(slopes), 0.0, slopes)
-    residual = np.where(lost[:, None], 0.0, residual)
-    scale, R, onto, rest = eliminate(slopes, residual, size, damping)
+    scale, R, onto, rest = eliminate(slopes, residual, point.start.shape[1], damping)
     move = np.zeros(len(problem.low))
     if len(move):
         R_p = np.asarray(np.linalg.qr(rest.reshape(-1, rest.shape[2]), mode="r"))

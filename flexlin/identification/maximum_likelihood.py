@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 
 ROUNDS = 20
 """Times that noise, and shapes of links that carry fitted masses, are found anew."""
-STEPS = 3
-"""Gauss-Newton steps of a round behind the first, which comes near the minimum: noise that is found far from there misleads."""
+FIRST_STEPS = 30
+"""Gauss-Newton steps before that at the most: noise that is found far from the minimum misleads."""
+STEPS, NEW_STEPS = 2, 3
+"""Gauss-Newton steps of a round, and of one with new shapes, for which all is simulated anew."""
 UNEXPLAINED = 0.02
 """Share of the readings' deviations below which a start is good, and no other is tried."""
 HEAD = 0.25
@@ -43,7 +45,7 @@ SETTLED = 0.02
 BLOCKED = 1.0
 """Standard errors that one more undamped step promises, from which on its not being taken is worth a word."""
 NEAR = SLIGHT
-"""Share of the cost that a step of the first round still gains where it goes on."""
+"""Share of the cost that a step still gains where the first steps go on."""
 FREED = MINOR
 """Largest damping with which a round begins: one that came to a halt tries larger steps again."""
 STILL = MINOR
@@ -165,8 +167,8 @@ def identify(
     hold_back : float
         Share of the log, at its end, that is not fitted but predicted.
     starts : int
-        Sets of values tried at the most: the scene's own, then, while a fiftieth of the readings stays unexplained or a number is
-        at its end, its own again and others within a factor of about two, over a quarter of each window first.
+        Tries at the most: the scene's own values, then, where a fiftieth of the readings stays unexplained or a number is at its
+        end, the best of these and others within a factor of about two over a quarter of each window.
     seconds : float
         Time after which the most likely numbers so far are handed back, by default as long as it takes.
 
@@ -288,8 +290,8 @@ class Search:
 def choose_start(search: Search, windows: Windows, starts: int) -> tuple[Array, dict[int, Array]]:
     """The values, of several sets, from which a few windows are best met after a few steps, and the starting states of these windows.
 
-    No set is tried when it is late.
-    All but the first try have met the windows' heads before: over so short a time no vibration slips by a cycle.
+    The scene's own come first. Unless they meet the windows, all sets meet the windows' heads, over which no vibration slips by a
+    cycle, and the best of them goes on from there. Nothing more is tried when it is late.
     """
     own = np.array([float(get_value(search.scene, path)) for path in search.paths])
     if starts == 1:
@@ -297,22 +299,21 @@ def choose_start(search: Search, windows: Windows, starts: int) -> tuple[Array, 
     which = np.unique(np.linspace(0, windows.count - 1, SCREENED).astype(int))
     some = windows.chosen(which)
     heads = some.head(HEAD * float((some.ends - some.starts).max()))
-    model = search.model(own)
+    model, rng = search.model(own), np.random.default_rng(0)
     problem, short = (search.pose(model, these, own) for these in (some, heads))
-    rng, tried = np.random.default_rng(0), []
-    for k in range(starts):
-        values = np.clip(own * (np.exp(rng.normal(0, 0.5, len(own))) if k > 1 else 1.0), search.low, search.high)
-        start = find_starts(problem.shooting, SETTLE, values, SCREENED).start
-        if k:
-            head = solve(short, start, values, SCREENED, late=search.late)
-            start, values = head.start, head.p
-        point = solve(problem, start, values, SCREENED, late=search.late)
-        tried.append((float(point.costs.sum()), k, point))
-        inside = not problem.limited(point.p).any()
-        if search.late() or (inside and tried[-1][0] < 0.5 * UNEXPLAINED**2 * np.count_nonzero(point.residual)):
-            break
-    cost, _, best = min(tried, key=lambda one: one[:2])
-    if not np.isfinite(cost):
+    cost = lambda point: float(point.costs.sum())  # noqa: E731
+
+    def meet(posed: Problem, values: Array, start: Array | None = None) -> Point:
+        start = find_starts(problem.shooting, SETTLE, values, SCREENED).start if start is None else start
+        return solve(posed, posed.at(start, values), SCREENED, late=search.late)
+
+    best = meet(problem, own)
+    good = cost(best) < 0.5 * UNEXPLAINED**2 * np.count_nonzero(best.residual) and not problem.limited(best.p).any()
+    if not good and not search.late():
+        factors = [1.0, *np.exp(rng.normal(0, 0.5, (starts - 2, len(own))))]
+        head = min((meet(short, np.clip(own * factor, search.low, search.high)) for factor in factors), key=cost)
+        best = min(best, meet(problem, head.p, head.start), key=cost)
+    if not np.isfinite(cost(best)):
         got = "; ".join(search.log.notes) or None
         raise NumericalError(
             "the equations diverge from every start", got=got, todo="check signs, units and gains of the inputs"
@@ -327,19 +328,16 @@ def refine(
 
     met: starting states of some windows. No evidence where time or rounds ended first.
     """
-    sigma, start, damping, shapes = None, None, Point.damping, list[Array]()
+    model, shapes = search.model(values), sample_shapes(search.at(values))
+    problem = search.pose(model, windows, values)
+    start = find_starts(problem.shooting, SETTLE, values).start
+    for window, state in met.items():
+        start[window] = state
+    point, steps, unsure = problem.at(start, values), FIRST_STEPS, np.zeros(len(values))
     for k in range(ROUNDS):
+        values = point.p
         with part(k / ROUNDS, (k + 1) / ROUNDS):
-            before, shapes = shapes, sample_shapes(search.at(values))
-            if not before or not all(map(np.array_equal, before, shapes)):
-                model = search.model(values)
-            problem = search.pose(model, windows, values, sigma)
-            if start is None:
-                start = find_starts(problem.shooting, SETTLE, values).start
-                for window, state in met.items():
-                    start[window] = state
-            most, gain = (30, NEAR) if sigma is None else (STEPS, 1e-6)
-            point = solve(problem, start, values, most, gain, search.late, damping)
+            point = solve(problem, point, steps, 1e-6 if k else NEAR, search.late)
         if not np.isfinite(point.costs).any():
             got = "; ".join(search.log.notes) or None
             raise NumericalError(
@@ -350,13 +348,19 @@ def refine(
         size = problem.sigma * np.sqrt(np.where(seen > 0, ratio, 1.0))
         evidence = weigh_evidence(problem, point, search.paths)
         size = np.maximum(size, 1e-9 * deviations(problem.readings))
-        unsure = np.nan_to_num([evidence.errors.get(path, 0.0) for path in search.paths])
+        found = np.array([evidence.errors.get(path, np.nan) for path in search.paths])
+        unsure = np.where(np.isfinite(found), found, unsure)  # at or near a limit: what it was inside
         still = np.abs(point.p - values) <= np.maximum(STILL * unsure, 1e-3 * np.abs(values))
-        settled = sigma is not None and bool(np.all(np.abs(size / sigma - 1) < SETTLED) and still.all())
-        sigma, values, start = size, point.p, point.start
-        damping = min(point.damping, FREED)
+        settled = k > 0 and bool(np.all(np.abs(size / problem.sigma - 1) < SETTLED) and still.all())
         if settled or search.late():
             break
+        before, shapes = shapes, sample_shapes(search.at(point.p))
+        steps = STEPS
+        if not all(map(np.array_equal, before, shapes)):
+            model, steps = search.model(point.p), NEW_STEPS
+        damping = min(point.damping, FREED)
+        problem, point = search.pose(model, windows, point.p, size).carried_on(problem, point)
+        point.damping = damping
     return point, problem, evidence if settled else None
 
 

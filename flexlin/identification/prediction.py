@@ -166,7 +166,7 @@ def find_starts(shooting: Shooting, settle: float, values: Array, steps: int = 1
     readings = head.windows.readings()
     nothing = np.zeros(0)
     fixed = Problem(head, readings, deviations(shooting.windows.readings()), nothing, nothing, nothing)
-    return solve(fixed, guess_starts(shooting.model, readings, values), values, steps, 1e-4)
+    return solve(fixed, fixed.at(guess_starts(shooting.model, readings, values), values), steps, 1e-4)
 
 
 def deviations(readings: Array) -> Array:

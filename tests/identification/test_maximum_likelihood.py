@@ -89,7 +89,7 @@ def test_numbers_are_handed_back_when_the_time_ends_first():
 def test_a_search_that_cannot_step_does_not_pass_for_settled(monkeypatch, seed):
     """Numbers that stay because no step gains are not those of the minimum: it is said, or their errors are as large as they are off."""
     scene, log = usual()
-    monkeypatch.setattr(maximum_likelihood, "solve", lambda problem, start, p, *rest, **more: problem.at(start, p))
+    monkeypatch.setattr(maximum_likelihood, "solve", lambda problem, point, *rest, **more: point)
     stuck = fl.identify(beside(scene, FREE, seed), log, FREE, window=1.0, starts=1)
     off = [abs(stuck.values[path] - get_value(scene, path)) / stuck.errors[path] for path in stuck.values]
     assert off
