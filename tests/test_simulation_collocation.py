@@ -15,7 +15,7 @@ from flexlin.simulation import NonlinearLoop, predict, simulate
 from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import NonlinearEquations
-from flexlin.simulation.marks import with_breaks
+from flexlin.simulation.mesh import with_breaks
 from flexlin.simulation.sweeps import Rigid, Start, solve_window
 from flexlin.simulation.window import Grid, Window, between
 from tests.closed_arm import closed

@@ -18,8 +18,7 @@ from flexlin.simulation.equations import (
     with_controller,
 )
 from flexlin.simulation.events import Event, Events
-from flexlin.simulation.marks import INSIDE, find_rough_times, with_breaks
-from flexlin.simulation.mesh import Mesh, Trail
+from flexlin.simulation.mesh import INSIDE, Mesh, Trail, find_rough_times, with_breaks
 from flexlin.simulation.stopping import GENTLER, SHORTER, SHORTEST, stopped
 from flexlin.simulation.sweeps import Rigid, Solved, Start, solve_window
 from flexlin.simulation.window import Grid, Path, between

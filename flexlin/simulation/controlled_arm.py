@@ -13,8 +13,7 @@ from flexlin.errors import ArgumentError, SimulationStopped
 from flexlin.lazy import lazy
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.friction import Friction
-from flexlin.simulation.marks import find_rough_times, law_times
-from flexlin.simulation.mesh import Trail
+from flexlin.simulation.mesh import Trail, find_rough_times, law_times
 from flexlin.simulation.result import FARTHEST
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.lazy import lazy
-from flexlin.simulation.marks import law_times
+from flexlin.simulation.mesh import law_times
 from flexlin.simulation.window import Ready
 
 Matrices = tuple[Array, Array, Array]

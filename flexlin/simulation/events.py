@@ -10,7 +10,7 @@ from flexlin.checks import Array
 from flexlin.periodic.sampled import hold_controller
 from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.equations import Places, from_coordinates, to_coordinates
-from flexlin.simulation.marks import INSIDE, law_times
+from flexlin.simulation.mesh import INSIDE, law_times
 from flexlin.simulation.modes import SAMPLED, Modes, find_holding
 from flexlin.simulation.stopping import stopped
 from flexlin.simulation.window import Grid, Path, Rule, between

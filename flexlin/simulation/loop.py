@@ -19,8 +19,7 @@ from flexlin.simulation.equations import (
     with_controller,
 )
 from flexlin.simulation.events import Events, Samples
-from flexlin.simulation.marks import law_times, with_breaks
-from flexlin.simulation.mesh import Trail
+from flexlin.simulation.mesh import Trail, law_times, with_breaks
 from flexlin.simulation.modes import ModedEquations, with_modes
 from flexlin.simulation.stopping import stopped
 from flexlin.simulation.window import Grid, Path, between

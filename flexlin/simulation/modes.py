@@ -20,7 +20,7 @@ from flexlin.simulation.equations import (
     loop_expressions,
 )
 from flexlin.simulation.friction import Friction
-from flexlin.simulation.marks import law_times
+from flexlin.simulation.mesh import law_times
 
 SAMPLED = 3
 
