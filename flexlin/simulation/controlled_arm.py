@@ -11,6 +11,7 @@ from flexlin.checks import Array
 from flexlin.control.sensors import encoder_rows
 from flexlin.errors import ArgumentError, SimulationStopped
 from flexlin.lazy import lazy
+from flexlin.periodic.precision import SLIGHT
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.friction import Friction
 from flexlin.simulation.mesh import Trail, find_rough_times, law_times
@@ -19,7 +20,7 @@ from flexlin.simulation.result import FARTHEST
 if TYPE_CHECKING:
     from flexlin.simulation.friction import Acceleration
 
-SINGULAR = 1e-3
+SINGULAR = SLIGHT
 """The mass matrix of a state is called singular where its smallest eigenvalue has fallen to this share of that on the rigid motion."""
 
 

@@ -9,6 +9,7 @@ from flexlin.about.layers import Layers
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
 from flexlin.lazy import lazy
+from flexlin.periodic.precision import SLIGHT
 from flexlin.simulation.collocation import ROUNDING, Collocation
 from flexlin.simulation.controlled_arm import ControlledArm, explain_end, find_indefinite
 from flexlin.simulation.equations import (
@@ -21,13 +22,12 @@ from flexlin.simulation.equations import (
 from flexlin.simulation.events import Events, Samples
 from flexlin.simulation.mesh import Trail, law_times, with_breaks
 from flexlin.simulation.modes import ModedEquations, with_modes
+from flexlin.simulation.result import PARTS
 from flexlin.simulation.stopping import stopped
 from flexlin.simulation.window import Grid, Path, between
 
-CLOSE = 0.999
+CLOSE = 1 - SLIGHT
 """A torque nearer to its limit than this, at any stage of the collocation, may be cut between the stages."""
-PARTS = np.linspace(0.0, 1.0, 9)
-"""Of a step: where the arguments of what saturates are looked at."""
 CHECKED = 64
 """Windows after which the mass matrices of the states that they reached are looked at, all in one call."""
 
@@ -192,6 +192,6 @@ class NonlinearLoop(ControlledArm):
 
 def hurries(layers: Layers, grid: Grid, path: Path) -> Array:
     """`Layers.hurry` of the steps (K,) of a window; coordinates of a controller stand behind those of the arm."""
-    t, n = grid.edges[:-1, None] + grid.h[:, None] * PARTS, layers.about.n
+    t, n = grid.edges[:-1, None] + grid.h[:, None] * np.linspace(0, 1, PARTS + 1), layers.about.n
     x = between(grid, path, np.zeros((grid.count, grid.stages)), t.ravel())[0].reshape(*t.shape, -1)
     return layers.hurry(t, x[..., :n], x[..., x.shape[-1] // 2 :][..., :n])

@@ -15,6 +15,7 @@ from flexlin.checks import Array
 from flexlin.periodic.coefficients import MatrixFunction, has_nothing_narrow
 from flexlin.periodic.grid import edges_of_short
 from flexlin.periodic.interpolation import ChebyshevPanels
+from flexlin.periodic.precision import SLIGHT
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.search import first_edges
 from flexlin.simulation.window import Grid, Path, Rule
@@ -27,7 +28,7 @@ SAFETY = 0.9
 """A step is this much shorter than its error would have it."""
 CHANGE = (0.02, 2.0)
 """How much shorter or longer than a step that was tried one is wished for."""
-NEARLY = 1e-3
+NEARLY = SLIGHT
 """Of a step: what is left to the mark joins the steps before."""
 FIRST, GRADED, WIDEST = 1 / 2048, 1.3, 1 / 8
 """Steps behind a start, where fast modes ring: the first at tolerance 1e-6, in periods; how each is longer than the last; the longest."""

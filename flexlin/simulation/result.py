@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import xarray
 
 PARTS = 8
-"""Parts of a step at whose ends peaks are looked for; between these they are a parabola's."""
+"""Parts of a step at whose ends peaks, and what saturates, are looked for; between these they are a parabola's."""
 MOST_NUMBERS = 2**24
 """Numbers that are looked at, at the most; where steps are very many each has fewer parts."""
 FARTHEST = 100.0

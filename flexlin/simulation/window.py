@@ -10,6 +10,7 @@ import numpy as np
 from flexlin._core import addresses, declare
 from flexlin.checks import Array
 from flexlin.lazy import lazy
+from flexlin.periodic.precision import MINOR
 from flexlin.periodic.transition.factors import tabulate
 from flexlin.periodic.transition.gauss import Tableau, radau
 from flexlin.program import TOGETHER, Layout
@@ -22,7 +23,7 @@ GROWN = 2.0
 """A sweep that enlarges the change so much leads nowhere."""
 SHARE = 0.02
 """The share of the tolerance that the sweeps may leave over."""
-STALLED = 0.1
+STALLED = MINOR
 """The share of the tolerance at which rounding may stop the sweeps."""
 LEAST = 0.01
 """A sweep is not believed to leave less of the last one's change than this."""
