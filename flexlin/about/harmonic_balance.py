@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from flexlin.about.deviation import Deviation
+from flexlin.about.deviation import THICK, Deviation, Layers
 from flexlin.about.law import Controller, Law
-from flexlin.about.layers import THICK, Layers
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.lazy import lazy

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.deviation import Deviation
+from flexlin.about.deviation import Deviation, Layers
 from flexlin.about.harmonic_balance import (
     Closing,
     Solver,
@@ -20,7 +20,6 @@ from flexlin.about.harmonic_balance import (
     size_of,
 )
 from flexlin.about.law import Law
-from flexlin.about.layers import Layers
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, at_times, positive

@@ -16,6 +16,8 @@ from flexlin.scene.links import DIRECTIONS, Direction, Link
 
 PLACES = np.linspace(0.0, 1.0, 17)
 """Places x/l of a link's axis that pictures show."""
+COLUMNS = len(PLACES) + 1
+"""Columns for each link in pictures: where the link before it ends, and the places of its axis."""
 
 
 @dataclass(frozen=True)
