@@ -43,11 +43,10 @@ class Hub(Effect):
                 )
 
     def joint_radius(self, joint: int) -> Any:
-        return per_joint(self.radius, joint, single="first")
+        return on_first(self.radius, joint)
 
     def joint_body(self, joint: int) -> RigidMass:
-        mass, inertia = (per_joint(value, joint, single="first") for value in (self.mass, self.inertia))
-        return RigidMass(mass, inertia)
+        return RigidMass(on_first(self.mass, joint), on_first(self.inertia, joint))
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
         on = [self.joint_body(joint) for joint in range(len(chain.joints))]
@@ -56,3 +55,8 @@ class Hub(Effect):
             for frame, axis, body in zip(chain.joints, chain.axes, on, strict=True)
             if not body.is_nothing
         )
+
+
+def on_first(value: Any, joint: int) -> Any:
+    """Read a table's value for one joint; a single number stands for the first."""
+    return per_joint(value if isinstance(value, tuple) else (value,), joint)

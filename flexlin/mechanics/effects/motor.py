@@ -49,4 +49,4 @@ class Motor(Effect):
         return self._of("gear_ratio", joint) * self._of("torque_constant", joint) / self._of("resistance", joint)
 
     def _of(self, name: str, joint: int) -> Any:
-        return per_joint(getattr(self, name), joint, single="every")
+        return per_joint(getattr(self, name), joint)

@@ -15,9 +15,6 @@ from flexlin.mechanics.body import Z
 from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, per_joint
 from flexlin.scene.base import Number, PerLink, Unit
 
-RATIO = 100.0
-"""A gear's ratio where an audit tries the effect."""
-
 
 class RotorSpin(Effect):
     """The spin of the motors' rotors, which turn with the link before their joint too; one number for every joint or one a joint."""
@@ -31,8 +28,8 @@ class RotorSpin(Effect):
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "RotorSpin":
-        """Rotors as heavy, seen through their gears, as those that other effects are tried with."""
-        return cls(inertia=scale.of_inertias(PART / RATIO**2), gear_ratio=RATIO)
+        """Rotors as heavy, seen through gears of 100, as those that other effects are tried with."""
+        return cls(inertia=scale.of_inertias(PART / 100.0**2), gear_ratio=100.0)
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
         """T = sum N J (a.w) theta' over the joints that turn."""
@@ -40,7 +37,7 @@ class RotorSpin(Effect):
         for place, i in enumerate(chain.moving):
             link = chain.links[i].table
             if link.joint == "revolute" and not link.passive:
-                momentum = per_joint(self.gear_ratio, i, single="every") * per_joint(self.inertia, i, single="every")
+                momentum = per_joint(self.gear_ratio, i) * per_joint(self.inertia, i)
                 before = chain.mounts[i].turned(Z, link.mount_angle)
                 energy += momentum * ca.dot(chain.axes[i], before.spin) * chain.motor_rate[place]
         return energy
