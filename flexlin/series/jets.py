@@ -39,7 +39,10 @@ def less(a: Array, b: Array) -> Array:
 
 NUMPY: dict[str, Callable] = {
     **{name: getattr(np, name) for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
-    **{name: getattr(np, f"arc{name[1:]}") for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh")},
+    **{
+        name: getattr(np, f"arc{name.removeprefix('a')}")
+        for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh")
+    },
     **{name: getattr(np, name) for name in ("log1p", "expm1", "sqrt", "power")},
     "erf": erf,
     "atan2": atan2,
@@ -97,7 +100,7 @@ class Space:
 
     def convolve(self, indices: Indices, a: Array, b: Array, k: int) -> Array:
         """The part of degree k of a product; parts that are not yet computed are zero."""
-        if indices.tabulated or self.batch or self.dtype is object:
+        if indices.tabulated or self.batch:
             pairs = indices.pairs(k)
             return np.add.reduceat(a[pairs.left] * b[pairs.right], pairs.start, axis=0)
         return sum_products(indices, a, b, k, np.ones(k + 1))
@@ -132,24 +135,13 @@ class Space:
 
 @dataclass(frozen=True, eq=False)
 class Symbolic(Space):
-    """Series with CasADi scalars as coefficients; what CasADi finds to be zero costs no instruction.
+    """Series in one variable with CasADi scalars as coefficients; what CasADi finds to be zero costs no instruction.
 
     Parameters: pivots: the order of rows for Gauss elimination of V, chosen from numbers near by.
     """
 
     dtype: Any = object
     pivots: Array | None = None
-
-    def integrate(self, indices: Indices, u: Array, g: Array, k: int) -> Array:
-        """Each coefficient by its cheapest partial derivative.
-
-        alpha_i y_alpha = sum_beta beta_i u_beta g_(alpha - beta),   i: the least exponent alpha_i > 0
-        """
-        alpha, pairs = indices.powers[indices.degree(k)], indices.pairs(k)
-        cheapest = np.where(alpha > 0, alpha, k + 1).argmin(axis=1)
-        times = indices.powers[pairs.left, np.repeat(cheapest, np.diff(pairs.start, append=len(pairs.left)))]
-        part = np.add.reduceat(times * u[pairs.left] * g[pairs.right], pairs.start)
-        return part / alpha[np.arange(len(alpha)), cheapest]
 
     def apply(self, name: str, *values: Array) -> Array:
         return of_scalars(getattr(ca, name)(*(ca.SX(value[0]) for value in values)))
