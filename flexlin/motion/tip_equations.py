@@ -15,6 +15,7 @@ from flexlin.lazy import lazy
 from flexlin.mechanics.body import rotation_about
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.smooth import make_step
+from flexlin.periodic.precision import CUBE
 from flexlin.scene.motion import Circle, Polyline
 from flexlin.series.tracking import find_lowest
 
@@ -153,6 +154,10 @@ class TipEquations(Expressions):
         F, slope, _ = symbolic.evaluate(self.first, z, phases[:, None])
         return np.asarray(np.linalg.solve(slope, F)[:, :, 0])
 
+    def slopes(self, phases: Array, z: Array) -> Array:
+        """dF/dz (N, k, k) at N phases, z (N, k)."""
+        return symbolic.evaluate(self.first, z, phases[:, None])[1]
+
     def rates(self, phases: Array, z: Array) -> tuple[Array, Array]:
         """dz/dphase and d2z/dphase2 of solutions z (N, k), by the implicit function's derivatives."""
         at = phases[:, None]
@@ -237,8 +242,6 @@ def compare_rotations(rotation: ca.SX | None, path: PosePath, dimensions: int) -
 
 
 PHASES = 64
-FAR = 1e-6
-"""Relative to the arm: a distance below this is none."""
 STIFF = 1e3
 """Weight of the loops' closure, which must hold, against the tip's distance."""
 
@@ -256,7 +259,7 @@ def refuse_unreachable(equations: TipEquations, start: Array, period: float, at:
         nearest.append(y)
     size = max(float(np.abs(equations.task(start, 0.0)[1].full()[: equations.tips]).max()), 1e-300)
     k = int(np.argmax(distances))
-    if distances[k] <= FAR * size:
+    if distances[k] <= CUBE * size:
         return
     where, least = find_lowest(
         lambda phase: -find_distance(equations, start, nearest[k], phase)[0],
