@@ -11,6 +11,7 @@ from flexlin import symbolic
 from flexlin.checks import Array
 from flexlin.errors import InputError
 from flexlin.lazy import lazy
+from flexlin.mechanics.effects import effects_of
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, SymbolicMotion
 from flexlin.summary import represent
@@ -55,6 +56,14 @@ class Deviation:
     def m(self) -> int:
         """The number of torques."""
         return len(self.driven)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """The units of the torques: what an effect makes of them, such as V behind a motor, else the force of each joint."""
+        effects = () if self.arm.effects is None else effects_of(self.arm.effects)
+        made = [effect.input_unit for effect in effects if effect.input_unit is not None]
+        moved = [self.arm.coordinates[self.arm.drives[i]].unit for i in self.driven]
+        return tuple(made[-1] if made else "N" if unit == "m" else "N m" for unit in moved)
 
     @lazy
     def near(self) -> "Deviation":
