@@ -75,25 +75,15 @@ def test_rules_against_casadi_derivatives(m, p, s, n):
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_constant_factor_21(order):
-    x, C = ca.SX.sym("x", 2), normal(3, 2)
-    A = polynomial_matrix(x, 2, 3, 30)
-    dA, dAC = numbers(x, normal(2, 1), kr.derivative(A, x, order), kr.derivative(A @ C, x, order))
-    assert_allclose(dA @ np.kron(C, kr.kronecker_power(np.eye(2), order)), dAC, rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_columns_and_rows_22_to_25(order):
-    x = ca.SX.sym("x", 3)
+def test_constant_factors_columns_and_rows_21_to_25(order):
+    x, C, E = ca.SX.sym("x", 3), normal(2, 4), np.eye(2)
     A = polynomial_matrix(x, 2, 2, 40)
-    E = np.eye(2)
-    x0 = normal(3, 1)
-    (whole,) = numbers(x, x0, kr.derivative(A, x, order))
-    columns = numbers(x, x0, *[kr.derivative(A[:, i], x, order) for i in range(2)])
-    rows = numbers(x, x0, *[kr.derivative(A[i, :], x, order) for i in range(2)])
-    joined = sum(c @ np.kron(E[[i]], np.eye(3**order)) for i, c in enumerate(columns))
+    parts = [A, A @ C, A[:, 0], A[:, 1], A[0, :], A[1, :]]
+    whole, product, *parts = numbers(x, normal(3, 1), *[kr.derivative(part, x, order) for part in parts])
+    assert_allclose(whole @ np.kron(C, kr.kronecker_power(np.eye(3), order)), product, rtol=1e-12, atol=1e-12)  # (21)
+    joined = sum(c @ np.kron(E[[i]], np.eye(3**order)) for i, c in enumerate(parts[:2]))
     assert_allclose(joined, whole, rtol=1e-13)  # (25)
-    assert_allclose(sum(E[:, [i]] @ r for i, r in enumerate(rows)), whole, rtol=1e-13)  # (23), row by row
+    assert_allclose(sum(E[:, [i]] @ r for i, r in enumerate(parts[2:])), whole, rtol=1e-13)  # (23), row by row
 
 
 def test_chain_and_inverse_rules():

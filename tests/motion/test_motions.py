@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from flexlin.errors import ArgumentError, MotionError
-from flexlin.mechanics import Parameters
 from flexlin.motion import build_motion
-from flexlin.scene import AnyMotion, parse_scene
+from flexlin.scene import AnyMotion
 
 TABLE = TypeAdapter(AnyMotion)
 
@@ -36,7 +33,7 @@ def motion(table):
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_rates_are_derivatives(name):
+def test_rates_are_derivatives_and_a_period_closes(name):
     """Central differences away from the breaks converge with order 2."""
     m = motion(MOTIONS[name])
     t = m.period * np.array([0.03, 0.21, 0.47, 0.61, 0.83])
@@ -47,12 +44,6 @@ def test_rates_are_derivatives(name):
         gaps.append([np.abs((up[k] - down[k]) / (2 * step) - exact).max() for k, exact in ((0, q1), (1, q2))])
     for coarse, fine in zip(*gaps, strict=True):
         assert fine < 1e-9 or coarse / fine == pytest.approx(4.0, rel=0.05)
-
-
-@pytest.mark.parametrize("name", MOTIONS)
-def test_a_period_closes(name):
-    m = motion(MOTIONS[name])
-    t = np.linspace(0, m.period, 7)[:-1]
     for now, later in zip(m.sample(t), m.sample(t + 3 * m.period), strict=True):
         np.testing.assert_allclose(np.sin(later), np.sin(now), atol=1e-9)
 
@@ -153,20 +144,6 @@ def test_table_may_turn_around(tmp_path):
     _, q1, _ = m.sample(np.array([0.3, 2.3]))
     np.testing.assert_allclose(q1[0], q1[1], rtol=1e-12)
     np.testing.assert_allclose(q1[0], np.pi + 0.1 * np.pi * np.cos(0.3 * np.pi), rtol=1e-4)
-
-
-@settings(max_examples=25, deadline=None)
-@given(st.floats(0.1, 10), st.floats(-2, 2), st.floats(0, 1))
-def test_free_parameters_take_the_place_of_numbers(frequency, amplitude, phase):
-    harmonic = {"kind": "harmonic", "frequency": frequency, "joints": [{"amplitude": amplitude}]}
-    links = [{"length": 1.0, "mass_per_length": 1.0}]
-    scene = parse_scene({"schema": 1, "title": "free", "links": links, "motion": harmonic})
-    table, free = scene.motion, Parameters.of_scene(scene, ["motion.frequency", "motion.joints.0.amplitude"])
-    fixed, freed = build_motion(table, 1), build_motion(table, 1, free)
-    t = np.array([phase / frequency])
-    assert freed.period == fixed.period
-    for a, b in zip(fixed.sample(t), freed.sample(t), strict=True):
-        np.testing.assert_allclose(a, b, atol=1e-12 * (1 + np.abs(a).max()))
 
 
 def test_the_number_of_joints_is_the_tables_or_the_arms():
