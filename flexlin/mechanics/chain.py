@@ -14,8 +14,6 @@ from flexlin.mechanics.body import (
     Body,
     Frame,
     InertiaForm,
-    X,
-    Y,
     Z,
     column,
     directions_across,
@@ -263,7 +261,7 @@ def pass_mount(frame: Frame, link: Link) -> Frame:
         return frame
     roll, pitch, yaw = link.mount.rpy
     moved = frame.moved(column(*link.mount.xyz), ca.SX(3, 1))
-    return moved.turned(Z, yaw).turned(Y, pitch).turned(X, roll)
+    return moved.turned_by((yaw, pitch, roll))
 
 
 def pass_joint(frame: Frame, link: Link, axis: ca.SX, q: ca.SX, q_rate: ca.SX, give: ca.SX, give_rate: ca.SX) -> Frame:
@@ -347,9 +345,7 @@ def pass_bearing(frame: Frame, link: Link, axis: ca.SX, give: ca.SX, rate: ca.SX
     moved, moving = directions @ give, directions @ rate
     if link.joint == "prismatic":
         return frame.moved(moved, moving)
-    for about, angle, angle_rate in zip((Z, Y, X), *split_rotation(moved, moving), strict=True):
-        frame = frame.turned(about, angle, angle_rate)
-    return frame
+    return frame.turned_by(*split_rotation(moved, moving))
 
 
 def list_axes(chain: Chain) -> ca.SX:
