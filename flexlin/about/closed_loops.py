@@ -123,10 +123,14 @@ def keeps_clear(about: Deviation) -> bool:
     """
     T = about.motion.period
     t, step = T * np.arange(NODES) / NODES, CUBE * T
+    s = rigid_positions(about, np.concatenate([t - step, t + step]))
+    v = evaluate_at(about, "followers", s)[:, :, 0]
+    if not np.isfinite(v).all():  # a loop is open
+        return False
+    before, after = np.split(evaluate_at(about, "closing", s, v), 2)
     try:
-        before, after = (closings_along(about, t + side * step) for side in (-1, 1))
         rates = np.linalg.eigvals(np.linalg.solve(before + after, (after - before) / step))
-    except np.linalg.LinAlgError:  # a loop that is open or at a dead point
+    except np.linalg.LinAlgError:  # a dead point
         return False
     return bool(np.abs(rates).max(initial=0.0) * T <= CLEAR)
 
@@ -138,12 +142,3 @@ def moves_followers(about: Deviation) -> bool:
         return True
     symbols = (part for part in (p, motion.parameters.symbols) if part.numel())
     return any(ca.depends_on(ca.vertcat(loops.gap, motion.angles), part) for part in symbols)
-
-
-def closings_along(about: Deviation, t: Array) -> Array:
-    """V (N, k, k) at times (N,), along the motion. Raises: LinAlgError where a loop is open."""
-    s = rigid_positions(about, t)
-    v = evaluate_at(about, "followers", s)[:, :, 0]
-    if not np.isfinite(v).all():
-        raise np.linalg.LinAlgError
-    return evaluate_at(about, "closing", s, v)

@@ -13,13 +13,12 @@ from flexlin.errors import NumericalError
 from flexlin.lazy import lazy
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.interpolation import FourierSeries, fourier_basis, fourier_differentiation, waves_at_nodes
-from flexlin.periodic.precision import FAINT
+from flexlin.periodic.precision import FAINT, MINOR
 from flexlin.periodic.resolved.sampling import graded
 
 NEWTON_STEPS = 25
-ROUNDED, LEAVES = 1e-6, 10.0
-"""A step this small against |y| ends Newton's method where steps shrink no further. From a known solution nearby, one this many times
-as large as the smallest so far leads away."""
+ROUNDED = 1e-6
+"""A step this small against |y| ends Newton's method where steps shrink no further."""
 
 
 SMALL = 1e-6
@@ -146,7 +145,8 @@ class Solver:
     def solve(self, start: Array | None, speed: float = 1.0) -> tuple[Array, float] | None:
         """The solution from a start, or from the rigid motion, and the last step relative to |y|; None where it does not settle.
 
-        It has settled too where steps shrink no further and are as small as rounding in the derivatives makes them.
+        It has settled too where steps shrink no further and are as small as rounding in the derivatives makes them. From a known solution
+        nearby, a step much larger than the smallest so far leads away.
         """
         n, z, last = self.about.n, np.zeros((self.points, self.size)) if start is None else start, np.inf
         best = np.inf
@@ -158,7 +158,7 @@ class Solver:
             share = moved / size_of(z[:, :n])
             if share <= FAINT or (share <= ROUNDED and share >= 0.5 * last):
                 return z, share
-            if not np.all(np.abs(z) < 1e8) or (start is not None and share > LEAVES * best):
+            if not np.all(np.abs(z) < 1e8) or (start is not None and best < MINOR * share):
                 return None
             last, best = share, min(best, share)
         return None

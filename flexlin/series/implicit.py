@@ -12,17 +12,13 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
 from flexlin.lazy import lazy
+from flexlin.periodic.precision import FAINT, SLIGHT
 from flexlin.series.equations import Equations, Radius, find_fold, line_series, newton, newton_step, radius_along
 from flexlin.series.explicit import Expression, check_analytic, check_symbols
 from flexlin.series.indices import Polynomial, indices
 from flexlin.series.jets import Jet, Space, Symbolic
 from flexlin.summary import represent
 from flexlin.symbolic import as_expression
-
-SINGULAR = 1e-10
-"""V with a reciprocal condition number below this is called singular."""
-CLOSED = 1e-3
-"""Newton's first step, relative to |v0|, up to which a point counts as a solution given with few digits."""
 
 
 def unrolled(equations: Equations, order: int, n: int, V: Array) -> ca.Function:
@@ -362,15 +358,15 @@ def solve_implicit(f: Any, u: Any, v: Any, u0: ArrayLike, guess: ArrayLike) -> A
 
 
 def closed(equations: Equations, u0: Array, v0: Array) -> Array:
-    """Return v0 refined to rounding, refusing a point that is no solution or singular."""
+    """Return v0 refined to rounding, as it may be given with few digits; refuse a point that is no solution or singular."""
     f, V = equations.at(u0[None, :], v0[None, :])
     if not (np.all(np.isfinite(f)) and np.all(np.isfinite(V))):
         check_analytic(np.array(np.nan), "(u0, v0)", np.concatenate([u0, v0]))
-    if np.linalg.cond(V[0]) > 1 / SINGULAR:
+    if np.linalg.cond(V[0]) > 1 / FAINT:
         raise singular_closure(equations, u0, v0)
     v, last = newton(equations, u0[None, :], v0[None, :])
     moved = np.abs(v[0] - v0).max()
-    if not (last[0] < 1e-9 and moved < CLOSED * (1 + np.abs(v0).max())):
+    if not (last[0] < 1e-9 and moved < SLIGHT * (1 + np.abs(v0).max())):
         raise ArgumentError(
             "the point does not solve f(u, v) = 0",
             got=f"|f| = {np.abs(f).max():.3g}, v0 {moved:.3g} away from a solution",

@@ -14,6 +14,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
+from flexlin.periodic.precision import EPS
 from flexlin.program import CONST, INPUT, OUTPUT, Program, name_of
 from flexlin.series.indices import TABLES, Indices, head_of, is_zero, kept_indices, sum_products
 
@@ -331,21 +332,17 @@ def angle(a: Jet, b: Jet) -> Jet:
 
 
 def power(u: Jet, b: Jet) -> Jet:
-    """u^b: by products for small whole b, which are analytic at 0 too; by y' = b (y/u) u' for a constant one, else exp(b log u)."""
+    """u^b: by products for whole b, which are analytic at 0 too; by y' = b (y/u) u' for a constant one, else exp(b log u)."""
     p = b.known
     if p is None:
         return unary[ca.OP_EXP](b * unary[ca.OP_LOG](u))
     if p < 0 and p == int(p):
         return 1 / power(u, u.space.number(-p))
-    if p == int(p) and p <= MOST_FACTORS:
+    if p == int(p) and p * EPS < 1:
         half = power(u, u.space.number(p // 2)) if p > 1 else None
         square = u if half is None else half * half
         return u.space.number(1.0) if p == 0 else square * u if p % 2 and p > 1 else square
     return integral("power", u, lambda w, y, g, k: (p * y[w.degree(k)] - w.convolve(g, u.c, k)) / u.c[:1], p)
-
-
-MOST_FACTORS = 64
-"""The largest whole exponent that is written out in products."""
 
 
 def switch(name: str, *read: Jet) -> Jet:

@@ -13,8 +13,6 @@ from flexlin.scene.links import Link
 
 SLENDERNESS = 0.01
 """Radius of gyration of a section, relative to the link's length."""
-PART = 0.1
-"""A body that the scene leaves out, relative to the inertia that is there."""
 LOSS = 0.01
 """Damping ratios, and friction relative to the inertia forces of the motion."""
 

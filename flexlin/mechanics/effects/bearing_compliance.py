@@ -11,7 +11,8 @@ from typing import Annotated, Any
 import casadi as ca
 
 from flexlin.mechanics.body import Body, about, rigid_body
-from flexlin.mechanics.effects.base import LOSS, PART, Chain, Effect, Scale, per_joint
+from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_joint
+from flexlin.periodic.precision import MINOR
 from flexlin.scene.base import NonNegative, PerLink, Positive, Unit
 
 
@@ -32,7 +33,7 @@ class BearingCompliance(Effect):
     def tried_with(cls, scale: Scale) -> "BearingCompliance":
         """Bearings on which the joints alone would swing five times as fast as the slowest link, or fifty times as a rigid arm's motion."""
         losses = scale.of_inertias(2 * LOSS * scale.fast)
-        return cls(stiffness=scale.of_inertias(scale.fast**2), inertia=scale.of_inertias(PART), damping=losses)
+        return cls(stiffness=scale.of_inertias(scale.fast**2), inertia=scale.of_inertias(MINOR), damping=losses)
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
         turning = [i for i in chain.moving if chain.links[i].table.joint == "revolute"]

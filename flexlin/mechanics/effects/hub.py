@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 from flexlin.errors import Problem
 from flexlin.mechanics.body import Body, RigidMass, about, rigid_body
-from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, per_joint
+from flexlin.mechanics.effects.base import Chain, Effect, Scale, per_joint
+from flexlin.periodic.precision import MINOR
 from flexlin.scene.base import PerLink, Unit
 from flexlin.scene.consistency import pinned
 from flexlin.scene.effects import RawArm, RawTable
@@ -29,7 +30,7 @@ class Hub(Effect):
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "Hub":
-        return cls(inertia=scale.of_inertias(PART))
+        return cls(inertia=scale.of_inertias(MINOR))
 
     @classmethod
     def contradictions(cls, raw: RawTable, arm: RawArm) -> Iterator[Problem]:

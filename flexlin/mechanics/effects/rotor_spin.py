@@ -12,7 +12,8 @@ from typing import Annotated
 import casadi as ca
 
 from flexlin.mechanics.body import Z
-from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, per_joint
+from flexlin.mechanics.effects.base import Chain, Effect, Scale, per_joint
+from flexlin.periodic.precision import MINOR
 from flexlin.scene.base import Number, PerLink, Unit
 
 
@@ -29,7 +30,7 @@ class RotorSpin(Effect):
     @classmethod
     def tried_with(cls, scale: Scale) -> "RotorSpin":
         """Rotors as heavy, seen through gears of 100, as those that other effects are tried with."""
-        return cls(inertia=scale.of_inertias(PART / 100.0**2), gear_ratio=100.0)
+        return cls(inertia=scale.of_inertias(MINOR / 100.0**2), gear_ratio=100.0)
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
         """T = sum N J (a.w) theta' over the joints that turn."""
