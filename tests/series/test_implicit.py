@@ -108,12 +108,13 @@ def test_a_fold_on_either_side_of_a_stationary_point_is_found():
     assert (float(radius), radius.kind) == (pytest.approx(1.0, abs=1e-9), "real singularity")
 
 
-def test_entire_solution_has_no_radius():
+def test_a_straight_solution_is_linear_everywhere_and_has_no_radius():
     u, v = ca.SX.sym("u"), ca.SX.sym("v")
-    line = fl.implicit_taylor(v - 3 * u, u, v, [0.2], [0.6], 4).radius([1.0])
-    assert line.kind == "not found"
-    assert np.isnan(line)
-    assert line.estimate == np.inf
+    line = fl.implicit_taylor(v - 3 * u, u, v, [0.2], [0.6], 4)
+    assert (line.linear_range(1e-3, [1.0]), line.radius([1.0]).kind) == (np.inf, "not found")
+    assert (np.isnan(line.radius([1.0])), line.radius([1.0]).estimate) == (True, np.inf)
+    cubic = fl.implicit_taylor(v - 3 * u - 8 * u**3, u, v, [0.0], [0.0], 4)
+    assert cubic.linear_range(1e-3, [1.0]) == pytest.approx(0.05, rel=1e-12)
 
 
 def test_pole_is_not_called_a_fold():
@@ -144,13 +145,6 @@ def test_linear_range(inverse, angle):
     assert reach == pytest.approx(np.sqrt(2 * tol / np.linalg.norm(C2 @ np.kron(d, d))), rel=1e-12)
     linear = inverse.v0 + inverse.jacobian(1) @ (reach * d)
     assert np.linalg.norm(inverse.refined(reach * d) - linear) == pytest.approx(tol, rel=0.06)
-
-
-def test_straight_solution_is_linear_everywhere():
-    u, v = ca.SX.sym("u"), ca.SX.sym("v")
-    assert fl.implicit_taylor(v - 3 * u, u, v, [0.2], [0.6], 4).linear_range(1e-3, [1.0]) == np.inf
-    cubic = fl.implicit_taylor(v - 3 * u - 8 * u**3, u, v, [0.0], [0.0], 4)
-    assert cubic.linear_range(1e-3, [1.0]) == pytest.approx(0.05, rel=1e-12)
 
 
 def test_matrix_symbols_of_mx_kind():
