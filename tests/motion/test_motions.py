@@ -60,15 +60,8 @@ def test_harmonic_formula():
 
 @pytest.mark.parametrize("profile", ["quintic", "septic"])
 def test_point_to_point_rests_at_its_waypoints(profile):
-    m = motion(
-        {
-            "kind": "point-to-point",
-            "move_time": 0.5,
-            "dwell_time": 0.25,
-            "profile": profile,
-            "joints": [{"waypoints": [0.2, 1.2]}],
-        }
-    )
+    times, joints = {"move_time": 0.5, "dwell_time": 0.25}, [{"waypoints": [0.2, 1.2]}]
+    m = motion({"kind": "point-to-point", **times, "profile": profile, "joints": joints})
     assert m.period == pytest.approx(1.5)
     np.testing.assert_allclose(m.breaks, [0.0, 0.5, 0.75, 1.25])
     q, q1, q2 = m.sample(np.array([0.0, 0.5, 0.6, 0.75, 1.25, 1.4]))
@@ -92,23 +85,16 @@ def test_rotations_share_a_period():
 
 
 @pytest.mark.parametrize(
-    ("joints", "says"),
-    [([{"rate": 0.0}], "no joint turns"), ([{"rate": 1.0}, {"rate": np.sqrt(2.0)}], "no common period")],
+    ("table", "says"),
+    [
+        ({"kind": "rotation", "joints": [{"rate": 0.0}]}, "no joint turns"),
+        ({"kind": "rotation", "joints": [{"rate": 1.0}, {"rate": np.sqrt(2.0)}]}, "no common period"),
+        ({**MOTIONS["quintic"], "joints": [{"waypoints": [0.0, 1.0]}, {"waypoints": [0.0, 1.0, 2.0]}]}, "unequal"),
+    ],
 )
-def test_rotations_without_a_period(joints, says):
+def test_joints_that_do_not_move_together_are_refused(table, says):
     with pytest.raises(MotionError, match=says):
-        motion({"kind": "rotation", "joints": joints})
-
-
-def test_unequal_waypoints():
-    with pytest.raises(MotionError, match="unequal"):
-        motion(
-            {
-                "kind": "point-to-point",
-                "move_time": 1.0,
-                "joints": [{"waypoints": [0.0, 1.0]}, {"waypoints": [0.0, 1.0, 2.0]}],
-            }
-        )
+        motion(table)
 
 
 @pytest.mark.parametrize(
