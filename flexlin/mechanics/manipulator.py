@@ -447,11 +447,8 @@ class FlexibleManipulator(Manipulator):
         """The same equations with other values of the free numbers."""
         return FlexibleManipulator(self.near.at_numbers(values))
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {"near": self.near}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(state["near"])  # type: ignore[misc]
+    def __reduce__(self) -> tuple[type, tuple[Manipulator]]:
+        return FlexibleManipulator, (self.near,)
 
 
 AT_LARGE = ["residual", "M", "g", "damping", "B", "energy", "points", "axes", "coriolis", "rotation", "loops"]
