@@ -12,8 +12,6 @@ from flexlin.motion.base import NODES
 from flexlin.periodic.precision import CUBE
 from flexlin.series.tracking import CONTRACTION, NEWTON, SHORTEST, Step, find_singular, track
 
-SAME = 1e-6
-"""Followers that differ by more are those of another assembly."""
 OTHER = "move the motion away from there, or give the links other lengths"
 NEARER = "give the links a posture from the middle of the motion"
 CLEAR = 50
@@ -73,9 +71,9 @@ def find_near(about: Deviation, s: Array, v: Array) -> Array:
 
 
 def is_same(v: Array, other: Array) -> Array:
-    """Whether followers agree, whole turns apart."""
+    """Whether followers agree, whole turns apart; those of another assembly differ by far more."""
     off = v - other
-    return np.asarray(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))) <= SAME * (1 + np.abs(v)))
+    return np.asarray(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))) <= CUBE * (1 + np.abs(v)))
 
 
 def refuse_singular(about: Deviation, t: Array, v: list[Array]) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from enum import IntFlag, auto
 from functools import partial
 from typing import ClassVar
 
@@ -213,8 +214,11 @@ def loop_of(lin: Linearization) -> ParametricLoop:
     return ParametricLoop(lin.arm.parameters.paths, lin, duration)
 
 
-PHASE, POINT = 1, 2
-"""What a value depends on, as bits."""
+class Needs(IntFlag):
+    """What a value depends on."""
+
+    PHASE = auto()
+    POINT = auto()
 
 
 def make_kernel(source: ParametricLoop | PeriodicFamily) -> Kernel:
@@ -260,12 +264,12 @@ def record_model(function: ca.Function, phase_inputs: int) -> Model:
 
     Raises: ArgumentError for an operation that the kernel does not know.
     """
-    kinds = tuple(POINT if i == 1 else PHASE for i in range(function.n_in()))
+    kinds = tuple(Needs.POINT if i == 1 else Needs.PHASE for i in range(function.n_in()))
     program, (states, rows) = Program.read(function).invert_once(kinds), function.size_out(0)
     program.check_known()
     code, needs, (Z, M, period) = program.steps[:, 0], program.find_needs(kinds), program.find_outputs()
-    wanted = np.concatenate([Z, M, program.steps[(needs == PHASE | POINT) & (code != OUTPUT), 2:].ravel()])
-    of_phase, of_point = (np.unique(wanted[np.isin(needs[wanted], kind)]) for kind in (PHASE, (POINT, 0)))
+    wanted = np.concatenate([Z, M, program.steps[(needs == Needs.PHASE | Needs.POINT) & (code != OUTPUT), 2:].ravel()])
+    of_phase, of_point = (np.unique(wanted[np.isin(needs[wanted], kind)]) for kind in (Needs.PHASE, (Needs.POINT, 0)))
     phase = program.lay_out((), of_phase, place_inputs(program, [i for i in range(len(kinds)) if i != 1]), phase_inputs)
     point = program.lay_out((), np.append(of_point, period), place_inputs(program, [1]), function.numel_in(1))
     given = {value: slot for slot, value in enumerate([*of_point.tolist(), *of_phase.tolist()])}

@@ -17,12 +17,9 @@ from flexlin.periodic.precision import FAINT, MINOR
 from flexlin.periodic.resolved.sampling import graded
 
 NEWTON_STEPS = 25
-ROUNDED = 1e-6
-"""A step this small against |y| ends Newton's method where steps shrink no further."""
-
-
 SMALL = 1e-6
-"""Deviations below this, in rad or m, count as that large: those of a rigid arm are rounding."""
+"""Deviations below this, in rad or m, count as that large: those of a rigid arm are rounding. A step this small against |y| ends Newton's
+method where steps shrink no further."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +153,7 @@ class Solver:
             except NumericalError:
                 return None
             share = moved / size_of(z[:, :n])
-            if share <= FAINT or (share <= ROUNDED and share >= 0.5 * last):
+            if share <= FAINT or (share <= SMALL and share >= 0.5 * last):
                 return z, share
             if not np.all(np.abs(z) < 1e8) or (start is not None and best < MINOR * share):
                 return None
