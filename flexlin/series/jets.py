@@ -16,7 +16,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.precision import EPS
 from flexlin.program import CONST, INPUT, OUTPUT, Program, name_of
-from flexlin.series.indices import TABLES, Indices, head_of, is_zero, kept_indices, sum_products
+from flexlin.series.indices import TABLES, Indices, head_of, kept_indices, sum_products
 
 
 def atan2(y: Array, x: Array) -> Array:
@@ -172,6 +172,11 @@ class Symbolic(Space):
                 x[i] -= self.scale(A[i, j], x[j])
             x[i] = self.scale(1 / A[i, i], x[i])
         return x
+
+
+def is_zero(value: Any) -> bool:
+    """Whether a number or a CasADi scalar is known to be 0."""
+    return bool(value.is_zero() if isinstance(value, ca.SX) else value == 0)
 
 
 def of_scalars(*values: Any) -> Array:
