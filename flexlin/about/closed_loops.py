@@ -29,13 +29,13 @@ def refuse_open_loops(about: Deviation) -> None:
     asked = evaluate_at(about, "followers", s)[:, :, 0]
     if not np.isfinite(asked[0]).all():
         raise refused(0.0, "the loops do not close at the start of the motion", NEARER)
-    near = find_near(about, s, asked)
+    near, step = find_near(about, s, asked), newton_along(about)
     v, lost = [asked[0]], None
     for k in range(1, SAMPLES + 1):
         if near[k - 1] and lost is None:
             v.append(asked[k])
             continue
-        found, at = track(newton_along(about), v[-1], t[k - 1], t[k], SHORTEST * about.motion.period)
+        found, at = track(step, v[-1], t[k - 1], t[k], SHORTEST * about.motion.period)
         if found is None:
             refuse_singular(about, t[:k], v)
             raise singular(at, "lets the loops follow no further: they reach a dead point")

@@ -59,11 +59,8 @@ class CoulombFriction(Effect):
 
     def features(self, motion: Moving) -> Features:
         """Where a joint turns round: the slope c / eps lasts while |q'| is a few eps."""
-        found: list[tuple[float, float]] = []
-        for i in range(motion.joints):
-            if self.sliding(i, 0.0) > 0:
-                found += slow_passages(motion, i, per_joint(self.rate, i))
-        return tuple(found)
+        rubbed = [i for i in range(motion.joints) if self.sliding(i, 0.0) > 0]
+        return tuple(found for i in rubbed for found in slow_passages(motion, i, per_joint(self.rate, i)))
 
     def sliding(self, joint: int, rate: Any) -> Any:
         """Friction of a joint that slides at a rate, without its sign."""
