@@ -115,8 +115,8 @@ def describe_singular(t: float) -> str:
 
 __all__ = ["Closing", "PeriodicMotion", "Unknowns", "periodic_motion"]
 
-COARSEST, DOUBLINGS = 32, 5
-"""The unknowns stand at one time more than a multiple of the first number, which is doubled so often."""
+COARSEST, SETS = 32, 5
+"""Harmonic balance begins with one point more than this, and tries so many sets of points, each with twice the intervals."""
 SOFTER = "let friction saturate at a larger rate (effects.coulomb_friction.rate), or simulate the arm until its motion repeats"
 
 
@@ -300,7 +300,8 @@ def periodic_motion(
     law = law if closing is None else law.direct
     equations = balance(lin.about, closing or by_law, law.controller)
     before, layers = None, None if linear else Layers.of(lin.about)
-    for points in (COARSEST * 2**k + 1 for k in range(DOUBLINGS)):
+    tried = [COARSEST * 2**k + 1 for k in range(SETS)]
+    for points in tried:
         solver = Solver(lin.about, equations, law, points)
         try:
             values, left = find_values(solver, closing is not None, linear, before)
@@ -312,7 +313,7 @@ def periodic_motion(
         y, torque, z = (FourierSeries.through(part, lin.period) for part in parts)
         if before is not None:
             error = max(distance(y, before), left)
-            if layers is not None and (error <= tol or points > COARSEST * 2**DOUBLINGS / 2):
+            if layers is not None and (error <= tol or points == tried[-1]):
                 error = max(error, miss_between(solver, layers, values))
             if error <= tol:
                 return PeriodicMotion(lin, y, torque, error, f"converged on {points} points", z)
