@@ -8,7 +8,7 @@ import casadi as ca
 from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, RigidMass
 from flexlin.mechanics.effects.narrow import Features, Moving
 from flexlin.mechanics.links import BentLink
-from flexlin.scene.effects import EffectTable
+from flexlin.scene.effects import Effects, EffectTable
 from flexlin.scene.links import Link
 
 SLENDERNESS = 0.01
@@ -431,6 +431,11 @@ class Effect(EffectTable):
             The force in N m or N; None when the effect leaves the input as it is.
         """
         return None
+
+
+def effects_of(tables: Effects) -> tuple[Effect, ...]:
+    """The effects that a scene calls for."""
+    return tuple(effect for effect in tables.on().values() if isinstance(effect, Effect))
 
 
 def per_joint(value: Any, joint: int) -> Any:
