@@ -29,12 +29,9 @@ def refuse_open_loops(about: Deviation) -> None:
     asked = evaluate_at(about, "followers", s)[:, :, 0]
     if not np.isfinite(asked[0]).all():
         raise refused(0.0, "the loops do not close at the start of the motion", NEARER)
-    near, step = find_near(about, s, asked), newton_along(about)
-    v, lost = [asked[0]], None
-    for k in range(1, SAMPLES + 1):
-        if near[k - 1] and lost is None:
-            v.append(asked[k])
-            continue
+    step, lost = newton_along(about), None
+    v = list(asked if leads_on(about, s, asked) else asked[:1])
+    for k in range(len(v), SAMPLES + 1):
         found, at = track(step, v[-1], t[k - 1], t[k], SHORTEST * about.motion.period)
         if found is None:
             refuse_singular(about, t[:k], v)
@@ -57,17 +54,18 @@ def evaluate_at(about: Deviation, name: str, s: Array, *v: Array) -> Array:
     return symbolic.evaluate(about.arm.functions[name], s, *v, p)[0]
 
 
-def find_near(about: Deviation, s: Array, v: Array) -> Array:
-    """Whether Newton's method leads from the followers at each time straight to those at the next, (N - 1,), all in batches."""
-    found, last, near = v[:-1].copy(), np.inf, np.isfinite(v[1:]).all(axis=1) & np.isfinite(v[:-1]).all(axis=1)
-    found[~near] = v[0]
+def leads_on(about: Deviation, s: Array, v: Array) -> bool:
+    """Whether Newton's method leads from the followers at each time straight to those at the next, at all times together."""
+    if not np.isfinite(v).all():
+        return False
+    found, last = v[:-1], np.inf
     for _ in range(NEWTON):
-        step = evaluate_at(about, "newton_step", s[1:], found)
-        size = np.abs(step[:, :, 0]).max(axis=1)
-        near &= size < np.maximum(last / CONTRACTION, ROUNDING)
-        found[near] -= step[near, :, 0]
-        last = size
-    return np.asarray(near & is_same(found, v[1:]).all(axis=1))
+        step = evaluate_at(about, "newton_step", s[1:], found)[:, :, 0]
+        size = float(np.abs(step).max())
+        if not size < max(last / CONTRACTION, ROUNDING):
+            return False
+        found, last = found - step, size
+    return bool(is_same(found, v[1:]).all())
 
 
 def is_same(v: Array, other: Array) -> Array:
