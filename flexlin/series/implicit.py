@@ -21,17 +21,13 @@ from flexlin.summary import represent
 from flexlin.symbolic import as_expression
 
 
-def unrolled(equations: Equations, order: int, n: int, V: Array) -> ca.Function:
+def unrolled(equations: Equations, order: int, nu: int, nv: int) -> ca.Function:
     """Return (u0, v0, du) -> v, the Taylor polynomial about any solution (u0, v0), without loops, branches or linear solvers.
 
     It is the series of v(u0 + t du) by powers of t, summed at t = 1.
-    Assumes that the pivots chosen for this V serve near by: elimination is not pivoted again.
     """
-    from scipy.linalg import lu  # takes longer to load than most maps to compute
-
-    u0, v0, du = ca.SX.sym("u0", n), ca.SX.sym("v0", len(V)), ca.SX.sym("du", n)
-    space = Symbolic(1, order, pivots=lu(V)[0].argmax(axis=0))
-    series = line_series(equations, space, *(ca.vertsplit(symbol) for symbol in (u0, v0, du)))
+    u0, v0, du = (ca.SX.sym(name, size) for name, size in (("u0", nu), ("v0", nv), ("du", nu)))
+    series = line_series(equations, Symbolic(1, order), *(ca.vertsplit(symbol) for symbol in (u0, v0, du)))
     v = ca.vertcat(*[sum(column, ca.SX(0)) for column in series.T])
     return ca.Function("taylor", [u0, v0, du], [ca.densify(ca.cse(v))], ["u0", "v0", "du"], ["v"])
 
@@ -283,9 +279,8 @@ class ImplicitMap:
 
     @lazy
     def moving(self) -> ca.Function:
-        """The whole computation unrolled: a casadi.Function (u0, v0, du) -> v for any point of evaluation near this one."""
-        _, V = self.equations.at(self.u0[None, :], self.v0[None, :])
-        return unrolled(self.equations, self.order, len(self.u0), V[0])
+        """The whole computation unrolled: a casadi.Function (u0, v0, du) -> v for any point of evaluation."""
+        return unrolled(self.equations, self.order, len(self.u0), len(self.v0))
 
     def unit(self, direction: ArrayLike) -> Array:
         """Return a checked direction of length 1.

@@ -136,13 +136,9 @@ class Space:
 
 @dataclass(frozen=True, eq=False)
 class Symbolic(Space):
-    """Series in one variable with CasADi scalars as coefficients; what CasADi finds to be zero costs no instruction.
-
-    Parameters: pivots: the order of rows for Gauss elimination of V, chosen from numbers near by.
-    """
+    """Series in one variable with CasADi scalars as coefficients; what CasADi finds to be zero costs no instruction."""
 
     dtype: Any = object
-    pivots: Array | None = None
 
     def apply(self, name: str, *values: Array) -> Array:
         return of_scalars(getattr(ca, name)(*(ca.SX(value[0]) for value in values)))
@@ -158,20 +154,9 @@ class Symbolic(Space):
         return of_scalars(*(0 if is_zero(value) else value for value in part))
 
     def solve(self, V: Array, right: Array) -> Array:
-        """By Gauss elimination in the chosen order of rows; V (m, m), right (m, size)."""
-        A, x = V[self.pivots].copy(), right[self.pivots].copy()
-        m = len(A)
-        for j in range(m):
-            for i in range(j + 1, m):
-                if not is_zero(A[i, j]):
-                    factor = A[i, j] / A[j, j]
-                    A[i, j + 1 :] -= self.scale(factor, A[j, j + 1 :])
-                    x[i] -= self.scale(factor, x[j])
-        for i in reversed(range(m)):
-            for j in range(i + 1, m):
-                x[i] -= self.scale(A[i, j], x[j])
-            x[i] = self.scale(1 / A[i, i], x[i])
-        return x
+        """V (m, m), right (m, size)."""
+        x = ca.solve(ca.blockcat(V.tolist()), ca.blockcat(right.tolist()))
+        return of_scalars(*ca.vertsplit(ca.vec(x.T))).reshape(right.shape)
 
 
 def is_zero(value: Any) -> bool:
