@@ -144,10 +144,13 @@ class TipEquations(Expressions):
         y = self.z[: self.coordinates]
         return ca.Function("task", [self.z, self.phase], [self.c, ca.densify(ca.jacobian(self.c, y)), self.flip])
 
-    def newton_step(self, phase: float, z: Array) -> Array:
-        """F_z^-1 F at one phase; infinite where that is singular."""
+    def newton_step(self, phase: float, z: Array, left: Array | float = 0.0) -> Array:
+        """F_z^-1 (F - left) at one phase; infinite where that is singular."""
         F, slope, _ = (x.full() for x in self.first(z, phase))
-        return solve_or_infinite(slope, F[:, 0])
+        try:
+            return np.asarray(np.linalg.solve(slope, F[:, 0] - left))
+        except np.linalg.LinAlgError:
+            return np.full(len(z), np.inf)
 
     def newton_steps(self, phases: Array, z: Array) -> Array:
         """The same at N phases, z (N, k)."""
@@ -165,14 +168,6 @@ class TipEquations(Expressions):
         rate = -np.linalg.solve(slope, along)[:, :, 0]
         (rest,) = symbolic.evaluate(self.second, z, rate, at)
         return rate, -np.linalg.solve(slope, rest)[:, :, 0]
-
-
-def solve_or_infinite(matrix: Array, right: Array) -> Array:
-    """The solution of a linear system, infinite where there is none."""
-    try:
-        return np.asarray(np.linalg.solve(matrix, right))
-    except np.linalg.LinAlgError:
-        return np.full(len(right), np.inf)
 
 
 def make_tip_equations(arm: Manipulator, path: PosePath, follow: Sequence[str], posture: Array) -> TipEquations:

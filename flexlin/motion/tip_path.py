@@ -17,7 +17,6 @@ from flexlin.motion.tip_equations import (
     make_polyline,
     make_tip_equations,
     refuse_unreachable,
-    solve_or_infinite,
 )
 from flexlin.periodic.circle import count_turns
 from flexlin.periodic.precision import FAINT, ROOT
@@ -71,7 +70,7 @@ def make_tip_path(table: TipPath, arm: Manipulator, prescribed: tuple[bool, ...]
             continue
         tried.append(begun)
         try:
-            nodes, z = follow_path(equations, begun, path.period, start)
+            nodes, z = follow_path(equations, begun, path.period)
             refuse_limits(joints, nodes * path.period, z)
         except MotionError as error:
             problems.append(error)
@@ -122,18 +121,13 @@ def begin(equations: TipEquations, start: Array) -> Array | None:
     if not np.isfinite(start).all():
         return None
     away = equations.first(start, 0.0)[0].full()[:, 0]
-
-    def step(share: float, z: Array) -> Array:
-        F, slope, _ = (x.full() for x in equations.first(z, 0.0))
-        return solve_or_infinite(slope, F[:, 0] - (1 - share) * away)
-
-    z, _ = track(step, start, 0.0, 1.0, 1e-6)
+    z, _ = track(lambda share, z: equations.newton_step(0.0, z, (1 - share) * away), start, 0.0, 1.0, 1e-6)
     z = newton_from(equations.newton_step, 0.0, z) if z is not None else None
     upright = z is not None and float(equations.task(z, 0.0)[2]) > 0
     return z if upright else None
 
 
-def follow_path(equations: TipEquations, begun: Array, period: float, start: Array) -> tuple[Array, Array]:
+def follow_path(equations: TipEquations, begun: Array, period: float) -> tuple[Array, Array]:
     """Phases (N + 1,) and solutions there, over a whole period.
 
     Raises: MotionError with the time where the path leaves the reach, or is singular, or the joints do not come back.
