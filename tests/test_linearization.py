@@ -103,16 +103,6 @@ def test_prescribed_link_is_mathieu():
     assert lin.inputs == ()
 
 
-def test_zero_motion_is_constant():
-    """At rest the coefficients are those of the linear vibration problem, whatever the phase."""
-    scene = two_links(
-        ALL, kind="harmonic", frequency=1.0, joints=[{"amplitude": 0.0, "mean": -0.5}, {"amplitude": 0.0}]
-    )
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
-    A = lin.periodic_system().A(np.linspace(0.0, lin.period, 5))
-    np.testing.assert_allclose(A, np.broadcast_to(A[0], A.shape), rtol=0, atol=1e-13 * np.abs(A).max())
-
-
 def test_free_parameters_change_nothing_at_their_nominal_values():
     scene = two_links(ALL)
     fixed = fl.linearize(fl.build_manipulator(scene), scene.motion)

@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "about.harmonic_balance": "balance by_law miss_between Solver",
         "about.free": "make_kernel parametric_loop ParametricLoop record_model",
         "about.law": "Law",
-        "about.layers": "Layers saturating_arguments",
+        "about.deviation": "Layers saturating_arguments",
         "about.linear": "by_jacobian by_kronecker with_control",
     },
 )

@@ -8,21 +8,14 @@ from flexlin.about.deviation import Deviation
 from flexlin.checks import ROUNDING, SAMPLES, Array
 from flexlin.errors import MotionError, SingularClosure
 from flexlin.motion import SymbolicMotion
+from flexlin.motion.base import NODES
 from flexlin.periodic.precision import CUBE
-from flexlin.series.tracking import CONTRACTION, SHORTEST, find_singular, track
+from flexlin.series.tracking import CONTRACTION, NEWTON, SHORTEST, Step, find_singular, track
 
-SINGULAR = 1e-7
-"""A closure whose V, with columns of length 1, has a reciprocal condition number below this is called singular."""
-SAME = 1e-6
-"""Followers that differ by more are those of another assembly."""
-STRAIGHT = 5
-"""Newton's steps, all times together, that show that two neighbours belong together."""
 OTHER = "move the motion away from there, or give the links other lengths"
 NEARER = "give the links a posture from the middle of the motion"
-PHASES = 512
-"""Phases that are looked at."""
-CLEAR = 1 / 50
-"""Of the period: what a motion keeps from its dead points has no feature of a half-width below T / 200."""
+CLEAR = 50
+"""A motion that keeps a fiftieth of the period from its dead points has no feature of a half-width below T / 200."""
 
 
 def refuse_open_loops(about: Deviation) -> None:
@@ -36,19 +29,16 @@ def refuse_open_loops(about: Deviation) -> None:
     asked = evaluate_at(about, "followers", s)[:, :, 0]
     if not np.isfinite(asked[0]).all():
         raise refused(0.0, "the loops do not close at the start of the motion", NEARER)
-    near = find_near(about, s, asked)
-    v, lost = [asked[0]], None
-    for k in range(1, SAMPLES + 1):
-        if near[k - 1] and lost is None:
-            v.append(asked[k])
-            continue
-        found, at = follow(about, v[-1], t[k - 1], t[k])
+    step, lost = newton_along(about), None
+    v = list(asked if leads_on(about, s, asked) else asked[:1])
+    for k in range(len(v), SAMPLES + 1):
+        found, at = track(step, v[-1], t[k - 1], t[k], SHORTEST * about.motion.period)
         if found is None:
-            refuse_singular(about, t[:k], s[:k], v)
+            refuse_singular(about, t[:k], v)
             raise singular(at, "lets the loops follow no further: they reach a dead point")
         v.append(found)
         lost = t[k] if lost is None and not is_same(found, asked[k]).all() else lost
-    refuse_singular(about, t, s, v)
+    refuse_singular(about, t, v)
     if lost is not None:
         raise refused(lost, "v(u) about the posture does not follow the whole motion", NEARER)
 
@@ -64,53 +54,47 @@ def evaluate_at(about: Deviation, name: str, s: Array, *v: Array) -> Array:
     return symbolic.evaluate(about.arm.functions[name], s, *v, p)[0]
 
 
-def find_near(about: Deviation, s: Array, v: Array) -> Array:
-    """Whether Newton's method leads from the followers at each time straight to those at the next, (N - 1,), all in batches."""
-    found, last, near = v[:-1].copy(), np.inf, np.isfinite(v[1:]).all(axis=1) & np.isfinite(v[:-1]).all(axis=1)
-    found[~near] = v[0]
-    for _ in range(STRAIGHT):
-        step = evaluate_at(about, "newton_step", s[1:], found)
-        size = np.abs(step[:, :, 0]).max(axis=1)
-        near &= size < np.maximum(last / CONTRACTION, ROUNDING)
-        found[near] -= step[near, :, 0]
-        last = size
-    return np.asarray(near & is_same(found, v[1:]).all(axis=1))
+def leads_on(about: Deviation, s: Array, v: Array) -> bool:
+    """Whether Newton's method leads from the followers at each time straight to those at the next, at all times together."""
+    if not np.isfinite(v).all():
+        return False
+    found, last = v[:-1], np.inf
+    for _ in range(NEWTON):
+        step = evaluate_at(about, "newton_step", s[1:], found)[:, :, 0]
+        size = float(np.abs(step).max())
+        if not size < max(last / CONTRACTION, ROUNDING):
+            return False
+        found, last = found - step, size
+    return bool(is_same(found, v[1:]).all())
 
 
 def is_same(v: Array, other: Array) -> Array:
-    """Whether followers agree, whole turns apart."""
+    """Whether followers agree, whole turns apart; those of another assembly differ by far more."""
     off = v - other
-    return np.asarray(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))) <= SAME * (1 + np.abs(v)))
+    return np.asarray(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))) <= CUBE * (1 + np.abs(v)))
 
 
-def refuse_singular(about: Deviation, t: Array, s: Array, v: list[Array]) -> None:
-    """Raise where V is singular at one of the times, or between them, while the followers are v."""
+def refuse_singular(about: Deviation, t: Array, v: list[Array]) -> None:
+    """Raise where V, its columns scaled to length 1, is singular at one of the times, or between them, while the followers are v."""
 
-    def between(k: int, at: float) -> Array:
-        found, reached = follow(about, v[k], t[k], at)
-        there = v[k] if found is None else found
-        return np.asarray(closings(about, rigid_positions(about, np.array([reached])), there[None])[0])
+    def matrix(t: Array, v: Array) -> Array:
+        V = evaluate_at(about, "closing", rigid_positions(about, t), v)
+        return np.asarray(V / np.maximum(np.linalg.norm(V, axis=1, keepdims=True), 1e-300))
 
-    found = find_singular(t, closings(about, s, np.array(v)), between, SINGULAR, SHORTEST * about.motion.period)
+    found = find_singular(t, np.array(v), newton_along(about), matrix, SHORTEST * about.motion.period)
     if found is not None:
         at, least = found
         raise singular(at, f"has the reciprocal condition number {least:.1e}" if least else "passes through zero")
 
 
-def closings(about: Deviation, s: Array, v: Array) -> Array:
-    """V (N, k, k) at s for followers v (N, k), its columns scaled to length 1, so that metres and radians count alike."""
-    V = evaluate_at(about, "closing", s, v)
-    return np.asarray(V / np.maximum(np.linalg.norm(V, axis=1, keepdims=True), 1e-300))
-
-
-def follow(about: Deviation, v: Array, a: float, b: float) -> tuple[Array | None, float]:
-    """The followers at time b from those at a, or None, and the time that was reached."""
+def newton_along(about: Deviation) -> Step:
+    """Newton's step V^-1 f of the followers v at a time."""
     f, p = about.arm.functions["newton_step"], about.arm.parameters.values
 
     def step(t: float, v: Array) -> Array:
         return np.asarray(f(rigid_positions(about, np.array([t]))[0], v, p).full()[:, 0])
 
-    return track(step, v, a, b, SHORTEST * about.motion.period)
+    return step
 
 
 def singular(at: float, how: str) -> SingularClosure:
@@ -125,7 +109,7 @@ def refused(at: float, what: str, todo: str) -> MotionError:
 
 
 def keeps_clear(about: Deviation) -> bool:
-    """Whether all dead points of the loops lie at least CLEAR T from real times, in the complex plane.
+    """Whether all dead points of the loops lie at least T / CLEAR from real times, in the complex plane.
 
         det V(t) = 0,   V = D_v f:   t - t_0 ~ 1 / mu for the largest eigenvalue mu of V^-1 V'
 
@@ -134,13 +118,17 @@ def keeps_clear(about: Deviation) -> bool:
     looked at. The elastic coordinates are at rest.
     """
     T = about.motion.period
-    t, step = T * np.arange(PHASES) / PHASES, CUBE * T
-    try:
-        before, after = (closings_along(about, t + side * step) for side in (-1, 1))
-        rates = np.linalg.eigvals(np.linalg.solve(before + after, (after - before) / step))
-    except np.linalg.LinAlgError:  # a loop that is open or at a dead point
+    t, step = T * np.arange(NODES) / NODES, CUBE * T
+    s = rigid_positions(about, np.concatenate([t - step, t + step]))
+    v = evaluate_at(about, "followers", s)[:, :, 0]
+    if not np.isfinite(v).all():  # a loop is open
         return False
-    return bool(np.abs(rates).max(initial=0.0) * CLEAR * T <= 1)
+    before, after = np.split(evaluate_at(about, "closing", s, v), 2)
+    try:
+        rates = np.linalg.eigvals(np.linalg.solve(before + after, (after - before) / step))
+    except np.linalg.LinAlgError:  # a dead point
+        return False
+    return bool(np.abs(rates).max(initial=0.0) * T <= CLEAR)
 
 
 def moves_followers(about: Deviation) -> bool:
@@ -150,12 +138,3 @@ def moves_followers(about: Deviation) -> bool:
         return True
     symbols = (part for part in (p, motion.parameters.symbols) if part.numel())
     return any(ca.depends_on(ca.vertcat(loops.gap, motion.angles), part) for part in symbols)
-
-
-def closings_along(about: Deviation, t: Array) -> Array:
-    """V (N, k, k) at times (N,), along the motion. Raises: LinAlgError where a loop is open."""
-    s = rigid_positions(about, t)
-    v = evaluate_at(about, "followers", s)[:, :, 0]
-    if not np.isfinite(v).all():
-        raise np.linalg.LinAlgError
-    return evaluate_at(about, "closing", s, v)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from enum import IntFlag, auto
 from functools import partial
 from typing import ClassVar
 
@@ -78,9 +79,7 @@ class ParametricLoop:
     @lazy
     def matrices(self) -> ca.Function:
         """(phase, p) -> M, D, K, or (phase, p, gain) where a designed gain is kept; `inputs` makes its arguments."""
-        return (
-            closed_matrices(self.linearization) if self.kept is None else kept_matrices(self.linearization, self.kept)
-        )
+        return loop_matrices(self.linearization, self.kept)
 
     @property
     def may_be_narrow(self) -> bool:
@@ -153,36 +152,32 @@ class ParametricLoop:
         return replace(self, kept=kept)
 
 
-def kept_matrices(lin: Linearization, kept: KeptGain) -> ca.Function:
-    """(phase, p, gain) -> M, D, K of an arm without feedback under a gain."""
-    gain = ca.SX.sym("gain", lin.about.m, 2 * lin.n + kept.memory)
-    phase, p = lin.coefficients.sx_in()
-    rates = ca.SX(0, 2 * lin.n) if kept.rates is None else ca.SX(kept.rates)
-    closed = close_loop(lin, phase, p, gain, rates)
-    return ca.Function("loop", [phase, p, ca.vec(gain)], closed, ["phase", "p", "gain"], ["M", "D", "K"])
+def loop_matrices(lin: Linearization, kept: KeptGain | None) -> ca.Function:
+    """(phase, p) -> M, D, K of a linearization, or (phase, p, gain) of an arm without feedback under a kept gain.
 
+        [M 0; 0 I],   [D + B gain_y', B gain_z; -rates_y', -rates_z],   [K + B gain_y, 0; -rates_y, 0]
 
-def close_loop(lin: Linearization, phase: ca.SX, p: ca.SX, gain: ca.SX, rates: ca.SX) -> list[ca.SX]:
-    """M, D, K of the loop u = -gain [y; y'; z], z' = rates [y; y'; z], z being the rates of ignorable coordinates behind y.
-
-    [M 0; 0 I],   [D + B gain_y', B gain_z; -rates_y', -rates_z],   [K + B gain_y, 0; -rates_y, 0]
+    of the loop u = -gain [y; y'; z], z' = rates [y; y'; z], z being the rates of ignorable coordinates behind y. What of a scene's own
+    gain answers at once stands in D and K already.
     """
-    n, k = lin.n, rates.size1()
-    M, D, K, _, B, _ = lin.coefficients.call([phase, p])
+    if kept is None and (lin.controller is None or lin.feedback is None):
+        return selected(lin.coefficients, ("M", "D", "K"))
+    n, inputs = lin.n, lin.coefficients.sx_in()
+    M, D, K, _, B, _ = lin.coefficients.call(inputs)
+    if kept is None:
+        assert lin.feedback is not None
+        gain, rates, _ = lin.feedback.function.call(inputs[1:])
+        gain[:, : 2 * n] = 0
+    else:
+        gain = ca.SX.sym("gain", lin.about.m, 2 * n + kept.memory)
+        rates = ca.SX(0, 2 * n) if kept.rates is None else ca.SX(kept.rates)
+        inputs.append(ca.vec(gain))
+    k = rates.size1()
     M = ca.diagcat(M, ca.SX.eye(k))
     D = ca.vertcat(ca.horzcat(D + B @ gain[:, n : 2 * n], B @ gain[:, 2 * n :]), -rates[:, n:])
     K = ca.horzcat(ca.vertcat(K + B @ gain[:, :n], -rates[:, :n]), ca.SX(n + k, k))
-    return [ca.densify(A) for A in (M, D, K)]
-
-
-def closed_matrices(lin: Linearization) -> ca.Function:
-    """(phase, p) -> M, D, K of a linearization, whose own D and K hold what answers at once; the controller's states go behind."""
-    if lin.controller is None or lin.feedback is None:
-        return selected(lin.coefficients, ("M", "D", "K"))
-    phase, p = lin.coefficients.sx_in()
-    gain, rates, _ = lin.feedback.function.call([p])
-    gain[:, : 2 * lin.n] = 0
-    return ca.Function("loop", [phase, p], close_loop(lin, phase, p, gain, rates), ["phase", "p"], ["M", "D", "K"])
+    names = ["phase", "p", "gain"][: len(inputs)]
+    return ca.Function("loop", inputs, [ca.densify(A) for A in (M, D, K)], names, ["M", "D", "K"])
 
 
 def parametric_loop(scene: Scene, paths: Iterable[str], *, closed: bool = True) -> ParametricLoop:
@@ -213,8 +208,11 @@ def loop_of(lin: Linearization) -> ParametricLoop:
     return ParametricLoop(lin.arm.parameters.paths, lin, duration)
 
 
-PHASE, POINT = 1, 2
-"""What a value depends on, as bits."""
+class Needs(IntFlag):
+    """What a value depends on."""
+
+    PHASE = auto()
+    POINT = auto()
 
 
 def make_kernel(source: ParametricLoop | PeriodicFamily) -> Kernel:
@@ -260,12 +258,12 @@ def record_model(function: ca.Function, phase_inputs: int) -> Model:
 
     Raises: ArgumentError for an operation that the kernel does not know.
     """
-    kinds = tuple(POINT if i == 1 else PHASE for i in range(function.n_in()))
+    kinds = tuple(Needs.POINT if i == 1 else Needs.PHASE for i in range(function.n_in()))
     program, (states, rows) = Program.read(function).invert_once(kinds), function.size_out(0)
     program.check_known()
     code, needs, (Z, M, period) = program.steps[:, 0], program.find_needs(kinds), program.find_outputs()
-    wanted = np.concatenate([Z, M, program.steps[(needs == PHASE | POINT) & (code != OUTPUT), 2:].ravel()])
-    of_phase, of_point = (np.unique(wanted[np.isin(needs[wanted], kind)]) for kind in (PHASE, (POINT, 0)))
+    wanted = np.concatenate([Z, M, program.steps[(needs == Needs.PHASE | Needs.POINT) & (code != OUTPUT), 2:].ravel()])
+    of_phase, of_point = (np.unique(wanted[np.isin(needs[wanted], kind)]) for kind in (Needs.PHASE, (Needs.POINT, 0)))
     phase = program.lay_out((), of_phase, place_inputs(program, [i for i in range(len(kinds)) if i != 1]), phase_inputs)
     point = program.lay_out((), np.append(of_point, period), place_inputs(program, [1]), function.numel_in(1))
     given = {value: slot for slot, value in enumerate([*of_point.tolist(), *of_phase.tolist()])}

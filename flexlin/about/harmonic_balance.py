@@ -6,24 +6,20 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from flexlin.about.deviation import Deviation
+from flexlin.about.deviation import THICK, Deviation, Layers
 from flexlin.about.law import Controller, Law
-from flexlin.about.layers import THICK, Layers
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.lazy import lazy
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.interpolation import FourierSeries, fourier_basis, fourier_differentiation, waves_at_nodes
+from flexlin.periodic.precision import FAINT, MINOR
 from flexlin.periodic.resolved.sampling import graded
 
 NEWTON_STEPS = 25
-SETTLED, ROUNDED, LEAVES = 1e-11, 1e-6, 10.0
-"""A step this small against |y| ends Newton's method; one this small does where steps shrink no further. From a known
-solution nearby, one this many times as large as the smallest so far leads away."""
-
-
 SMALL = 1e-6
-"""Deviations below this, in rad or m, count as that large: those of a rigid arm are rounding."""
+"""Deviations below this, in rad or m, count as that large: those of a rigid arm are rounding. A step this small against |y| ends Newton's
+method where steps shrink no further."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +58,10 @@ def balance(about: Deviation, closing: Closing, controller: Controller | None = 
     arm, kept, driven, n, m = about.arm, list(about.kept), list(about.driven), about.n, about.m
     k = 0 if controller is None else controller.states
     y, y_rate, y_acceleration, angles = about.symbols()
-    speed = ca.SX.sym("speed")
-    names = (("torque", m), ("z", k), ("offset", m), ("gain", m * (2 * n + k)), ("steer", k))
-    torque, z, offset, gain, steer = (ca.SX.sym(name, size) for name, size in names)
+    torque, z = ca.SX.sym("torque", m), ca.SX.sym("z", k)
+    sizes = {"offset": m, "gain": m * (2 * n + k), "steer": k, "speed": 1}
+    given = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+    offset, gain, steer, speed = given.values()
     there, *moved = at_speed(speed, angles, y, y_rate, y_acceleration)
     left, B = about.lift([arm.residual, arm.B[:, driven]], there, *moved)
     s, rigid = about.coordinates(there, y)[0], about.coordinates(there)[0]
@@ -75,16 +72,7 @@ def balance(about: Deviation, closing: Closing, controller: Controller | None = 
     outputs = {"F": F} | {
         name: ca.jacobian(F, by) for name, by in (("K", y), ("D", y_rate), ("M", y_acceleration), ("T", others))
     }
-    named = {
-        "y": y,
-        "y1": y_rate,
-        "y2": y_acceleration,
-        "others": others,
-        "offset": offset,
-        "gain": gain,
-        "steer": steer,
-        "speed": speed,
-    }
+    named = {"y": y, "y1": y_rate, "y2": y_acceleration, "others": others, **given}
     return about.function(angles, named, outputs)
 
 
@@ -151,22 +139,23 @@ class Solver:
             J[:, i, :, i] += first
         return F[:, :, 0], J.reshape(z.size, z.size)
 
-    def solve(self, start: Array | None, speed: float = 1.0, steps: int = NEWTON_STEPS) -> tuple[Array, float] | None:
+    def solve(self, start: Array | None, speed: float = 1.0) -> tuple[Array, float] | None:
         """The solution from a start, or from the rigid motion, and the last step relative to |y|; None where it does not settle.
 
-        It has settled too where steps shrink no further and are as small as rounding in the derivatives makes them.
+        It has settled too where steps shrink no further and are as small as rounding in the derivatives makes them. From a known solution
+        nearby, a step much larger than the smallest so far leads away.
         """
         n, z, last = self.about.n, np.zeros((self.points, self.size)) if start is None else start, np.inf
         best = np.inf
-        for _ in range(steps):
+        for _ in range(NEWTON_STEPS):
             try:
                 z, moved = self.step(z, speed)
             except NumericalError:
                 return None
             share = moved / size_of(z[:, :n])
-            if share <= SETTLED or (share <= ROUNDED and share >= 0.5 * last):
+            if share <= FAINT or (share <= SMALL and share >= 0.5 * last):
                 return z, share
-            if not np.all(np.abs(z) < 1e8) or (start is not None and share > LEAVES * best):
+            if not np.all(np.abs(z) < 1e8) or (start is not None and best < MINOR * share):
                 return None
             last, best = share, min(best, share)
         return None
@@ -204,10 +193,8 @@ def lost(got: str, todo: str = "slow the motion down, lower its amplitude or sti
     return NumericalError("no periodic motion was found near the rigid one", got=got, todo=todo)
 
 
-FINER = 16
-"""Samples for each point, among which passages are looked for."""
-PANELS, NODES, STEP = 64, 16, 3.0
-"""Panels of a period and Gauss nodes in each; ratio of neighbouring panels about a passage."""
+PANELS, FINER = 64, 16
+"""Panels of a period; Gauss nodes in each, and samples for each point among which passages are looked for."""
 
 
 def find_passages(layers: Layers, y: FourierSeries, points: int) -> Array:
@@ -224,7 +211,7 @@ def find_passages(layers: Layers, y: FourierSeries, points: int) -> Array:
             slope = (one[i + 1] - one[i - 1]) / (t[i + 1] - t[i - 1])
             crosses = one[i + 1] * one[i - 1] < 0
             width = (t[1] - t[0]) / fastest[i - 1]
-            edges.append(graded([t[i] - one[i] / slope if crosses else t[i]], min(width, T / 8), T / 8, STEP))
+            edges.append(graded([t[i] - one[i] / slope if crosses else t[i]], min(width, T / 8), T / 8, np.pi))
     return np.mod(np.concatenate(edges), T)
 
 
@@ -243,7 +230,7 @@ def miss_between(solver: Solver, layers: Layers, values: Array) -> float:
     n, N, k, T = solver.about.n, solver.points, solver.law.memory, solver.about.motion.period
     series = FourierSeries.through(values, T)
     edges = place_edges(T, find_passages(layers, FourierSeries.through(values[:, :n], T), N), PANELS)
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    nodes, weights = np.polynomial.legendre.leggauss(FINER)
     h = np.diff(edges)[:, None]
     t, weights = (edges[:-1, None] + h * (nodes + 1) / 2).ravel(), (h * weights / 2).ravel()
     left = solver.left(t, series)

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 from flexlin.about.deviation import Deviation
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, counted
-from flexlin.mechanics.effects import effects_of
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction
 from flexlin.scene.control import AnyFilter, Control, LowPass, Pid
 from flexlin.summary import represent
@@ -173,17 +172,9 @@ def torque_of(control: Control, memory: Memory, row: int, angle: ca.SX, rate: ca
             taken[row] = 1 / (feedback.ki[row] * feedback.tracking_time)
         memory.follow(angle, taken)
         torque += feedback.ki[row] * integral
-    unit = made_by_motors(about) or ("N" if moved.unit == "m" else "N m")
     for i, one in chosen(control, "torque", row):
-        torque = pass_through(one, memory, torque, f"{moved.name}_filter{i + 1}", unit)
+        torque = pass_through(one, memory, torque, f"{moved.name}_filter{i + 1}", about.input_units[row])
     return torque
-
-
-def made_by_motors(about: Deviation) -> str | None:
-    """The unit of the inputs, where an effect of the arm makes it another than that of its joints' torques."""
-    tables = about.arm.effects
-    units = [effect.input_unit for effect in effects_of(tables)] if tables is not None else []
-    return next((unit for unit in reversed(units) if unit is not None), None)
 
 
 def chosen(control: Control, on: str, row: int) -> list[tuple[int, AnyFilter]]:

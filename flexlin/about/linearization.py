@@ -285,9 +285,7 @@ class Linearization(Shown):
     @property
     def input_units(self) -> tuple[str, ...]:
         """The units of the inputs: what an effect makes of them, such as V behind a motor, else the force of each joint."""
-        own = [unit for effect in self.effects if (unit := effect.input_unit) is not None]
-        moved = [self.arm.coordinates[self.arm.drives[i]].unit for i in self.driven]
-        return tuple(own[-1] if own else "N" if unit == "m" else "N m" for unit in moved)
+        return self.about.input_units
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -381,11 +379,6 @@ class Linearization(Shown):
         """What the loop remembers, if it is closed and remembers anything."""
         return self.closed_by.controller
 
-    @lazy
-    def _gain_of_states(self) -> Array:
-        """The gain (m, k) on the controller's states, which is constant."""
-        return np.array(self.closed_by.gain(np.zeros(1))[0, :, 2 * self.n :])
-
     @property
     def states(self) -> int:
         """The number of states 2n + k, the controller's k included."""
@@ -444,7 +437,7 @@ class Linearization(Shown):
         A, controller = build_companion(*self.equations(t), t), self.controller
         if controller is None:
             return A
-        upper = -build_input(*self.mass_and_input(t), t) @ self._gain_of_states
+        upper = -build_input(*self.mass_and_input(t), t) @ self.closed_by.gain(t)[:, :, 2 * self.n :]
         lower = np.broadcast_to(controller.rates, (len(t), *controller.rates.shape))
         return np.concatenate([np.concatenate([A, upper], axis=2), lower], axis=1)
 
@@ -556,5 +549,4 @@ class Linearization(Shown):
 
     def _with_controller(self, columns: Array) -> Array:
         """Columns (N, 2n, p) of the arm's states, with zeros for those of the controller."""
-        k = 0 if self.controller is None else self.controller.states
-        return columns if not k else np.concatenate([columns, np.zeros((len(columns), k, columns.shape[2]))], axis=1)
+        return np.pad(columns, ((0, 0), (0, self.states - 2 * self.n), (0, 0)))

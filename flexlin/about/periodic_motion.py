@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.deviation import Deviation
+from flexlin.about.deviation import Deviation, Layers
 from flexlin.about.harmonic_balance import (
     Closing,
     Solver,
@@ -20,7 +20,6 @@ from flexlin.about.harmonic_balance import (
     size_of,
 )
 from flexlin.about.law import Law
-from flexlin.about.layers import Layers
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, at_times, positive
@@ -31,11 +30,6 @@ from flexlin.periodic.related import extend_system
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 from flexlin.summary import represent
 from flexlin.symbolic import Part
-
-FIRST, LEAST, GROWTH = 0.25, SLIGHT, 1.5
-"""The first step in speed, as a part of the full one; the least that is tried; by how much a step grows after one that succeeds."""
-STEPS, HALVINGS = 12, 10
-"""Steps of Newton's method at each speed; halvings of the interval in which the inverse becomes singular."""
 
 
 def continue_in_speed(solver: Solver) -> Array:
@@ -52,14 +46,14 @@ def continue_in_speed(solver: Solver) -> Array:
             "Newton's method did not settle, nor does it for the arm at rest in the places of its path",
             "stiffen the links or lighten the load: gravity alone bends them too far",
         )
-    passed, step = [(0.0, found[0])], FIRST
+    passed, step = [(0.0, found[0])], 0.5
     while passed[-1][0] < 1.0:
-        if step < LEAST:
+        if step < SLIGHT:
             raise refuse(solver, passed)
         reached, z = passed[-1]
         trial = min(1.0, reached + step)
-        found = solver.solve(z, trial, STEPS)
-        step = step / 2 if found is None else GROWTH * step
+        found = solver.solve(z, trial)
+        step = step / 2 if found is None else 2 * step
         passed += [] if found is None else [(trial, found[0])]
     return passed[-1][1]
 
@@ -102,9 +96,9 @@ def find_singular(solver: Solver, passed: list[tuple[float, Array]]) -> tuple[fl
     if not first:
         return 0.0, None if first is None else times[0]
     (low, z), high, t = passed[first - 1], passed[first][0], times[first]
-    for _ in range(HALVINGS):
+    while high - low > SLIGHT:
         middle = 0.5 * (low + high)
-        found = solver.solve(z, middle, STEPS)
+        found = solver.solve(z, middle)
         at = None if found is None else solver.singular_time(found[0])
         if found is not None and at is None:
             low, z = middle, found[0]
@@ -121,7 +115,8 @@ def describe_singular(t: float) -> str:
 
 __all__ = ["Closing", "PeriodicMotion", "Unknowns", "periodic_motion"]
 
-POINTS = (33, 65, 129, 257, 513)
+COARSEST, SETS = 32, 5
+"""Harmonic balance begins with one point more than this, and tries so many sets of points, each with twice the intervals."""
 SOFTER = "let friction saturate at a larger rate (effects.coulomb_friction.rate), or simulate the arm until its motion repeats"
 
 
@@ -305,7 +300,8 @@ def periodic_motion(
     law = law if closing is None else law.direct
     equations = balance(lin.about, closing or by_law, law.controller)
     before, layers = None, None if linear else Layers.of(lin.about)
-    for points in POINTS:
+    tried = [COARSEST * 2**k + 1 for k in range(SETS)]
+    for points in tried:
         solver = Solver(lin.about, equations, law, points)
         try:
             values, left = find_values(solver, closing is not None, linear, before)
@@ -317,7 +313,7 @@ def periodic_motion(
         y, torque, z = (FourierSeries.through(part, lin.period) for part in parts)
         if before is not None:
             error = max(distance(y, before), left)
-            if layers is not None and (error <= tol or points == POINTS[-1]):
+            if layers is not None and (error <= tol or points == tried[-1]):
                 error = max(error, miss_between(solver, layers, values))
             if error <= tol:
                 return PeriodicMotion(lin, y, torque, error, f"converged on {points} points", z)

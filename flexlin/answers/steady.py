@@ -11,7 +11,7 @@ from flexlin.checks import ROUNDING, SAMPLES, Array
 from flexlin.control.tracking import scene_feedforward, tip_positions
 from flexlin.errors import InputError
 from flexlin.mechanics import build_manipulator
-from flexlin.mechanics.axes import COLUMNS
+from flexlin.mechanics.links import COLUMNS
 from flexlin.motion import SampledMotion
 from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import ForcedResponse, forced_response

@@ -12,7 +12,7 @@ import numpy as np
 from flexlin.arguments import checked
 from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError
-from flexlin.kronecker.algebra import Matrix, expect_columns, kron, kronecker_power, swap
+from flexlin.kronecker.algebra import Matrix, chain_rule, expect_columns, kron, kronecker_power, swap
 
 
 class LinearizedProduct(NamedTuple):
@@ -65,7 +65,7 @@ def taylor_sum(derivatives: Sequence[Matrix], delta: Matrix) -> Matrix:
     total = derivatives[0]
     for j, DjA in enumerate(derivatives[1:], start=1):
         expect_columns(f"derivative {j}", DjA, total.shape[1] * delta.shape[0] ** j)
-        total = total + multiply_first_order(DjA, kronecker_power(delta, j)) / factorial(j)
+        total = total + chain_rule(DjA, kronecker_power(delta, j)) / factorial(j)
     return total
 
 
@@ -109,7 +109,7 @@ def linearization(A0: Matrix, *terms: tuple[Matrix, Matrix]) -> Matrix:
     total = A0
     for DA, delta in terms:
         expect_columns("a derivative", DA, A0.shape[1] * delta.shape[0])
-        total = total + multiply_first_order(DA, delta)
+        total = total + chain_rule(DA, delta)
     return total
 
 
@@ -151,7 +151,7 @@ def bilinear_term(DxDyA: Matrix, dx: Matrix, dy: Matrix) -> Matrix:
     >>> bilinear_term(np.array([[1.0]]), np.array([[0.5]]), np.array([[0.25]]))
     array([[0.125]])
     """
-    return multiply_first_order(multiply_first_order(DxDyA, dx), dy)
+    return chain_rule(chain_rule(DxDyA, dx), dy)
 
 
 @checked
@@ -195,14 +195,6 @@ def linearized_product(A0: Matrix, y0: Matrix, DyA: Matrix, DxA: Matrix) -> Line
     by_y = A0 + DyA @ kron(y0, np.eye(y0.shape[0]))
     nx = DxA.shape[1] // A0.shape[1]
     return LinearizedProduct(A0 @ y0, by_y, DxA @ kron(y0, np.eye(nx)))
-
-
-def multiply_first_order(DA: Matrix, delta: Matrix) -> Matrix:
-    """Return DA (E_p (x) delta), with p read off the widths."""
-    columns, rest = divmod(DA.shape[1], delta.shape[0])
-    if rest:
-        raise ArgumentError("a derivative does not fit its vector", got=(DA.shape, delta.shape))
-    return DA @ kron(np.eye(columns), delta)
 
 
 def closure_jacobians(derivatives: Sequence[Array], nv: int) -> list[Array]:

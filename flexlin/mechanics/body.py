@@ -6,11 +6,9 @@ from typing import Any
 
 import casadi as ca
 
+from flexlin.checks import ROUNDING
 from flexlin.lazy import lazy
 from flexlin.scene.links import Inertia
-
-ROUNDING = 1e-15
-"""Cosines and sines of fixed angles that are smaller are zero: pi/2 is no floating-point number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +117,7 @@ def rotation_about(axis: ca.SX, angle: ca.SX) -> ca.SX:
     R = a a^T + cos(angle) (E - a a^T) + sin(angle) a~
     """
     c, s = ca.cos(angle), ca.sin(angle)
-    if angle.is_constant():
+    if angle.is_constant():  # pi/2 is no floating-point number
         c, s = (ca.SX(0 if abs(float(part)) < ROUNDING else float(part)) for part in (c, s))
     if axis.nnz() == 1 and axis.is_constant():  # of length 1, so along a coordinate
         (k,), s = axis.sparsity().row(), s if float(axis.nz[0]) > 0 else -s

@@ -1,23 +1,19 @@
-"""The chain: from a scene's links and effects to kinetic energy, potential energy and dissipation."""
+"""The chain: from a scene's links and effects to kinetic energy, potential energy and dissipation, and the curves that pictures show."""
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from flexlin.arguments import checked
-from flexlin.errors import ArgumentError, ModelError
-from flexlin.mechanics.axes import list_axes, list_points
+from flexlin.errors import ArgumentError
 from flexlin.mechanics.body import (
     Body,
     Frame,
     InertiaForm,
-    X,
-    Y,
     Z,
     column,
     directions_across,
@@ -26,7 +22,7 @@ from flexlin.mechanics.body import (
     tensor,
     unit,
 )
-from flexlin.mechanics.closed_loop import close_loop
+from flexlin.mechanics.closed_loop import close_scene_loops
 from flexlin.mechanics.coordinates import Parameters, Symbols, given_to_model, list_coordinates
 from flexlin.mechanics.curve import CurvedLink, CurveRule
 from flexlin.mechanics.effects import Effect, effects_of
@@ -34,10 +30,10 @@ from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.effects.bending_torsion_coupling import BendingTorsionCoupling
 from flexlin.mechanics.lagrange import derive_inertia
 from flexlin.mechanics.link_shapes import choose_basis, choose_rule
-from flexlin.mechanics.links import BentLink, LinkBasis, split_rotation, turned_sections
+from flexlin.mechanics.links import PLACES, BentLink, LinkBasis, split_rotation, turned_sections
 from flexlin.mechanics.manipulator import FlexibleManipulator, Manipulator
 from flexlin.scene.library import registered_model
-from flexlin.scene.links import BASE, NO_LINK, Link, Loop, list_parents
+from flexlin.scene.links import BASE, NO_LINK, Link, list_parents
 from flexlin.scene.loading import checked_table
 from flexlin.scene.parameters import PARAMETERS
 from flexlin.scene.scene import Scene
@@ -118,8 +114,9 @@ def _build(
     arm = _free_motors(arm) if free_motors else arm
     if not scene.loops:
         return arm
-
-    return close_scene_loops(arm, chain, scene, near)
+    names = [link.name for link in scene.links]
+    holders = {names.index(loop.link): names.index(loop.to) for loop in scene.loops if loop.to != BASE}
+    return close_scene_loops(replace(arm, points=list_points(chain, holders)), chain, scene, near)
 
 
 def _check_springs(own: tuple[Effect, ...], freed: tuple[Effect, ...], moving: Iterable[int]) -> None:
@@ -264,7 +261,7 @@ def pass_mount(frame: Frame, link: Link) -> Frame:
         return frame
     roll, pitch, yaw = link.mount.rpy
     moved = frame.moved(column(*link.mount.xyz), ca.SX(3, 1))
-    return moved.turned(Z, yaw).turned(Y, pitch).turned(X, roll)
+    return moved.turned_by((yaw, pitch, roll))
 
 
 def pass_joint(frame: Frame, link: Link, axis: ca.SX, q: ca.SX, q_rate: ca.SX, give: ca.SX, give_rate: ca.SX) -> Frame:
@@ -348,52 +345,65 @@ def pass_bearing(frame: Frame, link: Link, axis: ca.SX, give: ca.SX, rate: ca.SX
     moved, moving = directions @ give, directions @ rate
     if link.joint == "prismatic":
         return frame.moved(moved, moving)
-    for about, angle, angle_rate in zip((Z, Y, X), *split_rotation(moved, moving), strict=True):
-        frame = frame.turned(about, angle, angle_rate)
-    return frame
+    return frame.turned_by(*split_rotation(moved, moving))
 
 
-def close_scene_loops(arm: Manipulator, chain: Chain, scene: Scene, near: Manipulator | None = None) -> Manipulator:
-    """The manipulator in the coordinates that are left when the passive joints follow from the closure of all loops.
+def list_axes(chain: Chain) -> ca.SX:
+    """World positions (3, COLUMNS links) of points on the links' axes, each link behind where the one that carries it ends.
 
-        f(s) = [p_link - p_to - R_to x] = 0, one block a loop
-
-    near: the same arm closed for small deflections, from which the passive joints follow further.
-    Raises: ModelError when there are not as many passive joints as equations; what `close_loop` raises.
+    What effects add at a link's tip is added in proportion to x. Links that stand on the ground, or slide as a loop lets them, begin at
+    their own joint.
     """
-    passive = [place for place, i in enumerate(chain.moving) if scene.links[i].passive]
-    motors = [place for place in range(len(chain.moving)) if place not in passive]
-    gap = join_tips(scene.loops, scene.links, chain.tips)
-    if gap.numel() != len(passive):
-        raise ModelError(
-            "the passive joints do not fit the loops",
-            got=f"{len(passive)} passive joints",
-            expected=f"{gap.numel()}, one for each equation of closure (3 a loop, in a plane 2)",
-            todo="set passive = true on the joints that the loops move, and on no others",
-        )
-    posture = np.zeros(arm.n)
-    nominal = ca.Function(
-        "posture", [arm.parameters.symbols], [ca.vertcat(*[scene.links[i].posture for i in chain.moving])]
-    )
-    posture[: len(chain.moving)] = nominal(arm.parameters.values).full()[:, 0]
-    independent = [i for i in range(arm.n) if i not in passive]
-    names = [link.name for link in scene.links]
-    holders = {names.index(loop.link): names.index(loop.to) for loop in scene.loops if loop.to != BASE}
-    start = None
-    if near is not None and near.loops is not None:
-        known = ca.vertcat(near.s, near.parameters.symbols), ca.vertcat(arm.s[independent], arm.parameters.symbols)
-        start = ca.substitute(near.loops.followers, *known)
-    arm = replace(arm, points=list_points(chain, holders))
-    closed = close_loop(arm, gap, independent, motors, posture, start=start)
-    return replace(closed, effects=arm.effects)
+    curves = []
+    for i, (link, tip) in enumerate(zip(chain.links, chain.tips, strict=True)):
+        slides = link.table.passive and link.table.joint == "prismatic"
+        before = chain.joints[i] if slides or chain.parents[i] == NO_LINK else chain.tips[chain.parents[i]]
+        own = link.axis()
+        curves += [before.position, own + (tip.position - own[:, -1]) @ ca.DM(PLACES).T]
+    return ca.densify(ca.horzcat(*curves))
 
 
-def join_tips(loops: Sequence[Loop], links: Sequence[Link], tips: Sequence[Frame]) -> ca.SX:
-    """The closure equations f(s), in m: what stays zero whatever the coordinates are, as across a plane, is no equation."""
-    names = [link.name for link in links]
-    gaps = []
-    for loop in loops:
-        held, by = tips[names.index(loop.link)], Frame.fixed() if loop.to == BASE else tips[names.index(loop.to)]
-        gaps.append(held.position - by.moved(column(*loop.point), ca.SX(3, 1)).position)
-    gap = ca.sparsify(ca.vertcat(*gaps))
-    return ca.densify(gap[gap.sparsity().row()])
+Place = tuple[int, bool]
+"""A link's joint (link, False) or its tip (link, True)."""
+
+
+def list_points(chain: Chain, holders: Mapping[int, int] | None = None) -> ca.SX:
+    """Where the joints and the last tip are, (2, k) for an arm that cannot leave its plane, else (3, k).
+
+    Where links branch the way goes back along each branch, so two neighbours lie on one body or on the ground. `holders`: for links
+    whose tip a loop holds, the link that does: a branch then goes on to that link's tip.
+    """
+    lengths = [link.table.length for link in chain.links]
+    places = walk_tree(chain.parents, holders or {}, [is_same(ca.SX(length), ca.SX(0)) for length in lengths])
+    if list(chain.parents) == list(range(-1, len(chain.links) - 1)):
+        visited = [frame.position for frame in (*chain.joints, chain.tips[-1])]
+    else:
+        met = [(chain.tips if at_tip else chain.joints)[i].position for i, at_tip in places]
+        visited = [point for k, point in enumerate(met) if k == 0 or not is_same(point, met[k - 1])]
+    points = ca.sparsify(ca.horzcat(*visited))
+    return ca.densify(points if points[2, :].nnz() else points[:2, :])
+
+
+def walk_tree(parents: Sequence[int], holders: Mapping[int, int], short: Sequence[bool]) -> list[Place]:
+    """The joints and tips that are met from the first link's base to the last link's tip.
+
+    A body that loops alone carry, whose links on the way from the ground have no length (`short`), is met at its tip only.
+    """
+
+    def way_to(link: int) -> list[int]:
+        return [] if link == NO_LINK else [*way_to(parents[link]), link]
+
+    def places(path: list[int]) -> list[Place]:
+        end = [(holders[path[-1]], True)] if path and path[-1] in holders else []
+        return [*((i, at_tip) for i in path for at_tip in (False, True)), *end]
+
+    held = set(holders.values())
+    ways = [way_to(end) for end in range(len(parents)) if end not in parents]
+    drawn = [way for way in ways if not (way[-1] in held and all(short[i] for i in way))]
+    walk, before = list[Place](), list[int]()
+    for way in drawn:
+        shared = sum(a == b for a, b in zip(way, before, strict=False))
+        walk += places(before[shared:])[::-1][1:] + places(way[shared:])
+        before = way
+    last = (len(parents) - 1, True)
+    return walk if walk[-1] == last else [*walk, last]

@@ -12,8 +12,12 @@ from flexlin.checks import real_array
 from flexlin.errors import ModelError
 from flexlin.kronecker.algebra import kron
 from flexlin.kronecker.symbolic import derivative
+from flexlin.mechanics.body import Frame, column
 from flexlin.mechanics.coordinates import ClosedLoops, Parameters
+from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.manipulator import Manipulator
+from flexlin.scene.links import BASE, Link, Loop
+from flexlin.scene.scene import Scene
 from flexlin.series.implicit import implicit_taylor, solve_implicit
 
 NEWTON_STEPS, FOLLOWING = 4, 2
@@ -155,3 +159,46 @@ def shorten_turns(f: ca.SX, u: ca.SX, v: ca.SX, u0: np.ndarray, v0: np.ndarray) 
 def choose_order(nu: int, nv: int) -> int:
     """The highest order up to 4 whose polynomial of nv values by nu variables has few terms."""
     return max(k for k in range(1, 5) if k == 1 or nv * comb(nu + k, k) <= MOST_TERMS)
+
+
+def close_scene_loops(arm: Manipulator, chain: Chain, scene: Scene, near: Manipulator | None = None) -> Manipulator:
+    """The manipulator in the coordinates that are left when the passive joints follow from the closure of all loops.
+
+        f(s) = [p_link - p_to - R_to x] = 0, one block a loop
+
+    near: the same arm closed for small deflections, from which the passive joints follow further.
+    Raises: ModelError when there are not as many passive joints as equations; what `close_loop` raises.
+    """
+    passive = [place for place, i in enumerate(chain.moving) if scene.links[i].passive]
+    motors = [place for place in range(len(chain.moving)) if place not in passive]
+    gap = join_tips(scene.loops, scene.links, chain.tips)
+    if gap.numel() != len(passive):
+        raise ModelError(
+            "the passive joints do not fit the loops",
+            got=f"{len(passive)} passive joints",
+            expected=f"{gap.numel()}, one for each equation of closure (3 a loop, in a plane 2)",
+            todo="set passive = true on the joints that the loops move, and on no others",
+        )
+    posture = np.zeros(arm.n)
+    nominal = ca.Function(
+        "posture", [arm.parameters.symbols], [ca.vertcat(*[scene.links[i].posture for i in chain.moving])]
+    )
+    posture[: len(chain.moving)] = nominal(arm.parameters.values).full()[:, 0]
+    independent = [i for i in range(arm.n) if i not in passive]
+    start = None
+    if near is not None and near.loops is not None:
+        known = ca.vertcat(near.s, near.parameters.symbols), ca.vertcat(arm.s[independent], arm.parameters.symbols)
+        start = ca.substitute(near.loops.followers, *known)
+    closed = close_loop(arm, gap, independent, motors, posture, start=start)
+    return replace(closed, effects=arm.effects)
+
+
+def join_tips(loops: Sequence[Loop], links: Sequence[Link], tips: Sequence[Frame]) -> ca.SX:
+    """The closure equations f(s), in m: what stays zero whatever the coordinates are, as across a plane, is no equation."""
+    names = [link.name for link in links]
+    gaps = []
+    for loop in loops:
+        held, by = tips[names.index(loop.link)], Frame.fixed() if loop.to == BASE else tips[names.index(loop.to)]
+        gaps.append(held.position - by.moved(column(*loop.point), ca.SX(3, 1)).position)
+    gap = ca.sparsify(ca.vertcat(*gaps))
+    return ca.densify(gap[gap.sparsity().row()])

@@ -145,7 +145,7 @@ class Closure:
         return V
 
 
-Z = np.eye(3)[2]
+_, Y, Z = np.eye(3)
 
 
 def planar_arm(base: ArrayLike, lengths: ArrayLike) -> tuple[OpenChain, Array]:
@@ -193,7 +193,7 @@ def rssr(crank: float, coupler: float, rocker: float, base: ArrayLike, axis: Arr
     """
     base = real_array("base", base, (3,))
     ball = (crank, 0.0, 0.0)
-    arm = OpenChain([revolute(Z, (0, 0, 0)), revolute(Z, ball), revolute((0, 1, 0), ball)])
+    arm = OpenChain([revolute(Z, (0, 0, 0)), revolute(Z, ball), revolute(Y, ball)])
     across = np.cross(real_array("axis", axis, (3,)), Z)
     end = base + rocker * across / np.linalg.norm(across)
     space = np.eye(3)

@@ -27,7 +27,7 @@ from flexlin.checks import Array
 from flexlin.lazy import lazy
 from flexlin.mechanics.beam.integrals import UNIFORM, Profile, Shapes, gauss_legendre, panels
 from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, tensor
-from flexlin.mechanics.links import PLACES, BentLink, split_rotation
+from flexlin.mechanics.links import PLACES, BentLink, rotations, split_rotation
 
 MOST = 40
 """Most Gauss nodes of a rule between two breaks."""
@@ -39,9 +39,9 @@ class CurveRule:
 
     weight, load, section (m,): of integrals from 0 to 1 of a function, of it times the relative mass, times the relative second moment of
     area; upto (m, m), drawn (17, m): of the integrals from 0 to each place, and to PLACES; slopes, turns: theta of the axis and of the
-    sections about x, y and z, bends: theta_z' of the sections, (m, n) each, for a unit of the coordinates; twists: what twist adds about
-    x, y and z, int theta_y theta_z' dx, -int theta_x theta_z' dx, int theta_x theta_y' dx, at the places and the tip, for a unit of the
-    products of coordinates, (m + 1, n n') each.
+    sections about x, y (there -theta) and z, bends: theta_z' of the sections, (m, n) each, for a unit of the coordinates; twists: what
+    twist adds about x, y and z, int theta_y theta_z' dx, -int theta_x theta_z' dx, int theta_x theta_y' dx, at the places and the tip,
+    for a unit of the products of coordinates, (m + 1, n n') each.
     """
 
     weight: Array
@@ -70,14 +70,12 @@ def make_rule(y: Shapes, z: Shapes, twist: Shapes, mass: Profile | None, stiffne
     ):
         order += 1
     xi, weight = panels(edges, order)
-    signs, upto = (1.0, -1.0, 1.0), partial(integrate_to, edges, order)
-    turns, bends = (
-        tuple(sign * part.rotation(xi, k).T for sign, part in zip(signs, shapes, strict=True)) for k in (0, 1)
-    )
-    slopes = (turns[0], -z.values(xi, 1).T, y.values(xi, 1).T)
+    upto = partial(integrate_to, edges, order)
+    turns, bends = (tuple(part.rotation(xi, k).T for part in shapes) for k in (0, 1))
+    slopes = (turns[0], z.values(xi, 1).T, y.values(xi, 1).T)
     loads, far = (weight * mu(xi), weight * eps(xi)), upto(np.append(xi, 1.0))
-    pairs = (1.0, turns[1], bends[2]), (-1.0, turns[0], bends[2]), (1.0, turns[0], bends[1])
-    twists = tuple(sign * far @ np.einsum("ma,mb->mab", a, b).reshape(len(xi), -1) for sign, a, b in pairs)
+    pairs = (turns[1], bends[2]), (turns[0], bends[2]), (turns[0], bends[1])
+    twists = tuple(-far @ np.einsum("ma,mb->mab", a, b).reshape(len(xi), -1) for a, b in pairs)
     return CurveRule(weight, *loads, far[:-1], upto(PLACES), slopes, turns, bends[2], twists)  # type: ignore[arg-type]
 
 
@@ -121,12 +119,7 @@ class CurvedLink(BentLink):
 
     def vectors(self, forms: Sequence[Array]) -> tuple[ca.SX, ca.SX]:
         """Rotation vectors (3, places) from what a unit of the coordinates makes of them about x, y and z, and their rates."""
-        turned: tuple[tuple[Any, Any], ...] = (
-            (self.torsion, 1.0),
-            (self.z, self.table.length),
-            (self.y, self.table.length),
-        )
-        return stack_rows(forms, [(part.w, part.w_rate, over) for part, over in turned])
+        return stack_rows(forms, [(part.w, part.w_rate, over) for part, over in rotations(self)])
 
     @lazy
     def twisting(self) -> tuple[ca.SX, ca.SX]:

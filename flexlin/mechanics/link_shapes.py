@@ -138,8 +138,6 @@ def sum_carried(scene: Scene, index: int, direction: Direction = "y") -> tuple[f
 
     effects, load, parents = effects_of(scene.effects), Mass(), list_parents(scene.links)
     tips = {index: (np.eye(3), np.zeros(3))}
-    for body in find_bodies_at_tip(scene, index):
-        load.add(body.mass, np.array(body.about_centre.rows()), np.eye(3), np.array(body.place))
     for k in range(index + 1, len(scene.links)):
         if parents[k] not in tips:
             continue
@@ -152,9 +150,10 @@ def sum_carried(scene: Scene, index: int, direction: Direction = "y") -> tuple[f
         for mass, inertia, centre in list_parts(link):
             load.add(mass, inertia, R, p + R @ centre)
         p = p + R[:, 0] * link.length
+        tips[k] = (R, p)
+    for k, (R, p) in tips.items():
         for body in find_bodies_at_tip(scene, k):
             load.add(body.mass, np.array(body.about_centre.rows()), R, p + R @ np.array(body.place))
-        tips[k] = (R, p)
     axis = AXES[direction]
     return load.mass, float(load.second[axis, axis])
 

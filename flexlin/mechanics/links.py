@@ -14,8 +14,10 @@ from flexlin.mechanics.beam.integrals import Couplings, ShapeIntegrals
 from flexlin.mechanics.body import Frame, Moments, column, tensor
 from flexlin.scene.links import DIRECTIONS, Direction, Link
 
-PLACES = np.linspace(0.0, 1.0, 17)
+PLACES = np.arange(17) / 16
 """Places x/l of a link's axis that pictures show."""
+COLUMNS = len(PLACES) + 1
+"""Columns for each link in pictures: where the link before it ends, and the places of its axis."""
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,16 @@ from flexlin.checks import Array
 from flexlin.expressions import Expressions, substituted
 from flexlin.lazy import lazy
 from flexlin.mechanics.coordinates import ClosedLoops, Coordinate, Parameters, parameters_at_hand
-from flexlin.mechanics.lagrange import derive_coriolis, derive_lagrange_equations, describe_driving, place_inputs
-from flexlin.mechanics.validation import check_coordinates, check_shapes, check_symbols, need_quadratic, validate
+from flexlin.mechanics.lagrange import (
+    check_coordinates,
+    check_shapes,
+    check_symbols,
+    derive_coriolis,
+    derive_lagrange_equations,
+    describe_driving,
+    place_inputs,
+)
+from flexlin.mechanics.validation import need_quadratic, validate
 from flexlin.plots.view import Series, Shown, View
 from flexlin.scene.effects import Effects
 from flexlin.symbolic import as_expression
@@ -439,11 +447,8 @@ class FlexibleManipulator(Manipulator):
         """The same equations with other values of the free numbers."""
         return FlexibleManipulator(self.near.at_numbers(values))
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {"near": self.near}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(state["near"])  # type: ignore[misc]
+    def __reduce__(self) -> tuple[type, tuple[Manipulator]]:
+        return FlexibleManipulator, (self.near,)
 
 
 AT_LARGE = ["residual", "M", "g", "damping", "B", "energy", "points", "axes", "coriolis", "rotation", "loops"]

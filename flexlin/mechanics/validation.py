@@ -5,7 +5,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from flexlin.arguments import instance
 from flexlin.checks import Array
 from flexlin.errors import ModelError
 from flexlin.mechanics.coordinates import Parameters
@@ -133,30 +132,3 @@ def _need_christoffel(arm: Any, inputs: list[tuple[ca.SX, Array]], where: str) -
             expected=f"{share * products[1][row, i, j]:.9g}, so that M' - 2 C is skew",
             todo=f"correct C[{row}, {i}] or C[{row}, {j}], or put forces that are not inertial into damping",
         )
-
-
-def check_coordinates(s: object, s_dot: object) -> None:
-    """Raise ArgumentError unless coordinates and rates are CasADi SX symbols."""
-    for name, symbols in (("s", s), ("s_dot", s_dot)):
-        instance(name, symbols, ca.SX, "give CasADi SX symbols")
-
-
-def check_shapes(rows: int, **expressions: tuple[ca.SX, int | None]) -> None:
-    """Refuse expressions (rows, columns) of another shape; columns None: any number."""
-    for name, (expression, columns) in expressions.items():
-        got = ca.SX(expression).shape
-        if got[0] != rows or columns not in (None, got[1]):
-            raise ModelError(
-                f"{name} has the wrong shape", got=got, expected=f"({rows}, {'any' if columns is None else columns})"
-            )
-
-
-def check_symbols(known: ca.SX, **expressions: ca.SX) -> None:
-    """Refuse expressions that hold other symbols than the known ones."""
-    names = {symbol.name() for symbol in ca.symvar(known)}
-    for name, expression in expressions.items():
-        strange = [symbol.name() for symbol in ca.symvar(ca.SX(expression)) if symbol.name() not in names]
-        if strange:
-            raise ModelError(
-                f"{name} holds symbols that are neither coordinates, rates nor parameters", got=", ".join(strange)
-            )

@@ -14,7 +14,7 @@ from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.coordinates import Parameters
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
-from flexlin.motion.smooth import highest_harmonic, make_angles, read_nominal
+from flexlin.motion.smooth import MAKERS, highest_harmonic, read_nominal
 from flexlin.motion.table import read_log_motion, read_table_motion
 from flexlin.plots.view import Series, View
 from flexlin.scene.loading import read_motion
@@ -91,7 +91,7 @@ def build_motion(
         return read_log_motion(table, joints, prescribed)
     parameters = parameters or Parameters()
     free, phase = parameters.placed_in(table, "motion."), ca.SX.sym("phase")
-    angles, duration, breaks = make_angles(free, phase, parameters)
+    angles, duration, breaks = MAKERS[type(free)](free, phase, parameters)
     period = read_nominal(duration, parameters)
     return SymbolicMotion(
         joints,

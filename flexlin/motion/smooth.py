@@ -130,8 +130,3 @@ MAKERS: dict[type, Callable[..., Expression]] = {
     Fourier: make_fourier,
     PointToPoint: make_point_to_point,
 }
-
-
-def make_angles(table: AnyMotion, phase: ca.SX, parameters: Parameters) -> Expression:
-    """The expression of a motion table; `parameters`: free symbols that stand in it."""
-    return MAKERS[type(table)](table, phase, parameters)

@@ -12,6 +12,7 @@ from flexlin.errors import MotionError, counted
 from flexlin.files import read_text
 from flexlin.motion.base import MOST_HARMONICS, Angles, SampledMotion
 from flexlin.periodic.circle import count_turns
+from flexlin.periodic.precision import MINOR
 from flexlin.scene.motion import LogMotion, TableMotion
 
 FEWEST_ROWS = 7
@@ -177,8 +178,6 @@ SPEAKS = 20.0
 """Power of a harmonic, in variances of the noise in one coefficient: noise alone reaches it once in 20,000."""
 REPEATS = 0.5
 """Share of the log's power that the series of a period leaves over, from which on the log does not repeat with it."""
-KNOWN = 0.9
-"""Share of the rows that must be numbers: a gap is left out, a log that is mostly gaps is none."""
 
 
 def read_log_motion(table: LogMotion, joints: int, prescribed: tuple[bool, ...]) -> SampledMotion:
@@ -273,7 +272,7 @@ def read_columns(path: Path, table: LogMotion, joints: int) -> tuple[Array, Arra
         )
     t, q = data[table.time], np.stack([data[column] for column in table.columns], axis=1)
     known = np.isfinite(t) & np.isfinite(q).all(axis=1)
-    if known.mean() < KNOWN:
+    if (~known).mean() > MINOR:  # a gap is left out, a log that is mostly gaps is none
         got, expected = f"{(~known).sum()} of {len(known)} rows that are not", "numbers, with a few gaps at the most"
         raise MotionError(f"motion.file: the log {name} is not numeric", got=got, expected=expected)
     if known.sum() < 20 or np.any(np.diff(t[known]) <= 0):

@@ -15,6 +15,7 @@ from flexlin.lazy import lazy
 from flexlin.mechanics.body import rotation_about
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.smooth import make_step
+from flexlin.periodic.precision import CUBE
 from flexlin.scene.motion import Circle, Polyline
 from flexlin.series.tracking import find_lowest
 
@@ -143,15 +144,22 @@ class TipEquations(Expressions):
         y = self.z[: self.coordinates]
         return ca.Function("task", [self.z, self.phase], [self.c, ca.densify(ca.jacobian(self.c, y)), self.flip])
 
-    def newton_step(self, phase: float, z: Array) -> Array:
-        """F_z^-1 F at one phase; infinite where that is singular."""
+    def newton_step(self, phase: float, z: Array, left: Array | float = 0.0) -> Array:
+        """F_z^-1 (F - left) at one phase; infinite where that is singular."""
         F, slope, _ = (x.full() for x in self.first(z, phase))
-        return solve_or_infinite(slope, F[:, 0])
+        try:
+            return np.asarray(np.linalg.solve(slope, F[:, 0] - left))
+        except np.linalg.LinAlgError:
+            return np.full(len(z), np.inf)
 
     def newton_steps(self, phases: Array, z: Array) -> Array:
         """The same at N phases, z (N, k)."""
         F, slope, _ = symbolic.evaluate(self.first, z, phases[:, None])
         return np.asarray(np.linalg.solve(slope, F)[:, :, 0])
+
+    def slopes(self, phases: Array, z: Array) -> Array:
+        """dF/dz (N, k, k) at N phases, z (N, k)."""
+        return symbolic.evaluate(self.first, z, phases[:, None])[1]
 
     def rates(self, phases: Array, z: Array) -> tuple[Array, Array]:
         """dz/dphase and d2z/dphase2 of solutions z (N, k), by the implicit function's derivatives."""
@@ -160,14 +168,6 @@ class TipEquations(Expressions):
         rate = -np.linalg.solve(slope, along)[:, :, 0]
         (rest,) = symbolic.evaluate(self.second, z, rate, at)
         return rate, -np.linalg.solve(slope, rest)[:, :, 0]
-
-
-def solve_or_infinite(matrix: Array, right: Array) -> Array:
-    """The solution of a linear system, infinite where there is none."""
-    try:
-        return np.asarray(np.linalg.solve(matrix, right))
-    except np.linalg.LinAlgError:
-        return np.full(len(right), np.inf)
 
 
 def make_tip_equations(arm: Manipulator, path: PosePath, follow: Sequence[str], posture: Array) -> TipEquations:
@@ -237,8 +237,6 @@ def compare_rotations(rotation: ca.SX | None, path: PosePath, dimensions: int) -
 
 
 PHASES = 64
-FAR = 1e-6
-"""Relative to the arm: a distance below this is none."""
 STIFF = 1e3
 """Weight of the loops' closure, which must hold, against the tip's distance."""
 
@@ -256,7 +254,7 @@ def refuse_unreachable(equations: TipEquations, start: Array, period: float, at:
         nearest.append(y)
     size = max(float(np.abs(equations.task(start, 0.0)[1].full()[: equations.tips]).max()), 1e-300)
     k = int(np.argmax(distances))
-    if distances[k] <= FAR * size:
+    if distances[k] <= CUBE * size:
         return
     where, least = find_lowest(
         lambda phase: -find_distance(equations, start, nearest[k], phase)[0],

@@ -17,20 +17,14 @@ from flexlin.motion.tip_equations import (
     make_polyline,
     make_tip_equations,
     refuse_unreachable,
-    solve_or_infinite,
 )
 from flexlin.periodic.circle import count_turns
+from flexlin.periodic.precision import FAINT, ROOT
 from flexlin.scene.motion import Circle, TipJoint, TipPath
 from flexlin.series.tracking import SHORTEST, find_singular, newton_from, track
 
-SINGULAR = 1e-6
-"""A place is singular below this reciprocal condition number."""
-SOLVED = 1e-11
-"""Newton's method has found the joints once its step is this small, relative to the largest of them beyond 1 rad or m."""
 TRIES = 24
 """Postures beside the given one from which the path's beginning is sought."""
-SAME = 1e-7
-"""Two beginnings are one, and joints come back to theirs, where no joint differs by more, in rad or m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +41,7 @@ class TipAngles:
         for _ in range(6):
             step = self.equations.newton_steps(phases, z)
             z = z - step
-            if np.abs(step).max(initial=0.0) < SOLVED * (1 + np.abs(z).max(initial=0.0)):
+            if np.abs(step).max(initial=0.0) < FAINT * (1 + np.abs(z).max(initial=0.0)):
                 break
         else:
             worst = int(np.abs(step).max(axis=1).argmax())
@@ -76,7 +70,7 @@ def make_tip_path(table: TipPath, arm: Manipulator, prescribed: tuple[bool, ...]
             continue
         tried.append(begun)
         try:
-            nodes, z = follow_path(equations, begun, path.period, start)
+            nodes, z = follow_path(equations, begun, path.period)
             refuse_limits(joints, nodes * path.period, z)
         except MotionError as error:
             problems.append(error)
@@ -93,7 +87,7 @@ def make_tip_path(table: TipPath, arm: Manipulator, prescribed: tuple[bool, ...]
 
 def is_same_place(z: Array, other: Array, joints: int) -> bool:
     """Whether two beginnings differ by whole turns of the joints at most."""
-    return bool(np.abs(np.exp(1j * z[:joints]) - np.exp(1j * other[:joints])).max() < SAME)
+    return bool(np.abs(np.exp(1j * z[:joints]) - np.exp(1j * other[:joints])).max() < ROOT)
 
 
 def first_start(equations: TipEquations, arm: Manipulator, q: Array) -> Array:
@@ -127,18 +121,13 @@ def begin(equations: TipEquations, start: Array) -> Array | None:
     if not np.isfinite(start).all():
         return None
     away = equations.first(start, 0.0)[0].full()[:, 0]
-
-    def step(share: float, z: Array) -> Array:
-        F, slope, _ = (x.full() for x in equations.first(z, 0.0))
-        return solve_or_infinite(slope, F[:, 0] - (1 - share) * away)
-
-    z, _ = track(step, start, 0.0, 1.0, 1e-6)
+    z, _ = track(lambda share, z: equations.newton_step(0.0, z, (1 - share) * away), start, 0.0, 1.0, 1e-6)
     z = newton_from(equations.newton_step, 0.0, z) if z is not None else None
     upright = z is not None and float(equations.task(z, 0.0)[2]) > 0
     return z if upright else None
 
 
-def follow_path(equations: TipEquations, begun: Array, period: float, start: Array) -> tuple[Array, Array]:
+def follow_path(equations: TipEquations, begun: Array, period: float) -> tuple[Array, Array]:
     """Phases (N + 1,) and solutions there, over a whole period.
 
     Raises: MotionError with the time where the path leaves the reach, or is singular, or the joints do not come back.
@@ -155,7 +144,7 @@ def follow_path(equations: TipEquations, begun: Array, period: float, start: Arr
     gap = z[-1][: equations.joints] - z[0][: equations.joints]
     turns = 2 * np.pi * count_turns(gap) if not equations.redundant else np.zeros(len(gap))
     worst = int(np.abs(gap - turns).argmax())
-    if np.abs(gap - turns).max() > SAME:
+    if np.abs(gap - turns).max() > ROOT:
         raise MotionError(
             "the joints do not come back after a period of the path",
             got=f"joint {worst + 1} ends {gap[worst]:.3g} from where it began",
@@ -167,14 +156,13 @@ def follow_path(equations: TipEquations, begun: Array, period: float, start: Arr
 
 def refuse_singular(equations: TipEquations, phases: Array, z: list[Array], period: float) -> None:
     """Raise where dF/dz is singular at one of the phases or between them."""
-    slopes = np.array([equations.first(now, at)[1].full() for at, now in zip(phases, z, strict=True)])
-    lengths = np.maximum(np.abs(slopes).max(axis=(0, 2)), 1e-300)[:, None]
+    along = np.array(z)
+    lengths = np.maximum(np.abs(equations.slopes(phases, along)).max(axis=(0, 2)), 1e-300)[:, None]
 
-    def between(k: int, at: float) -> Array:
-        found, reached = track(equations.newton_step, z[k], float(phases[k]), at, SHORTEST)
-        return np.asarray(equations.first(z[k] if found is None else found, reached)[1].full() / lengths)
+    def matrix(phases: Array, z: Array) -> Array:
+        return equations.slopes(phases, z) / lengths
 
-    found = find_singular(phases, slopes / lengths, between, SINGULAR, SHORTEST)
+    found = find_singular(phases, along, equations.newton_step, matrix, SHORTEST)
     if found is not None:
         at, least = found
         raise singular(

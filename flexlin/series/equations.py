@@ -3,7 +3,7 @@
 Folds are where V is singular, real or complex: how far a Taylor series of v converges is the distance to the nearest.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Self
 
@@ -235,13 +235,13 @@ class Radius(float):
         return f"no fold was confirmed; the series alone suggests {self.estimate:.4g}: check c.error(du) before use"
 
 
-def line_series(equations: Equations, u0: Array, v0: Array, direction: Array, order: int) -> Array:
-    """Return the coefficients of v(u0 + t d) by powers of t, (order + 1, nv)."""
+def line_series(equations: Equations, space: Space, u0: Iterable[Any], v0: Any, direction: Iterable[Any]) -> Array:
+    """Return the coefficients of v(u0 + t d) by powers of t, (order + 1, nv); the space is of one variable."""
 
     def line(space: Space) -> list[Jet]:
         return [space.polynomial((0,), pair) for pair in zip(u0, direction, strict=True)]
 
-    return equations.expand(Space(1, order), line, v0).T
+    return equations.expand(space, line, v0).T
 
 
 @np.errstate(all="ignore")
@@ -254,10 +254,10 @@ def radius_along(equations: Equations, u0: Array, v0: Array, direction: Array) -
 
     Parameters: direction (nu,) of length 1.
     """
-    scale = growth(line_series(equations, u0, v0, direction, 8))
+    scale = growth(line_series(equations, Space(1, 8), u0, v0, direction))
     if not np.isfinite(scale):
         return Radius("not found", complex(np.nan), np.full(len(v0), np.nan), float("inf"))
-    series = line_series(equations, u0, v0, scale * direction, ORDER)
+    series = line_series(equations, Space(1, ORDER), u0, v0, scale * direction)
     estimate, S = growth(series), (scale * direction)[:, None]
     folds = [fold for side in (estimate, -estimate) for fold in real_fold(equations, u0, S, series, side)]
     for pole in singularities(series):

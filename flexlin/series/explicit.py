@@ -16,13 +16,7 @@ from flexlin.series.jets import Space, bytes_of, carry_out, scalar_function
 from flexlin.summary import represent
 from flexlin.symbolic import as_expression
 
-
-def is_expression(value: Any) -> bool:
-    """Whether it is of CasADi."""
-    return isinstance(value, (ca.SX, ca.MX, ca.DM))
-
-
-Expression = Annotated[Any, Kind("a CasADi expression", is_expression)]
+Expression = Annotated[Any, Kind("a CasADi expression", lambda value: isinstance(value, (ca.SX, ca.MX, ca.DM)))]
 
 
 @dataclass(frozen=True)

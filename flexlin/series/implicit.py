@@ -9,50 +9,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import Array, check_size, positive, real_array
+from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
 from flexlin.lazy import lazy
+from flexlin.periodic.precision import FAINT, SLIGHT
 from flexlin.series.equations import Equations, Radius, find_fold, line_series, newton, newton_step, radius_along
 from flexlin.series.explicit import Expression, check_analytic, check_symbols
-from flexlin.series.indices import Indices, Polynomial, indices, symbolic_monomials, weighted_sums
+from flexlin.series.indices import Polynomial, indices
 from flexlin.series.jets import Jet, Space, Symbolic
 from flexlin.summary import represent
 from flexlin.symbolic import as_expression
 
-SINGULAR = 1e-10
-"""V with a reciprocal condition number below this is called singular."""
-CLOSED = 1e-3
-"""Newton's first step, relative to |v0|, up to which a point counts as a solution given with few digits."""
-BYTES_PER_INSTRUCTION = 300
-"""Memory that one scalar operation of an expression takes while it is built."""
 
-
-def unrolled(equations: Equations, table: Indices, V: Array) -> ca.Function:
+def unrolled(equations: Equations, order: int, nu: int, nv: int) -> ca.Function:
     """Return (u0, v0, du) -> v, the Taylor polynomial about any solution (u0, v0), without loops, branches or linear solvers.
 
-    Assumes that the pivots chosen for this V serve near by: elimination is not pivoted again.
-    Raises: TooLarge when the expression would take an unreasonable number of bytes.
+    It is the series of v(u0 + t du) by powers of t, summed at t = 1.
     """
-    from scipy.linalg import lu  # takes longer to load than most maps to compute
-
-    products = sum(len(table.pairs(k).left) for k in range(table.order + 1))
-    size = 2 * BYTES_PER_INSTRUCTION * products * len(equations.gap.steps)
-    check_size("the unrolled function", size, "lower the order, or use the map in numbers")
-    u0, v0, du = (
-        ca.SX.sym(name, size) for name, size in zip(("u0", "v0", "du"), (table.n, len(V), table.n), strict=True)
-    )
-    space = Symbolic(table.n, table.order, pivots=lu(V)[0].argmax(axis=0))
-    v = weighted_sums(expand_about(equations, space, ca.vertsplit(u0), ca.vertsplit(v0)), symbolic_monomials(table, du))
-    return ca.Function("taylor", [u0, v0, du], [ca.cse(v)], ["u0", "v0", "du"], ["v"])
-
-
-def expand_about(equations: Equations, space: Space, u0: Any, v0: Any) -> Array:
-    """The coefficients (nv, size) of v(u0 + du)."""
-
-    def independent(space: Space) -> list[Jet]:
-        return [space.variable(i, value) for i, value in enumerate(u0)]
-
-    return equations.expand(space, independent, v0)
+    u0, v0, du = (ca.SX.sym(name, size) for name, size in (("u0", nu), ("v0", nv), ("du", nu)))
+    series = line_series(equations, Symbolic(1, order), *(ca.vertsplit(symbol) for symbol in (u0, v0, du)))
+    v = ca.vertcat(*[sum(column, ca.SX(0)) for column in series.T])
+    return ca.Function("taylor", [u0, v0, du], [ca.densify(ca.cse(v))], ["u0", "v0", "du"], ["v"])
 
 
 def c_code(function: ca.Function) -> str:
@@ -283,7 +260,7 @@ class ImplicitMap:
             The range; infinite where no term bends.
         """
         tol = positive("tol", tol)
-        series = line_series(self.equations, self.u0, self.v0, self.unit(direction), max(4, self.order))
+        series = line_series(self.equations, Space(1, max(4, self.order)), self.u0, self.v0, self.unit(direction))
         sizes = np.linalg.norm(series, axis=1)
         scale = max(sizes[1:].max(), np.finfo(float).tiny)
         bent = [k for k in range(2, len(sizes)) if sizes[k] > 1e-13 * scale]
@@ -302,9 +279,8 @@ class ImplicitMap:
 
     @lazy
     def moving(self) -> ca.Function:
-        """The whole computation unrolled: a casadi.Function (u0, v0, du) -> v for any point of evaluation near this one."""
-        _, V = self.equations.at(self.u0[None, :], self.v0[None, :])
-        return unrolled(self.equations, self.polynomial.indices, V[0])
+        """The whole computation unrolled: a casadi.Function (u0, v0, du) -> v for any point of evaluation."""
+        return unrolled(self.equations, self.order, len(self.u0), len(self.v0))
 
     def unit(self, direction: ArrayLike) -> Array:
         """Return a checked direction of length 1.
@@ -377,15 +353,15 @@ def solve_implicit(f: Any, u: Any, v: Any, u0: ArrayLike, guess: ArrayLike) -> A
 
 
 def closed(equations: Equations, u0: Array, v0: Array) -> Array:
-    """Return v0 refined to rounding, refusing a point that is no solution or singular."""
+    """Return v0 refined to rounding, as it may be given with few digits; refuse a point that is no solution or singular."""
     f, V = equations.at(u0[None, :], v0[None, :])
     if not (np.all(np.isfinite(f)) and np.all(np.isfinite(V))):
         check_analytic(np.array(np.nan), "(u0, v0)", np.concatenate([u0, v0]))
-    if np.linalg.cond(V[0]) > 1 / SINGULAR:
+    if np.linalg.cond(V[0]) > 1 / FAINT:
         raise singular_closure(equations, u0, v0)
     v, last = newton(equations, u0[None, :], v0[None, :])
     moved = np.abs(v[0] - v0).max()
-    if not (last[0] < 1e-9 and moved < CLOSED * (1 + np.abs(v0).max())):
+    if not (last[0] < 1e-9 and moved < SLIGHT * (1 + np.abs(v0).max())):
         raise ArgumentError(
             "the point does not solve f(u, v) = 0",
             got=f"|f| = {np.abs(f).max():.3g}, v0 {moved:.3g} away from a solution",
@@ -477,6 +453,10 @@ def implicit_taylor(
     equations, n = Equations.read(f, u, v), len(point)
     table = indices(n, order, 8 * len(equations.gap.steps) * comb(n + max(order, 0), n))
     solution = closed(equations, point, guess)
-    coefficients = expand_about(equations, Space(n, order), point, solution).T
+
+    def independent(space: Space) -> list[Jet]:
+        return [space.variable(i, value) for i, value in enumerate(point)]
+
+    coefficients = equations.expand(Space(n, order), independent, solution).T
     check_analytic(coefficients, "(u0, v0)", np.concatenate([point, solution]))
     return ImplicitMap(equations, Polynomial(table, coefficients), point, solution)

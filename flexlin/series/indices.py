@@ -45,6 +45,7 @@ class Indices:
         self.start = np.array([comb(self.n + k - 1, self.n) if k else 0 for k in range(order + 2)])
         self.size = int(self.start[-1])
         self.divided = tail > 0
+        self.kind = np.int8 if order < 100 else np.int64
         self.kept: dict[Any, Array] = {}
         self.head = kept_indices(head, 0, order) if self.divided else self
         self.tail = kept_indices(tail if self.divided else 0, 0, order) if self.n else self
@@ -79,9 +80,8 @@ class Indices:
 
     def powers_of(self, k: int) -> Array:
         """Return the exponents of degree k, one row a variable (n, width)."""
-        kind = np.int8 if self.order < 100 else np.int64
         if not self.divided:
-            return falling(self.n, k).astype(kind)
+            return falling(self.n, k).astype(self.kind)
         pieces = []
         for d in range(k, -1, -1):
             y, z = self.head.powers_of(d), self.tail.powers_of(k - d)
@@ -123,7 +123,7 @@ class Indices:
         if ("among", among) not in self.kept:
             places = [np.zeros(1, dtype=np.intp)]
             for k in range(1, self.order + 1 if own.n else 1):
-                powers = np.zeros((self.n, own.width(k)), dtype=np.int8 if self.order < 100 else np.int64)
+                powers = np.zeros((self.n, own.width(k)), dtype=self.kind)
                 powers[list(among)] = own.powers_of(k)
                 places.append(self.start[k] + self.rank(powers))
             self.kept["among", among] = np.concatenate(places)
@@ -353,28 +353,9 @@ class Polynomial:
         return self.coefficients.T[:, places] * self.indices.factorials[places]
 
     def expression(self, dx: Any) -> ca.SX:
-        """Return the polynomial as a CasADi column (outputs, 1) of dx, shared monomials computed once."""
-        monomials = symbolic_monomials(self.indices, dx)
-        return weighted_sums(self.coefficients.T, monomials)
-
-
-def symbolic_monomials(indices: Indices, dx: Any) -> list[Any]:
-    """Return all monomials of a CasADi column."""
-    monomials: list[Any] = [ca.SX(1)]
-    for parent, last in zip(indices.parent[1:], indices.last[1:], strict=True):
-        monomials.append(monomials[parent] * dx[int(last)])
-    return monomials
-
-
-def weighted_sums(weights: Array, monomials: list[Any]) -> ca.SX:
-    """Return weights @ monomials as a CasADi column, leaving zero weights out; weights: numbers or CasADi scalars (rows, size)."""
-    rows = []
-    for row in weights.tolist():
-        pairs = zip(row, monomials, strict=True)
-        rows.append(sum((weight * monomial for weight, monomial in pairs if not is_zero(weight)), ca.SX(0)))
-    return ca.densify(ca.vertcat(*rows))
-
-
-def is_zero(value: Any) -> bool:
-    """Whether a number or a CasADi scalar is known to be 0."""
-    return bool(value.is_zero() if isinstance(value, ca.SX) else value == 0)
+        """Return the polynomial as a CasADi column (outputs, 1) of dx, shared monomials computed once, zeros left out."""
+        monomials = [ca.SX(1)]
+        for parent, last in zip(self.indices.parent[1:], self.indices.last[1:], strict=True):
+            monomials.append(monomials[parent] * dx[int(last)])
+        terms = [zip(row, monomials, strict=True) for row in self.coefficients.T.tolist()]
+        return ca.densify(ca.vertcat(*[sum((c * m for c, m in pairs if c), ca.SX(0)) for pairs in terms]))

@@ -14,8 +14,9 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
+from flexlin.periodic.precision import EPS
 from flexlin.program import CONST, INPUT, OUTPUT, Program, name_of
-from flexlin.series.indices import TABLES, Indices, head_of, is_zero, kept_indices, sum_products
+from flexlin.series.indices import TABLES, Indices, head_of, kept_indices, sum_products
 
 
 def atan2(y: Array, x: Array) -> Array:
@@ -39,7 +40,10 @@ def less(a: Array, b: Array) -> Array:
 
 NUMPY: dict[str, Callable] = {
     **{name: getattr(np, name) for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
-    **{name: getattr(np, f"arc{name[1:]}") for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh")},
+    **{
+        name: getattr(np, f"arc{name.removeprefix('a')}")
+        for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh")
+    },
     **{name: getattr(np, name) for name in ("log1p", "expm1", "sqrt", "power")},
     "erf": erf,
     "atan2": atan2,
@@ -97,7 +101,7 @@ class Space:
 
     def convolve(self, indices: Indices, a: Array, b: Array, k: int) -> Array:
         """The part of degree k of a product; parts that are not yet computed are zero."""
-        if indices.tabulated or self.batch or self.dtype is object:
+        if indices.tabulated or self.batch:
             pairs = indices.pairs(k)
             return np.add.reduceat(a[pairs.left] * b[pairs.right], pairs.start, axis=0)
         return sum_products(indices, a, b, k, np.ones(k + 1))
@@ -132,24 +136,9 @@ class Space:
 
 @dataclass(frozen=True, eq=False)
 class Symbolic(Space):
-    """Series with CasADi scalars as coefficients; what CasADi finds to be zero costs no instruction.
-
-    Parameters: pivots: the order of rows for Gauss elimination of V, chosen from numbers near by.
-    """
+    """Series in one variable with CasADi scalars as coefficients; what CasADi finds to be zero costs no instruction."""
 
     dtype: Any = object
-    pivots: Array | None = None
-
-    def integrate(self, indices: Indices, u: Array, g: Array, k: int) -> Array:
-        """Each coefficient by its cheapest partial derivative.
-
-        alpha_i y_alpha = sum_beta beta_i u_beta g_(alpha - beta),   i: the least exponent alpha_i > 0
-        """
-        alpha, pairs = indices.powers[indices.degree(k)], indices.pairs(k)
-        cheapest = np.where(alpha > 0, alpha, k + 1).argmin(axis=1)
-        times = indices.powers[pairs.left, np.repeat(cheapest, np.diff(pairs.start, append=len(pairs.left)))]
-        part = np.add.reduceat(times * u[pairs.left] * g[pairs.right], pairs.start)
-        return part / alpha[np.arange(len(alpha)), cheapest]
 
     def apply(self, name: str, *values: Array) -> Array:
         return of_scalars(getattr(ca, name)(*(ca.SX(value[0]) for value in values)))
@@ -165,20 +154,14 @@ class Symbolic(Space):
         return of_scalars(*(0 if is_zero(value) else value for value in part))
 
     def solve(self, V: Array, right: Array) -> Array:
-        """By Gauss elimination in the chosen order of rows; V (m, m), right (m, size)."""
-        A, x = V[self.pivots].copy(), right[self.pivots].copy()
-        m = len(A)
-        for j in range(m):
-            for i in range(j + 1, m):
-                if not is_zero(A[i, j]):
-                    factor = A[i, j] / A[j, j]
-                    A[i, j + 1 :] -= self.scale(factor, A[j, j + 1 :])
-                    x[i] -= self.scale(factor, x[j])
-        for i in reversed(range(m)):
-            for j in range(i + 1, m):
-                x[i] -= self.scale(A[i, j], x[j])
-            x[i] = self.scale(1 / A[i, i], x[i])
-        return x
+        """V (m, m), right (m, size)."""
+        x = ca.solve(ca.blockcat(V.tolist()), ca.blockcat(right.tolist()))
+        return of_scalars(*ca.vertsplit(ca.vec(x.T))).reshape(right.shape)
+
+
+def is_zero(value: Any) -> bool:
+    """Whether a number or a CasADi scalar is known to be 0."""
+    return bool(value.is_zero() if isinstance(value, ca.SX) else value == 0)
 
 
 def of_scalars(*values: Any) -> Array:
@@ -339,21 +322,17 @@ def angle(a: Jet, b: Jet) -> Jet:
 
 
 def power(u: Jet, b: Jet) -> Jet:
-    """u^b: by products for small whole b, which are analytic at 0 too; by y' = b (y/u) u' for a constant one, else exp(b log u)."""
+    """u^b: by products for whole b, which are analytic at 0 too; by y' = b (y/u) u' for a constant one, else exp(b log u)."""
     p = b.known
     if p is None:
         return unary[ca.OP_EXP](b * unary[ca.OP_LOG](u))
     if p < 0 and p == int(p):
         return 1 / power(u, u.space.number(-p))
-    if p == int(p) and p <= MOST_FACTORS:
+    if p == int(p) and p * EPS < 1:
         half = power(u, u.space.number(p // 2)) if p > 1 else None
         square = u if half is None else half * half
         return u.space.number(1.0) if p == 0 else square * u if p % 2 and p > 1 else square
     return integral("power", u, lambda w, y, g, k: (p * y[w.degree(k)] - w.convolve(g, u.c, k)) / u.c[:1], p)
-
-
-MOST_FACTORS = 64
-"""The largest whole exponent that is written out in products."""
 
 
 def switch(name: str, *read: Jet) -> Jet:

@@ -12,8 +12,8 @@ NEWTON, CONTRACTION = 8, 16
 """Newton's steps at each time, and how much shorter each must be than the one before."""
 SHORTEST = 1e-10
 """Of a period, the shortest step, and how exactly a time is found; also of an interval in which a least value is sought."""
-SUSPECT = 0.05
-"""A reciprocal condition number below which it is looked at closer where it is least."""
+SUSPECT, SINGULAR = 0.05, 1e-6
+"""Reciprocal condition numbers below which a matrix is looked at closer where it is least, and called singular."""
 
 
 def newton_from(step: Step, t: float, z: Array) -> Array | None:
@@ -49,13 +49,19 @@ def track(step: Step, z: Array, a: float, b: float, shortest: float) -> tuple[Ar
 
 
 def find_singular(
-    t: Array, V: Array, between: Callable[[int, float], Array], least: float, shortest: float
+    t: Array, z: Array, step: Step, matrix: Callable[[Array, Array], Array], shortest: float
 ) -> tuple[float, float] | None:
-    """The first time at which a matrix V(t) becomes singular, and its reciprocal condition number there, 0 where det V turns its sign.
+    """The first time at which a matrix V becomes singular, and its reciprocal condition number there, 0 where det V turns its sign.
 
-    Parameters: V (N, k, k) at times t (N,); between: V at a time after t[k], by k and the time; least: a number below which V counts as
-    singular; shortest: how exactly a turn is found.
+    Parameters: z (N, n) at times t (N,), followed between them by `step`; matrix: V (N, k, k) by times and places;
+    shortest: how exactly a turn is found.
     """
+
+    def between(k: int, at: float) -> Array:
+        found, reached = track(step, z[k], float(t[k]), at, shortest)
+        return matrix(np.array([reached]), (z[k] if found is None else found)[None])[0]
+
+    V = matrix(t, z)
     signs = np.linalg.slogdet(V)[0]
     size = np.array([worth(one) for one in V])
     for k in range(1, len(t)):
@@ -63,7 +69,7 @@ def find_singular(
             return find_turn(lambda at, k=k: sign_of(between(k - 1, at)), t[k - 1], t[k], shortest), 0.0  # type: ignore[misc]
         if 1 < k < len(t) and size[k - 1] <= min(size[k - 2], size[k], SUSPECT):
             at, found = find_lowest(lambda at, k=k: worth(between(k - 2, at)), t[k - 2], t[k])  # type: ignore[misc]
-            if found < least:
+            if found < SINGULAR:
                 return at, found
     return None
 

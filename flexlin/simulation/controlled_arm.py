@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexlin.about.deviation import Layers
 from flexlin.about.law import Controller, Law
-from flexlin.about.layers import Layers
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.control.sensors import encoder_rows

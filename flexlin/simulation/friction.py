@@ -50,9 +50,7 @@ class Friction:
         if np.any(encoder_rows(lin)[:, [c.kind == "elastic" for c in lin.coordinates]]):
             raise refuse("a link with pinned shapes")
         joints = [(row, c.link) for row, c in enumerate(lin.coordinates) if c.kind == "joint" and c.link is not None]
-        static, rate = (
-            np.array([per_joint(one, i, single="every") for _, i in joints]) for one in (table.static, table.rate)
-        )
+        static, rate = (np.array([per_joint(one, i) for _, i in joints]) for one in (table.static, table.rate))
         hold = static > 0
         rows, links = (tuple(int(k) for k in np.array(joints).reshape(-1, 2)[hold, i]) for i in (0, 1))
         places, names = tuple(lin.kept[row] for row in rows), tuple(lin.names[row] for row in rows)

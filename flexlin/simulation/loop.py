@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 
+from flexlin.about.deviation import Layers
 from flexlin.about.law import Law
-from flexlin.about.layers import Layers
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
 from flexlin.lazy import lazy

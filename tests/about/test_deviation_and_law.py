@@ -38,19 +38,13 @@ def test_one_time_gives_one_matrix(lin):
         alone, many = getattr(lin, name)(0.5), getattr(lin, name)([0.5, 0.6])
         assert alone.shape == shape
         np.testing.assert_array_equal(alone, many[0])
+    np.testing.assert_array_equal(lin.K([0.5, 0.6]), lin.sample(np.array([0.5, 0.6])).K)
     motion = periodic_motion(lin)
     assert motion(0.5).shape == (3,)
     assert motion.state(0.5).shape == (6,)
     assert feedforward(lin, "rigid").torque(0.5).shape == (1,)
     with pytest.raises(ArgumentError, match="not finite"):
         lin.M(np.nan)
-
-
-def test_separate_matrices_are_those_of_the_whole_sample(lin):
-    t = np.linspace(0.0, 2.0, 7)
-    c = lin.sample(t)
-    for name in ("M", "D", "K", "h", "B"):
-        np.testing.assert_array_equal(getattr(lin, name)(t), getattr(c, name))
 
 
 def test_the_scenes_law_is_what_the_linear_equations_hold(lin):

@@ -33,9 +33,33 @@ pickle.dump({name: numbers(value, t) for name, value in objects.items()}, open(s
 """
 
 
+ANSWERS = {
+    "Linearization": lambda v, t: [
+        *vars(v.sample(t)).values(),
+        v.law.gain(t),
+        v.law.torque(t, np.ones((len(t), 2 * v.n))),
+    ],
+    "Deviation": lambda v, t: [*v.positions(t, np.ones((len(t), v.n)))],
+    "Law": lambda v, t: [v.forward(t), v.gain(t), v.reference(t)],
+    "PeriodicSystem": lambda v, t: [v.A(t), *([] if v.B is None else [v.B(t)]), np.array(v.breaks)],
+    "Design": lambda v, t: [v.K(t), v.closed_loop.A(t), *([] if v.solution is None else [v.X(t)])],
+    "Estimator": lambda v, t: [v.P(t), v.L(t), v.closed_loop.A(t)],
+    "PeriodicMotion": lambda v, t: [v.state(t), v.torque(t), np.array([v.error])],
+    "Feedforward": lambda v, t: [v.torque(t), v.reference(t), np.array([v.tip_error])],
+    "TaylorMap": lambda v, t: [v(np.outer(t, np.ones(len(v.x0))))],
+    "Polynomial": lambda v, t: [v(np.outer(t, np.ones(v.indices.n)))],
+    "RiccatiSolution": lambda v, t: [v.X(t), v.K(t), np.array([v.error, v.gain_error])],
+    "OpenChain": lambda v, t: [v.pose(np.full(v.n, 0.3))],
+    "Radius": lambda v, t: [np.array([float(v), v.location, v.estimate]), v.v],
+    "Dataset": lambda v, t: [np.asarray(v[name]) for name in sorted(v.variables)],
+}
+
+
 def numbers(value, t):
     """Everything that an object answers, as arrays."""
     kind = type(value).__name__
+    if kind in ANSWERS:
+        return ANSWERS[kind](value, t)
     if kind in ("Manipulator", "FlexibleManipulator"):
         x, p = np.linspace(0.1, 0.4, value.n), np.asarray(value.parameters.values)
         out = []
@@ -43,43 +67,13 @@ def numbers(value, t):
             inputs = [p if name == "p" else x[: function.numel_in(name)] for name in function.name_in()]
             out.append(function(*inputs).full())
         return out
-    if kind == "Linearization":
-        c = value.sample(t)
-        return [c.M, c.D, c.K, c.h, c.B, c.tau, value.law.gain(t), value.law.torque(t, np.ones((len(t), 2 * value.n)))]
-    if kind == "Deviation":
-        return [*value.positions(t, np.ones((len(t), value.n)))]
-    if kind == "Law":
-        return [value.forward(t), value.gain(t), value.reference(t)]
-    if kind == "PeriodicSystem":
-        return [value.A(t), *([] if value.B is None else [value.B(t)]), np.array(value.breaks)]
-    if kind == "Design":
-        return [value.K(t), value.closed_loop.A(t), *([] if value.solution is None else [value.X(t)])]
-    if kind == "Estimator":
-        return [value.P(t), value.L(t), value.closed_loop.A(t)]
-    if kind == "PeriodicMotion":
-        return [value.state(t), value.torque(t), np.array([value.error])]
-    if kind == "Feedforward":
-        return [value.torque(t), value.reference(t), np.array([value.tip_error])]
-    if kind in ("TaylorMap", "Polynomial"):
-        n = len(value.x0) if kind == "TaylorMap" else value.indices.n
-        return [value(np.outer(t, np.ones(n)))]
-    if kind == "ForcedResponse" or (callable(value) and kind != "ImplicitMap"):
-        return [value(t)]
     if kind == "ParametricLoop":
         point = 1.1 * value.nominal
         return [*value.sample(t[:2] / 9, point[None]), value.periods(point[None]), value.at(point).M(t)]
-    if kind == "RiccatiSolution":
-        return [value.X(t), value.K(t), np.array([value.error, value.gain_error])]
     if kind == "ImplicitMap":
         at = 0.01 * t[:, None]
         return [value(at), value.refined(at), value.error(at), value.jacobian(2), np.array([value.radius([1.0])])]
-    if kind == "OpenChain":
-        return [value.pose(np.full(value.n, 0.3))]
-    if kind == "Radius":
-        return [np.array([float(value), value.location, value.estimate]), value.v]
-    if kind == "Dataset":
-        return [np.asarray(value[name]) for name in sorted(value.variables)]
-    return leaves(value)
+    return [value(t)] if kind == "ForcedResponse" or callable(value) else leaves(value)
 
 
 def leaves(value):

@@ -5,8 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import flexlin as fl
-from flexlin.mechanics.axes import COLUMNS
-from flexlin.mechanics.links import PLACES
+from flexlin.mechanics.links import COLUMNS, PLACES
 from flexlin.report.figures.arm import trace_arm
 from flexlin.scene import parse_scene
 

@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from flexlin.errors import ArgumentError, MotionError
-from flexlin.mechanics import Parameters
 from flexlin.motion import build_motion
-from flexlin.scene import AnyMotion, parse_scene
+from flexlin.scene import AnyMotion
 
 TABLE = TypeAdapter(AnyMotion)
 
@@ -36,7 +33,7 @@ def motion(table):
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_rates_are_derivatives(name):
+def test_rates_are_derivatives_and_a_period_closes(name):
     """Central differences away from the breaks converge with order 2."""
     m = motion(MOTIONS[name])
     t = m.period * np.array([0.03, 0.21, 0.47, 0.61, 0.83])
@@ -47,12 +44,6 @@ def test_rates_are_derivatives(name):
         gaps.append([np.abs((up[k] - down[k]) / (2 * step) - exact).max() for k, exact in ((0, q1), (1, q2))])
     for coarse, fine in zip(*gaps, strict=True):
         assert fine < 1e-9 or coarse / fine == pytest.approx(4.0, rel=0.05)
-
-
-@pytest.mark.parametrize("name", MOTIONS)
-def test_a_period_closes(name):
-    m = motion(MOTIONS[name])
-    t = np.linspace(0, m.period, 7)[:-1]
     for now, later in zip(m.sample(t), m.sample(t + 3 * m.period), strict=True):
         np.testing.assert_allclose(np.sin(later), np.sin(now), atol=1e-9)
 
@@ -69,15 +60,8 @@ def test_harmonic_formula():
 
 @pytest.mark.parametrize("profile", ["quintic", "septic"])
 def test_point_to_point_rests_at_its_waypoints(profile):
-    m = motion(
-        {
-            "kind": "point-to-point",
-            "move_time": 0.5,
-            "dwell_time": 0.25,
-            "profile": profile,
-            "joints": [{"waypoints": [0.2, 1.2]}],
-        }
-    )
+    times, joints = {"move_time": 0.5, "dwell_time": 0.25}, [{"waypoints": [0.2, 1.2]}]
+    m = motion({"kind": "point-to-point", **times, "profile": profile, "joints": joints})
     assert m.period == pytest.approx(1.5)
     np.testing.assert_allclose(m.breaks, [0.0, 0.5, 0.75, 1.25])
     q, q1, q2 = m.sample(np.array([0.0, 0.5, 0.6, 0.75, 1.25, 1.4]))
@@ -101,23 +85,16 @@ def test_rotations_share_a_period():
 
 
 @pytest.mark.parametrize(
-    ("joints", "says"),
-    [([{"rate": 0.0}], "no joint turns"), ([{"rate": 1.0}, {"rate": np.sqrt(2.0)}], "no common period")],
+    ("table", "says"),
+    [
+        ({"kind": "rotation", "joints": [{"rate": 0.0}]}, "no joint turns"),
+        ({"kind": "rotation", "joints": [{"rate": 1.0}, {"rate": np.sqrt(2.0)}]}, "no common period"),
+        ({**MOTIONS["quintic"], "joints": [{"waypoints": [0.0, 1.0]}, {"waypoints": [0.0, 1.0, 2.0]}]}, "unequal"),
+    ],
 )
-def test_rotations_without_a_period(joints, says):
+def test_joints_that_do_not_move_together_are_refused(table, says):
     with pytest.raises(MotionError, match=says):
-        motion({"kind": "rotation", "joints": joints})
-
-
-def test_unequal_waypoints():
-    with pytest.raises(MotionError, match="unequal"):
-        motion(
-            {
-                "kind": "point-to-point",
-                "move_time": 1.0,
-                "joints": [{"waypoints": [0.0, 1.0]}, {"waypoints": [0.0, 1.0, 2.0]}],
-            }
-        )
+        motion(table)
 
 
 @pytest.mark.parametrize(
@@ -153,20 +130,6 @@ def test_table_may_turn_around(tmp_path):
     _, q1, _ = m.sample(np.array([0.3, 2.3]))
     np.testing.assert_allclose(q1[0], q1[1], rtol=1e-12)
     np.testing.assert_allclose(q1[0], np.pi + 0.1 * np.pi * np.cos(0.3 * np.pi), rtol=1e-4)
-
-
-@settings(max_examples=25, deadline=None)
-@given(st.floats(0.1, 10), st.floats(-2, 2), st.floats(0, 1))
-def test_free_parameters_take_the_place_of_numbers(frequency, amplitude, phase):
-    harmonic = {"kind": "harmonic", "frequency": frequency, "joints": [{"amplitude": amplitude}]}
-    links = [{"length": 1.0, "mass_per_length": 1.0}]
-    scene = parse_scene({"schema": 1, "title": "free", "links": links, "motion": harmonic})
-    table, free = scene.motion, Parameters.of_scene(scene, ["motion.frequency", "motion.joints.0.amplitude"])
-    fixed, freed = build_motion(table, 1), build_motion(table, 1, free)
-    t = np.array([phase / frequency])
-    assert freed.period == fixed.period
-    for a, b in zip(fixed.sample(t), freed.sample(t), strict=True):
-        np.testing.assert_allclose(a, b, atol=1e-12 * (1 + np.abs(a).max()))
 
 
 def test_the_number_of_joints_is_the_tables_or_the_arms():

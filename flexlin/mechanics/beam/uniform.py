@@ -18,8 +18,6 @@ Boundary = Callable[[Array, Array, Array], Array]
 
 STEP = 0.02
 """Width of the scan for roots; roots of a uniform beam lie near pi apart."""
-LAST_BITS = 2 * float(np.finfo(float).eps)
-"""A root that moves by less than this, relative to itself, is found."""
 
 
 class UniformShapes(Shapes):
@@ -95,7 +93,7 @@ def narrow(function: Callable[[Array], Array], low: Array, high: Array, at_low: 
         at_middle = function(middle)
         size = np.sqrt(at_middle**2 - at_low * at_high) + np.finfo(float).tiny
         root = middle + (middle - low) * np.sign(at_low - at_high) * at_middle / size
-        if (np.abs(root - last) <= LAST_BITS * root).all():
+        if (np.abs(root - last) <= 4 * np.spacing(root)).all():
             return root
         last, at_root = root, function(root)
         inside, below = (np.sign(value) != np.sign(at_root) for value in (at_middle, at_low))

@@ -3,7 +3,7 @@
 from importlib import import_module
 
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.effects.base import Chain, Effect, Scale
+from flexlin.mechanics.effects.base import Chain, Effect, Scale, effects_of
 from flexlin.scene.effects import Effects, add_effect, known_effects
 
 SHIPPED = (
@@ -26,11 +26,6 @@ SHIPPED = (
     "tip_force",
 )
 """The file, and the scene's table, of each effect, in the order of reports; the class is the same name in capitals."""
-
-
-def effects_of(tables: Effects) -> tuple[Effect, ...]:
-    """The effects that a scene calls for."""
-    return tuple(effect for effect in tables.on().values() if isinstance(effect, Effect))
 
 
 def register_effect(name: str, effect: type[Effect]) -> None:

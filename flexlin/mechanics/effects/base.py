@@ -8,13 +8,11 @@ import casadi as ca
 from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, RigidMass
 from flexlin.mechanics.effects.narrow import Features, Moving
 from flexlin.mechanics.links import BentLink
-from flexlin.scene.effects import EffectTable
+from flexlin.scene.effects import Effects, EffectTable
 from flexlin.scene.links import Link
 
 SLENDERNESS = 0.01
 """Radius of gyration of a section, relative to the link's length."""
-PART = 0.1
-"""A body that the scene leaves out, relative to the inertia that is there."""
 LOSS = 0.01
 """Damping ratios, and friction relative to the inertia forces of the motion."""
 
@@ -33,6 +31,11 @@ class Scale:
     mass: float
     motion: float
     bending: float | None
+
+    @property
+    def fast(self) -> float:
+        """Five times as fast as the slowest link, or fifty times as fast as a rigid arm's motion (rad/s)."""
+        return 50 * self.motion if self.bending is None else 5 * self.bending
 
     def of_inertias(self, factor: float) -> tuple[float, ...]:
         """Each joint's inertia times a factor."""
@@ -150,7 +153,7 @@ class Effect(EffectTable):
         return self.frees_bearings and self._is_soft(joint)
 
     def _is_soft(self, joint: int) -> bool:
-        stiffness = per_joint(getattr(self, "stiffness", None), joint, single="every")
+        stiffness = per_joint(getattr(self, "stiffness", None), joint)
         return not isinstance(stiffness, int | float) or stiffness > 0
 
     def joint_radius(self, joint: int) -> Any:
@@ -430,22 +433,25 @@ class Effect(EffectTable):
         return None
 
 
-def per_joint(value: Any, joint: int, *, single: str) -> Any:
-    """Read a table's value for one joint: a tuple by index; a single number stands for the `"first"` joint or for `"every"` one."""
+def effects_of(tables: Effects) -> tuple[Effect, ...]:
+    """The effects that a scene calls for."""
+    return tuple(effect for effect in tables.on().values() if isinstance(effect, Effect))
+
+
+def per_joint(value: Any, joint: int) -> Any:
+    """Read a table's value for one joint: a tuple by index; a single number stands for every joint."""
     if isinstance(value, tuple):
         return value[joint] if joint < len(value) else 0.0
-    return value if single == "every" or joint == 0 else 0.0
+    return value
 
 
 def at_tip(value: Any, link: int, links: int) -> Any:
     """Read a table's value for the tip of one link: a tuple by index; a single number stands for the last link."""
-    if isinstance(value, tuple):
-        return value[link] if link < len(value) else 0.0
-    return value if link == links - 1 else 0.0
+    return per_joint(value, link) if isinstance(value, tuple) or link == links - 1 else 0.0
 
 
 def per_motor(value: Any, chain: Chain) -> ca.SX:
     """Read a table's value for each joint that moves, (joints, 1): zero for a passive joint, which has no motor."""
     links = chain.links
-    found = [0.0 if links[i].table.passive else per_joint(value, i, single="every") for i in chain.moving]
+    found = [0.0 if links[i].table.passive else per_joint(value, i) for i in chain.moving]
     return ca.vertcat(ca.SX(0, 1), *found)

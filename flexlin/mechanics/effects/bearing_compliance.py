@@ -11,7 +11,8 @@ from typing import Annotated, Any
 import casadi as ca
 
 from flexlin.mechanics.body import Body, about, rigid_body
-from flexlin.mechanics.effects.base import LOSS, PART, Chain, Effect, Scale, per_joint
+from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_joint
+from flexlin.periodic.precision import MINOR
 from flexlin.scene.base import NonNegative, PerLink, Positive, Unit
 
 
@@ -31,9 +32,8 @@ class BearingCompliance(Effect):
     @classmethod
     def tried_with(cls, scale: Scale) -> "BearingCompliance":
         """Bearings on which the joints alone would swing five times as fast as the slowest link, or fifty times as a rigid arm's motion."""
-        fast = 5 * scale.bending if scale.bending is not None else 50 * scale.motion
-        losses = scale.of_inertias(2 * LOSS * fast)
-        return cls(stiffness=scale.of_inertias(fast**2), inertia=scale.of_inertias(PART), damping=losses)
+        losses = scale.of_inertias(2 * LOSS * scale.fast)
+        return cls(stiffness=scale.of_inertias(scale.fast**2), inertia=scale.of_inertias(MINOR), damping=losses)
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
         turning = [i for i in chain.moving if chain.links[i].table.joint == "revolute"]
@@ -41,7 +41,7 @@ class BearingCompliance(Effect):
 
     def _across(self, chain: Chain, joint: int) -> ca.SX:
         """J (E - a a^T), (3, 3)."""
-        inertia = per_joint(self.inertia, joint, single="every")
+        inertia = per_joint(self.inertia, joint)
         return ca.sparsify(ca.SX(inertia) * ca.SX.eye(3) - about(chain.axes[joint], inertia))
 
     def potential_energy(self, chain: Chain) -> ca.SX:
@@ -52,5 +52,5 @@ class BearingCompliance(Effect):
 
     def _sum_squares(self, value: Any, parts: Sequence[ca.SX], chain: Chain) -> ca.SX:
         """1/2 sum k x.x over the bearings."""
-        squares = [per_joint(value, i, single="every") / 2 * ca.sumsqr(parts[i]) for i in chain.moving]
+        squares = [per_joint(value, i) / 2 * ca.sumsqr(parts[i]) for i in chain.moving]
         return sum(squares, ca.SX(0))

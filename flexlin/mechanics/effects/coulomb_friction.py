@@ -48,7 +48,7 @@ class CoulombFriction(Effect):
             raise ValueError("no static friction at motors: only joints stick")
         if self.static is not None:
             count = max(len(one) if isinstance(one, tuple) else 1 for one in (self.torque, self.static))
-            pairs = [[per_joint(one, i, single="every") for one in (self.torque, self.static)] for i in range(count)]
+            pairs = [[per_joint(one, i) for one in (self.torque, self.static)] for i in range(count)]
             if any(static < sliding for sliding, static in pairs):
                 raise ValueError("static of at least torque for each joint, since rest holds more than sliding brakes")
         return self
@@ -59,19 +59,16 @@ class CoulombFriction(Effect):
 
     def features(self, motion: Moving) -> Features:
         """Where a joint turns round: the slope c / eps lasts while |q'| is a few eps."""
-        found: list[tuple[float, float]] = []
-        for i in range(motion.joints):
-            if self.sliding(i, 0.0) > 0:
-                found += slow_passages(motion, i, per_joint(self.rate, i, single="every"))
-        return tuple(found)
+        rubbed = [i for i in range(motion.joints) if self.sliding(i, 0.0) > 0]
+        return tuple(found for i in rubbed for found in slow_passages(motion, i, per_joint(self.rate, i)))
 
     def sliding(self, joint: int, rate: Any) -> Any:
         """Friction of a joint that slides at a rate, without its sign."""
-        torque = per_joint(self.torque, joint, single="every")
+        torque = per_joint(self.torque, joint)
         if self.stribeck is None or self.static is None:
             return torque
-        falls = rate / per_joint(self.stribeck, joint, single="every")
-        return torque + (per_joint(self.static, joint, single="every") - torque) * ca.exp(-(falls**2))
+        falls = rate / per_joint(self.stribeck, joint)
+        return torque + (per_joint(self.static, joint) - torque) * ca.exp(-(falls**2))
 
     def joint_resistance(self, chain: Chain) -> ca.SX:
         return self._slide(chain, chain.q_rate) if self.at == "joint" else super().joint_resistance(chain)
@@ -80,6 +77,6 @@ class CoulombFriction(Effect):
         return self._slide(chain, chain.motor_rate) if self.at == "motor" else super().motor_resistance(chain)
 
     def _slide(self, chain: Chain, rates: ca.SX) -> ca.SX:
-        slopes = [per_joint(self.rate, i, single="every") for i in chain.moving]
+        slopes = [per_joint(self.rate, i) for i in chain.moving]
         level = [self.sliding(i, rates[k]) for k, i in enumerate(chain.moving)]
         return ca.vertcat(*level) * ca.tanh(rates / ca.vertcat(*slopes))

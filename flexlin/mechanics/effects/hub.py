@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 from flexlin.errors import Problem
 from flexlin.mechanics.body import Body, RigidMass, about, rigid_body
-from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, per_joint
+from flexlin.mechanics.effects.base import Chain, Effect, Scale, per_joint
+from flexlin.periodic.precision import MINOR
 from flexlin.scene.base import PerLink, Unit
 from flexlin.scene.consistency import pinned
 from flexlin.scene.effects import RawArm, RawTable
@@ -29,7 +30,7 @@ class Hub(Effect):
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "Hub":
-        return cls(inertia=scale.of_inertias(PART))
+        return cls(inertia=scale.of_inertias(MINOR))
 
     @classmethod
     def contradictions(cls, raw: RawTable, arm: RawArm) -> Iterator[Problem]:
@@ -43,11 +44,10 @@ class Hub(Effect):
                 )
 
     def joint_radius(self, joint: int) -> Any:
-        return per_joint(self.radius, joint, single="first")
+        return on_first(self.radius, joint)
 
     def joint_body(self, joint: int) -> RigidMass:
-        mass, inertia = (per_joint(value, joint, single="first") for value in (self.mass, self.inertia))
-        return RigidMass(mass, inertia)
+        return RigidMass(on_first(self.mass, joint), on_first(self.inertia, joint))
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
         on = [self.joint_body(joint) for joint in range(len(chain.joints))]
@@ -56,3 +56,8 @@ class Hub(Effect):
             for frame, axis, body in zip(chain.joints, chain.axes, on, strict=True)
             if not body.is_nothing
         )
+
+
+def on_first(value: Any, joint: int) -> Any:
+    """Read a table's value for one joint; a single number stands for the first."""
+    return per_joint(value if isinstance(value, tuple) else (value,), joint)

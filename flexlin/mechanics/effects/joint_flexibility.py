@@ -12,7 +12,8 @@ from typing import Annotated
 import casadi as ca
 
 from flexlin.errors import Problem
-from flexlin.mechanics.effects.base import LOSS, PART, Chain, Effect, Scale, per_motor
+from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_motor
+from flexlin.periodic.precision import MINOR
 from flexlin.scene.base import NonNegative, PerLink, Positive, Unit
 from flexlin.scene.effects import RawArm, RawTable
 
@@ -42,9 +43,8 @@ class JointFlexibility(Effect):
     @classmethod
     def tried_with(cls, scale: Scale) -> "JointFlexibility":
         """Joints that alone would swing five times as fast as the slowest link, or fifty times as fast as a rigid arm's motion."""
-        fast = 5 * scale.bending if scale.bending is not None else 50 * scale.motion
-        losses = scale.of_inertias(2 * LOSS * fast)
-        return cls(stiffness=scale.of_inertias(fast**2), motor_inertia=scale.of_inertias(PART), damping=losses)
+        losses = scale.of_inertias(2 * LOSS * scale.fast)
+        return cls(stiffness=scale.of_inertias(scale.fast**2), motor_inertia=scale.of_inertias(MINOR), damping=losses)
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
         return ca.dot(per_motor(self.motor_inertia, chain), chain.motor_rate**2) / 2

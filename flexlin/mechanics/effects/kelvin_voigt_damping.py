@@ -28,7 +28,7 @@ class KelvinVoigtDamping(Effect):
         return sum((self._of_link(link) for link in chain.links), ca.SX(0))
 
     def _of_link(self, link: BentLink) -> ca.SX:
-        eta = per_joint(self.retardation_time, link.index, single="every")
+        eta = per_joint(self.retardation_time, link.index)
         forms = [
             part.rigidity * ca.bilin(ca.DM(part.integrals.bending), part.w_rate, part.w_rate)
             for part in link.deflections

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 
 import casadi as ca
 
-from flexlin.mechanics.effects.base import LOSS, PART, Chain, Effect, Scale, per_joint, per_motor
+from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_joint, per_motor
+from flexlin.periodic.precision import MINOR
 from flexlin.scene.base import AllPositive, PerLink, Unit
 
 
@@ -33,7 +34,7 @@ class Motor(Effect):
     def tried_with(cls, scale: Scale) -> "Motor":
         """k = R, so that a volt is a newton metre and the back electromotive force a small damper."""
         constants = scale.of_inertias(2 * LOSS * scale.motion)
-        return cls(torque_constant=constants, resistance=constants, rotor_inertia=scale.of_inertias(PART))
+        return cls(torque_constant=constants, resistance=constants, rotor_inertia=scale.of_inertias(MINOR))
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
         inertias = per_motor(self.gear_ratio, chain) ** 2 * per_motor(self.rotor_inertia, chain)
@@ -49,4 +50,4 @@ class Motor(Effect):
         return self._of("gear_ratio", joint) * self._of("torque_constant", joint) / self._of("resistance", joint)
 
     def _of(self, name: str, joint: int) -> Any:
-        return per_joint(getattr(self, name), joint, single="every")
+        return per_joint(getattr(self, name), joint)

@@ -1,7 +1,7 @@
 """Where a saturating function of a joint's rate changes fast while the joint follows its basic motion."""
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Protocol
 
 import numpy as np
@@ -95,10 +95,10 @@ def crossings(f: Callable[[Array], Array], t: Array, values: Array) -> Array:
     return np.union1d(0.5 * (low + high), t[1:-1][inner])
 
 
-def pin_down(before: Callable[[Array], Array], low: Array, high: Array, rounds: int = ROUNDS) -> tuple[Array, Array]:
+def pin_down(before: Callable[[Array], Array], low: Array, high: Array) -> tuple[Array, Array]:
     """Ends (N,) of intervals within which `before` turns false, for times (P, N) at once: what costs is each call, not its times."""
     each = np.arange(len(low))
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         t = np.linspace(low, high, PARTS + 1)
         passed = np.logical_and.accumulate(before(t[1:-1])).sum(axis=0)
         low, high = t[passed, each], t[passed + 1, each]
@@ -107,23 +107,13 @@ def pin_down(before: Callable[[Array], Array], low: Array, high: Array, rounds: 
 
 def widths(of: Rates, centres: Array, rate: float, period: float) -> Array:
     """The time in which q' changes by `rate` from its value at each centre, on the faster side; T/2 where it never does."""
-    best = np.full(len(centres), period / 2)
-    if not len(centres):
-        return best
-    start = of(centres)[0]
-    for side in (1.0, -1.0):
-        ladder = period * 2.0 ** -np.arange(1.0, 45.0)[::-1]
-        moved = np.abs(of(centres + side * ladder[:, None])[0] - start) >= rate
-        first = np.argmax(moved, axis=0)
-        high = np.where(moved.any(axis=0), ladder[first], period / 2)
-        low = np.where(first > 0, high / 2, 0.0)
+    start, none = of(centres)[0], np.zeros(len(centres))
 
-        def near(s: Array, side: float = side) -> Array:
-            return np.abs(of(centres + side * s)[0] - start) < rate
+    def near(s: Array, side: float) -> Array:
+        return np.abs(of(centres + side * s)[0] - start) < rate
 
-        _, high = pin_down(near, low, high, (ROUNDS + 1) // 2)
-        best = np.minimum(best, high)
-    return best
+    ends = [pin_down(partial(near, side=side), none, none + period / 2)[1] for side in (1.0, -1.0)]
+    return np.minimum(*ends)
 
 
 def uncovered(narrow: list[tuple[float, float, float]], period: float) -> Features:

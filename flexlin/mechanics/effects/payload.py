@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import Annotated
 
 from flexlin.mechanics.body import Body, RigidMass, column, rigid_body, tensor
-from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, at_tip
+from flexlin.mechanics.effects.base import Chain, Effect, Scale, at_tip
+from flexlin.periodic.precision import MINOR
 from flexlin.scene.base import Number, PerLink, Unit
 from flexlin.scene.links import Inertia, Vector
 
@@ -35,7 +36,7 @@ class Payload(Effect):
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "Payload":
-        return cls(mass=PART * scale.mass)
+        return cls(mass=MINOR * scale.mass)
 
     def tip_body(self, link: int, links: int) -> RigidMass:
         body = RigidMass(*(at_tip(value, link, links) for value in (self.mass, self.inertia, self.offset)))

@@ -24,11 +24,11 @@ class RotaryInertia(Effect):
         return cls(radius_of_gyration=tuple(SLENDERNESS * link.length for link in scale.links))
 
     def section_gyration(self, link: int) -> Any:
-        return per_joint(self.radius_of_gyration, link, single="every")
+        return per_joint(self.radius_of_gyration, link)
 
     def section_inertia(self, link: BentLink) -> tuple[Any, Any, Any]:
         """About z as given; about y what the polar inertia leaves, where the link has one."""
-        about_z = link.mass * per_joint(self.radius_of_gyration, link.index, single="every") ** 2
+        about_z = link.mass * per_joint(self.radius_of_gyration, link.index) ** 2
         polar = link.table.polar_inertia
         about_y = 0.0 if polar is None else polar * link.table.length - about_z
         return 0.0, about_y, about_z

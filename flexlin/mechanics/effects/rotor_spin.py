@@ -12,11 +12,9 @@ from typing import Annotated
 import casadi as ca
 
 from flexlin.mechanics.body import Z
-from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, per_joint
+from flexlin.mechanics.effects.base import Chain, Effect, Scale, per_joint
+from flexlin.periodic.precision import MINOR
 from flexlin.scene.base import Number, PerLink, Unit
-
-RATIO = 100.0
-"""A gear's ratio where an audit tries the effect."""
 
 
 class RotorSpin(Effect):
@@ -31,8 +29,8 @@ class RotorSpin(Effect):
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "RotorSpin":
-        """Rotors as heavy, seen through their gears, as those that other effects are tried with."""
-        return cls(inertia=scale.of_inertias(PART / RATIO**2), gear_ratio=RATIO)
+        """Rotors as heavy, seen through gears of 100, as those that other effects are tried with."""
+        return cls(inertia=scale.of_inertias(MINOR / 100.0**2), gear_ratio=100.0)
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
         """T = sum N J (a.w) theta' over the joints that turn."""
@@ -40,7 +38,7 @@ class RotorSpin(Effect):
         for place, i in enumerate(chain.moving):
             link = chain.links[i].table
             if link.joint == "revolute" and not link.passive:
-                momentum = per_joint(self.gear_ratio, i, single="every") * per_joint(self.inertia, i, single="every")
+                momentum = per_joint(self.gear_ratio, i) * per_joint(self.inertia, i)
                 before = chain.mounts[i].turned(Z, link.mount_angle)
                 energy += momentum * ca.dot(chain.axes[i], before.spin) * chain.motor_rate[place]
         return energy

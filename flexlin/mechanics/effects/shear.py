@@ -16,9 +16,6 @@ from flexlin.mechanics.links import BentLink
 from flexlin.scene.base import AllPositive, Unit
 from flexlin.scene.effects import RawArm, RawTable
 
-SHEAR_RATIO = 0.32
-"""kappa G / E of a rectangular section of steel or aluminium: 0.83 / (2 * 1.3)."""
-
 
 class Shear(Effect):
     """Timoshenko's shear of the links, by its stiffness kappa G A; one number for every link or one a link."""
@@ -30,11 +27,11 @@ class Shear(Effect):
 
     @classmethod
     def tried_with(cls, scale: Scale) -> Optional["Shear"]:
+        """Rectangular sections of steel or aluminium, of which kappa G / E is 0.32."""
         if scale.bending is None:
             return None
         stiffness = [
-            SHEAR_RATIO * (link.stiffness_in("y") or 1.0) / (SLENDERNESS * (link.length or 1.0)) ** 2
-            for link in scale.links
+            0.32 * (link.stiffness_in("y") or 1.0) / (SLENDERNESS * (link.length or 1.0)) ** 2 for link in scale.links
         ]
         return cls(stiffness=tuple(stiffness))
 
@@ -47,11 +44,11 @@ class Shear(Effect):
                 yield Problem(f"links.{i}.mode_shapes", "'finite-element'", expected)
 
     def section_shear(self, link: int) -> Any:
-        return per_joint(self.stiffness, link, single="every")
+        return per_joint(self.stiffness, link)
 
     def potential_energy(self, chain: Chain) -> ca.SX:
         return sum((self._of_link(link) for link in chain.links if link.bending), ca.SX(0))
 
     def _of_link(self, link: BentLink) -> ca.SX:
-        stiffness = per_joint(self.stiffness, link.index, single="every") / ca.SX(link.table.length)
+        stiffness = per_joint(self.stiffness, link.index) / ca.SX(link.table.length)
         return stiffness * sum((part.quadratic(part.integrals.shear)[0] for part in link.bending), ca.SX(0))

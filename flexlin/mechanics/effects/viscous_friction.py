@@ -37,17 +37,13 @@ class ViscousFriction(Effect):
         """Where a joint turns round, an exponent's slope lasts while |q'| is a few eps."""
         if self.exponent is None:
             return ()
-        numbers = [
-            [per_joint(one, i, single="every") for one in (self.exponent, self.rate)] for i in range(motion.joints)
-        ]
-        return tuple(
-            found for i, (power, rate) in enumerate(numbers) if power != 1 for found in slow_passages(motion, i, rate)
-        )
+        bent = [i for i in range(motion.joints) if per_joint(self.exponent, i) != 1]
+        return tuple(found for i in bent for found in slow_passages(motion, i, per_joint(self.rate, i)))
 
     def dissipation(self, chain: Chain) -> ca.SX:
         rates = chain.motor_rate if self.at == "motor" else chain.q_rate
         coefficients, powers, slow = (
-            ca.vertcat(*[per_joint(value, i, single="every") for i in chain.moving])
+            ca.vertcat(*[per_joint(value, i) for i in chain.moving])
             for value in (self.coefficient, 1.0 if self.exponent is None else self.exponent, self.rate)
         )
         if self.exponent is None:

@@ -9,7 +9,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
 from flexlin.control.tracking import arm_positions
-from flexlin.mechanics.axes import COLUMNS
+from flexlin.mechanics.links import COLUMNS
 from flexlin.periodic.precision import CUBE, ROOT
 from flexlin.plots.panel import Panel
 from flexlin.report.figures import (
