@@ -11,8 +11,8 @@ from scipy.linalg import eigvals
 
 import flexlin as fl
 from flexlin.answers.audit import audit, figures, find_reach
-from flexlin.answers.audit.judging import Judge, again, mode_versions
-from flexlin.answers.audit.versions import Version, list_model_versions, read_scale, with_modes
+from flexlin.answers.audit.judging import Judge, again
+from flexlin.answers.audit.versions import Version, list_mode_versions, list_model_versions, read_scale, with_modes
 from flexlin.cli import main
 from flexlin.errors import SingularMassMatrix, TimeLimit
 from flexlin.periodic.floquet.exponents import floquet
@@ -259,7 +259,7 @@ def test_what_is_beyond_small_deflections_is_no_plain_advice():
 def test_a_mode_less_of_one_kind_is_followed_by_one_less_of_the_same_kind():
     """A blade that flaps, lags and twists: the ways to take modes from it end, and none ends below nothing."""
     scene = fl.load_scene("rotating-blade", {"links.0.modes": {"y": 1, "z": 2, "torsion": 1}})
-    for version in mode_versions(scene):
+    for version in list_mode_versions(scene):
         if version.on:
             direction = version.subject.rpartition(".")[2]
             less, steps = version.make(scene), 1
