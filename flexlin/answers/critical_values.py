@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.about.linearization import Linearization
-from flexlin.answers.loops import need_numbers
 from flexlin.answers.spectra import Family, Source, make_family
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
@@ -16,7 +15,7 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.crossings import SAMPLES, Crossing, find_crossings
 from flexlin.periodic.boundary.spectra import Effort
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.scene.parameters import get_value
+from flexlin.scene.parameters import get_value, need_numbers
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 

@@ -14,7 +14,7 @@ from flexlin.mechanics.chain import build_manipulator
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import DesignTable
 from flexlin.scene.loading import revise_scene
-from flexlin.scene.parameters import PARAMETERS, get_value, path_in
+from flexlin.scene.parameters import PARAMETERS, get_value, need_numbers, path_in
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
@@ -136,21 +136,6 @@ def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> Parametric
             get_value(scene, path)
         return rebuilt
     return loop if is_same_model(loop, rebuilt) else rebuilt
-
-
-def can_stay_free(scene: Scene, paths: Iterable[str]) -> bool:
-    """Whether these numbers can be symbols in the equations, and mean the same there without a look at a model's code."""
-    moving = scene.motion.kind not in SAMPLED and getattr(scene.motion, "course", "") != "one-way"
-    return moving and not any(path.startswith(f"{PARAMETERS}.") or path in TIMES for path in paths)
-
-
-def need_numbers(scene: Scene, paths: Iterable[str]) -> None:
-    """Raise for a path that leads to no real number of the scene."""
-    for path in paths:
-        value = get_value(scene, path)
-        if not isinstance(value, float):
-            expected = "a real number of the scene, such as motion.frequency or one of a list, effects.payload.mass.0"
-            raise ArgumentError(f"{path} cannot be left free", got=repr(value)[:80], expected=expected)
 
 
 def is_same_model(loop: ParametricLoop, rebuilt: RebuiltLoop) -> bool:

@@ -8,13 +8,13 @@ from itertools import pairwise, product
 import numpy as np
 
 from flexlin.answers.spectra import Family, Source, make_family
-from flexlin.answers.sweep.job import check_axes
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError, InputError, NotStable
 from flexlin.lazy import lazy
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.scene.loading import check_axes
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 

@@ -141,7 +141,7 @@ def describe_link(link: "Link") -> Iterator[str]:
 
 def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
     """What the arm does with its joints held; `stiffened`: its equations hold at large deflections."""
-    from flexlin.answers.validity import SMALL
+    from flexlin.answers.steady import SMALL
 
     if rest.gives_way:
         yield "at rest", "gives way under its loads even with its joints held: stiffen its links, or lessen the loads"

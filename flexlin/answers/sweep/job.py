@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,8 +17,7 @@ from flexlin.answers.sweep.together import Together
 from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.progress import advance, part
-from flexlin.scene.loading import raw_tables, revise_scene
-from flexlin.scene.parameters import get_value
+from flexlin.scene.loading import check_axes
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -28,10 +26,6 @@ if TYPE_CHECKING:
 
 DESIGN_TOL = 1e-9
 """Gains of designs are at least as accurate as this."""
-MOST_CHECKED = 10
-"""Values of a path that are checked one by one; of more, both ends, the one nearest to zero, and so many in between."""
-MOST_CORNERS = 6
-"""Paths of a grid whose corners are checked together."""
 
 
 @dataclass(frozen=True)
@@ -159,31 +153,6 @@ def lay_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...],
             "the paths have different numbers of values", got=str(lengths), expected="one number, or grid=True"
         )
     return np.stack(list(axes.values()), axis=1), lengths[:1], ("value",)
-
-
-def check_axes(scene: Scene, axes: dict[str, Array], grid: bool) -> None:
-    """Refuse values that the scene's schema refuses, each path by itself and the corners of a grid together, before any computation.
-
-    Raises: SceneError with the key.
-    """
-    raw = raw_tables(scene)
-    for path, values in axes.items():
-        get_value(scene, path)
-        for value in pick_values(values):
-            revise_scene(scene, {path: value}, raw)
-    if grid and 1 < len(axes) <= MOST_CORNERS:
-        for corner in product(*[(axis.min(), axis.max()) for axis in axes.values()]):
-            revise_scene(scene, dict(zip(axes, map(float, corner), strict=True)), raw)
-
-
-def pick_values(values: Array) -> list[float]:
-    """All values of a path, or of many those that an interval, perhaps without zero, would refuse first."""
-    distinct = np.unique(values)
-    if len(distinct) <= MOST_CHECKED:
-        return list(map(float, distinct))
-    away = distinct[distinct != 0]
-    few = distinct[np.linspace(0, len(distinct) - 1, MOST_CHECKED).round().astype(int)]
-    return [float(away[np.abs(away).argmin()]), *map(float, few)]
 
 
 def check_values(count: int, states: int = 2) -> None:
