@@ -28,8 +28,6 @@ SAMPLED = ("table", "tip-path")
 """Kinds of motions that are no expressions of their numbers."""
 TIMES = ("motion.move_time", "motion.dwell_time")
 """Numbers that move the breaks of a motion."""
-NEARBY, PROBES = 0.03, 17
-"""How far from the scene's own numbers, and at how many phases, two ways to the same equations are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,13 +141,13 @@ def is_same_model(loop: ParametricLoop, rebuilt: RebuiltLoop) -> bool:
 
     Its code may take decisions, or read its own tables of numbers, that no symbol shows.
     """
-    for factor in (1.0, 1 + NEARBY):
+    phases = np.linspace(0.0, 1.0, 17, endpoint=False)
+    for factor in (1.0, 1.03):
         point = loop.nominal * factor
         try:
             exact = rebuilt.system_at(point)
         except SceneError:
             continue
-        phases = np.linspace(0.0, 1.0, PROBES, endpoint=False)
         A, again = loop.system_at(point).A(phases * exact.period), exact.A(phases * exact.period)
         if not np.allclose(A, again, rtol=1e-9, atol=1e-9 * np.abs(again).max()):
             return False

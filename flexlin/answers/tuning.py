@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexlin.about.linear import linearize
-from flexlin.answers.gain_search import GRID, Problem, lay_scenarios, search
+from flexlin.answers.gain_search import Problem, lay_scenarios, search
 from flexlin.answers.spectra import ROUGH, Source, make_family
 from flexlin.answers.steady import find_response
 from flexlin.checks import SAMPLES, Array, positive, real_array, whole
@@ -155,7 +155,7 @@ def tune(
     ranges = np.array(list(vary.values()), dtype=float).reshape(-1, 2)
     spans = {path: (float(a), float(b)) for path, (a, b) in zip(own, bounds, strict=True)}
     family = replace(make_family(source, {**spans, **vary}, "own"), finest=ROUGH)
-    problem = Problem(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, GRID), until=until)
+    problem = Problem(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, 3), until=until)
     started = np.array(list(own.values()))
     x, fine = search(problem, started, ranges, whole("starts", starts), whole("steps", steps), seed)
     tuned, capped = keep_torque(source, tuple(own), tuple(vary), started, x, fine, problem, limits)
@@ -262,9 +262,6 @@ def named(paths: tuple[str, ...], numbers: Array) -> dict[str, float]:
     return dict(zip(paths, numbers.tolist(), strict=True))
 
 
-RESPONSE_TOL = 1e-6
-
-
 def torque_limit(source: Source, limits: Mapping[str, Any]) -> float | None:
     """The limit given, else that of the scene's drives or saturation: the least of all joints."""
     if "torque" in limits:
@@ -282,5 +279,5 @@ def peak_torque(scene: Scene) -> float:
     """The largest torque of the scene's steady motion, in N m."""
     lin = linearize(build_manipulator(scene), scene.motion, scene.control)
     t = lin.period * np.arange(SAMPLES) / SAMPLES
-    states = find_response(lin, lin.periodic_system(), t, RESPONSE_TOL).states
+    states = find_response(lin, lin.periodic_system(), t, ROUGH).states
     return float(np.abs(drive_load(lin, t, states, lin.law).torque).max())

@@ -55,10 +55,7 @@ do it as fast as processes."""
 
 @dataclass
 class Job:
-    """One sweep: `points` (V, P), the work, and what is known of each value so far; `done` (V,) says of which.
-
-    `repaired`: blocks that a store held damaged.
-    """
+    """One sweep: `points` (V, P), the work, and what is known of each value so far; `repaired`: blocks that a store held damaged."""
 
     scene: Scene | PeriodicFamily
     axes: dict[str, Array]
@@ -69,16 +66,20 @@ class Job:
     points: Array
     work: Work
     found: Found
-    done: Array
     watchers: list[Callable[[int, Found], None]] = field(default_factory=list)
     repaired: int = 0
 
     @property
+    def done(self) -> Array:
+        """Which values (V,) are known."""
+        return self.found.verdict != MISSING
+
+    @property
     def blocks(self) -> list[tuple[int, int]]:
         """First and last-but-one value of each block that is not done."""
-        size = self.work.block
-        cuts = [(i, min(i + size, len(self.points))) for i in range(0, len(self.points), size)]
-        return [(start, stop) for start, stop in cuts if not self.done[start:stop].all()]
+        size, done = self.work.block, self.done
+        cuts = [(i, min(i + size, len(done))) for i in range(0, len(done), size)]
+        return [(start, stop) for start, stop in cuts if not done[start:stop].all()]
 
     def compute(self, start: int, stop: int) -> Found:
         """A block, in this process and thread."""
@@ -88,7 +89,6 @@ class Job:
     def enter(self, start: int, block: Found) -> None:
         """Take a finished block, and pass it on to the watchers."""
         self.found.place(start, block)
-        self.done[start : start + len(block.error)] = True
         advance(float(self.done.mean()))
         for watch in self.watchers:
             watch(start, block)
@@ -137,7 +137,7 @@ def prepare_job(
     found = Found.empty(len(points), chosen.states)
     found.verdict[:], found.reason[:] = MISSING, "not computed"
     work = choose_work(chosen, points, tol)
-    return Job(scene, axes, shape, dims, loop, tol, points, work, found, np.zeros(len(points), dtype=bool))
+    return Job(scene, axes, shape, dims, loop, tol, points, work, found)
 
 
 def lay_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
