@@ -215,12 +215,8 @@ def describe_cause(cause: "Resonance") -> str:
 
 UNASKED = 2.0
 """Seconds of work for all numbers that nobody asked for."""
-TOL = 1e-6
-"""Wanted error of a critical value, as a share of its range."""
 FINE = 1e-9
 """Wanted error of the exponents beside a critical value, in 1/s: it moves the value by less than is printed."""
-FACTORS = (0.25, 8.0)
-"""Least and largest values of the usual ranges, in the scene's own value."""
 
 
 @dataclass(frozen=True)
@@ -255,7 +251,7 @@ def find_margin(
     known: Linearization | None = None,
     loop: str = "own",
 ) -> Margin:
-    """The critical values of one number of a scene's loop, by default its own, or as much of them as so many seconds of work bring.
+    """The critical values of one number of a scene's loop, by default its own, to 1e-6 of the range, or as many as some seconds bring.
 
     Parameters: known: the loop; where its equations keep the number free they are not derived again.
     Raises: what `make_family` raises; ArgumentError for what is no real number of the scene (`need_numbers`).
@@ -265,16 +261,16 @@ def find_margin(
     (low, high), effort = check_limits(path, limits), Effort(seconds, own)
     kept = known if known is not None and path in known.arm.parameters.paths else None
     family = replace(make_family(scene, {path: (low, high)}, loop, kept), finest=FINE)
-    found = search_family(family, path, low, high, TOL * (high - low), effort=effort)
+    found = search_family(family, path, low, high, 1e-6 * (high - low), effort=effort)
     searched = max(low, effort.searched[0]), min(high, effort.searched[1])
     return Margin(path, low, high, own, effort.values, tuple(found), effort.gap, searched)
 
 
 def choose_margins(scene: Scene) -> dict[str, tuple[float, float]]:
-    """The numbers that engineers ask for first, speed and payload, with ranges about the scene's own values."""
+    """The numbers that engineers ask for first, speed and payload, from a quarter to eight times the scene's own values."""
     motion = ("motion.frequency", "motion.move_time", "motion.joints.0.rate")
     known = dict(find_number(scene, path) for path in (*motion, "effects.payload.mass", "parameters.payload_mass"))
-    ends = {path: sorted(factor * own for factor in FACTORS) for path, own in known.items() if own}
+    ends = {path: sorted((own / 4, 8 * own)) for path, own in known.items() if own}
     return {path: (low, high) for path, (low, high) in ends.items()}
 
 

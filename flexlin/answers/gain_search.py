@@ -50,8 +50,6 @@ def smooth_growth(exponents: Array, periods: Array, mu: float, horizon: float) -
 
 LEVELS = 0.1 * 0.3 ** np.arange(8)
 """mu in units of the growth rate."""
-BY_DIFFERENCES = LEVELS[:5]
-"""The same where slopes are differences of spectra, which are known to 1e-8."""
 HORIZON = 2.0
 """N T in units of one over the growth rate."""
 SETTLED, PATIENCE = 0.01, 5
@@ -197,7 +195,7 @@ def minimise(problem: Problem, own: Array, starts: int, steps: int, seed: int, f
     screened = SCREENED if problem.family.batched else SCREENED // ALONE
     drawn = np.random.default_rng(seed).uniform(-np.pi / 2, np.pi / 2, (screened, len(own)))
     sizes = [problem.worst(x) for x in drawn[: screened * (starts > 1)]]
-    levels = LEVELS if problem.exact else BY_DIFFERENCES
+    levels = LEVELS if problem.exact else LEVELS[:5]  # differences are of spectra that are known to 1e-8
     problem.best = np.inf, problem.position(own)
     for start in (problem.best[1], *drawn[np.argsort(sizes)[: starts - 1]]):
         follow_levels(problem, start, steps, levels)

@@ -120,8 +120,8 @@ CORNERS, LEVELS = 64, 20
 """Directions to corners of the box, half as many spread over its faces, and distances tried on each, the nearest first."""
 FEW = 8
 """Distances tried along the growth rate's gradient and its parts alone, for a loop whose spectra take long."""
-STARTS, STEPS, SETTLED = 2, 12, 1e-7
-"""Rays from which the nearest place is sought, steps of each, and the relative shortening that ends them."""
+STARTS, STEPS = 2, 12
+"""Rays from which the nearest place is sought, and steps of each."""
 
 
 def list_directions(box: Box) -> Array:
@@ -172,7 +172,7 @@ def follow(box: Box, direction: Array, scale: float) -> Array:
         return r, -r * g / float(g @ d)
 
     bounds = [(-1.0, 1.0)] * len(direction)
-    options = {"maxiter": STEPS, "maxfun": 2 * STEPS, "ftol": SETTLED}
+    options = {"maxiter": STEPS, "maxfun": 2 * STEPS, "ftol": 1e-7}
     minimize(shortest, direction, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
     return np.asarray(places[-1])
 

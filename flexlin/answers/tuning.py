@@ -21,8 +21,6 @@ from flexlin.scene.scene import Scene
 from flexlin.scene.units import in_si
 from flexlin.summary import represent
 
-SPAN = (0.1, 10.0)
-"""Limits of a gain that has none, in its own value."""
 CONFIRMED = 8
 """The worst scenarios of all that `floquet` confirms."""
 NEAR = 0.01
@@ -176,11 +174,11 @@ def first_gains(source: Source, gains: Sequence[str] | Mapping[str, float] | Non
 
 
 def gain_bounds(path: str, value: float, limits: Mapping[str, Any]) -> tuple[float, float]:
-    """The limits of one gain."""
+    """The limits of one gain, by default a tenth and ten times its own value."""
     if path in limits:
         low, high = map(float, real_array(f"the limits of {path}", limits[path], (2,)))
     elif value > 0:
-        low, high = SPAN[0] * value, SPAN[1] * value
+        low, high = 0.1 * value, 10.0 * value
     else:
         raise ArgumentError("a gain that is not positive needs limits", got=f"{path} = {value}", expected="(low, high)")
     if not low < high:

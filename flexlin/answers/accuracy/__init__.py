@@ -60,8 +60,7 @@ from flexlin.simulation.run import simulate
 TOLS = (1e-9, 1e-6, 1e-10, 1e-4, 1e-8)
 """The default first: it is measured even where there is time for one alone."""
 FINE = 1e-11
-REFERENCE = 24
-"""Order of the references, on twice the segments that the engine would take for FINE."""
+"""What references are asked for."""
 MOST_SEGMENTS = 4096
 """Segments of a trial of the engine at the most, and segments times order of one of collocation."""
 
@@ -119,8 +118,8 @@ def try_setting(system: PeriodicSystem, setting: Setting, chosen: str = "") -> T
     return Trial(f"{setting.method} {setting.order}", name, run, chosen)
 
 
-def choose_reference(system: PeriodicSystem, order: int = REFERENCE) -> Setting:
-    """A setting that is finer than all that are tried."""
+def choose_reference(system: PeriodicSystem, order: int = 24) -> Setting:
+    """A setting that is finer than all that are tried, on twice the segments that the engine would take for FINE."""
     count = 2 * choose_setting(system, FINE, "gauss", None, None).segments
     return Setting("gauss", order, int(np.clip(count, 64, 2048)), "")
 
@@ -268,7 +267,7 @@ def cost(scene: Scene, *, peers: bool = True, seconds: float | None = None) -> C
 
     def transition_matrices() -> Trials:
         nonlocal floor
-        rough, exact = (multiply_period(system, choose_reference(system, order)) for order in (20, REFERENCE))
+        rough, exact = (multiply_period(system, choose_reference(system, order)) for order in (20, 24))
         floor = max(compare_arrays(rough, exact), 1e-15)
         outside = try_scipy(closed, derive_transition_rate, multiply_up, tols)
         return against(exact, try_transition_matrices(system), outside)

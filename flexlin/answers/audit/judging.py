@@ -323,8 +323,6 @@ def advise(version: Version, matters: bool, judged: bool, broken: bool, unfelt: 
     return "consider it: with these figures it would be noticed" if matters else f"not needed with these figures{note}"
 
 
-MOST_GROWTH = 2
-"""Rounds in which links are given a mode more."""
 NOTHING = Version(lambda scene: scene, "the minimal scene", "minimal", "scene", True, {})
 """The change that is none."""
 
@@ -364,9 +362,9 @@ def shrink(judge: Judge, tried: Sequence[tuple[Version, Row]], pairs: Sequence[R
 
 
 def grow(judge: Judge) -> tuple[Judge, tuple[str, ...]]:
-    """Compare from here on with a scene whose links have modes enough: one more in each would not be noticed."""
+    """Compare from here on with a scene whose links have modes enough, at most two more: another in each would not be noticed."""
     added = []
-    for _ in range(MOST_GROWTH):
+    for _ in range(2):
         before = judge
         for version in list_mode_versions(judge.scene):
             if version.on:

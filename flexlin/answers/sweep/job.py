@@ -136,8 +136,8 @@ def prepare_job(
     check_values(count, chosen.states)
     found = Found.empty(len(points), chosen.states)
     found.verdict[:], found.reason[:] = MISSING, "not computed"
-    work = choose_work(chosen, points, tol)
-    return Job(scene, axes, shape, dims, loop, tol, points, work, found)
+    together = Together.prepare(chosen, points, tol) if isinstance(chosen, ParametricLoop | PeriodicFamily) else None
+    return Job(scene, axes, shape, dims, loop, tol, points, together or OneByOne(chosen, tol), found)
 
 
 def lay_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
@@ -158,11 +158,3 @@ def lay_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...],
 def check_values(count: int, states: int = 2) -> None:
     """Refuse a sweep of too many values before anything is allocated for them."""
     check_size(f"a sweep of {count} values", count * (16 * states + 60), "ask for fewer values")
-
-
-def choose_work(source: AnyLoop | PeriodicFamily, points: Array, tol: float) -> Work:
-    """The kernel where there is one, else `floquet` at each value."""
-    together = None
-    if isinstance(source, ParametricLoop | PeriodicFamily):
-        together = Together.prepare(source, points, tol)
-    return together or OneByOne(source, tol)
