@@ -27,30 +27,6 @@ def largest_gap(found, exact):
     return float(np.abs(found[:, None] - exact.exponents).min(axis=1).max())
 
 
-PID = {"kind": "pid", "kp": [3.0], "kd": [0.5], "ki": [2.0]}
-FILTERS = [{"kind": "low-pass", "on": "rates", "cutoff": 30.0}, {"kind": "notch", "frequency": 4.0, "gain": 0.3}]
-SIZES = {"joints": "1 deg", "rates": "5 deg/s", "integrals": "0.2 deg s", "input": "0.5 N m"}
-LQI = {"name": "LQI", "kind": "frozen-lqr", "weights": SIZES, "phases": 3}
-
-
-@pytest.mark.parametrize("word", ["own", "LQI"])
-def test_equations_of_second_order_hold_a_controllers_states(word):
-    """M^-1 [K, D] without the ignorable coordinates is A, at random values, whose loop is linearized as numbers."""
-    changed = {"links.0.modes": 1, "control.feedback": PID, "control.filters": FILTERS, "designs": [LQI]}
-    scene, rng = fl.load_scene("single-link", changed), np.random.default_rng(3)
-    paths = ["effects.payload.mass", "motion.frequency"]
-    paths += ["control.feedback.ki.0", "control.filters.0.cutoff", "control.filters.1.gain"] if word == "own" else []
-    loop = choose_loop(scene, paths, word)
-    assert (loop.coordinates, loop.states) == ((7, 9) if word == "own" else (3, 5))
-    phases = np.array([0.0, 0.13, 0.7])
-    for point in loop.nominal * rng.uniform(0.5, 2, (2, len(paths))):
-        system, n = loop.system_at(point), 2
-        M, D, K = loop.sample(phases, point[None])
-        assert not K[:, :, n:].any()
-        A = -np.linalg.solve(M, np.concatenate([K[:, :, :n], D], axis=2))
-        np.testing.assert_allclose(system.A(phases * system.period)[:, n:], A, rtol=1e-9, atol=1e-9)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("path", "values"), [(PAYLOAD, [0.01, 0.1]), ("motion.frequency", [0.4, 0.9])])
 def test_each_loop_agrees_with_one_built_by_hand(path, values):
