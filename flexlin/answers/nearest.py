@@ -109,11 +109,11 @@ def allowed(source: Source, path: str, own: float, end: float, furthest: float) 
     """The multiple of a number's change to one end up to which a scene's schema accepts it."""
     if not isinstance(source, Scene):
         return furthest
-    for size in np.arange(furthest, 1.0, -0.5).tolist():
+    for size in np.arange(min(furthest, FURTHEST), 1.0, -0.5).tolist():
         with suppress(InputError):
             check_axes(source, {path: np.array([own, own + size * (end - own)])}, grid=True)
             return size
-    return 1.0
+    return min(furthest, 1.0)
 
 
 CORNERS, LEVELS = 64, 20
