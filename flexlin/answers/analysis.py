@@ -14,18 +14,23 @@ from flexlin.answers.clock import Clock, Step
 from flexlin.answers.critical_values import Margin
 from flexlin.answers.judging import (
     Loop,
+    ModelValidity,
+    Response,
     Stages,
+    arm_length,
     describe_end,
+    find_response,
     judge_designs,
     judge_elastic_loop,
     judge_estimated_loops,
+    judge_model,
     judge_own_loops,
     judge_sampled_loops,
     load_of,
+    response_error,
     with_response,
 )
 from flexlin.answers.loops import SAMPLED, TIMES
-from flexlin.answers.steady import ModelValidity, Response, arm_length, find_response, judge_model, response_error
 from flexlin.checks import SAMPLES
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.control.sensors import tip_zeros

@@ -8,8 +8,8 @@ import numpy as np
 
 from flexlin.about.linear import linearize
 from flexlin.answers.gain_search import Problem, lay_scenarios, search
+from flexlin.answers.judging import find_response
 from flexlin.answers.spectra import ROUGH, Source, make_family
-from flexlin.answers.steady import find_response
 from flexlin.checks import SAMPLES, Array, positive, real_array, whole
 from flexlin.control.drives import drive_load
 from flexlin.errors import ArgumentError, NotStable

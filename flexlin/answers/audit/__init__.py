@@ -16,7 +16,7 @@ from flexlin.answers.audit.versions import (
     list_model_versions,
     read_scale,
 )
-from flexlin.answers.steady import arm_length
+from flexlin.answers.judging import arm_length
 from flexlin.arguments import checked
 from flexlin.checks import positive
 from flexlin.errors import TimeLimit

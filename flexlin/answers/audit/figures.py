@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
-from flexlin.answers.steady import find_response
+from flexlin.answers.judging import find_response
 from flexlin.checks import ROUNDING, SAMPLES, Array, try_to
 from flexlin.control.drives import Demand, drive_load
 from flexlin.control.tracking import tip_positions

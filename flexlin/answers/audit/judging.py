@@ -9,7 +9,7 @@ import numpy as np
 
 from flexlin.answers.audit.figures import Measure, Part, join_parts, measure
 from flexlin.answers.audit.versions import Version, list_mode_versions
-from flexlin.answers.steady import SMALL
+from flexlin.answers.judging import SMALL
 from flexlin.checks import try_to
 from flexlin.control.drives import Demand
 from flexlin.progress import advance
