@@ -261,8 +261,12 @@ def respond(
     start = np.append(start, np.zeros(loop.n - len(start)))
     linear = answer_linearly(loop, enters, start, stated.size, lasting, count, tol)
     seen, what, unit = observe(closed, stated)
-    values = np.array([seen(times, states) for times, states in zip(linear.times(T), linear.states, strict=True)])
-    ends = final_values(loop, stated, enters, seen, linear, T, tol)
+    times = linear.times(T)
+    values = np.array([seen(row, states) for row, states in zip(times, linear.states, strict=True)])
+    ends = np.zeros(values.shape)
+    if stated.kind == "step":  # it ends in the periodic answer to what lasts
+        steady = forced_response(loop, lambda t: stated.size * enters(t)[:, :, 0], tol)
+        ends = np.array([seen(row, steady(row)) for row in times])
     settling = np.array([settling_time(linear.t, row, end) for row, end in zip(values, ends, strict=True)])
     over = np.array([overshoot(row, end) for row, end in zip(values, ends, strict=True)])
     worst = int(np.lexsort((-over, -settling))[0])
@@ -284,23 +288,6 @@ def observe(lin: Linearization, stated: Disturbance) -> tuple[Seen, str, str]:
         return (lambda t, x: x[:, 0]), lin.names[0], lin.coordinates[0].unit
     where = f"along {stated.axis}" if stated.axis else "across the last link"
     return Directions(lin, stated.axis).seen, f"tip {where}", "m"
-
-
-def final_values(
-    loop: PeriodicSystem,
-    stated: Disturbance,
-    enters: MatrixFunction,
-    seen: Seen,
-    linear: LinearAnswer,
-    period: float,
-    tol: float,
-) -> Array:
-    """Where the answers end, (P, S): the periodic answer to a lasting step, else zero."""
-    times = linear.times(period)
-    if stated.kind != "step":
-        return np.zeros(times.shape)
-    steady = forced_response(loop, lambda t: stated.size * enters(t)[:, :, 0], tol)
-    return np.array([seen(row, steady(row)) for row in times])
 
 
 def settling_time(t: Array, values: Array, end: Array) -> float:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from flexlin.about.family import PeriodicFamily
 from flexlin.about.free import ParametricLoop
 from flexlin.answers.loops import AnyLoop, choose_loop
-from flexlin.answers.sweep.found import MISSING, TAKEN, Found, build_dataset
+from flexlin.answers.sweep.found import MISSING, TAKEN, VERDICTS, Found
 from flexlin.answers.sweep.together import Together
 from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.errors import ArgumentError
@@ -100,11 +100,26 @@ class Job:
 
     def dataset(self) -> "xr.Dataset":
         """What is known so far, with names and units; values that are not done have the verdict `missing`."""
-        about: dict[str, str | float] = {"loop": self.loop, "tol": self.tol, "route": self.work.route}
-        about["segments"] = self.work.segments
-        if self.repaired:
-            about["repaired"] = self.repaired
-        return build_dataset(self.scene, self.axes, self.found, self.shape, self.dims, about)
+        import xarray as xr
+
+        found, shape, dims = self.found, self.shape, self.dims
+        names = ("error", "period", "one_by_one", "reason")
+        variables: dict[str, Any] = {
+            "exponents": ((*dims, "mode"), found.exponents.reshape(*shape, -1), {"units": "1/s"}),
+            "verdict": (dims, VERDICTS[found.verdict].reshape(shape)),
+            **{name: (dims, getattr(found, name).reshape(shape)) for name in names},
+        }
+        coords = {path: (path if dims != ("value",) else "value", axis) for path, axis in self.axes.items()}
+        about: dict[str, str | float] = {
+            "title": self.scene.title,
+            "loop": self.loop,
+            "tol": self.tol,
+            "route": self.work.route,
+        }
+        about |= {"segments": self.work.segments, **({"repaired": self.repaired} if self.repaired else {})}
+        data = xr.Dataset(variables, coords, {**about, "one_by_one": int(found.one_by_one.sum())})
+        data["error"].attrs["units"], data["period"].attrs["units"] = "1/s", "s"
+        return data
 
 
 def compute_here(job: Job) -> Iterator[tuple[int, Found]]:
