@@ -215,8 +215,6 @@ def describe_cause(cause: "Resonance") -> str:
 
 UNASKED = 2.0
 """Seconds of work for all numbers that nobody asked for."""
-FINE = 1e-9
-"""Wanted error of the exponents beside a critical value, in 1/s: it moves the value by less than is printed."""
 
 
 @dataclass(frozen=True)
@@ -260,7 +258,8 @@ def find_margin(
     own = float(get_value(scene, path))
     (low, high), effort = check_limits(path, limits), Effort(seconds, own)
     kept = known if known is not None and path in known.arm.parameters.paths else None
-    family = replace(make_family(scene, {path: (low, high)}, loop, kept), finest=FINE)
+    family = make_family(scene, {path: (low, high)}, loop, kept)
+    family.finest = 1e-9  # it moves a value by less than is printed
     found = search_family(family, path, low, high, 1e-6 * (high - low), effort=effort)
     searched = max(low, effort.searched[0]), min(high, effort.searched[1])
     return Margin(path, low, high, own, effort.values, tuple(found), effort.gap, searched)

@@ -19,8 +19,6 @@ STAGES = (
     "coefficients", "transition matrices", "exponents", "periodic Riccati", "forced response", "simulation",
     "number of modes", "Taylor order",
 )  # fmt: skip
-SHORT = 0.05
-"""Runs shorter than this, in s, are repeated and their least time is kept."""
 STAGE_SECONDS = 5.0
 """Wall time of the trials of a stage, where the whole has enough."""
 
@@ -212,11 +210,11 @@ def measure_trials(
 
 
 def time_run(run: Callable[[], Any]) -> tuple[Any, float]:
-    """The result and the CPU time: the first run warms up, the least of the next counts; of long runs the first."""
+    """The result and the CPU time: the first run warms up, the least of five more counts; of one beyond 0.05 s the first."""
     start = process_time()
     value = run()
     first = process_time() - start
-    if first > SHORT:
+    if first > 0.05:
         return value, first
     return value, max(min(repeat(run, timer=process_time, number=1)), 1e-9)
 

@@ -39,8 +39,6 @@ INSIDE = 8
 """Times at which a push is looked at while it lasts."""
 BAND = 0.02
 """The answer has settled when it stays within this part of its largest size."""
-LONGEST = 60
-"""Periods at the most, where no number of them is given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,9 +274,9 @@ def respond(
 
 
 def steps_of(growth: float, period: float, periods: float | None) -> int:
-    """How many steps to follow."""
+    """How many steps to follow: until a thousandth is left, 60 periods at the most, where no number of them is given."""
     settled = math.log(1 / SLIGHT) / (-growth * period)
-    wanted = min(LONGEST, settled) if periods is None else positive("the number of periods", periods)
+    wanted = min(60, settled) if periods is None else positive("the number of periods", periods)
     return max(SAMPLES // 4, math.ceil(wanted * SAMPLES))
 
 
