@@ -10,7 +10,11 @@ def closed(
     name: str = "single-link", changes: dict[str, Any] | None = None, folder: Path | None = None
 ) -> fl.Linearization:
     """Load, build and linearize; folder: of the files that the changes name."""
-    scene = fl.load_scene(name, changes or {}, folder)
+    return control_loop(fl.load_scene(name, changes or {}, folder))
+
+
+def control_loop(scene: fl.Scene) -> fl.Linearization:
+    """A scene's arm under its own law."""
     return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
 
 

@@ -8,6 +8,8 @@ from flexlin import sensitivity
 from flexlin.answers import choose_paths
 from flexlin.scene import get_value, replace_value
 
+from .closed_arm import control_loop
+
 
 @pytest.fixture(scope="module")
 def scene():
@@ -22,8 +24,7 @@ PATHS = (
 
 
 def exponents(scene):
-    system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
-    return fl.floquet(system, 1e-12).exponents
+    return fl.floquet(control_loop(scene).periodic_system(), 1e-12).exponents
 
 
 def richardson(scene, path):

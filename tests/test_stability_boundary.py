@@ -5,9 +5,7 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
-from flexlin.answers import make_family
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.periodic import find_directions
 from flexlin.scene import revise_scene
 from tests.test_critical_values import clamped_constants
 
@@ -73,28 +71,6 @@ def test_tongues_of_the_spinning_link_lie_on_mathieus_curves():
 def test_ranges_that_do_not_fit_are_refused(ranges, error):
     with pytest.raises(error):
         fl.stability_boundary(fl.load_scene("spinning-link"), ranges)
-
-
-@pytest.mark.slow
-def test_directions_by_differences_are_those_of_the_exact_gradient():
-    """Of a damped loop's curve, in the unit square; the exact derivatives come from Floquet's modes."""
-    ranges = {"effects.payload.mass": (0.3, 0.9), "motion.frequency": (0.4, 1.2)}
-    scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
-    curve = fl.stability_boundary(scene, ranges, 1e-5)[0]
-    family, (low, high) = make_family(scene, ranges, "own"), np.array(list(ranges.values())).T
-    points = (curve.points[5:-5:9] - low) / (high - low)
-    assert len(points) > 3
-    for point in points:
-        exponents, _, slopes = family.slopes(low + (high - low) * point)
-        grows = exponents.real.argmax()
-        angle = np.array([exponents[grows].imag * family.system_at(low + (high - low) * point).period])
-        (direction,) = find_directions(
-            point[None], angle, np.array([False]), lambda places: family.rough(low + (high - low) * places)
-        )
-        gradient = slopes[:, grows].real * (high - low)
-        gradient /= np.linalg.norm(gradient)
-        assert abs(direction @ gradient) < 1e-4  # spectra to 1e-8 over steps of 3e-5, and slopes that are not small
-        assert direction[0] * gradient[1] - direction[1] * gradient[0] > 0  # the unstable side on the left
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = load_lazily(
     {},
     within={
         "answers.analysis": "analyse Analysis build_with_free find_loop_margins plant_and_designs",
-        "answers.steady": "examine find_bending",
+        "answers.at_rest": "examine find_bending",
         "answers.audit": "Audit Measure Row find_reach",
         "answers.audit.judging": "Judge",
         "answers.audit.versions": "list_effect_versions read_scale",
@@ -15,7 +15,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "answers.campbell": "unfold_frequencies",
         "answers.disturbed": "answer_noise overshoot respond settling_time",
         "answers.disturbed.stated": "state_disturbance",
-        "answers.judging": "Loop",
+        "answers.judging": "judge_model Loop",
         "answers.loops": "choose_loop",
         "answers.critical_values": "CriticalValue choose_margins find_margin Margin",
         "answers.nearest": "make_box",
@@ -26,6 +26,5 @@ __getattr__, __dir__, __all__ = load_lazily(
         "answers.sweep.run": "choose_crew keep_in",
         "answers.sweep.sharing": "share_among_processes share_among_threads share_on_cluster",
         "answers.sweep.together": "Together",
-        "answers.validity": "judge_model",
     },
 )

@@ -14,19 +14,23 @@ from flexlin.answers.clock import Clock, Step
 from flexlin.answers.critical_values import Margin
 from flexlin.answers.judging import (
     Loop,
+    ModelValidity,
+    Response,
     Stages,
+    arm_length,
     describe_end,
+    find_response,
     judge_designs,
     judge_elastic_loop,
     judge_estimated_loops,
+    judge_model,
     judge_own_loops,
     judge_sampled_loops,
     load_of,
+    response_error,
     with_response,
 )
-from flexlin.answers.loops import can_stay_free
-from flexlin.answers.steady import Response, arm_length, find_response, response_error
-from flexlin.answers.validity import ModelValidity, judge_model
+from flexlin.answers.loops import SAMPLED, TIMES
 from flexlin.checks import SAMPLES
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.control.sensors import tip_zeros
@@ -37,6 +41,7 @@ from flexlin.periodic.floquet.modes import floquet_modes
 from flexlin.periodic.margins import Margins, margins
 from flexlin.periodic.related import extend_system
 from flexlin.periodic.zeros import InvariantZeros
+from flexlin.scene.parameters import PARAMETERS
 from flexlin.scene.scene import Scene
 from flexlin.simulation.result import Simulation
 from flexlin.simulation.run import simulate
@@ -147,8 +152,9 @@ def analyse(scene: Scene, clock: Clock | None = None, free: Sequence[str] = ()) 
 
 
 def build_with_free(scene: Scene, free: Sequence[str]) -> Manipulator:
-    """The manipulator, with numbers left free where all of them can be."""
-    if free and can_stay_free(scene, free):
+    """The manipulator, with numbers left free where all of them can be, and mean the same there without a look at a model's code."""
+    moving = scene.motion.kind not in SAMPLED and getattr(scene.motion, "course", "") != "one-way"
+    if free and moving and not any(path.startswith(f"{PARAMETERS}.") or path in TIMES for path in free):
         with suppress(InputError):
             return build_manipulator(scene, free)
     return build_manipulator(scene)

@@ -16,19 +16,13 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-SMOOTHED = 25
-"""Neighbouring values whose median says by how much the averaged modes are off."""
-PHASES = 64
-"""Phases over which the coefficients are averaged."""
-
-
 def unfold_frequencies(scene: Scene, path: str, data: "xr.Dataset", loop: str = "own") -> "xr.Dataset | None":
     """Add to the exponents of a sweep over one number whole multiples of the motion's frequency, so that each lies near a mode.
 
         omega = Im lambda + k 2 pi / T,   k such that omega is nearest to the frequency of a mode of the averaged equations
 
     Modes and exponents are paired one to one, least distance in all, and again with the averaged modes moved by the median of what they
-    were off at neighbouring values. Where two modes are nearer to each other than half the motion's
+    were off at 25 neighbouring values. Where two modes are nearer to each other than half the motion's
     frequency modulo that frequency, which is which may be exchanged.
 
     Parameters: data: of `sweep` over this number alone. Returns: frequency (value, mode) in rad/s, not negative, growth (value, mode), and
@@ -45,7 +39,7 @@ def unfold_frequencies(scene: Scene, path: str, data: "xr.Dataset", loop: str = 
     for _ in range(2):
         for k in known:
             frequency[k], shift[k] = unfold(exponents[k], averaged[k], float(turn[k]))
-        averaged = averaged + 1j * median_filter(shift, size=(SMOOTHED, 1), mode="nearest")
+        averaged = averaged + 1j * median_filter(shift, size=(25, 1), mode="nearest")
     import xarray as xr
 
     return xr.Dataset(
@@ -60,9 +54,10 @@ def unfold_frequencies(scene: Scene, path: str, data: "xr.Dataset", loop: str = 
 
 def find_averaged(loop: ParametricLoop, values: Array) -> Array:
     """Eigenvalues (V, n) of the state matrix averaged over a period."""
-    M, D, K = loop.sample(np.arange(PHASES) / PHASES, values[:, None])
+    phases = np.arange(64) / 64
+    M, D, K = loop.sample(phases, values[:, None])
     n, states = loop.coordinates - loop.memory, loop.states
-    blocks = np.linalg.solve(M, np.concatenate([K[:, :, :n], D], axis=2)).reshape(PHASES, len(values), -1, states)
+    blocks = np.linalg.solve(M, np.concatenate([K[:, :, :n], D], axis=2)).reshape(len(phases), len(values), -1, states)
     A = np.zeros((len(values), states, states))
     A[:, :n, n : 2 * n], A[:, n:] = np.eye(n), -blocks.mean(axis=0)
     found = np.linalg.eigvals(A)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.about.linearization import Linearization
-from flexlin.answers.loops import need_numbers
 from flexlin.answers.spectra import Family, Source, make_family
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
@@ -16,7 +15,7 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.crossings import SAMPLES, Crossing, find_crossings
 from flexlin.periodic.boundary.spectra import Effort
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.scene.parameters import get_value
+from flexlin.scene.parameters import get_value, need_numbers
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
@@ -216,12 +215,6 @@ def describe_cause(cause: "Resonance") -> str:
 
 UNASKED = 2.0
 """Seconds of work for all numbers that nobody asked for."""
-TOL = 1e-6
-"""Wanted error of a critical value, as a share of its range."""
-FINE = 1e-9
-"""Wanted error of the exponents beside a critical value, in 1/s: it moves the value by less than is printed."""
-FACTORS = (0.25, 8.0)
-"""Least and largest values of the usual ranges, in the scene's own value."""
 
 
 @dataclass(frozen=True)
@@ -256,7 +249,7 @@ def find_margin(
     known: Linearization | None = None,
     loop: str = "own",
 ) -> Margin:
-    """The critical values of one number of a scene's loop, by default its own, or as much of them as so many seconds of work bring.
+    """The critical values of one number of a scene's loop, by default its own, to 1e-6 of the range, or as many as some seconds bring.
 
     Parameters: known: the loop; where its equations keep the number free they are not derived again.
     Raises: what `make_family` raises; ArgumentError for what is no real number of the scene (`need_numbers`).
@@ -265,17 +258,18 @@ def find_margin(
     own = float(get_value(scene, path))
     (low, high), effort = check_limits(path, limits), Effort(seconds, own)
     kept = known if known is not None and path in known.arm.parameters.paths else None
-    family = replace(make_family(scene, {path: (low, high)}, loop, kept), finest=FINE)
-    found = search_family(family, path, low, high, TOL * (high - low), effort=effort)
+    family = make_family(scene, {path: (low, high)}, loop, kept)
+    family.finest = 1e-9  # it moves a value by less than is printed
+    found = search_family(family, path, low, high, 1e-6 * (high - low), effort=effort)
     searched = max(low, effort.searched[0]), min(high, effort.searched[1])
     return Margin(path, low, high, own, effort.values, tuple(found), effort.gap, searched)
 
 
 def choose_margins(scene: Scene) -> dict[str, tuple[float, float]]:
-    """The numbers that engineers ask for first, speed and payload, with ranges about the scene's own values."""
+    """The numbers that engineers ask for first, speed and payload, from a quarter to eight times the scene's own values."""
     motion = ("motion.frequency", "motion.move_time", "motion.joints.0.rate")
     known = dict(find_number(scene, path) for path in (*motion, "effects.payload.mass", "parameters.payload_mass"))
-    ends = {path: sorted(factor * own for factor in FACTORS) for path, own in known.items() if own}
+    ends = {path: sorted((own / 4, 8 * own)) for path, own in known.items() if own}
     return {path: (low, high) for path, (low, high) in ends.items()}
 
 

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from flexlin.answers.spectra import Family
 from flexlin.checks import Array
-from flexlin.periodic.precision import SLIGHT
+from flexlin.periodic.precision import CUBE, SLIGHT
 from flexlin.resources import Stopwatch
 
 
@@ -50,26 +50,21 @@ def smooth_growth(exponents: Array, periods: Array, mu: float, horizon: float) -
 
 LEVELS = 0.1 * 0.3 ** np.arange(8)
 """mu in units of the growth rate."""
-BY_DIFFERENCES = LEVELS[:5]
-"""The same where slopes are differences of spectra, which are known to 1e-8."""
 HORIZON = 2.0
 """N T in units of one over the growth rate."""
-AGAIN, CHANGED = 5, 2.0
-"""How often the first level is repeated while the growth rate still changes by this factor."""
 SETTLED, PATIENCE = 0.01, 5
 """Relative decrease over so many steps that ends a level's search, as a part of the level: it is smoothed by more than that."""
 DIFFERENCE = 0.02
 """Step of differences by x, in mu per growth rate."""
-FAINT = 1e-5
-"""A scenario whose slopes are all below this has no part in a gradient."""
-SCREENED, GRID = 40, 3
-"""Gains that are tried roughly before the best of them are starts, and scenarios of an axis at first."""
+SCREENED = 40
+"""Gains that are tried roughly before the best of them are starts."""
 FINE, RANDOM = 512, 200
 """Scenarios of the verification, a narrow parametric resonance lies at an edge: of an axis, over four for each, and quasi-random ones."""
 ALONE = 8
 """How many fewer where scenarios are computed one by one."""
 ROUNDS, ADDED = 6, 3
-"""Rounds in which the worst scenarios are added, and as many at once, while they exceed the others by a slight share."""
+"""Rounds in which the worst scenarios are added, and as many at once, while they exceed the others by a slight share; rounds of the first
+level too, while the growth rate changes by a factor of two."""
 CHECKED = 12
 """Scenarios of the finer set, beside those of the search, for which time is kept; and spectra that take as long as exact slopes."""
 TWICE = 2.5
@@ -169,7 +164,7 @@ class Problem:
             values = np.array([smooth_growth(one, periods, mu, horizon)[0] for one in spectra])
             return float(values[0]), (values[1 : len(x) + 1] - values[len(x) + 1 :]) / (2 * step)
         shares, slopes = np.abs(smooth_growth(spectra[0], periods, mu, horizon)[1]).sum(axis=1), dict[int, Array]()
-        for k in map(int, np.flatnonzero(shares > FAINT)):
+        for k in map(int, np.flatnonzero(shares > CUBE)):
             self.need_time(CHECKED)
             found = self.family.slopes(np.concatenate([gains[0], self.scenarios[k]]))
             assert found is not None
@@ -200,7 +195,7 @@ def minimise(problem: Problem, own: Array, starts: int, steps: int, seed: int, f
     screened = SCREENED if problem.family.batched else SCREENED // ALONE
     drawn = np.random.default_rng(seed).uniform(-np.pi / 2, np.pi / 2, (screened, len(own)))
     sizes = [problem.worst(x) for x in drawn[: screened * (starts > 1)]]
-    levels = LEVELS if problem.exact else BY_DIFFERENCES
+    levels = LEVELS if problem.exact else LEVELS[:5]  # differences are of spectra that are known to 1e-8
     problem.best = np.inf, problem.position(own)
     for start in (problem.best[1], *drawn[np.argsort(sizes)[: starts - 1]]):
         follow_levels(problem, start, steps, levels)
@@ -223,10 +218,10 @@ def follow_levels(problem: Problem, x: Array, steps: int, levels: Array) -> tupl
     """
     factor = np.eye(len(x))
     for level in levels:
-        for _ in range(AGAIN if level == levels[0] else 1):
+        for _ in range(ROUNDS if level == levels[0] else 1):
             unit = find_unit(problem, x)
             x, factor = search_level(problem, x, level, unit, steps, factor)
-            if 1 / CHANGED < find_unit(problem, x) / unit < CHANGED:
+            if 1 / 2 < find_unit(problem, x) / unit < 2:
                 break
     return problem.best
 

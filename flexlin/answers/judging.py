@@ -1,21 +1,24 @@
-"""One loop on the arm: Floquet's verdict, the steady motion that it keeps, and what the drives have to do for it."""
+"""One loop on the arm: Floquet's verdict, the steady motion it keeps, what drives do for it, and whether the linear model holds there."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf, pi
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
+from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.answers.clock import Clock
-from flexlin.answers.steady import Response, find_response, response_error
 from flexlin.checks import Array
 from flexlin.control.drives import DriveLoad, drive_load
+from flexlin.control.tracking import scene_feedforward, tip_positions
 from flexlin.periodic.certificate import Certificate
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.related import OfPlant
+from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import DesignTable
 from flexlin.scene.scene import Accuracy, Scene
@@ -35,6 +38,156 @@ WORTH_PROOF = 1e-6
 """Decay per basic frequency from which a report tries to prove it: a slower one takes 10^5 periods to show, and most drown in rounding."""
 PROOF = 5.0
 """Seconds of a report's 60 that a loop's certificate may take; `FloquetResult.certificate` takes what it needs."""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """The elastic motion that a feedforward leads along, in the place of a forced response: any stable loop keeps it."""
+
+    error: float
+    status: str
+    amplification: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Response:
+    """The periodic response of a loop: states [y; y'; z] (N, 2n + k), and how far the tip is from its rigid motion, (N, 2) in m.
+
+    `tip_by_bending` is the part of it that is left when only the elastic coordinates deviate; `law` commands the torque where a
+    feedforward leads along an elastic motion.
+    """
+
+    solution: ForcedResponse | Followed
+    states: Array
+    tip: Array
+    tip_by_bending: Array
+    law: Law | None = None
+
+    @property
+    def tip_error(self) -> Array:
+        """The distance of the tip from its rigid motion, (N,) in m; not a number where the model has no points."""
+        return np.linalg.norm(self.tip, axis=1)
+
+    @property
+    def sizes(self) -> tuple[float, float]:
+        """The largest tip error by bending alone, and the largest of all, in m."""
+        return float(np.linalg.norm(self.tip_by_bending, axis=1).max()), float(self.tip_error.max())
+
+
+def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: float) -> Response:
+    """The periodic response to what the rigid motion leaves over, and what it does to the tip."""
+    forward = scene_feedforward(closed, tol)
+    solution: ForcedResponse | Followed
+    if forward is None:
+        solution = forced_response(loop, OfPlant(closed.forcing, 2 * closed.n, loop.n), tol)
+        states = solution(t)
+    else:
+        reference = forward.law.reference(t)
+        states = np.concatenate([reference, np.zeros((len(t), loop.n - 2 * closed.n))], axis=1)
+        solution = Followed(forward.error * float(np.abs(states).max()), forward.status)
+    bent = states[:, : 2 * closed.n] * [coordinate.kind == "elastic" for coordinate in closed.coordinates * 2]
+    rigid = tip_positions(closed, t, np.zeros_like(states))
+    tip, by_bending = (tip_positions(closed, t, x) - rigid for x in (states, bent))
+    return Response(solution, states, tip, by_bending, None if forward is None else forward.law)
+
+
+def response_error(found: Response) -> float:
+    """The error of the states, relative to the largest, absolute below 1."""
+    return found.solution.error / max(1.0, float(np.abs(found.states).max()))
+
+
+def arm_length(plant: Linearization) -> float:
+    """The length of the arm from the base over its joints to the tip, in m, as the motion begins; not a number where it has no points."""
+    if plant.arm.near.points is None:
+        return float("nan")
+    points = plant.about.near.of_arm("points", np.zeros(1), np.zeros((1, plant.n)))[0]
+    return float(np.linalg.norm(np.diff(points, axis=1), axis=0).sum())
+
+
+SMALL = 0.2
+"""The share of the arm's length beyond which a deflection is not small, and of the largest deviation by which the linear answer may miss
+the nonlinear one."""
+REPEATABLE = 1e-5
+"""A share of the arm's length of the order in which good arms repeat a motion (some 0.01 mm for 1 m, ISO 9283): nothing is gained
+below it."""
+COVERED = 0.5
+"""A simulation speaks for a steady deviation of which it has reached this share."""
+
+What = Literal["bending", "tip", "difference", "stopped"]
+
+
+@dataclass(frozen=True)
+class ModelEvidence:
+    """One figure against its bound, in `unit`; `share` is its part of `whole` (the arm's length, or the largest deviation).
+
+    what: the bending or the whole tip error of the steady motion, the difference between the linear and the nonlinear answer, or
+    the time at which the nonlinear equations ended.
+    """
+
+    what: What
+    value: float
+    bound: float
+    unit: str
+    whole: float = float("nan")
+
+    @property
+    def against(self) -> bool:
+        """Whether it speaks against the linear model."""
+        return not self.value <= self.bound
+
+    @property
+    def share(self) -> float:
+        """The value as a part of the whole."""
+        return self.value / self.whole if self.whole > 0 else float("nan")
+
+
+@dataclass(frozen=True)
+class ModelValidity:
+    """Whether the linear model holds along the motion: valid, invalid, or unknown where nothing compares it with the nonlinear one."""
+
+    verdict: Literal["valid", "invalid", "unknown"]
+    evidence: tuple[ModelEvidence, ...] = ()
+
+    @property
+    def reason(self) -> ModelEvidence | None:
+        """The figure that speaks against the linear model, of several the one that says most to a reader."""
+        against = {found.what: found for found in self.evidence if found.against}
+        return next((against[what] for what in ("tip", "bending", "difference", "stopped") if what in against), None)
+
+
+def judge_model(
+    length: float,
+    steady: tuple[float, float] | None = None,
+    simulated: tuple[float, float, float, str] | None = None,
+    stopped: tuple[float, float] | None = None,
+    curved: bool = False,
+) -> ModelValidity:
+    """Judge the linear model by what is known of a loop's motion.
+
+    The steady motion's tip error may not exceed SMALL of the arm, unless a simulation that came as far agrees; nor may its bending,
+    where only links that bend as curves (`curved`) make the simulation a judge of it. The linear answer may miss the nonlinear one by
+    SMALL of the largest deviation, or by what no arm repeats. A simulation that ended outside the equations' range is against it.
+
+    Parameters: length: of the arm in m, not a number where it has no points; steady: bending and tip error in m of a steady motion that
+    the loop keeps; simulated: how far the answers are apart, the largest deviation, the error of the first, the unit; stopped: when
+    the simulation left the range of the equations, and when it was to end, in s.
+    """
+    found: list[ModelEvidence] = []
+    if simulated is not None:
+        apart, largest, error, unit = simulated
+        floor = REPEATABLE * length if unit == "m" and np.isfinite(length) else REPEATABLE
+        found.append(ModelEvidence("difference", apart, max(SMALL * largest, error, floor), unit, largest))
+    if stopped is not None:
+        found.append(ModelEvidence("stopped", stopped[1], stopped[0], "s", stopped[1]))
+    if steady is not None and np.all(np.isfinite([*steady, length])):
+        bending, tip = steady
+        confirmed = simulated is not None and not found[0].against and simulated[1] >= COVERED * tip
+        far = confirmed and curved
+        found.append(ModelEvidence("bending", bending, np.inf if far else SMALL * length, "m", length))
+        found.append(ModelEvidence("tip", tip, np.inf if confirmed else SMALL * length, "m", length))
+    if any(figure.against for figure in found):
+        return ModelValidity("invalid", tuple(found))
+    return ModelValidity("unknown" if simulated is None else "valid", tuple(found))
 
 
 @dataclass(frozen=True)

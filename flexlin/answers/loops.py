@@ -14,7 +14,7 @@ from flexlin.mechanics.chain import build_manipulator
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import DesignTable
 from flexlin.scene.loading import revise_scene
-from flexlin.scene.parameters import PARAMETERS, get_value, path_in
+from flexlin.scene.parameters import PARAMETERS, get_value, need_numbers, path_in
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
@@ -28,8 +28,6 @@ SAMPLED = ("table", "tip-path")
 """Kinds of motions that are no expressions of their numbers."""
 TIMES = ("motion.move_time", "motion.dwell_time")
 """Numbers that move the breaks of a motion."""
-NEARBY, PROBES = 0.03, 17
-"""How far from the scene's own numbers, and at how many phases, two ways to the same equations are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,33 +136,18 @@ def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> Parametric
     return loop if is_same_model(loop, rebuilt) else rebuilt
 
 
-def can_stay_free(scene: Scene, paths: Iterable[str]) -> bool:
-    """Whether these numbers can be symbols in the equations, and mean the same there without a look at a model's code."""
-    moving = scene.motion.kind not in SAMPLED and getattr(scene.motion, "course", "") != "one-way"
-    return moving and not any(path.startswith(f"{PARAMETERS}.") or path in TIMES for path in paths)
-
-
-def need_numbers(scene: Scene, paths: Iterable[str]) -> None:
-    """Raise for a path that leads to no real number of the scene."""
-    for path in paths:
-        value = get_value(scene, path)
-        if not isinstance(value, float):
-            expected = "a real number of the scene, such as motion.frequency or one of a list, effects.payload.mass.0"
-            raise ArgumentError(f"{path} cannot be left free", got=repr(value)[:80], expected=expected)
-
-
 def is_same_model(loop: ParametricLoop, rebuilt: RebuiltLoop) -> bool:
     """Whether a model written in Python means the same with symbols as with numbers, at the scene's own point and beside it.
 
     Its code may take decisions, or read its own tables of numbers, that no symbol shows.
     """
-    for factor in (1.0, 1 + NEARBY):
+    phases = np.linspace(0.0, 1.0, 17, endpoint=False)
+    for factor in (1.0, 1.03):
         point = loop.nominal * factor
         try:
             exact = rebuilt.system_at(point)
         except SceneError:
             continue
-        phases = np.linspace(0.0, 1.0, PROBES, endpoint=False)
         A, again = loop.system_at(point).A(phases * exact.period), exact.A(phases * exact.period)
         if not np.allclose(A, again, rtol=1e-9, atol=1e-9 * np.abs(again).max()):
             return False

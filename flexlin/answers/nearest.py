@@ -8,20 +8,21 @@ from itertools import pairwise, product
 import numpy as np
 
 from flexlin.answers.spectra import Family, Source, make_family
-from flexlin.answers.sweep.job import check_axes
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError, InputError, NotStable
 from flexlin.lazy import lazy
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.scene.loading import check_axes
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
-FURTHEST = (4.0, 3.0, 2.0, 1.5, 1.0)
-"""Multiples of the stated changes up to which is searched: the first that the scene's schema accepts, on each side of each number."""
-STEP = 1e-6
-"""Of the differences that stand for exact slopes where a loop is a function."""
+FURTHEST = 4.0
+"""Multiple of the stated changes up to which is searched, as far as the scene's schema goes."""
+BESIDE = 1e-5
+"""Distance of places beside one: of the differences that stand for exact slopes where a loop is a function, and, as a share of the change,
+of those that confirm a crossing, where its error is not larger."""
 
 Ranges = Mapping[str, tuple[float, float]]
 
@@ -64,7 +65,7 @@ class Box:
         """The growth rate's derivatives by u (P,): exact, or by differences to the inside where the loop is a function."""
         found = self.family.slopes(self.values(u))
         if found is None:
-            steps = np.where(u > 0, -STEP, STEP)
+            steps = np.where(u > 0, -BESIDE, BESIDE)
             return np.asarray([self.growth(u + one) - self.growth(u) for one in np.diag(steps)]) / steps
         exponents, _, derivative = found
         gradient = derivative[:, int(np.argmax(exponents.real))].real
@@ -80,7 +81,7 @@ def make_box(
     ranges: Ranges | None = None,
     loop: str = "own",
     own: Sequence[float] | None = None,
-    furthest: float = FURTHEST[0],
+    furthest: float = FURTHEST,
 ) -> Box:
     """The numbers with their ends, by default those of the scene's table [uncertainty], as far as its schema lets them go.
 
@@ -108,21 +109,19 @@ def allowed(source: Source, path: str, own: float, end: float, furthest: float) 
     """The multiple of a number's change to one end up to which a scene's schema accepts it."""
     if not isinstance(source, Scene):
         return furthest
-    for size in (min(one, furthest) for one in FURTHEST):
+    for size in np.arange(min(furthest, FURTHEST), 1.0, -0.5).tolist():
         with suppress(InputError):
             check_axes(source, {path: np.array([own, own + size * (end - own)])}, grid=True)
             return size
-    return 1.0
+    return min(furthest, 1.0)
 
 
 CORNERS, LEVELS = 64, 20
 """Directions to corners of the box, half as many spread over its faces, and distances tried on each, the nearest first."""
 FEW = 8
 """Distances tried along the growth rate's gradient and its parts alone, for a loop whose spectra take long."""
-STARTS, STEPS, SETTLED = 2, 12, 1e-7
-"""Rays from which the nearest place is sought, steps of each, and the relative shortening that ends them."""
-WIDER = 2.0
-"""Multiple of a known crossing up to which one on another ray is looked for."""
+STARTS, STEPS = 2, 12
+"""Rays from which the nearest place is sought, and steps of each."""
 
 
 def list_directions(box: Box) -> Array:
@@ -173,14 +172,14 @@ def follow(box: Box, direction: Array, scale: float) -> Array:
         return r, -r * g / float(g @ d)
 
     bounds = [(-1.0, 1.0)] * len(direction)
-    options = {"maxiter": STEPS, "maxfun": 2 * STEPS, "ftol": SETTLED}
+    options = {"maxiter": STEPS, "maxfun": 2 * STEPS, "ftol": 1e-7}
     minimize(shortest, direction, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
     return np.asarray(places[-1])
 
 
 def find_crossing(box: Box, direction: Array, near: float) -> float:
-    """The scale on a ray at which the growth rate is zero, sought about one that is known on another ray; infinite where there is none."""
-    for stable, unstable in ((0.0, near), (near, WIDER * near)):
+    """The scale on a ray at which the growth rate is zero, up to twice one that is known on another ray; infinite where there is none."""
+    for stable, unstable in ((0.0, near), (near, 2 * near)):
         if box.growth(unstable * direction) > 0:
             return cross(box, direction, stable, unstable)
     return float(np.inf)
@@ -191,10 +190,6 @@ def cross(box: Box, direction: Array, stable: float, unstable: float) -> float:
     from scipy.optimize import brentq
 
     return float(brentq(lambda r: box.growth(r * direction), stable, unstable, xtol=1e-12, rtol=1e-12))
-
-
-AROUND = 1e-5
-"""Relative distance on both sides of the place at which the verdicts are confirmed, where its error is not larger."""
 
 
 @dataclass(frozen=True)
@@ -263,7 +258,7 @@ def nearest_instability(
     *,
     loop: str = "own",
     own: Sequence[float] | None = None,
-    furthest: float = FURTHEST[0],
+    furthest: float = FURTHEST,
 ) -> NearestInstability:
     """Find the smallest change of uncertain numbers, all of them at once, that makes a loop unstable.
 
@@ -356,6 +351,6 @@ def measure_error(box: Box, direction: Array, scale: float) -> float:
 
 def confirm(box: Box, direction: Array, scale: float, error: float) -> bool:
     """Whether the loop is stable just before the place and unstable just behind."""
-    apart = max(2 * error, AROUND * scale)
+    apart = max(2 * error, BESIDE * scale)
     before, behind = (box.judge((scale + side) * direction).verdict for side in (-apart, apart))
     return bool(before == "stable" and behind == "unstable")

@@ -11,7 +11,6 @@ from flexlin.about.family import PeriodicFamily
 from flexlin.about.free import ParametricLoop, loop_of
 from flexlin.about.linearization import Linearization
 from flexlin.answers.loops import choose_loop
-from flexlin.answers.sweep.job import check_axes
 from flexlin.checks import Array, try_to
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
@@ -25,6 +24,7 @@ from flexlin.periodic.precision import EPS, MINOR, PARTIAL
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import measure_pace
+from flexlin.scene.loading import check_axes
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from flexlin.about.linear import linearize
-from flexlin.answers.gain_search import GRID, Problem, lay_scenarios, search
+from flexlin.answers.gain_search import Problem, lay_scenarios, search
+from flexlin.answers.judging import find_response
 from flexlin.answers.spectra import ROUGH, Source, make_family
-from flexlin.answers.steady import find_response
 from flexlin.checks import SAMPLES, Array, positive, real_array, whole
 from flexlin.control.drives import drive_load
 from flexlin.errors import ArgumentError, NotStable
@@ -21,8 +21,6 @@ from flexlin.scene.scene import Scene
 from flexlin.scene.units import in_si
 from flexlin.summary import represent
 
-SPAN = (0.1, 10.0)
-"""Limits of a gain that has none, in its own value."""
 CONFIRMED = 8
 """The worst scenarios of all that `floquet` confirms."""
 NEAR = 0.01
@@ -155,7 +153,7 @@ def tune(
     ranges = np.array(list(vary.values()), dtype=float).reshape(-1, 2)
     spans = {path: (float(a), float(b)) for path, (a, b) in zip(own, bounds, strict=True)}
     family = replace(make_family(source, {**spans, **vary}, "own"), finest=ROUGH)
-    problem = Problem(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, GRID), until=until)
+    problem = Problem(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, 3), until=until)
     started = np.array(list(own.values()))
     x, fine = search(problem, started, ranges, whole("starts", starts), whole("steps", steps), seed)
     tuned, capped = keep_torque(source, tuple(own), tuple(vary), started, x, fine, problem, limits)
@@ -176,11 +174,11 @@ def first_gains(source: Source, gains: Sequence[str] | Mapping[str, float] | Non
 
 
 def gain_bounds(path: str, value: float, limits: Mapping[str, Any]) -> tuple[float, float]:
-    """The limits of one gain."""
+    """The limits of one gain, by default a tenth and ten times its own value."""
     if path in limits:
         low, high = map(float, real_array(f"the limits of {path}", limits[path], (2,)))
     elif value > 0:
-        low, high = SPAN[0] * value, SPAN[1] * value
+        low, high = 0.1 * value, 10.0 * value
     else:
         raise ArgumentError("a gain that is not positive needs limits", got=f"{path} = {value}", expected="(low, high)")
     if not low < high:
@@ -262,9 +260,6 @@ def named(paths: tuple[str, ...], numbers: Array) -> dict[str, float]:
     return dict(zip(paths, numbers.tolist(), strict=True))
 
 
-RESPONSE_TOL = 1e-6
-
-
 def torque_limit(source: Source, limits: Mapping[str, Any]) -> float | None:
     """The limit given, else that of the scene's drives or saturation: the least of all joints."""
     if "torque" in limits:
@@ -282,5 +277,5 @@ def peak_torque(scene: Scene) -> float:
     """The largest torque of the scene's steady motion, in N m."""
     lin = linearize(build_manipulator(scene), scene.motion, scene.control)
     t = lin.period * np.arange(SAMPLES) / SAMPLES
-    states = find_response(lin, lin.periodic_system(), t, RESPONSE_TOL).states
+    states = find_response(lin, lin.periodic_system(), t, ROUGH).states
     return float(np.abs(drive_load(lin, t, states, lin.law).torque).max())

@@ -29,8 +29,7 @@ def design(options: argparse.Namespace) -> int:
         raise ArgumentError("nothing to design", got="no [[designs]] table", expected="at least one in the scene")
     with work.clock(3 + 3 * len(scene.designs)) as clock:
         from flexlin.answers.analysis import plant_and_designs
-        from flexlin.answers.steady import arm_length
-        from flexlin.answers.validity import judge_model
+        from flexlin.answers.judging import arm_length, judge_model
         from flexlin.report.exports import check_gains, gains_dataset
         from flexlin.report.terminal import say_loop
         from flexlin.report.wording import reason

@@ -13,7 +13,7 @@ from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError, FlexlinError, NumericalError, TooLarge
 
 if TYPE_CHECKING:
-    from flexlin.answers.steady import AtRest
+    from flexlin.answers.at_rest import AtRest
     from flexlin.scene.links import Link
 
 SHOWN = 5
@@ -102,7 +102,7 @@ def check(options: argparse.Namespace) -> int:
         import numpy as np
 
         from flexlin.answers.analysis import derive_equations
-        from flexlin.answers.steady import examine
+        from flexlin.answers.at_rest import examine
         from flexlin.report.numbers import effects
         from flexlin.report.wording import units_of_scene
 
@@ -141,7 +141,7 @@ def describe_link(link: "Link") -> Iterator[str]:
 
 def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
     """What the arm does with its joints held; `stiffened`: its equations hold at large deflections."""
-    from flexlin.answers.validity import SMALL
+    from flexlin.answers.judging import SMALL
 
     if rest.gives_way:
         yield "at rest", "gives way under its loads even with its joints held: stiffen its links, or lessen the loads"

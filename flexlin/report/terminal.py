@@ -5,8 +5,7 @@ from collections.abc import Sequence
 
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
-from flexlin.answers.judging import Loop
-from flexlin.answers.validity import ModelValidity
+from flexlin.answers.judging import Loop, ModelValidity
 from flexlin.errors import counted
 from flexlin.report import wording
 from flexlin.report.advice import advise, drive_line

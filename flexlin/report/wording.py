@@ -12,8 +12,7 @@ import numpy as np
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.critical_values import CriticalValue, Margin
-from flexlin.answers.judging import Loop
-from flexlin.answers.validity import ModelEvidence, ModelValidity
+from flexlin.answers.judging import Loop, ModelEvidence, ModelValidity
 from flexlin.checks import Array
 from flexlin.periodic.floquet.result import MARGINAL
 from flexlin.plots.scales import SUPERSCRIPTS, write_powers

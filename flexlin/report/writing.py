@@ -62,7 +62,7 @@ def write_report(
 
             box = make_box(scene)
     from flexlin.answers.critical_values import choose_margins
-    from flexlin.answers.loops import need_numbers
+    from flexlin.scene.parameters import need_numbers
 
     need_numbers(scene, margins or ())
     asked = scene.accuracy

@@ -2,13 +2,16 @@
 
 import tomllib
 from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from flexlin.arguments import checked, instance
 from flexlin.bounds import LARGEST_SCENE, SHALLOW, hint_at, list_excesses, printable
+from flexlin.checks import Array
 from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
 from flexlin.scene.base import Table
@@ -316,3 +319,27 @@ def is_written(raw: Any, path: str) -> bool:
             return False
         node = inside[step]
     return True
+
+
+MOST_CHECKED = 10
+"""Values of a path that are checked, spread over all with both ends, beside the one nearest to zero."""
+MOST_CORNERS = 6
+"""Paths of a grid whose corners are checked together."""
+
+
+def check_axes(scene: Scene, axes: Mapping[str, Array], grid: bool) -> None:
+    """Refuse values that the scene's schema refuses, each path by itself and the corners of a grid together, before any computation.
+
+    Of many values those are checked that an interval, perhaps without zero, would refuse first. Raises: SceneError with the key.
+    """
+    raw = raw_tables(scene)
+    for path, values in axes.items():
+        get_value(scene, path)
+        distinct = np.unique(values)
+        some = np.linspace(0, len(distinct) - 1, min(len(distinct), MOST_CHECKED)).round().astype(int)
+        nearest = np.abs(np.where(distinct, distinct, np.inf)).argmin()
+        for value in dict.fromkeys(distinct[[nearest, *some]].tolist()):
+            revise_scene(scene, {path: value}, raw)
+    if grid and 1 < len(axes) <= MOST_CORNERS:
+        for corner in product(*[(float(axis.min()), float(axis.max())) for axis in axes.values()]):
+            revise_scene(scene, dict(zip(axes, corner, strict=True)), raw)

@@ -2,7 +2,7 @@
 
 import copy
 import tomllib
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
 from pydantic import BaseModel
@@ -42,6 +42,15 @@ def get_value(scene: BaseModel, path: str) -> Any:
     for step in path_in(scene, path).split("."):
         node = _child(node, step, path)
     return node
+
+
+def need_numbers(scene: BaseModel, paths: Iterable[str]) -> None:
+    """Raise for a path that leads to no real number of the scene."""
+    for path in paths:
+        value = get_value(scene, path)
+        if not isinstance(value, float):
+            expected = "a real number of the scene, such as motion.frequency or one of a list, effects.payload.mass.0"
+            raise ArgumentError(f"{path} cannot be left free", got=repr(value)[:80], expected=expected)
 
 
 def replace_value(node: Any, path: str, value: Any) -> Any:

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-import flexlin as fl
 from flexlin.answers import answer_noise, overshoot, respond, settling_time, state_disturbance
 from flexlin.answers.disturbed import PushedLoop
 from flexlin.answers.disturbed.stated import Directions
 from flexlin.cli import main
 from flexlin.errors import ArgumentError
 from flexlin.report.figures.answers import draw_answer
+from tests import closed_arm
 from tests.thinned import thin
 
 SMALL = {"links.0.modes": 1, "designs": []}
@@ -21,8 +21,7 @@ SMALL = {"links.0.modes": 1, "designs": []}
 
 @pytest.fixture(scope="module")
 def closed():
-    scene = fl.load_scene("single-link", SMALL)
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    return closed_arm.closed("single-link", SMALL)
 
 
 def tip_and_force(lin, t):
@@ -70,8 +69,7 @@ def test_a_push_is_answered_as_by_runge_kutta(closed):
 )
 def test_the_nonlinear_answer_tends_to_the_linear_one(closed, kind, words, half):
     """What a disturbance of a third of a steady motion's size moves is linear but for that motion; its own part falls with its size."""
-    slow = fl.load_scene("single-link", {**SMALL, "motion.joints.0.amplitude": 1e-4, "effects.gravity": "off"})
-    lin = fl.linearize(fl.build_manipulator(slow), slow.motion, slow.control)
+    lin = closed_arm.closed("single-link", {**SMALL, "motion.joints.0.amplitude": 1e-4, "effects.gravity": "off"})
     large, small = (respond(lin, state_disturbance(kind, text, lin)) for text in (words, half))
     assert large.problem == ""
     assert small.difference < 0.6 * large.difference < 0.02 or large.difference < 2e-5
@@ -83,10 +81,8 @@ def test_a_push_reaches_an_arm_whose_joint_may_stick():
     """While it is pushed its friction is the smooth one, with `static` as without."""
     t, found = np.linspace(0.0, 0.05, 6), []
     for static in ({}, {"static": 0.012}):
-        scene = fl.load_scene(
-            "single-link", {**SMALL, "effects.coulomb_friction": {"torque": 0.01, "rate": 0.01} | static}
-        )
-        lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+        friction = {"torque": 0.01, "rate": 0.01} | static
+        lin = closed_arm.closed("single-link", {**SMALL, "effects.coulomb_friction": friction})
         found += [
             PushedLoop(lin, lin.law, Directions(lin), size).integrate(t, np.zeros(4), 1e-8) for size in (0.0, 0.5)
         ]
@@ -97,8 +93,7 @@ def test_a_push_reaches_an_arm_whose_joint_may_stick():
 
 def test_a_step_ends_where_the_stiffness_holds_it(closed):
     """A constant loop: y ends at K^-1 B u."""
-    still = fl.load_scene("single-link", {**SMALL, "motion.joints.0.amplitude": 0.0})
-    lin = fl.linearize(fl.build_manipulator(still), still.motion, still.control)
+    lin = closed_arm.closed("single-link", {**SMALL, "motion.joints.0.amplitude": 0.0})
     found = respond(lin, state_disturbance("step", "joint 1 torque 0.1 N m", lin))
     end = np.linalg.solve(lin.K(0.0), lin.B(0.0) @ [0.1])
     assert found.linear[0, -1] == pytest.approx(tip_and_force(lin, np.zeros(1))[0][0] @ end, rel=2e-3)

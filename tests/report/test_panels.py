@@ -10,8 +10,7 @@ import pytest
 import flexlin as fl
 from flexlin.answers import Clock
 from flexlin.answers.analysis import Analysis, analyse
-from flexlin.answers.judging import Loop
-from flexlin.answers.steady import find_response
+from flexlin.answers.judging import Loop, find_response
 from flexlin.plots import SMALL, Linear, Logarithmic, Mark, Panel, Symlog, draw, measure_text
 from flexlin.report import draw_pictures, figures
 from flexlin.report.figures import choose_colour

@@ -6,6 +6,7 @@ import pytest
 import flexlin as fl
 from flexlin.errors import InputError
 from flexlin.scene import get_value, numeric_paths, revise_scene
+from tests.closed_arm import control_loop
 
 LEFT_OUT = ("accuracy", "designs", "uncertainty")
 
@@ -29,8 +30,7 @@ def test_numbers_are_swept_or_refused():
         except InputError:
             assert not own or path.startswith(("links", "loops")), (scene.title, path)  # others may change by a tenth
             continue
-        exact = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
-        result = fl.floquet(exact, 1e-10)
+        result = fl.floquet(control_loop(scene).periodic_system(), 1e-10)
         assert str(found.verdict.values[1]) == result.verdict, (scene.title, path)
         apart = np.abs(found.exponents.values[1].real - result.exponents.real).max()
         scale = np.maximum(1.0, np.abs(result.exponents).max())
@@ -44,12 +44,3 @@ def test_numbers_of_lists_that_a_scene_leaves_out_can_be_set():
     assert [get_value(revised, path) for path in paths] == list(paths.values())
     assert get_value(revised, "links.0.mount.xyz.1") == get_value(scene, "links.0.mount.xyz.1")
     assert get_value(revised, "effects.gravity.direction.1") == get_value(scene, "effects.gravity.direction.1")
-
-
-@pytest.mark.slow
-def test_a_gain_of_the_puma_is_swept_one_by_one():
-    """24 states: a batch takes ten times as long, and its pilot alone longer than three values."""
-    scene = fl.load_scene("puma-560", {"accuracy.seconds": 60.0})
-    found = fl.sweep(scene, {"control.feedback.kp.1": [1800.0, 2000.0, 2200.0]}, 1e-9, workers=1)
-    assert set(found.verdict.values) == {"stable"}
-    assert found.attrs["route"] == "one by one"

@@ -11,6 +11,7 @@ from flexlin.answers import choose_loop
 from flexlin.control import design
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.scene import register_model, revise_scene
+from tests.closed_arm import control_loop
 
 PAYLOAD = "effects.payload.mass"
 WEIGHTS = {"state_weight": [100.0, 100.0, 1.0, 1.0], "input_weight": [0.1]}
@@ -26,30 +27,6 @@ def largest_gap(found, exact):
     return float(np.abs(found[:, None] - exact.exponents).min(axis=1).max())
 
 
-PID = {"kind": "pid", "kp": [3.0], "kd": [0.5], "ki": [2.0]}
-FILTERS = [{"kind": "low-pass", "on": "rates", "cutoff": 30.0}, {"kind": "notch", "frequency": 4.0, "gain": 0.3}]
-SIZES = {"joints": "1 deg", "rates": "5 deg/s", "integrals": "0.2 deg s", "input": "0.5 N m"}
-LQI = {"name": "LQI", "kind": "frozen-lqr", "weights": SIZES, "phases": 3}
-
-
-@pytest.mark.parametrize("word", ["own", "LQI"])
-def test_equations_of_second_order_hold_a_controllers_states(word):
-    """M^-1 [K, D] without the ignorable coordinates is A, at random values, whose loop is linearized as numbers."""
-    changed = {"links.0.modes": 1, "control.feedback": PID, "control.filters": FILTERS, "designs": [LQI]}
-    scene, rng = fl.load_scene("single-link", changed), np.random.default_rng(3)
-    paths = ["effects.payload.mass", "motion.frequency"]
-    paths += ["control.feedback.ki.0", "control.filters.0.cutoff", "control.filters.1.gain"] if word == "own" else []
-    loop = choose_loop(scene, paths, word)
-    assert (loop.coordinates, loop.states) == ((7, 9) if word == "own" else (3, 5))
-    phases = np.array([0.0, 0.13, 0.7])
-    for point in loop.nominal * rng.uniform(0.5, 2, (2, len(paths))):
-        system, n = loop.system_at(point), 2
-        M, D, K = loop.sample(phases, point[None])
-        assert not K[:, :, n:].any()
-        A = -np.linalg.solve(M, np.concatenate([K[:, :, :n], D], axis=2))
-        np.testing.assert_allclose(system.A(phases * system.period)[:, n:], A, rtol=1e-9, atol=1e-9)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("path", "values"), [(PAYLOAD, [0.01, 0.1]), ("motion.frequency", [0.4, 0.9])])
 def test_each_loop_agrees_with_one_built_by_hand(path, values):
@@ -57,7 +34,7 @@ def test_each_loop_agrees_with_one_built_by_hand(path, values):
     scene = fl.load_scene("single-link", SMALL)
     kept, T = design(plant_of(scene), scene.designs[0]), 1 / scene.motion.frequency
     loops = {
-        "own": lambda s: fl.linearize(fl.build_manipulator(s), s.motion, s.control).periodic_system(),
+        "own": lambda s: control_loop(s).periodic_system(),
         "open": plant_of,
         "LQR": lambda s: plant_of(s).feedback(lambda t: kept.K(t * T * s.motion.frequency)),
         "LQR, redone": lambda s: design(plant_of(s), s.designs[0]).closed_loop,
@@ -94,7 +71,7 @@ def test_a_model_written_in_python_is_swept_by_symbols_or_rebuilt_at_each_value(
         data = fl.sweep(scene, {"parameters.length": [0.5, 0.8]})
         alone.append(data.attrs["one_by_one"])
         long = revise_scene(scene, {"parameters.length": 0.8})
-        exact = fl.floquet(fl.linearize(fl.build_manipulator(long), long.motion, long.control).periodic_system())
+        exact = fl.floquet(control_loop(long).periodic_system())
         assert largest_gap(data["exponents"].values[1], exact) < 3e-8
     assert alone == [0, 2, 2]
     with pytest.raises(ArgumentError, match="registered in this process only"):
@@ -128,7 +105,7 @@ def test_lengths_of_a_closed_loop_are_symbols_and_move_its_closure():
     )  # which few values of so many states are taken from one by one
     for values, found in zip(pairs[:3], data["exponents"].values, strict=False):
         other = fl.load_scene("five-bar", dict(zip(paths, map(float, values), strict=True)))
-        exact = fl.floquet(fl.linearize(fl.build_manipulator(other), other.motion, other.control).periodic_system())
+        exact = fl.floquet(control_loop(other).periodic_system())
         assert largest_gap(found, exact) < 1e-7
     assert data["verdict"].values.tolist() == ["stable"] * 3 + ["failed"]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexlin.answers.sweep.together import MOST, PILOTS, STARTS, learn_needs, try_pilots
+from flexlin.answers.sweep.together import MOST, PILOTS, STARTS, learn_needs
 from flexlin.periodic.many import WIDTH, Logs
 
 TOL, PERIOD = 1e-8, 3.0
@@ -49,13 +49,9 @@ def test_values_without_a_need_do_not_cost_the_others():
 
     points = np.random.default_rng(1).uniform(-1, 1, (400, 1))
     kernel = MadeUp(need)
-    tried, spread = try_pilots(kernel, points[: PILOTS[1]], np.ones(2), TOL)
-    met = points[: PILOTS[1], 0] > 0
-    assert np.isfinite(tried[met]).all()
-    assert np.isinf(tried[~met]).all()
-    assert spread == 0.0
-    assert kernel.work < 40 * 20 * PILOTS[1] / WIDTH
     needs = learn_needs(kernel, points, np.ones(2), TOL)
     assert np.all(STARTS[needs.predict(points)] <= 23)
+    assert needs.spread == 0.0
+    assert kernel.work < 40 * 20 * PILOTS[0] / WIDTH
     nothing = learn_needs(MadeUp(lambda p: np.full(len(p), np.inf)), points, np.ones(2), TOL)
     assert np.all(STARTS[nothing.predict(points)] == MOST)

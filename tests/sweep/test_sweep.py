@@ -9,6 +9,7 @@ import flexlin as fl
 from flexlin import sweep
 from flexlin.errors import ArgumentError
 from flexlin.scene import replace_value
+from tests.closed_arm import control_loop
 from tests.thinned import thin
 
 
@@ -19,7 +20,7 @@ def scene():
 
 def rebuilt(scene, path, value, tol=1e-11):
     scene = replace_value(scene, path, float(value))
-    return fl.floquet(fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system(), tol)
+    return fl.floquet(control_loop(scene).periodic_system(), tol)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.answers import Found, Together, choose_crew, choose_loop, make_family, prepare_job, share_among_threads
+from flexlin.answers.sweep.found import MISSING
 from flexlin.periodic import Kernel, measure_distances
 from tests.thinned import thin
 
@@ -89,11 +90,11 @@ def test_threads_share_values_and_pass_errors_on(monkeypatch):
     assert choose_crew(job).func is share_among_threads
     job.run(choose_crew(job, workers=1))
     alone = job.found.exponents.copy()
-    job.done[:], job.found.exponents[:] = False, np.nan
+    job.found.verdict[:], job.found.exponents[:] = MISSING, np.nan
     job.run(choose_crew(job, workers=2))
     assert job.done.all()
     assert np.array_equal(job.found.exponents, alone)
-    job.done[:], job.points[40] = False, np.nan
+    job.found.verdict[:], job.points[40] = MISSING, np.nan
     monkeypatch.setattr(Together, "compute", lambda self, points: 1 / int(np.isfinite(points).all()))
     with pytest.raises(ZeroDivisionError):
         list(share_among_threads(job, 2))

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from time import perf_counter, process_time
+from timeit import repeat
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,6 @@ STAGES = (
     "coefficients", "transition matrices", "exponents", "periodic Riccati", "forced response", "simulation",
     "number of modes", "Taylor order",
 )  # fmt: skip
-DECADES = tuple(10.0**-k for k in range(2, 13))
-SHORT, REPETITIONS = 0.05, 5
-"""Runs shorter than this, in s, are repeated so often and their least time is kept."""
 STAGE_SECONDS = 5.0
 """Wall time of the trials of a stage, where the whole has enough."""
 
@@ -138,7 +136,7 @@ class CostResult:
         """
         for stage in STAGES:
             last = None
-            for accuracy in DECADES:
+            for accuracy in (10.0**-k for k in range(2, 13)):
                 row = self.cheapest(stage, accuracy)
                 if row is not None and row != last:
                     yield stage, accuracy, row
@@ -212,18 +210,13 @@ def measure_trials(
 
 
 def time_run(run: Callable[[], Any]) -> tuple[Any, float]:
-    """The result and the CPU time: the first run warms up, the least of the next counts; of long runs the first."""
+    """The result and the CPU time: the first run warms up, the least of five more counts; of one beyond 0.05 s the first."""
     start = process_time()
     value = run()
     first = process_time() - start
-    if first > SHORT:
+    if first > 0.05:
         return value, first
-    times = []
-    for _ in range(REPETITIONS):
-        start = process_time()
-        run()
-        times.append(process_time() - start)
-    return value, max(min(times), 1e-9)
+    return value, max(min(repeat(run, timer=process_time, number=1)), 1e-9)
 
 
 def compare_arrays(value: Array, exact: Array) -> float:

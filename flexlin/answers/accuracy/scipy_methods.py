@@ -16,8 +16,6 @@ from flexlin.simulation.equations import loop_expressions
 
 PLACES = 32
 """Times in a period at which periodic answers are compared."""
-FORGOTTEN = 10.0
-"""X has become periodic where its change over a period is so many times tol at the most."""
 METHODS = ("DOP853", "Radau")
 Rate = Callable[[float, Array], Array]
 """(phase, columns of X one after another (n n,)) -> the columns of T A X."""
@@ -108,9 +106,9 @@ def derive_riccati_rate(lin: Linearization) -> ca.Function:
 
 
 def forget_start(rate: Rate, states: int, method: str, tol: float) -> Array:
-    """The periodic X (32, 2n, 2n): backward from 0, period after period, until it repeats itself."""
+    """The periodic X (32, 2n, 2n): backward from 0, period after period, until it repeats itself to ten times tol."""
     start, change = np.zeros(states**2), np.inf
-    while not change <= FORGOTTEN * tol * np.abs(start).max():
+    while not change <= 10 * tol * np.abs(start).max():
         found = integrate(rate, start, np.arange(PLACES + 1) / PLACES, method, tol)
         start, change = found[-1], float(np.abs(found[-1] - start).max())
     return found[:0:-1].reshape(PLACES, states, states)

@@ -1,6 +1,6 @@
 """Which effects and how many modes a scene needs: each switched in turn and in pairs, what changes, and what it costs."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlin.about.linear import linearize
 from flexlin.answers.audit.figures import Measure, measure
-from flexlin.answers.audit.judging import Audit, Judge, Minimal, Row, shrink
+from flexlin.answers.audit.judging import Audit, Judge, Minimal, Progress, Row, shrink
 from flexlin.answers.audit.versions import (
     Version,
     list_effect_versions,
@@ -16,7 +16,7 @@ from flexlin.answers.audit.versions import (
     list_model_versions,
     read_scale,
 )
-from flexlin.answers.steady import arm_length
+from flexlin.answers.judging import arm_length
 from flexlin.arguments import checked
 from flexlin.checks import positive
 from flexlin.errors import TimeLimit
@@ -25,10 +25,6 @@ from flexlin.progress import advance, part
 from flexlin.scene.scene import Scene
 
 __all__ = ["Audit", "Measure", "Minimal", "Row", "audit", "measure"]
-
-Progress = Callable[[str], None]
-SINGLE, PAIRS = 0.3, 0.7
-"""Shares of the time after which single changes, and pairs of effects, are done, about."""
 
 
 @checked
@@ -82,12 +78,13 @@ def audit(
     tolerance, tol = positive("tolerance", tolerance), positive("tol", tol)
     report = progress or (lambda text: None)
     report("the scene as it is")
-    judge = Judge.of(scene, find_reach(scene), tolerance, tol)
-    tried, problem = try_versions(judge, list_versions(scene), report)
+    judge = Judge.of(scene, find_reach(scene), tolerance, tol, report)
+    with part(0.0, 1 / 3):
+        tried, problem = try_versions(judge)
     pairs: tuple[Row, ...] = ()
     minimal: Minimal | None = None
     if together and not problem:
-        pairs, minimal, problem = look_further(judge, tried, report)
+        pairs, minimal, problem = look_further(judge, tried)
     rows = sorted(
         (row for _, row in tried), key=lambda row: -row.significance if np.isfinite(row.significance) else -np.inf
     )
@@ -95,13 +92,14 @@ def audit(
     return Audit(judge.base, effects, modes, tolerance, pairs, minimal, problem)
 
 
-def try_versions(judge: Judge, versions: list[Version], report: Progress) -> tuple[list[tuple[Version, Row]], str]:
+def try_versions(judge: Judge) -> tuple[list[tuple[Version, Row]], str]:
     """All single changes, as far as time allows, and what was left out."""
     tried: list[tuple[Version, Row]] = []
+    versions = list_versions(judge.scene)
     try:
         for done, version in enumerate(versions):
-            report(version.change)
-            advance(SINGLE * done / len(versions))
+            judge.report(version.change)
+            advance(done / len(versions))
             tried.append((version, judge.row(version)))
     except TimeLimit as error:
         left = ", ".join(version.change for version in versions[len(tried) :])
@@ -109,18 +107,16 @@ def try_versions(judge: Judge, versions: list[Version], report: Progress) -> tup
     return tried, ""
 
 
-def look_further(
-    judge: Judge, tried: list[tuple[Version, Row]], report: Progress
-) -> tuple[tuple[Row, ...], Minimal | None, str]:
+def look_further(judge: Judge, tried: list[tuple[Version, Row]]) -> tuple[tuple[Row, ...], Minimal | None, str]:
     """Pairs and the minimal scene, as far as time allows: what single changes do is known then already."""
     pairs: tuple[Row, ...] = ()
     if not np.isfinite(judge.base.margin):
         return pairs, None, "the scene itself has no margin to compare with"
     try:
-        with part(SINGLE, PAIRS):
-            pairs = find_interplay(judge, tried, report)
-        with part(PAIRS, 1.0):
-            return pairs, shrink(judge, tried, pairs, report), ""
+        with part(1 / 3, 2 / 3):
+            pairs = find_interplay(judge, tried)
+        with part(2 / 3, 1.0):
+            return pairs, shrink(judge, tried, pairs), ""
     except TimeLimit as error:
         return pairs, None, f"pairs of effects and the minimal scene: {error}"
 
@@ -145,9 +141,7 @@ def find_reach(scene: Scene) -> float:
 NEED, CANCEL = "noticed only together", "cancel each other"
 
 
-def find_interplay(
-    judge: Judge, tried: Sequence[tuple[Version, Row]], report: Callable[[str], None]
-) -> tuple[Row, ...]:
+def find_interplay(judge: Judge, tried: Sequence[tuple[Version, Row]]) -> tuple[Row, ...]:
     """Try the pairs of effects whose members are both noticed or both not, both on or both off; keep those that act otherwise together.
 
         noticed only together: s_1 <= tolerance, s_2 <= tolerance, s_12 > tolerance
@@ -159,7 +153,7 @@ def find_interplay(
     pairs = list(list_pairs(tried, judge.tolerance))
     for done, ((one, first), (two, _)) in enumerate(pairs):
         both = joined(one, two)
-        report(f"together: {both.change}")
+        judge.report(f"together: {both.change}")
         advance(done / len(pairs))
         row = judge.row(both, two.make(one.make(judge.scene)))
         alone, together = first.significance > judge.tolerance, row.significance > judge.tolerance

@@ -7,24 +7,22 @@ from timeit import repeat
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from flexlin.about.law import Law
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
-from flexlin.answers.steady import find_response
+from flexlin.answers.judging import find_response
 from flexlin.checks import ROUNDING, SAMPLES, Array, try_to
 from flexlin.control.drives import Demand, drive_load
 from flexlin.control.tracking import tip_positions
-from flexlin.errors import MotionError
 from flexlin.mechanics import build_manipulator
 from flexlin.periodic.coefficients import solve_mass
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.precision import SLIGHT
 from flexlin.periodic.related import with_matrices
 from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
-PHASES, REPEATS = 9, 4
 SEGMENTS = 4000
 """A version that needs more segments than these for its margin is not judged."""
 
@@ -158,18 +156,14 @@ def judge_parts(lin: Linearization, tol: float, problems: list[str]) -> Iterator
     """Each part of the loop with its margin; all of it where it is one part."""
     labels, felt = part_coordinates(lin)
     names = (*lin.names, *(() if lin.controller is None else lin.controller.names))
-    t = np.linspace(0, lin.period, PHASES, endpoint=False)
+    t = np.linspace(0, lin.period, 9, endpoint=False)
     coefficients = lin.sample(t)
     for label in np.unique(labels):
         places = np.flatnonzero(labels == label)
-        of_arm = places[places < lin.n]
-        block = np.ix_(np.arange(PHASES), of_arm, of_arm)
-        yield Part(
-            tuple(names[i] for i in places),
-            bool(felt[places].any()),
-            *_judge_margin(lin, places if len(np.unique(labels)) > 1 else None, tol, problems),
-            _average_frequencies(coefficients.M[block], coefficients.K[block], t),
-        )
+        y = places[places < lin.n]
+        M, K = (matrix[:, y[:, None], y] for matrix in (coefficients.M, coefficients.K))
+        found = _judge_margin(lin, places if len(places) < len(labels) else None, tol, problems)
+        yield Part(tuple(names[i] for i in places), bool(felt[places].any()), *found, _average_frequencies(M, K, t))
 
 
 def part_coordinates(lin: Linearization) -> tuple[Array, Array]:
@@ -221,11 +215,12 @@ def _follow(
     lin: Linearization, drives: Drives | None, problems: list[str]
 ) -> tuple[Array | None, float, tuple[Demand, ...] | None]:
     """The tip's path, its largest distance from the rigid motion, and what the drives do; not known where there is no response."""
-    found = try_to(lambda: steady_motion(lin))
+    t = lin.period * np.arange(SAMPLES) / SAMPLES
+    found = try_to(lambda: find_response(lin, lin.periodic_system(), t, SLIGHT))
     if isinstance(found, Exception):
         problems.append(f"periodic response: {found}")
         return None, float("nan"), None
-    t, states, law = found
+    states, law = found.states, found.law or lin.law
     demands = drive_load(lin, t, states, law, drives).demands if lin.about.m else ()
     if lin.arm.near.points is None:
         return np.zeros((len(t), 3)), float("nan"), demands
@@ -236,23 +231,7 @@ def _follow(
 
 def _time_evaluation(lin: Linearization) -> float:
     t = np.linspace(0, lin.period, SAMPLES + 1)
-    return 1e6 * min(repeat(lambda: lin.sample(t), number=1, repeat=REPEATS)) / SAMPLES
-
-
-RESPONSE = 1e-3
-"""The error that the steady motion is asked for, of the largest state."""
-
-
-def steady_motion(lin: Linearization) -> tuple[Array, Array, Law]:
-    """Times (N,) over a period, the periodic response [y; y'; z] there, and the law that commands the torque.
-
-    Raises: MotionError for a one-way motion; what `forced_response` raises.
-    """
-    if not lin.motion.periodic:
-        raise MotionError("a one-way motion has none", got="course = 'one-way'", expected="a periodic basic motion")
-    t = lin.period * np.arange(SAMPLES) / SAMPLES
-    found = find_response(lin, lin.periodic_system(), t, RESPONSE)
-    return t, found.states, found.law or lin.law
+    return 1e6 * min(repeat(lambda: lin.sample(t), number=1)) / SAMPLES
 
 
 def second_order_with_states(lin: Linearization, t: Array) -> tuple[Array, Array, Array, Array]:

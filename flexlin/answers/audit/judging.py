@@ -1,20 +1,22 @@
 """What an audit finds: how far one version of a scene is from another, what that means, and which effects the scene needs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import Any
 
 import numpy as np
 
 from flexlin.answers.audit.figures import Measure, Part, join_parts, measure
-from flexlin.answers.audit.versions import Version, list_mode_versions, list_model_versions
-from flexlin.answers.validity import SMALL
+from flexlin.answers.audit.versions import Version, list_mode_versions
+from flexlin.answers.judging import SMALL
 from flexlin.checks import try_to
 from flexlin.control.drives import Demand
 from flexlin.progress import advance
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
+
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -203,7 +205,7 @@ TINY = 1e-6
 class Judge:
     """Compares versions with a scene whose figures are `base`; reach: the arm's length in m; tolerance: the relative change that matters.
 
-    tol: wanted error of the exponents.
+    tol: wanted error of the exponents; report: called with the description of each version before it is measured.
     """
 
     scene: Scene
@@ -211,11 +213,12 @@ class Judge:
     reach: float
     tolerance: float
     tol: float
+    report: Progress
 
     @classmethod
-    def of(cls, scene: Scene, reach: float, tolerance: float, tol: float) -> "Judge":
+    def of(cls, scene: Scene, reach: float, tolerance: float, tol: float, report: Progress = lambda _: None) -> "Judge":
         """Measure the scene first."""
-        return cls(scene, measure(scene, tol), reach, tolerance, tol)
+        return cls(scene, measure(scene, tol), reach, tolerance, tol, report)
 
     def row(self, version: Version, scene: Scene | None = None) -> Row:
         """What a version changes; or what another scene does that was made of several."""
@@ -320,22 +323,18 @@ def advise(version: Version, matters: bool, judged: bool, broken: bool, unfelt: 
     return "consider it: with these figures it would be noticed" if matters else f"not needed with these figures{note}"
 
 
-MOST_GROWTH = 2
-"""Rounds in which links are given a mode more."""
 NOTHING = Version(lambda scene: scene, "the minimal scene", "minimal", "scene", True, {})
 """The change that is none."""
 
 
-def shrink(
-    judge: Judge, tried: Sequence[tuple[Version, Row]], pairs: Sequence[Row], report: Callable[[str], None]
-) -> Minimal:
+def shrink(judge: Judge, tried: Sequence[tuple[Version, Row]], pairs: Sequence[Row]) -> Minimal:
     """Give links the modes that they lack, then drop effects and modes one after the other, as long as all of it stays unnoticed.
 
     Changes that are not noticed alone are tried, the least significant first, and pairs that cancel. Every step is compared with
     the scene that has modes enough, so errors add up under the same tolerance. Greedy: what is left is
     needed, but another order may leave less.
     """
-    judge, added = grow(judge, report)
+    judge, added = grow(judge)
     row, dropped, scene = judge.row(NOTHING), list[str](), judge.scene
     cancelling = [set(row.subject.split(" and ")) for row in pairs if row.on and row.significance <= judge.tolerance]
     paired = set[str]().union(*cancelling)
@@ -349,7 +348,7 @@ def shrink(
         partners = [other for other in candidates if {version.subject, other.subject} in cancelling]
         for changes in ([version], *([version, partner] for partner in partners)):
             trial = reduce(lambda made, change: change.make(made), changes, scene)
-            report(f"minimal scene: {version.change}")
+            judge.report(f"minimal scene: {version.change}")
             advance(done / (done + len(candidates) + 1))
             found = judge.row(NOTHING, trial)
             if found.judged and found.significance <= judge.tolerance:
@@ -362,30 +361,25 @@ def shrink(
     return Minimal(scene, row, tuple(dropped), added, judge.base.coordinates + row.coordinates)
 
 
-def grow(judge: Judge, report: Callable[[str], None]) -> tuple[Judge, tuple[str, ...]]:
-    """Compare from here on with a scene whose links have modes enough: one more in each would not be noticed."""
+def grow(judge: Judge) -> tuple[Judge, tuple[str, ...]]:
+    """Compare from here on with a scene whose links have modes enough, at most two more: another in each would not be noticed."""
     added = []
-    for _ in range(MOST_GROWTH):
+    for _ in range(2):
         before = judge
-        for version in mode_versions(judge.scene):
+        for version in list_mode_versions(judge.scene):
             if version.on:
                 continue
-            report(f"minimal scene: {version.change}")
+            judge.report(f"minimal scene: {version.change}")
             row = before.row(version)
             if row.significance > judge.tolerance and row.judged:
-                judge = Judge.of(version.make(judge.scene), judge.reach, judge.tolerance, judge.tol)
+                scene = version.make(judge.scene)
+                judge = replace(judge, scene=scene, base=measure(scene, judge.tol))
                 added.append(version.change)
         if judge is before:
             break
     return judge, tuple(added)
 
 
-def mode_versions(scene: Scene) -> list[Version]:
-    """A mode less and more in each link."""
-    versions = list_mode_versions(scene) if scene.model is None else list_model_versions(scene)
-    return [version for version in versions if version.kind == "modes"]
-
-
 def again(scene: Scene, version: Version) -> list[Version]:
     """The same link with yet a mode less of the same kind."""
-    return [other for other in mode_versions(scene) if other.on and other.subject == version.subject]
+    return [other for other in list_mode_versions(scene) if other.on and other.subject == version.subject]

@@ -19,7 +19,7 @@ from flexlin.scene.base import Table
 from flexlin.scene.effects import known_effects
 from flexlin.scene.library import registered_model
 from flexlin.scene.links import Direction, Modes
-from flexlin.scene.parameters import PARAMETERS, get_value, replace_value
+from flexlin.scene.parameters import PARAMETERS, get_value, list_children, replace_value
 from flexlin.scene.scene import Scene
 
 MOST_MODES = 12
@@ -62,7 +62,9 @@ def with_effect(scene: Scene, name: str, table: Effect | None) -> Scene:
 
 
 def list_mode_versions(scene: Scene) -> Iterator[Version]:
-    """Give each link that can bend a mode less and a mode more."""
+    """Give each link that can bend, or that a model's table gives modes, a mode less and a mode more."""
+    if scene.model is not None:
+        yield from (version for version in list_model_versions(scene) if version.kind == "modes")
     for i, link in enumerate(scene.links):
         if link.bending_stiffness is None or not link.mass_per_length:
             continue
@@ -160,8 +162,7 @@ def list_mode_steps(scene: Scene) -> Iterator[Version]:
 
 def find_modes(node: Any, path: str) -> Iterator[tuple[str, int]]:
     """Every whole number under a key `modes`, with its path."""
-    children = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list | tuple) else ()
-    for key, child in children:
+    for key, child in list_children(node).items():
         if key == "modes" and isinstance(child, int) and not isinstance(child, bool):
             yield f"{path}.{key}", child
         else:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -19,8 +18,9 @@ from flexlin.control.catalogue import design
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.errors import ArgumentError, NumericalError
 from flexlin.mechanics import build_manipulator
-from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.precision import SLIGHT
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.related import Backward, OfPlant, dual_system
 from flexlin.periodic.response.forced import forced_response
@@ -33,8 +33,12 @@ from flexlin.simulation.equations import NonlinearEquations, Places
 from flexlin.simulation.loop import NonlinearLoop
 from flexlin.summary import represent
 
+PHASES = 16
+"""Phases at which the disturbance begins."""
 INSIDE = 8
 """Times at which a push is looked at while it lasts."""
+BAND = 0.02
+"""The answer has settled when it stays within this part of its largest size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,15 +61,10 @@ def answer_linearly(
     size: float,
     duration: float,
     count: int,
-    phases: int,
-    points: int,
     tol: float,
 ) -> LinearAnswer:
-    """Follow x' = A x + enters(t) u from x = start, u = size for `duration` s (for ever when 0), over `count` steps of T / points.
-
-    Parameters: phases divides points.
-    """
-    T, n = loop.period, loop.n
+    """Follow x' = A x + enters(t) u from x = start, u = size for `duration` s (for ever when 0), over `count` steps of T / SAMPLES."""
+    T, n, phases = loop.period, loop.n, PHASES
     driven = PeriodicSystem(loop.A, T, enters, loop.breaks, loop.second_order, loop.features, loop.complete)
     begin = np.arange(phases) / phases
     z = np.empty((phases, n + 1))
@@ -79,12 +78,12 @@ def answer_linearly(
             kept.append(z[:, :n].copy())
             t.append(duration * (k + 1) / INSIDE)
         z[:, n] = 0.0
-    grid = duration + T * np.arange(points) / points
-    steps, place = sections(driven, grid, grid + T / points, tol, STAGES), np.arange(phases) * (points // phases)
+    grid = duration + T * np.arange(SAMPLES) / SAMPLES
+    steps, place = sections(driven, grid, grid + T / SAMPLES, tol, STAGES), np.arange(phases) * (SAMPLES // phases)
     for k in range(count):
-        z = np.einsum("pij,pj->pi", steps[(place + k) % points], z)
+        z = np.einsum("pij,pj->pi", steps[(place + k) % SAMPLES], z)
         kept.append(z[:, :n].copy())
-        t.append(duration + T * (k + 1) / points)
+        t.append(duration + T * (k + 1) / SAMPLES)
     return LinearAnswer(begin, np.array(t), np.stack(kept, axis=1))
 
 
@@ -146,12 +145,6 @@ def answer_nonlinearly(
 
 Seen = Callable[[Array, Array], Array]
 """Times (N,) and states (N, 2n) -> what is looked at, (N,)."""
-PHASES = 16
-"""Phases at which the disturbance begins, and steps of a period at which the answer is kept."""
-BAND = 0.02
-"""The answer has settled when it stays within this part of its largest size."""
-LEFT, LONGEST = 1e-3, 60
-"""Part of a disturbance that may be left at the end, and periods at the most, where no number of periods is given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,10 +257,14 @@ def respond(
     lasting = stated.time if stated.kind == "push" else 0.0
     start = np.array(stated.start) if stated.start else np.zeros(2 * closed.n)
     start = np.append(start, np.zeros(loop.n - len(start)))
-    linear = answer_linearly(loop, enters, start, stated.size, lasting, count, PHASES, SAMPLES, tol)
+    linear = answer_linearly(loop, enters, start, stated.size, lasting, count, tol)
     seen, what, unit = observe(closed, stated)
-    values = np.array([seen(times, states) for times, states in zip(linear.times(T), linear.states, strict=True)])
-    ends = final_values(loop, stated, enters, seen, linear, T, tol)
+    times = linear.times(T)
+    values = np.array([seen(row, states) for row, states in zip(times, linear.states, strict=True)])
+    ends = np.zeros(values.shape)
+    if stated.kind == "step":  # it ends in the periodic answer to what lasts
+        steady = forced_response(loop, lambda t: stated.size * enters(t)[:, :, 0], tol)
+        ends = np.array([seen(row, steady(row)) for row in times])
     settling = np.array([settling_time(linear.t, row, end) for row, end in zip(values, ends, strict=True)])
     over = np.array([overshoot(row, end) for row, end in zip(values, ends, strict=True)])
     worst = int(np.lexsort((-over, -settling))[0])
@@ -277,9 +274,9 @@ def respond(
 
 
 def steps_of(growth: float, period: float, periods: float | None) -> int:
-    """How many steps to follow."""
-    settled = math.log(1 / LEFT) / (-growth * period)
-    wanted = min(LONGEST, settled) if periods is None else positive("the number of periods", periods)
+    """How many steps to follow: until a thousandth is left, 60 periods at the most, where no number of them is given."""
+    settled = math.log(1 / SLIGHT) / (-growth * period)
+    wanted = min(60, settled) if periods is None else positive("the number of periods", periods)
     return max(SAMPLES // 4, math.ceil(wanted * SAMPLES))
 
 
@@ -289,23 +286,6 @@ def observe(lin: Linearization, stated: Disturbance) -> tuple[Seen, str, str]:
         return (lambda t, x: x[:, 0]), lin.names[0], lin.coordinates[0].unit
     where = f"along {stated.axis}" if stated.axis else "across the last link"
     return Directions(lin, stated.axis).seen, f"tip {where}", "m"
-
-
-def final_values(
-    loop: PeriodicSystem,
-    stated: Disturbance,
-    enters: MatrixFunction,
-    seen: Seen,
-    linear: LinearAnswer,
-    period: float,
-    tol: float,
-) -> Array:
-    """Where the answers end, (P, S): the periodic answer to a lasting step, else zero."""
-    times = linear.times(period)
-    if stated.kind != "step":
-        return np.zeros(times.shape)
-    steady = forced_response(loop, lambda t: stated.size * enters(t)[:, :, 0], tol)
-    return np.array([seen(row, steady(row)) for row in times])
 
 
 def settling_time(t: Array, values: Array, end: Array) -> float:
@@ -378,20 +358,6 @@ class NoiseAnswer:
     __repr__ = represent
 
 
-@dataclass(frozen=True, eq=False)
-class Spread:
-    """B S B' as a function of time."""
-
-    B: MatrixFunction
-    intensity: float
-
-    complete: ClassVar[bool] = True
-
-    def __call__(self, t: Array) -> Array:
-        B = self.B(t)
-        return self.intensity * B @ np.swapaxes(B, 1, 2)
-
-
 def answer_noise(lin: Linearization, stated: Disturbance, loop: PeriodicSystem, tol: float = 1e-8) -> NoiseAnswer:
     """Find the periodic covariance of a loop under white torque noise at every input.
 
@@ -401,8 +367,9 @@ def answer_noise(lin: Linearization, stated: Disturbance, loop: PeriodicSystem, 
     Raises: NotStable when it is not.
     """
     T = lin.period
-    W = Spread(OfPlant(lin.input_matrix, 2 * lin.n, loop.n), stated.size**2 / (2 * stated.time))
-    solution = periodic_lyapunov(dual_system(loop), Backward(W, T), tol)
+    intensity = stated.size**2 / (2 * stated.time)
+    spread = combine(lambda B: intensity * B @ np.swapaxes(B, 1, 2), OfPlant(lin.input_matrix, 2 * lin.n, loop.n))
+    solution = periodic_lyapunov(dual_system(loop), Backward(spread, T), tol)
     t = np.linspace(0.0, T, SAMPLES + 1)
     P = solution.X(np.mod(-t, T))[:, : 2 * lin.n, : 2 * lin.n]
     tip = np.full(len(t), np.nan)

@@ -1,4 +1,4 @@
-"""What a sweep knows of each value, and the dataset that comes of it."""
+"""What a sweep knows of each value."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -12,10 +12,8 @@ from flexlin.periodic.circle import measure_distances
 if TYPE_CHECKING:
     import xarray as xr
 
-    from flexlin.about.family import PeriodicFamily
     from flexlin.periodic.floquet.result import FloquetResult
     from flexlin.periodic.system import PeriodicSystem
-    from flexlin.scene.scene import Scene
 
 
 VERDICTS = np.array(["undecided", "stable", "unstable", "failed", "missing"])
@@ -87,32 +85,6 @@ def solve_alone(make: Callable[[], "PeriodicSystem"], tol: float) -> "FloquetRes
     from flexlin.periodic.floquet.exponents import floquet  # most workers do without
 
     return try_to(lambda: floquet(make(), tol))
-
-
-def build_dataset(
-    scene: "Scene | PeriodicFamily",
-    axes: dict[str, Array],
-    found: Found,
-    shape: tuple[int, ...],
-    dims: tuple[str, ...],
-    about: dict[str, str | float],
-) -> "xr.Dataset":
-    """The result with names and units."""
-    import xarray as xr
-
-    each = {name: (dims, getattr(found, name).reshape(shape)) for name in ("error", "period", "one_by_one", "reason")}
-    coords = {path: (path if dims != ("value",) else "value", axis) for path, axis in axes.items()}
-    data = xr.Dataset(
-        {
-            "exponents": ((*dims, "mode"), found.exponents.reshape(*shape, -1), {"units": "1/s"}),
-            "verdict": (dims, VERDICTS[found.verdict].reshape(shape)),
-            **each,
-        },
-        coords=coords,
-        attrs={"title": scene.title, **about, "one_by_one": int(found.one_by_one.sum())},
-    )
-    data["error"].attrs["units"], data["period"].attrs["units"] = "1/s", "s"
-    return data
 
 
 def worst_error(data: "xr.Dataset") -> float:

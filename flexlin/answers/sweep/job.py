@@ -4,8 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,13 +12,12 @@ from numpy.typing import ArrayLike
 from flexlin.about.family import PeriodicFamily
 from flexlin.about.free import ParametricLoop
 from flexlin.answers.loops import AnyLoop, choose_loop
-from flexlin.answers.sweep.found import MISSING, TAKEN, Found, build_dataset
+from flexlin.answers.sweep.found import MISSING, TAKEN, VERDICTS, Found
 from flexlin.answers.sweep.together import Together
 from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.progress import advance, part
-from flexlin.scene.loading import raw_tables, revise_scene
-from flexlin.scene.parameters import get_value
+from flexlin.scene.loading import check_axes
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -28,10 +26,6 @@ if TYPE_CHECKING:
 
 DESIGN_TOL = 1e-9
 """Gains of designs are at least as accurate as this."""
-MOST_CHECKED = 10
-"""Values of a path that are checked one by one; of more, both ends, the one nearest to zero, and so many in between."""
-MOST_CORNERS = 6
-"""Paths of a grid whose corners are checked together."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +55,7 @@ do it as fast as processes."""
 
 @dataclass
 class Job:
-    """One sweep: `points` (V, P), the work, and what is known of each value so far; `done` (V,) says of which.
-
-    `repaired`: blocks that a store held damaged.
-    """
+    """One sweep: `points` (V, P), the work, and what is known of each value so far; `repaired`: blocks that a store held damaged."""
 
     scene: Scene | PeriodicFamily
     axes: dict[str, Array]
@@ -75,16 +66,20 @@ class Job:
     points: Array
     work: Work
     found: Found
-    done: Array
     watchers: list[Callable[[int, Found], None]] = field(default_factory=list)
     repaired: int = 0
 
     @property
+    def done(self) -> Array:
+        """Which values (V,) are known."""
+        return self.found.verdict != MISSING
+
+    @property
     def blocks(self) -> list[tuple[int, int]]:
         """First and last-but-one value of each block that is not done."""
-        size = self.work.block
-        cuts = [(i, min(i + size, len(self.points))) for i in range(0, len(self.points), size)]
-        return [(start, stop) for start, stop in cuts if not self.done[start:stop].all()]
+        size, done = self.work.block, self.done
+        cuts = [(i, min(i + size, len(done))) for i in range(0, len(done), size)]
+        return [(start, stop) for start, stop in cuts if not done[start:stop].all()]
 
     def compute(self, start: int, stop: int) -> Found:
         """A block, in this process and thread."""
@@ -94,7 +89,6 @@ class Job:
     def enter(self, start: int, block: Found) -> None:
         """Take a finished block, and pass it on to the watchers."""
         self.found.place(start, block)
-        self.done[start : start + len(block.error)] = True
         advance(float(self.done.mean()))
         for watch in self.watchers:
             watch(start, block)
@@ -106,11 +100,26 @@ class Job:
 
     def dataset(self) -> "xr.Dataset":
         """What is known so far, with names and units; values that are not done have the verdict `missing`."""
-        about: dict[str, str | float] = {"loop": self.loop, "tol": self.tol, "route": self.work.route}
-        about["segments"] = self.work.segments
-        if self.repaired:
-            about["repaired"] = self.repaired
-        return build_dataset(self.scene, self.axes, self.found, self.shape, self.dims, about)
+        import xarray as xr
+
+        found, shape, dims = self.found, self.shape, self.dims
+        names = ("error", "period", "one_by_one", "reason")
+        variables: dict[str, Any] = {
+            "exponents": ((*dims, "mode"), found.exponents.reshape(*shape, -1), {"units": "1/s"}),
+            "verdict": (dims, VERDICTS[found.verdict].reshape(shape)),
+            **{name: (dims, getattr(found, name).reshape(shape)) for name in names},
+        }
+        coords = {path: (path if dims != ("value",) else "value", axis) for path, axis in self.axes.items()}
+        about: dict[str, str | float] = {
+            "title": self.scene.title,
+            "loop": self.loop,
+            "tol": self.tol,
+            "route": self.work.route,
+        }
+        about |= {"segments": self.work.segments, **({"repaired": self.repaired} if self.repaired else {})}
+        data = xr.Dataset(variables, coords, {**about, "one_by_one": int(found.one_by_one.sum())})
+        data["error"].attrs["units"], data["period"].attrs["units"] = "1/s", "s"
+        return data
 
 
 def compute_here(job: Job) -> Iterator[tuple[int, Found]]:
@@ -142,8 +151,8 @@ def prepare_job(
     check_values(count, chosen.states)
     found = Found.empty(len(points), chosen.states)
     found.verdict[:], found.reason[:] = MISSING, "not computed"
-    work = choose_work(chosen, points, tol)
-    return Job(scene, axes, shape, dims, loop, tol, points, work, found, np.zeros(len(points), dtype=bool))
+    together = Together.prepare(chosen, points, tol) if isinstance(chosen, ParametricLoop | PeriodicFamily) else None
+    return Job(scene, axes, shape, dims, loop, tol, points, together or OneByOne(chosen, tol), found)
 
 
 def lay_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
@@ -161,39 +170,6 @@ def lay_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...],
     return np.stack(list(axes.values()), axis=1), lengths[:1], ("value",)
 
 
-def check_axes(scene: Scene, axes: dict[str, Array], grid: bool) -> None:
-    """Refuse values that the scene's schema refuses, each path by itself and the corners of a grid together, before any computation.
-
-    Raises: SceneError with the key.
-    """
-    raw = raw_tables(scene)
-    for path, values in axes.items():
-        get_value(scene, path)
-        for value in pick_values(values):
-            revise_scene(scene, {path: value}, raw)
-    if grid and 1 < len(axes) <= MOST_CORNERS:
-        for corner in product(*[(axis.min(), axis.max()) for axis in axes.values()]):
-            revise_scene(scene, dict(zip(axes, map(float, corner), strict=True)), raw)
-
-
-def pick_values(values: Array) -> list[float]:
-    """All values of a path, or of many those that an interval, perhaps without zero, would refuse first."""
-    distinct = np.unique(values)
-    if len(distinct) <= MOST_CHECKED:
-        return list(map(float, distinct))
-    away = distinct[distinct != 0]
-    few = distinct[np.linspace(0, len(distinct) - 1, MOST_CHECKED).round().astype(int)]
-    return [float(away[np.abs(away).argmin()]), *map(float, few)]
-
-
 def check_values(count: int, states: int = 2) -> None:
     """Refuse a sweep of too many values before anything is allocated for them."""
     check_size(f"a sweep of {count} values", count * (16 * states + 60), "ask for fewer values")
-
-
-def choose_work(source: AnyLoop | PeriodicFamily, points: Array, tol: float) -> Work:
-    """The kernel where there is one, else `floquet` at each value."""
-    together = None
-    if isinstance(source, ParametricLoop | PeriodicFamily):
-        together = Together.prepare(source, points, tol)
-    return together or OneByOne(source, tol)

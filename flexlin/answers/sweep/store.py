@@ -80,7 +80,6 @@ class Store:
                 block, kept = None, b"damaged"
             if block is not None and self._seal(start, block) == kept:
                 job.found.place(start, unpack(block))
-                job.done[start:stop] = True
             else:
                 self.repaired += any(kept)
 

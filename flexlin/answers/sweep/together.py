@@ -30,8 +30,8 @@ STEPS = 1.15, 2.0
 """Factors between the numbers of segments of a value's trials."""
 MARGIN = 1.06
 """What values are given over what pilots needed: a second trial costs more."""
-PILOTS, EACH = (16, 256), 64
-"""Values that are tried: one of so many, within limits. A trial of one costs as much as three of the values."""
+PILOTS = 16, 256
+"""Least and largest number of values that are tried, one of 64 between them: a trial of one costs as much as three of the values."""
 
 
 @dataclass
@@ -86,7 +86,7 @@ def pack(rungs: Array) -> Iterator[tuple[int, Array]]:
 
 def learn_needs(kernel: Kernel, points: Array, scale: Array, tol: float) -> Needs:
     """What values spread over the points (V, P) need."""
-    count = np.arange(np.clip(len(points) // EACH, *PILOTS))
+    count = np.arange(np.clip(len(points) // 64, *PILOTS))
     pilots = points[np.unique((count * 0.6180339887498949 % 1.0 * len(points)).astype(int))]
     needs, spread = try_pilots(kernel, pilots, scale, tol)
     met = np.isfinite(pilots).all(axis=1) & np.isfinite(needs)
@@ -125,10 +125,6 @@ SLACK = 1.1
 """The spread of the moduli may exceed the pilots' by this factor."""
 BLOCK = 65536
 """Values of a block at the most, times the square of the states: in a larger one more are alike, but it is seen later."""
-BLOCKS, SMALL_BLOCK = 8, 12 * WIDTH
-"""Blocks that a sweep is cut into at the least, unless they are smaller than this."""
-WITNESSES = 3
-"""Values of a family at which `floquet`, which looks for what is narrow, has to say what the kernel says."""
 
 
 @dataclass(frozen=True)
@@ -171,8 +167,8 @@ class Together:
         return made
 
     def is_confirmed(self, points: Array) -> bool:
-        """Whether `floquet` agrees at a few values."""
-        chosen = points[spread_over(len(points), WITNESSES)]
+        """Whether `floquet`, which looks for what is narrow, says what the kernel says at both ends and in the middle."""
+        chosen = points[spread_over(len(points), 3)]
         found = self.compute(chosen)
         return all(
             found.is_confirmed(i, partial(self.source.system_at, point), self.tol) for i, point in enumerate(chosen)
@@ -190,8 +186,8 @@ class Together:
 
     @property
     def block(self) -> int:
-        """Values of a block: as many whatever machine or worker computes it, so that results do not depend on where the cuts are."""
-        shared = max(SMALL_BLOCK, self.values // BLOCKS)
+        """Values of a block: an eighth of all, or twelve vectors; as many wherever it is computed: no result depends on the cuts."""
+        shared = max(12 * WIDTH, self.values // 8)
         return WIDTH * max(1, min(shared, BLOCK // self.kernel.model.states**2) // WIDTH)
 
     def compute(self, points: Array) -> Found:
