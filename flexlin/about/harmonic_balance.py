@@ -12,8 +12,13 @@ from flexlin.about.layers import THICK, Layers
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.lazy import lazy
-from flexlin.periodic.grid import place_edges
-from flexlin.periodic.interpolation import FourierSeries, fourier_basis, fourier_differentiation, waves_at_nodes
+from flexlin.periodic.interpolation import (
+    FourierSeries,
+    fourier_basis,
+    fourier_differentiation,
+    place_edges,
+    waves_at_nodes,
+)
 from flexlin.periodic.resolved.sampling import graded
 
 NEWTON_STEPS = 25

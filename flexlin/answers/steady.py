@@ -13,9 +13,8 @@ from flexlin.errors import InputError
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.axes import COLUMNS
 from flexlin.motion import SampledMotion
-from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import ForcedResponse, forced_response
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import OfPlant, PeriodicSystem
 from flexlin.scene.scene import Scene
 
 

@@ -11,12 +11,14 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotCertified, NumericalError
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.grid import divided
 from flexlin.periodic.interpolation import (
+    NODES,
+    TAIL,
     ChebyshevPanels,
     FourierSeries,
     chebyshev_coefficients,
     chebyshev_nodes,
+    divided,
     panel_times,
 )
 from flexlin.periodic.precision import EPS, ROOT, TINY
@@ -24,7 +26,6 @@ from flexlin.periodic.quadratic.linear_quadratic import WAVES, RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.scattering import symmetrize
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
-from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 

@@ -10,7 +10,7 @@ import numpy as np
 from flexlin._core import address, declare_sized
 from flexlin.checks import Array
 from flexlin.lazy import lazy
-from flexlin.periodic.grid import divide_segments, place_edges
+from flexlin.periodic.interpolation import divide_segments, place_edges
 from flexlin.periodic.transition.gauss import gauss, place_nodes
 
 WIDTH = 8

@@ -8,10 +8,9 @@ from flexlin.about.law import Law, VectorFunction
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import MatrixFunction, has_nothing_narrow
-from flexlin.periodic.grid import edges_of_short
-from flexlin.periodic.interpolation import ChebyshevPanels
+from flexlin.periodic.interpolation import ChebyshevPanels, edges_of_short
+from flexlin.periodic.resolved.panels import first_edges
 from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.resolved.search import first_edges
 
 INSIDE = 1e-12
 """How far beside a break of the motion what holds there is taken, in periods."""

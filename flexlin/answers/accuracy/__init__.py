@@ -46,9 +46,8 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.product import find_spectrum
 from flexlin.periodic.quadratic.riccati import periodic_riccati
-from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import OfPlant, PeriodicSystem
 from flexlin.periodic.transition.setting import Setting, choose_setting, factor_period
 from flexlin.progress import part
 from flexlin.scene.links import Link, Modes

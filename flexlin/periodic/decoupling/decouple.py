@@ -34,9 +34,9 @@ from flexlin.periodic.decoupling.frames import (
     sylvester,
     tail,
 )
+from flexlin.periodic.interpolation import NODES
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SLIGHT
 from flexlin.periodic.product import COHERENT, GROUP_CONDITION
-from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.resolved.sampling import POINTS, RESOLVED, stratified
 from flexlin.periodic.system import MatrixFunction
 

@@ -9,10 +9,10 @@ from numpy.polynomial.legendre import leggauss
 from flexlin.checks import Array, check_size, whole
 from flexlin.periodic.circle import count_turns, measure_distances
 from flexlin.periodic.floquet.result import find_reached
+from flexlin.periodic.interpolation import NODES
 from flexlin.periodic.precision import EPS, FOURTH, PARTIAL, SAFETY
 from flexlin.periodic.product import balance_factors
 from flexlin.periodic.resolved.matrix import couple_uncertainty
-from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import count_waves
 

@@ -7,10 +7,9 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import assign, measure_distances
-from flexlin.periodic.grid import FINER
+from flexlin.periodic.interpolation import FINER, NODES
 from flexlin.periodic.precision import CUBE, EPS, FAINT, ROOT, SLIGHT
 from flexlin.periodic.product import ProductSpectrum, Unknown, find_spectrum
-from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import FEWER_SEGMENTS, Setting, factor_twice, place_segments, report_too_many
 

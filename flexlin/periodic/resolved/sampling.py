@@ -9,8 +9,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
 from flexlin.periodic.coefficients import check_array, check_finite
-from flexlin.periodic.grid import golden
-from flexlin.periodic.interpolation import CACHED, chebyshev_coefficients, chebyshev_nodes
+from flexlin.periodic.interpolation import CACHED, chebyshev_coefficients, chebyshev_nodes, golden
 from flexlin.periodic.precision import CUBE, EPS, FAINT, ROOT, SLIGHT, TINY
 
 LEAST = TINY / EPS

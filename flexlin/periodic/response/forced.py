@@ -13,11 +13,10 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, at_times, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing, TooManySegments
 from flexlin.periodic.coefficients import PROBES, Constant, has_nothing_narrow, hold_input, refuse_signature
-from flexlin.periodic.grid import FINER, edges_of_short, place_edges
+from flexlin.periodic.interpolation import FINER, NODES, TAIL, edges_of_short, place_edges
 from flexlin.periodic.precision import EPS, FOURTH, MINOR, ROOT, SAFETY, TINY
 from flexlin.periodic.product import COHERENT, cyclic_system, find_spectrum
 from flexlin.periodic.resolved.matrix import couple_uncertainty
-from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.factors import factor, follow_rates

@@ -10,8 +10,7 @@ import numpy as np
 
 from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError, NumericalError, TooManySegments, counted
-from flexlin.periodic.grid import divide_evenly
-from flexlin.periodic.interpolation import FourierSeries
+from flexlin.periodic.interpolation import FourierSeries, divide_evenly
 from flexlin.periodic.product import GROUP_CONDITION, Unknown
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import MOST_UNKNOWNS, count_integrals, factor_segments, measure_segments
