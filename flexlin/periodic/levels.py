@@ -89,10 +89,10 @@ class BoundedReal:
     def begin(self, level: float) -> tuple[Array, Setting]:
         """Choose the segments for all levels near one; those of the gains are the same, but where so many would be needed."""
         system = self.hamiltonian(level)
-        setting = choose_setting(system, MODES_TOL, "auto", None, None)
+        setting = choose_setting(system, MODES_TOL)
         self.begun.append(setting)
         if setting.segments > FEWER_SEGMENTS:  # an L-stable method only knows the modes that it resolves
-            setting = choose_setting(self.system, MODES_TOL, "radau", None, None)
+            setting = choose_setting(self.system, MODES_TOL, "radau")
         return place_segments(system, setting), setting
 
     @lazy

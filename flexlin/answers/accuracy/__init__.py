@@ -121,7 +121,7 @@ def measure_transition_matrices(closed: Linearization, exact: Array, peers: bool
 
     def trials() -> Iterator[Trial]:
         for tol in TOLS:
-            setting = choose_setting(system, tol, "auto", None, None)
+            setting = choose_setting(system, tol)
             if setting.segments <= MOST_SEGMENTS:
                 yield try_setting(system, setting, f"{tol:.0e}")
         for method, orders in METHODS.items():
@@ -141,7 +141,7 @@ def try_setting(system: PeriodicSystem, setting: Setting, chosen: str = "") -> T
 
 def choose_reference(system: PeriodicSystem, order: int = REFERENCE) -> Setting:
     """A setting that is finer than all that are tried."""
-    count = 2 * choose_setting(system, FINE, "gauss", None, None).segments
+    count = 2 * choose_setting(system, FINE).segments
     return Setting("gauss", order, int(np.clip(count, 64, 2048)), "")
 
 

@@ -49,7 +49,7 @@ ADIABATIC = 0.05
 HOPELESS = 300.0
 """On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
 MAX_ROUNDS, MAX_MERGES = 14, 12
-ENOUGH = 0.01
+ENOUGH = MINOR * MINOR
 """Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than the slowest harmonics do."""
 
 

@@ -180,7 +180,7 @@ def solve_series(values: Array, period: float, unknown: Array, tol: float) -> Se
     series = FourierSeries.through(values, period)
     system = PeriodicSystem(series, period)
     vars(system)["resolved"] = ResolvedMatrix(series, (), (), off, len(values), off[None])
-    return solve_by_segments(system, choose_setting(system, tol, "auto", None, None), tol, FEWER_SEGMENTS)
+    return solve_by_segments(system, choose_setting(system, tol), tol, FEWER_SEGMENTS)
 
 
 def enclosures(decoupled: Decoupled) -> tuple[Array, Array]:

@@ -140,7 +140,7 @@ def find_exponents(
         setting = choose_setting(system, tol, method, order, segments)
         fixed = solve_by_segments(system, setting, tol, segments, fixed=True)
         return judge_beside(system, fixed.logs / system.period, fixed.rounding / system.period, setting, tol)
-    setting = choose_setting(system, tol, method, order, None)
+    setting = choose_setting(system, tol, method, order)
     if method != "auto":
         return answer_by_segments(system, setting, tol, limit)
     return answer_by_either(system, setting, tol, limit)

@@ -216,7 +216,7 @@ def forced_response(
     whole("max_segments", max_segments)
     force = as_vector_function(f, system)
     corners = find_corners(system, force, real_array("breaks", breaks, (None,)))
-    setting = choose_setting(system, positive("tol", tol), "gauss", None, None)
+    setting = choose_setting(system, positive("tol", tol))
     rule, (solution, sigma, apart, scale) = follow_response(system, force, corners, tol, setting, max_segments)
     count = len(solution.start)
     apart += unknown_response(system, solution, corners, max(1, count // 2), rule)

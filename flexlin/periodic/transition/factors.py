@@ -27,35 +27,20 @@ MOST_UNKNOWNS = 300
 """Stages times unknowns up to which the compiled code serves; LAPACK is as fast beyond."""
 
 
-def shape_states(n: int, s: int, K: int, *_: object) -> tuple[object, ...]:
-    """What `factor_states` takes and makes."""
-    return (K, s, n, n), (K,), s * (s + 1), (n,), (K, n, n), (K,)
-
-
-def shape_accelerations(m: int, s: int, K: int, *_: object) -> tuple[object, ...]:
-    """What `factor_accelerations` takes and makes."""
-    return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)
-
-
-def shape_motions(m: int, s: int, K: int, *_: object) -> tuple[object, ...]:
-    """What `follow_accelerations` takes and makes."""
-    return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m), (K, s, m), (K,)
-
-
 FACTOR_STATES = declare(
     "int factor_states(int n, int stages, int segments, int stiff, const double *A, const double *lengths, const double *tableau, "
     "const double *units, double *Phi, int *good)",
-    shape_states,
+    lambda n, s, K, *_: ((K, s, n, n), (K,), s * (s + 1), (n,), (K, n, n), (K,)),
 )
 FACTOR_ACCELERATIONS = declare(
     "int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "double *Phi, int *good)",
-    shape_accelerations,
+    lambda m, s, K, *_: ((K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)),
 )
 FOLLOW_ACCELERATIONS = declare(
     "int follow_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "const double *x, double *w, int *good)",
-    shape_motions,
+    lambda m, s, K, *_: ((K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m), (K, s, m), (K,)),
 )
 
 
@@ -217,14 +202,8 @@ def factor_states(A: Array, h: Array, rule: Tableau) -> Array:
     return Phi
 
 
+@lru_cache(maxsize=64)
 def tabulate(rule: Tableau, second_order: bool) -> Array:
     """A rule in one row, as compiled code takes it: a, b; or c, a, a a, b."""
-    return tabulate_row(rule.c.tobytes(), rule.a.tobytes(), rule.b.tobytes(), second_order)
-
-
-@lru_cache(maxsize=64)
-def tabulate_row(c: bytes, a: bytes, b: bytes, second_order: bool) -> Array:
-    """Of `tabulate`."""
-    rule = Tableau(*map(np.frombuffer, (c, a, b)))
-    square = rule.a.reshape(len(rule.c), -1)
-    return np.concatenate([rule.c, rule.a, (square @ square).ravel(), rule.b] if second_order else [rule.a, rule.b])
+    parts = (rule.c, rule.a, rule.a @ rule.a, rule.b) if second_order else (rule.a, rule.b)
+    return np.concatenate([part.ravel() for part in parts])

@@ -10,14 +10,15 @@ from numpy.polynomial.legendre import leggauss, legvander
 from flexlin.checks import Array
 from flexlin.errors import SingularMassMatrix
 from flexlin.periodic.coefficients import MatrixFunction, check_finite
+from flexlin.periodic.interpolation import CACHED
 
 STAGES = 8
 """Where nobody asks for a number of them: of order 16."""
-CHUNK_BYTES = 2**25
+CHUNK_BYTES = 128 * CACHED
 """What is computed at once takes at most this many bytes (one segment or one mode at the least)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tableau:
     """The Butcher tableau of a collocation method on [0, 1]: order 2 s at the ends, s + 1 in between."""
 

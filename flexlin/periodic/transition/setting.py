@@ -8,9 +8,10 @@ from functools import cache
 
 import numpy as np
 
+from flexlin._core import LANES
 from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError, NumericalError, TooManySegments, counted
-from flexlin.periodic.interpolation import FourierSeries, divide_evenly
+from flexlin.periodic.interpolation import NODES, FourierSeries, divide_evenly
 from flexlin.periodic.product import GROUP_CONDITION, Unknown
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import MOST_UNKNOWNS, count_integrals, factor_segments, measure_segments
@@ -20,13 +21,14 @@ MAX_SEGMENTS, FEWER_SEGMENTS = 20_000, 4000
 """Of a period at the most, and where another way is open beyond."""
 METHODS: dict[str, Callable[[int], Tableau]] = {"gauss": gauss, "radau": radau}
 """Each: stages -> tableau, of order 2 s and 2 s - 1."""
-MOST_STAGES = 32
+MOST_STAGES = NODES
+"""More than a panel's polynomials have nodes see nothing new."""
 MARGIN = 400.0
 """The first guess aims at this part of tol: a third more segments cost less than a second try."""
 STAGES = np.arange(4, 11)
 """Gauss stages among which the engine chooses."""
-LEAST, LANES = 4, 8
-"""Segments of a period at the least: on fewer, a method and a better one err alike; and how many are made at once."""
+LEAST = 4
+"""Segments of a period at the least: on fewer, a method and a better one err alike."""
 WAVES = 3.0
 """Gauss nodes for each harmonic of the coefficients, so that none hides between them."""
 VECTORS, BESIDE = 40, 10_000
@@ -168,7 +170,9 @@ def count_waves(system: PeriodicSystem, accuracy: float) -> Array:
     return seen.shape[1] - np.argmax(seen[:, ::-1], axis=1)
 
 
-def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int | None, segments: int | None) -> Setting:
+def choose_setting(
+    system: PeriodicSystem, tol: float, method: str = "auto", order: int | None = None, segments: int | None = None
+) -> Setting:
     """Fill in what the user left open; the refinement that follows corrects the guess.
 
     A Gauss step of s stages has the error of the diagonal Pade approximation on the fastest eigenvalue `rate` of A(t),
