@@ -207,11 +207,7 @@ static void iterate(int n, int count, const double *factors, double *Q, const Be
 
 /* A fixed orthogonal matrix (n, n) in no special position; work (n n + 2 n). */
 static void turn_anyhow(int n, double *Q, double *work) {
-  unsigned long long state = 1931;
-  for (int e = 0; e < n * n; e++) {
-    state = state * 6364136223846793005ULL + 1442695040888963407ULL; /* Knuth's MMIX */
-    work[e] = (double)(state >> 11) * 0x1p-52 - 1.0;
-  }
+  for (int e = 0; e < n * n; e++) work[e] = sin(1.0 + (double)e * e);
   make_orthogonal(n, work, Q, work + n * n);
 }
 
