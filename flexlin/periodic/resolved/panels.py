@@ -160,7 +160,7 @@ def miss_beside(sample: Sampler, series: ChebyshevPanels, places: Array, looked_
 
 
 class PanelResolver:
-    """The state of the refinement: resolved panels, and the edges found.
+    """The state of the refinement: the resolved panels.
 
     Parameters: edges to start from; named: the breaks among them; checks: times in [0, T) at which panels are held against A; wary: whether
     to look for other jumps close to each edge.
@@ -169,12 +169,11 @@ class PanelResolver:
     def __init__(self, sample: Sampler, edges: Array, named: Array, checks: Array, wary: bool):
         self.sample, self.checks = sample, checks
         self.named, self.wary = named, wary
-        self.settled: set[float] = set(named.tolist())
         self.first = fitted(sample, edges[:-1], edges[1:])
         self.done = self.first.some(slice(0))
 
     def run(self) -> None:
-        """Refine until nodes, edges and check points agree.
+        """Refine until nodes and check points agree.
 
         Raises: UnresolvedCoefficient.
         """
@@ -182,11 +181,9 @@ class PanelResolver:
         while len(todo.begin):
             while len(todo.begin):
                 todo = self.refined(self.accept(todo))
-            todo = self.settle_edges()
-            if not len(todo.begin):
-                self.check()
-                panels, self.done = self.done, self.done.some(slice(0))
-                todo = self.refined(self.accept(panels))
+            self.check()
+            panels, self.done = self.done, self.done.some(slice(0))
+            todo = self.refined(self.accept(panels))
 
     def accept(self, panels: PanelSet) -> PanelSet:
         """Keep panels whose last coefficients have vanished, and which are near A where it was looked at; return the others."""
@@ -221,7 +218,6 @@ class PanelResolver:
         sharp, off = last / width[which], np.abs(place - middle[which]) / width[which]
         margin = np.minimum(place - panels.begin[which], panels.end[which] - place)
         kept = ((sharp < 1e-4) | ((sharp < 1 / 300) & (off < 0.25))) & (margin > NARROWEST * self.sample.period)
-        self.settled.update(place[kept].tolist())
         middle[which[kept]] = place[kept]
         return middle
 
@@ -245,26 +241,6 @@ class PanelResolver:
             expected=f"at most {MOST_PANELS} panels, none below {NARROWEST * self.sample.period:.3g} s",
             todo="look at A there: is it bounded? Name jumps in `breaks` and pulses in `features`",
         )
-
-    def settle_edges(self) -> PanelSet:
-        """Cut panels at a jump or kink that an edge only happens to lie near; return the parts to be fitted."""
-        rough, _ = rough_edges(self.done, self.sample)
-        which = np.flatnonzero(np.isin(self.done.begin, [e for e in rough if float(e) not in self.settled]))
-        panels, T = self.done, self.sample.period
-        edge, before = panels.begin[which], which - 1
-        ahead, back = panels.width[which], panels.width[before]
-        half = np.minimum(ahead, back) / 64
-        allowed = left_over(panels, self.sample)
-        brackets = Brackets(edge - half, edge + half, edge - back, edge + ahead)
-        place, last = locate(self.sample, brackets, np.maximum(allowed[which], allowed[before]))
-        place = np.mod(place[np.abs(place - edge) > np.maximum(last, 4 * EPS * T)], T)
-        self.settled.update([*edge.tolist(), *place.tolist()])
-        owner = np.searchsorted(panels.begin, place, side="right") - 1
-        inside = np.minimum(place - panels.begin[owner], panels.end[owner] - place) > NARROWEST * T
-        cut = np.isin(np.arange(len(panels.begin)), owner[inside])
-        self.done = panels.some(~cut)
-        begin, end = (np.sort(np.append(edges[cut], place[inside])) for edges in (panels.begin, panels.end))
-        return fitted(self.sample, begin, end)
 
     def check(self) -> None:
         """Compare with A off the nodes where that has not been done."""
