@@ -7,8 +7,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import assign, measure_distances
-from flexlin.periodic.interpolation import FINER, NODES
-from flexlin.periodic.precision import CUBE, EPS, FAINT, ROOT, SLIGHT
+from flexlin.periodic.interpolation import FINER
+from flexlin.periodic.precision import CUBE, EPS, FAINT, SLIGHT
 from flexlin.periodic.product import ProductSpectrum, Unknown, find_spectrum
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import FEWER_SEGMENTS, Setting, factor_twice, place_segments, report_too_many
@@ -93,7 +93,7 @@ def solve_by_segments(
         count = int(np.ceil(setting.segments * finer))
         if fixed or excess <= 1 or (setting.segments == max_segments and count <= most):
             noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
-            return add_blind(compare_noise(system, spectrum, factor) if noisy else spectrum, system, tol)
+            return compare_noise(system, spectrum, factor) if noisy else spectrum
         if count > most:
             raise report_too_many(count, max_segments, tol)
         setting = setting.with_segments(min(count, max_segments))
@@ -108,13 +108,6 @@ def bound_extinct(spectrum: SegmentedSpectrum, missed: Array) -> SegmentedSpectr
     below = spectrum.logs.real[0] - spectrum.logs.real
     extinct = missed & (below > max(EXTINCT, spectrum.errors[0]))
     return replace(spectrum, errors=np.where(np.logical_or.accumulate(extinct), np.inf, spectrum.errors))
-
-
-def add_blind(spectrum: SegmentedSpectrum, system: PeriodicSystem, tol: float) -> SegmentedSpectrum:
-    """Add to the errors what both methods may miss alike at the ends of narrow panels, where neither has a node."""
-    if np.diff(system.resolved.edges).min() > system.period / (2 * NODES):
-        return spectrum
-    return replace(spectrum, errors=spectrum.errors + ROOT * tol * np.maximum(system.period, np.abs(spectrum.logs)))
 
 
 def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum, factor: Factoring) -> SegmentedSpectrum:
