@@ -7,7 +7,15 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.lazy import lazy
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.decoupling.frames import SLOW_PART, Group, block_mask, circle_derivative, harmonics, sylvester
+from flexlin.periodic.decoupling.frames import (
+    SLOW_PART,
+    Group,
+    block_mask,
+    circle_derivative,
+    harmonics,
+    sylvester,
+    weigh_harmonics,
+)
 from flexlin.periodic.precision import FARTHEST, SLIGHT, TINY
 
 STILL = 8.0
@@ -169,10 +177,8 @@ def residual_effect(coupled: Coupled) -> Array:
 
 def high_harmonics(R: Array, period: float, gap: Array) -> Array:
     """The part of couplings (N, ...) whose frequencies lie above SLOW_PART of their gaps (...)."""
-    frequency = 2 * np.pi / period * np.abs(harmonics(len(R)))
-    spectrum = np.fft.fft(R, axis=0)
-    spectrum[frequency.reshape(-1, *[1] * gap.ndim) < SLOW_PART * gap] = 0
-    return np.fft.ifft(spectrum, axis=0)
+    frequency = 2 * np.pi / period * np.abs(harmonics(len(R))).reshape(-1, *[1] * gap.ndim)
+    return weigh_harmonics(R, frequency >= SLOW_PART * gap)
 
 
 def hidden_effect(coupled: Coupled, rounding: Array) -> Array:

@@ -280,9 +280,8 @@ def part_groups(
         best, least = (T, B, S, turn, left), size
         if size < ENOUGH or turn == MAX_ROUNDS:
             break
-        low, slope = low_harmonics(S, period, apart.gap)
-        step = np.eye(S.shape[-1]) + low
-        T, B = T @ step, np.linalg.solve(step, B @ step - slope)
+        step = np.eye(S.shape[-1]) + low_harmonics(S, period, apart.gap)
+        T, B = T @ step, np.linalg.solve(step, B @ step - circle_derivative(step, period))
         S = sylvester(B, groups)
     return best
 
