@@ -283,18 +283,7 @@ def find_spectrum(
     sides = (None, None, None) if unknown is None else (unknown.left, unknown.size, unknown.right)
     lapack, made = find_routines(*ROUTINES), (logs, shift, method, rounding, end, stretched)
     given = (contiguous(plain), contiguous(better), contiguous(start), limit, contiguous(steps), p, q)
-    report(FIND_SPECTRUM(n, K, *given, *map(contiguous, sides), lapack, *made))
-    order = np.argsort(-logs.real, kind="stable")
-    return ProductSpectrum(logs[order], shift[order], method[order], rounding[order], end, bool(stretched[0]))
-
-
-def contiguous(values: Array | None) -> Array | None:
-    """Real numbers as compiled code takes them; none of none."""
-    return None if values is None else np.ascontiguousarray(values, dtype=float)
-
-
-def report(code: int) -> None:
-    """Raise what a code of the compiled functions means."""
+    code = FIND_SPECTRUM(n, K, *given, *map(contiguous, sides), lapack, *made)
     if code == 1:
         raise MemoryError("the spectrum of a product")
     if code:
@@ -303,3 +292,10 @@ def report(code: int) -> None:
             got="a factor that leaves the range of numbers" if code == 2 else "eigenvalues that are not found",
             todo="use more segments, or scale the states",
         )
+    order = np.argsort(-logs.real, kind="stable")
+    return ProductSpectrum(logs[order], shift[order], method[order], rounding[order], end, bool(stretched[0]))
+
+
+def contiguous(values: Array | None) -> Array | None:
+    """Real numbers as compiled code takes them; none of none."""
+    return None if values is None else np.ascontiguousarray(values, dtype=float)

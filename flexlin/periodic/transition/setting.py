@@ -1,8 +1,7 @@
 """How a period is integrated: method, order and number of segments, and which of them reach a tolerance at the least work."""
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from flexlin._core import LANES
 from flexlin.checks import Array, check_size
-from flexlin.errors import ArgumentError, NumericalError, TooManySegments, counted
+from flexlin.errors import ArgumentError, TooManySegments, counted
 from flexlin.periodic.interpolation import NODES, FourierSeries, divide_evenly
 from flexlin.periodic.product import GROUP_CONDITION, Unknown
 from flexlin.periodic.system import PeriodicSystem
@@ -87,28 +86,13 @@ def place_segments(system: PeriodicSystem, setting: Setting) -> Array:
 
 def factor_by(system: PeriodicSystem, edges: Array, method: str, order: int) -> Array:
     """Transition matrices (K, n, n) over the segments between consecutive edges. Raises: NumericalError where stages are singular."""
-    with determined(edges):
-        return factor_segments(system.resolved, edges, find_rule(method, order))
+    return factor_segments(system.resolved, edges, find_rule(method, order))
 
 
 def factor_twice(system: PeriodicSystem, edges: Array, setting: Setting) -> tuple[list[Array], Array, Unknown]:
     """As `measure_segments`, by the setting's method and by two stages more, which share no node. Raises: as `factor_by`."""
     rules = find_rule(setting.method, setting.order), find_rule(setting.method, setting.order + 4)
-    with determined(edges):
-        return measure_segments(system.resolved, edges, rules)
-
-
-@contextmanager
-def determined(edges: Array) -> Iterator[None]:
-    """NumericalError where a segment is too long for its stages."""
-    try:
-        yield
-    except np.linalg.LinAlgError:
-        raise NumericalError(
-            "the stages of a segment are not determined: it is too long for A(t)",
-            got=f"{len(edges) - 1} segments",
-            todo="ask for more segments, or leave method and segments to the solver",
-        ) from None
+    return measure_segments(system.resolved, edges, rules)
 
 
 def factor_period(system: PeriodicSystem, setting: Setting) -> tuple[Array, Array]:
