@@ -126,19 +126,14 @@ def decouple_on_more(
 ) -> Decoupled | Refusal:
     """Decouple on nodes at which A is given (N, n, n), as it is half-way between them, and on twice as many until both agree.
 
-    These go on from what the fewer ones reached, where that parts; else they begin anew, from the eigenvectors of A(t).
     Raises: LinAlgError where the eigenvectors of A(t) depend on each other at a node.
     """
     joined = np.zeros(samples.shape[1:], bool)
-    parted: Parted | Refusal | None = None
     while True:
         count = len(samples)
         if hides_waves(A, period, samples, between):
             return Refusal("the coefficients have harmonics that equidistant nodes take for others")
-        if isinstance(parted, Parted):
-            parted = parted.go_on(samples)
-        if not isinstance(parted, Parted) or parted.stuck.any():
-            parted = built_on(samples, joined, period, tol, tries, count == FIRST_NODES)
+        parted = built_on(samples, joined, period, tol, tries, count == FIRST_NODES)
         if isinstance(parted, Refusal):
             return parted
         if parted is not None and not parted.stuck.any():
@@ -194,23 +189,17 @@ def checked(
 class Parted:
     """What the rounds reached from a frame on its nodes: a basis T (N, n, n) of the groups' subspaces.
 
-    turning (G,): real groups whose basis is complex; allowed (n, 1): error of each exponent, in 1/s; stuck (n, n): pairs of modes whose
-    coupling stays too large, and by which factor at the most.
+    turning (G,): real groups whose basis is complex; stuck (n, n): pairs of modes whose coupling stays too large, and by which factor
+    at the most.
     """
 
     period: float
     frame: Array
     groups: tuple[Group, ...]
     turning: Array
-    allowed: Array
     rounds: int
     stuck: Array
     excess: float
-
-    def go_on(self, A: Array) -> "Parted":
-        """From the frame that was reached, on twice the nodes."""
-        T = interleaved(self.frame, shifted(self.frame, 0.5))
-        return part_frame(T, self.groups, self.turning, A, self.period, self.allowed)
 
 
 def built_on(
@@ -256,7 +245,7 @@ def part_frame(T: Array, groups: tuple[Group, ...], turning: Array, A: Array, pe
         share, excess = mixing(S), float((left / allowed)[stuck].max(initial=0.0))
     if (strongest := share[stuck].max(initial=0.0)) > SLIGHT:  # put those together that mix the most
         stuck &= share >= PARTIAL * strongest
-    return Parted(period, T, groups, turning, allowed, made, stuck, excess)
+    return Parted(period, T, groups, turning, made, stuck, excess)
 
 
 def part_groups(
