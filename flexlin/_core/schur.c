@@ -377,21 +377,6 @@ static void sum_logs(Form *f) {
   }
 }
 
-/* One matrix: its complex Schur form. */
-static int find_single_form(const Lapack *lapack, const double *factor, Form *f, cpx *work) {
-  int n = f->n;
-  long size = (long)n * n;
-  for (long e = 0; e < size; e++) f->T[e] = factor[e];
-  if (!find_complex_schur(lapack, n, f->T, f->Q, work)) return NO_SCHUR_FORM;
-  memcpy(f->Q + size, f->Q, size * sizeof(cpx));
-  complete_triangle(n, f->T);
-  for (long e = 0; e < size; e++) f->start[e] = e % (n + 1) == 0;
-  for (int i = 0; i < n; i++) f->turn[i] = 1.0;
-  f->defect = 0.0;
-  sum_logs(f);
-  return SOUND;
-}
-
 /* Bring factors (count, n, n) into periodic Schur form, from bases `start` (n, n) or, where that is none, from those of no system. */
 int find_schur_form(const Lapack *lapack, const double *factors, const double *start, Form *f) {
   int n = f->n, count = f->count, code = SOUND;
@@ -402,7 +387,6 @@ int find_schur_form(const Lapack *lapack, const double *factors, const double *s
   cpx *work = malloc((5 * size + 2 * n + 2) * sizeof(cpx)), *U = work ? work + 4 * size + 2 * n + 2 : NULL;
   int *cut = malloc((n + 1) * sizeof(int));
   if (!memory || !work || !cut) code = NO_MEMORY;
-  else if (count == 1) code = find_single_form(lapack, factors, f, work);
   else {
     double *bases = memory, dropped;
     Bench at;
