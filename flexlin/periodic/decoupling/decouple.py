@@ -48,7 +48,8 @@ ADIABATIC = 0.05
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""
 HOPELESS = 300.0
 """On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
-MAX_ROUNDS, MAX_MERGES = 14, 12
+MOST_TRIES = 14
+"""Groupings of the modes, and rounds of each, at the most."""
 ENOUGH = MINOR * MINOR
 """Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than the slowest harmonics do."""
 
@@ -58,7 +59,7 @@ def decouple(
     period: float,
     tol: float = 1e-9,
     uncertainty: Uncertainty | None = None,
-    tries: int = MAX_MERGES,
+    tries: int = MOST_TRIES,
 ) -> Decoupled | Refusal:
     """Split x' = A(t) x into groups of modes whose eigenvalues stay far apart along the period.
 
@@ -261,13 +262,13 @@ def part_groups(
     """
     apart = group_separation(block_values(B, groups), period, groups)
     apart, least = replace(apart, swing=np.minimum(apart.swing, GROUP_CONDITION)), np.inf
-    for turn in range(MAX_ROUNDS + 1):
+    for turn in range(MOST_TRIES + 1):
         left = pair_effects(B, S, apart, np.abs(high_harmonics(B, period, apart.gap)).max(axis=0))
         size = float((left / (MINOR * allowed)).max())  # couplings of a group add up, and it may amplify them
         if turn and not size < SLOW_PART * least:
             break
         best, least = (T, B, S, turn, left), size
-        if size < ENOUGH or turn == MAX_ROUNDS:
+        if size < ENOUGH or turn == MOST_TRIES:
             break
         step = np.eye(S.shape[-1]) + low_harmonics(S, period, apart.gap)
         T, B = T @ step, np.linalg.solve(step, B @ step - circle_derivative(step, period))

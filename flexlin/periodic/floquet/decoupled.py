@@ -17,7 +17,7 @@ from flexlin.periodic.decoupling.coupling import (
     as_real,
     link_modes,
 )
-from flexlin.periodic.decoupling.decouple import FIRST_NODES, MAX_MERGES, decouple
+from flexlin.periodic.decoupling.decouple import FIRST_NODES, MOST_TRIES, decouple
 from flexlin.periodic.decoupling.frames import (
     Group,
     aliasing,
@@ -50,7 +50,7 @@ def estimate_decoupling_work(n: int) -> float:
 
 
 def solve_decoupled(
-    system: PeriodicSystem, tol: float, tries: int = MAX_MERGES
+    system: PeriodicSystem, tol: float, tries: int = MOST_TRIES
 ) -> tuple[Array, Array, Decoupled] | Refusal:
     """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; or why that does not serve.
 

@@ -162,28 +162,30 @@ def miss_beside(sample: Sampler, series: ChebyshevPanels, places: Array, looked_
 class PanelResolver:
     """The state of the refinement: the resolved panels.
 
-    Parameters: edges to start from; named: the breaks among them; checks: times in [0, T) at which panels are held against A; wary: whether
-    to look for other jumps close to each edge.
+    Parameters: named: breaks; checks: times in [0, T) at which panels are held against A; wary: whether to look for other jumps close to
+    each edge.
     """
 
-    def __init__(self, sample: Sampler, edges: Array, named: Array, checks: Array, wary: bool):
+    done: PanelSet
+
+    def __init__(self, sample: Sampler, named: Array, checks: Array, wary: bool):
         self.sample, self.checks = sample, checks
         self.named, self.wary = named, wary
-        self.first = fitted(sample, edges[:-1], edges[1:])
-        self.done = self.first.some(slice(0))
 
-    def run(self) -> None:
-        """Refine until nodes and check points agree.
+    def run(self, edges: Array) -> PanelSet:
+        """Refine panels between edges until nodes and check points agree.
 
         Raises: UnresolvedCoefficient.
         """
-        todo = self.first
+        todo = fitted(self.sample, edges[:-1], edges[1:])
+        self.done = todo.some(slice(0))
         while len(todo.begin):
             while len(todo.begin):
                 todo = self.refined(self.accept(todo))
             self.check()
             panels, self.done = self.done, self.done.some(slice(0))
             todo = self.refined(self.accept(panels))
+        return self.done
 
     def accept(self, panels: PanelSet) -> PanelSet:
         """Keep panels whose last coefficients have vanished, and which are near A where it was looked at; return the others."""
@@ -284,9 +286,7 @@ def resolve_on_panels(sample: Sampler, named: Array, pairs: Array, wary: bool, r
     about = [np.mod(centre + 4 * width * (2 * stratified(2 * NODES) - 1), T) for centre, width in pairs]
     phases = np.concatenate([search_phases(), end_phases()]) if wary else stratified(NAMED)
     checks = np.unique(np.concatenate([T * phases, *about]))
-    resolver = PanelResolver(sample, first_edges(T, named, pairs), named, checks, wary)
-    resolver.run()
-    done = resolver.done
+    done = PanelResolver(sample, named, checks, wary).run(first_edges(T, named, pairs))
     rough, jumps = rough_edges(done, sample)
     found = tuple(
         Discontinuity(float(t), "jump" if jump else "kink")
