@@ -214,14 +214,17 @@ def bound_shared(coupling: Array, shared: Array) -> Array:
     return bound
 
 
+def shape_spectrum(n: int, K: int, *given: object) -> tuple[object, ...]:
+    """What `find_spectrum` takes and makes."""
+    p, q = given[5:7]
+    return (K, n, n), (K, n, n), (n, n), (K, n, n), (K, n, p), (K, p, q), (K, q, n), n, n, n, n, (n, n), 1
+
+
 FIND_SPECTRUM = declare(
     "int find_spectrum(int n, int count, const double *plain, const double *better, const double *start, double limit, "
     "const double *steps, int p, int q, const double *left, const double *size, const double *right, "
     "const void *lapack, double complex *logs, double complex *shift, double *method, double *rounding, double *end, int *stretched)",
-    lambda n, K, plain, better, start, limit, steps, p, q, *_: (
-        *((K, n, n), (K, n, n), (n, n), (K, n, n), (K, n, p), (K, p, q), (K, q, n)),
-        *(n, n, n, n, (n, n), 1),
-    ),
+    shape_spectrum,
     ("better", "start", "steps", "left", "size", "right"),
 )
 

@@ -16,8 +16,6 @@ from flexlin.periodic.resolved.matrix import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import count_waves
 
-FIRST = 8
-"""Harmonics of the first matrix at the least."""
 MAX_SIZE = 900
 """Rows of the largest Hill matrix: its eigenvalues take some seconds."""
 
@@ -50,7 +48,7 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
     """
     n, waves = system.n, count_harmonics(system, tol)
     # so that half of them hold A too, as far as its size allows
-    twice = max(FIRST, min(2 * waves, (MAX_SIZE // n - 1) // 2))
+    twice = max(8, min(2 * waves, (MAX_SIZE // n - 1) // 2))
     count = twice if harmonics is None else whole("harmonics", harmonics)
     rows = n * (2 * count + 1)
     held = 5 * 16 * rows**2  # the matrix, its eigenvectors on both sides, and work, all complex

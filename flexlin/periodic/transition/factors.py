@@ -27,20 +27,35 @@ MOST_UNKNOWNS = 300
 """Stages times unknowns up to which the compiled code serves; LAPACK is as fast beyond."""
 
 
+def shape_states(n: int, s: int, K: int, *_: object) -> tuple[object, ...]:
+    """What `factor_states` takes and makes."""
+    return (K, s, n, n), (K,), s * (s + 1), (n,), (K, n, n), (K,)
+
+
+def shape_accelerations(m: int, s: int, K: int, *_: object) -> tuple[object, ...]:
+    """What `factor_accelerations` takes and makes."""
+    return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)
+
+
+def shape_motions(m: int, s: int, K: int, *_: object) -> tuple[object, ...]:
+    """What `follow_accelerations` takes and makes."""
+    return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m), (K, s, m), (K,)
+
+
 FACTOR_STATES = declare(
     "int factor_states(int n, int stages, int segments, int stiff, const double *A, const double *lengths, const double *tableau, "
     "const double *units, double *Phi, int *good)",
-    lambda n, s, K, *_: ((K, s, n, n), (K,), s * (s + 1), (n,), (K, n, n), (K,)),
+    shape_states,
 )
 FACTOR_ACCELERATIONS = declare(
     "int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "double *Phi, int *good)",
-    lambda m, s, K, *_: ((K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)),
+    shape_accelerations,
 )
 FOLLOW_ACCELERATIONS = declare(
     "int follow_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "const double *x, double *w, int *good)",
-    lambda m, s, K, *_: ((K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m), (K, s, m), (K,)),
+    shape_motions,
 )
 
 
