@@ -25,6 +25,8 @@ from flexlin.checks import Array
 BUILT = Path(__file__).with_name("built")
 VARIANTS = {4: "v4", 3: "v3"}
 """Variants for levels of x86-64; `baseline` runs on every processor of the platform."""
+LANES = 8
+"""Segments or values that go through an operation together, on the widest processors."""
 SCALARS = {"int": ctypes.c_int, "long": ctypes.c_long, "double": ctypes.c_double, "void": None}
 DTYPES: dict[str, np.dtype] = {
     "int": np.dtype(np.intc),

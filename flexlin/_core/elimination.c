@@ -89,7 +89,7 @@ static vec measure_residual(int n, int columns, const vec *G, const vec *right, 
     vec *to = left + (long)i * columns, sum = splat(0.0), most = sum;
     memcpy(to, given, columns * sizeof(vec));
     subtract_product(n, columns, row, w, to);
-    for (int j = 0; j < n; j++) sum += absolute(row[j]);
+    for (int j = 0; j < n; j++) sum += larger(splat(0.0), row[j]);
     vec size = sum * largest;
     for (int c = 0; c < columns; c++) { most = larger(most, to[c]); size = larger(size, given[c]); }
     worst = larger(worst, most / (EPS * size + TINY));

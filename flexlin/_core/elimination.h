@@ -4,9 +4,6 @@
 
 #include "lanes.h"
 
-#define EPS 2.220446049250313e-16
-#define TINY 2.2250738585072014e-308
-
 /* X := G^-1 X, (n, columns), of L systems; G becomes its factors, by which `solve_again` does the same for further right sides. */
 void eliminate(int n, int columns, vec *G, vec *X);
 void solve_again(int n, int columns, const vec *G, vec *X);

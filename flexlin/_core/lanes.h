@@ -21,9 +21,4 @@ static inline vec larger(vec x, vec y) {
   return x;
 }
 
-static inline vec absolute(vec x) {
-  for (int l = 0; l < L; l++) x[l] = fabs(x[l]);
-  return x;
-}
-
 #endif

@@ -9,14 +9,14 @@
 #include "exponential.h"
 
 enum { MAX_SWEEPS = 8 };
-static const double WIDEST = 9.2, SMALL = 2.2250738585072014e-308, TURN = 6.283185307179586476925;
+static const double WIDEST = 9.2, TURN = 6.283185307179586476925;
 
 typedef struct { vec v[S][S], beta[S]; } Reflections; /* Q = H_0 H_1 ..., H_j = I - beta_j v_j v_j' */
 
 /* A = Q R; A becomes R. */
 static void factor_qr(vec *R, Reflections *Q) {
   for (int j = 0; j < S - 1; j++) {
-    vec size = splat(SMALL), *v = Q->v[j];
+    vec size = splat(TINY), *v = Q->v[j];
     for (int i = j; i < S; i++) size += R[i * S + j] * R[i * S + j];
     size = v_sqrt(size);
     vec signed_size = v_copysign(size, R[j * S + j]);
@@ -51,7 +51,7 @@ typedef struct { /* log of a growing product of positive numbers: log(mantissa) 
 } Log;
 
 static void times(Log *log, vec factor) {
-  log->mantissa *= v_max(factor, splat(SMALL));
+  log->mantissa *= v_max(factor, splat(TINY));
   mask bits = (mask)log->mantissa;
   log->exponent += (bits >> 52) - 1023;
   log->mantissa = (vec)((bits & 0xfffffffffffffLL) | 0x3ff0000000000000LL);
@@ -64,7 +64,7 @@ static void multiply_block(const vec *W, const vec *R, int G, int start, int sto
   *exponent = no_lanes();
   for (int g = 0; g < G; g++) {
     const vec *F = R + (long)g * S * S + start * S + start;
-    vec largest = splat(SMALL);
+    vec largest = splat(TINY);
     for (int i = 0; i < n; i++) { /* row i of R_g T needs the rows from i on, which are still the old ones */
       for (int j = i; j < n; j++) {
         vec sum = g ? F[i * S + i] * T[i][j] : F[i * S + j];
@@ -95,7 +95,7 @@ static int solve_block(vec P[S][S], mask exponent, int start, int stop, int l, d
   if (!find_eigenvalues(n, a, re + start, im + start)) return 0;
   for (int i = start; i < stop; i++) {
     double x = re[i], y = im[i];
-    re[i] = 0.5 * log(fmax(x * x + y * y, SMALL)) + exponent[l] * 0.693147180559945309417;
+    re[i] = 0.5 * log(fmax(x * x + y * y, TINY)) + exponent[l] * 0.693147180559945309417;
     im[i] = y != 0.0 ? atan2(y, x) : x < 0.0 ? 0.5 * TURN : 0.0;
   }
   return 1;

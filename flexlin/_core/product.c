@@ -43,21 +43,21 @@ static void balance(const Lapack *lapack, int n, int count, double *F, double *s
     for (int e = 0; e < size; e++) F[k * size + e] *= scale[e % n] / scale[e / n];
 }
 
-/* How many roundings of its size each balanced factor carries: `each`, and more where its stages cancel.
+/* How many roundings of its size each balanced factor carries: one, and more where its stages cancel.
  *
  * A nilpotent part of A much larger than its eigenvalues makes stages far larger than what they add up to. Backward stability allows a condition
  * number's worth of roundings there; where h |A| is small none of them cancel. steps (count, n, n): h A, in units of the states; or none.
  * Source: Higham, Accuracy and Stability of Numerical Algorithms (2002), ch. 7. Returns whether there are any. */
-static int count_roundings(const Lapack *lapack, int n, int count, const double *F, const double *steps, double each, const double *scale, double *counts, double *work) {
+static int count_roundings(const Lapack *lapack, int n, int count, const double *F, const double *steps, const double *scale, double *counts, double *work) {
   int stretched = 0;
   for (int k = 0; k < count; k++) {
-    counts[k] = each;
+    counts[k] = 1.0;
     if (!steps) continue;
     const double *A = steps + (long)k * n * n;
     double stretch = sqrt(find_norm(n, A, scale, 0) * find_norm(n, A, scale, 1)) / NORMAL;
     if (!(stretch > 1.0)) continue;
     double more = fmin(pow(stretch, 4), LOSS * measure_condition(lapack, n, F + (long)k * n * n, work));
-    if (more > 1.0) { stretched = 1; counts[k] *= more; }
+    if (more > 1.0) { stretched = 1; counts[k] = more; }
   }
   return stretched;
 }
@@ -108,10 +108,10 @@ static const double *pick_first(int count, int every, long size, const double *f
 
 /* Logs (n,) of the eigenvalues of F_(count-1) ... F_0 with bounds on their motion, by better factors (count, n, n; or none) and by rounding.
  *
- * start (n, n): bases to begin from, or none; steps, each: as of `count_roundings`; p, q, left, size, right: what is not known over each factor,
- * as of `Noise`. Made: bases end (n, n) for a similar product; stretched: whether factors carry more roundings than `each`. */
+ * start (n, n): bases to begin from, or none; steps: as of `count_roundings`; p, q, left, size, right: what is not known over each factor,
+ * as of `Noise`. Made: bases end (n, n) for a similar product; stretched: whether factors carry more roundings than one. */
 CALLED int find_spectrum(int n, int count, const double *plain, const double *better, const double *start, double limit, const double *steps,
-                         double each, int p, int q, const double *left, const double *size, const double *right, const void *lapack,
+                         int p, int q, const double *left, const double *size, const double *right, const void *lapack,
                          double complex *logs, double complex *shift, double *method, double *rounding, double *end, int *stretched) {
   long square = (long)n * n, all = count * square, unknown = size ? (long)p * q : 0, sides = (left ? (long)n * p : 0) + (right ? (long)q * n : 0);
   for (long e = 0; e < all; e++)
@@ -127,7 +127,7 @@ CALLED int find_spectrum(int n, int count, const double *plain, const double *be
     if (size) memcpy(c.size, size, count * unknown * sizeof(double));
     balance(lapack, n, count, c.F, scale, work);
     for (long e = 0; better && e < all; e++) c.better[e] = better[e] * (scale[e % n] / scale[e % square / n]);
-    *stretched = count_roundings(lapack, n, count, c.F, steps, each, scale, counts, work);
+    *stretched = count_roundings(lapack, n, count, c.F, steps, scale, counts, work);
     if (start) {
       for (int e = 0; e < square; e++) work[e] = start[e] / scale[e / n];
       make_orthogonal(n, work, bases, work + square);

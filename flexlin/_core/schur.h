@@ -6,9 +6,6 @@
 
 #include <complex.h>
 
-#define EPS 2.220446049250313e-16
-#define TINY 2.2250738585072014e-308
-
 typedef double complex cpx;
 
 /* Without looking for numbers that are not finite. */

@@ -14,7 +14,7 @@ from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, counted
 from flexlin.expressions import Expressions
 from flexlin.lazy import lazy
-from flexlin.periodic.grid import golden
+from flexlin.periodic.interpolation import golden
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 from flexlin.symbolic import as_expression

@@ -19,8 +19,7 @@ from flexlin.lazy import lazy
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.motion import SymbolicMotion
 from flexlin.periodic.many import Kernel, Model, take_phases
-from flexlin.periodic.related import extend_system
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, extend_system
 from flexlin.program import INPUT, OUTPUT, Program
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent

@@ -11,8 +11,13 @@ from flexlin.about.law import Controller, Law
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.lazy import lazy
-from flexlin.periodic.grid import place_edges
-from flexlin.periodic.interpolation import FourierSeries, fourier_basis, fourier_differentiation, waves_at_nodes
+from flexlin.periodic.interpolation import (
+    FourierSeries,
+    fourier_basis,
+    fourier_differentiation,
+    place_edges,
+    waves_at_nodes,
+)
 from flexlin.periodic.precision import FAINT, MINOR
 from flexlin.periodic.resolved.sampling import graded
 

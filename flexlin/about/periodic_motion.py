@@ -26,8 +26,7 @@ from flexlin.checks import SAMPLES, Array, at_times, positive
 from flexlin.errors import MotionError, NumericalError, ToleranceNotReached
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.precision import SLIGHT
-from flexlin.periodic.related import extend_system
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, extend_system
 from flexlin.summary import represent
 from flexlin.symbolic import Part
 

@@ -39,7 +39,7 @@ from flexlin.errors import InputError, SimulationStopped
 from flexlin.mechanics import Manipulator, build_manipulator
 from flexlin.periodic.floquet.modes import floquet_modes
 from flexlin.periodic.margins import Margins, margins
-from flexlin.periodic.related import extend_system
+from flexlin.periodic.system import extend_system
 from flexlin.periodic.zeros import InvariantZeros
 from flexlin.scene.parameters import PARAMETERS
 from flexlin.scene.scene import Scene

@@ -17,9 +17,8 @@ from flexlin.control.tracking import scene_feedforward, tip_positions
 from flexlin.periodic.certificate import Certificate
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import ForcedResponse, forced_response
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import OfPlant, PeriodicSystem
 from flexlin.scene.control import DesignTable
 from flexlin.scene.scene import Accuracy, Scene
 

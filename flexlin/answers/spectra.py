@@ -20,8 +20,8 @@ from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.interpolation import NODES
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL
-from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import measure_pace
 from flexlin.scene.loading import check_axes

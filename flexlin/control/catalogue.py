@@ -19,8 +19,7 @@ from flexlin.control.sensors import joint_angles, tip_position
 from flexlin.errors import ArgumentError, counted
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.coefficients import Combined, Constant, combine
-from flexlin.periodic.related import extend_system
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, extend_system
 from flexlin.scene.control import RATE, DesignTable, Weights
 from flexlin.scene.units import in_si, spread
 

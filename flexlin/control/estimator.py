@@ -16,8 +16,16 @@ from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, counte
 from flexlin.periodic.coefficients import Combined
 from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_riccati
-from flexlin.periodic.related import Backward, dual_system, with_matrices
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, as_system, check_samples
+from flexlin.periodic.system import (
+    Backward,
+    MatrixFunction,
+    PeriodicSystem,
+    as_matrix_function,
+    as_system,
+    check_samples,
+    dual_system,
+    with_matrices,
+)
 from flexlin.summary import represent
 
 

@@ -14,11 +14,10 @@ from flexlin.errors import ArgumentError, ToleranceNotReached
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution, linear_quadratic
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_riccati, rough_places
-from flexlin.periodic.related import extend_system
 from flexlin.periodic.resolved.matrix import Series
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.sampling import RESOLVED
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem, as_system, extend_system
 
 SMOOTH = 64
 """Of the period: where coefficients change in a shorter time the gain has a series of its own."""

@@ -18,8 +18,7 @@ from flexlin.periodic.precision import FARTHEST, ROOT, SLIGHT
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.scattering import transpose
-from flexlin.periodic.related import dual_system
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem, as_system, dual_system
 from flexlin.summary import represent
 
 

@@ -17,10 +17,9 @@ from flexlin.periodic.interpolation import ChebyshevPanels
 from flexlin.periodic.precision import SAFETY
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.scattering import transpose
-from flexlin.periodic.related import with_matrices
 from flexlin.periodic.sampled import STAGES, HeldPlant, Round, find_rounds, hold_plant, judge_samples, sampled_floquet
 from flexlin.periodic.sampled_cost import SampledProblem, bound_rounding, solve_samples, spread_noise, weigh_samples
-from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside
+from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside, with_matrices
 from flexlin.summary import represent
 
 

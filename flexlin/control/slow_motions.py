@@ -97,7 +97,7 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
     """
     n, setting = system.n, result.setting
     if setting.method not in METHODS:
-        setting = choose_setting(system, SLOW_TOL, "radau", None, None)
+        setting = choose_setting(system, SLOW_TOL, "radau")
     setting = setting.with_segments(max(samples, setting.segments))
     grid = place_segments(system, setting)
     check_size(

@@ -23,10 +23,9 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.floquet.resonance": "find_resonances",
         "periodic.floquet.result": "judge",
         "periodic.floquet.segmented": "hidden_growth",
-        "periodic.grid": "place_edges",
         "periodic.interpolation": (
             "chebyshev_coefficients chebyshev_nodes ChebyshevPanels panel_times "
-            "fourier_differentiation fourier_nodes FourierSeries"
+            "fourier_differentiation fourier_nodes FourierSeries place_edges"
         ),
         "periodic.many": "Kernel MULTIPLES SIZES take_phases",
         "periodic.margins": "Margins",
@@ -36,10 +35,10 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.quadratic.lyapunov": "LoopLyapunov",
         "periodic.quadratic.nodes": "FourierNodes",
         "periodic.quadratic.riccati": "finite_horizon_riccati periodic_riccati",
-        "periodic.related": "extend_system",
         "periodic.resolved.matrix": "weigh_entries",
         "periodic.resolved.resolve": "resolve",
         "periodic.roots": "SignedEnds solve_brackets",
+        "periodic.system": "extend_system",
         "periodic.transition.gauss": "gauss_transitions radau",
         "periodic.transition.setting": "factor_by METHODS Setting",
     },

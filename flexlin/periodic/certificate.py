@@ -11,12 +11,14 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotCertified, NumericalError
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.grid import divided
 from flexlin.periodic.interpolation import (
+    NODES,
+    TAIL,
     ChebyshevPanels,
     FourierSeries,
     chebyshev_coefficients,
     chebyshev_nodes,
+    divided,
     panel_times,
 )
 from flexlin.periodic.precision import EPS, ROOT, TINY
@@ -24,7 +26,6 @@ from flexlin.periodic.quadratic.linear_quadratic import WAVES, RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.scattering import symmetrize
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
-from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
@@ -278,30 +279,21 @@ def digest(said: dict[str, Any]) -> str:
 def certify(result: FloquetResult) -> Certificate:
     """Issue a certificate for a stable loop.
 
-    Raises: NotCertified for a loop that is not stable, or where no candidate proves the inequality.
+    Raises: NotCertified for a loop that is not stable, or whose X(t) does not prove the inequality.
     """
     if result.verdict != "stable":
         raise NotCertified(f"the loop is {result.verdict}", got=result.status, expected="a stable loop")
     resolved = result.resolved
     if resolved is None:
         raise ArgumentError("the result does not know its loop", expected="a result of fl.floquet")
-    tried, found = list[str](), list[tuple[Proof, CommonPanels]]()
-    for name, weights in list_weights(result, resolved).items():
-        try:
-            panels = represent_on_panels(resolved, solve_equation(result, resolved, weights))
-            proof = prove(panels)
-        except (NumericalError, np.linalg.LinAlgError) as error:
-            tried.append(f"{name}: {error}")
-            continue
-        said = f"{proof.margin:.3g} 1/s" if np.isfinite(proof.margin) else "none beyond rounding"
-        tried.append(f"{name}: {said}")
-        found.append((proof, panels))
-        if proof.margin > SHIFT * -float(result.exponents.real.max()):  # twice the decay is the most
-            break
-    proven = [one for one in found if one[0].margin > 0]
-    if not proven:
-        raise NotCertified("no X(t) that was tried proves the stability", got="; ".join(tried))
-    proof, panels = max(proven, key=lambda one: one[0].margin)
+    try:
+        panels = represent_on_panels(resolved, solve_equation(result, resolved))
+        proof = prove(panels)
+    except (NumericalError, np.linalg.LinAlgError) as error:
+        raise NotCertified("no X(t) proves the stability", got=str(error)) from None
+    if not proof.margin > 0:
+        said = f"a margin of {proof.margin:.3g} 1/s" if np.isfinite(proof.margin) else "none beyond rounding"
+        raise NotCertified("X(t) does not prove the stability", got=said)
     claimed = 1 - CLOSE  # so that another program's rounding does not matter
     return Certificate(panels, claimed * proof.margin, claimed * proof.tolerates, "Lyapunov equation")
 
@@ -311,25 +303,24 @@ def find_shift(result: FloquetResult) -> float:
     return -SHIFT * float((result.exponents.real + np.where(np.isinf(result.errors), 0, result.errors)).max())
 
 
-def list_weights(result: FloquetResult, resolved: Resolved) -> dict[str, Array]:
-    """Weights Q (n, n) of the Lyapunov equation, by name; no choice of them is wrong, and the proof judges.
+def choose_weights(resolved: Resolved, shift: float) -> Array:
+    """Weights Q (n, n) of the Lyapunov equation; no choice of them is wrong, and the proof judges.
 
     By the left eigenvectors q_i of the mean of A, Q = sum_i 2 (r_i - s) q_i q_i^H with r_i the decay of each mode: where A is constant
-    X = sum_i q_i q_i^H, which proves all of the decay. By the units of the states: where the eigenvectors are nearly dependent.
+    X = sum_i q_i q_i^H, which proves all of the decay. By the units of the states: where the eigenvectors depend on each other.
     """
-    mean, shift = resolved.mean(), find_shift(result)
+    mean = resolved.mean()
     values, vectors = np.linalg.eig(mean)
-    weights = {}
     if np.linalg.matrix_rank(vectors) == len(mean):
         rates = np.maximum(-values.real - shift, shift * (1 / SHIFT - 1))
         rows = np.linalg.inv(vectors)
-        weights["modes of the mean"] = 2 * symmetrize(((rows.conj().T * rates) @ rows).real)
+        return 2 * symmetrize(((rows.conj().T * rates) @ rows).real)
     sizes = np.abs(mean)
     units = np.sqrt(sizes.sum(axis=1) / np.maximum(sizes.sum(axis=0), TINY))
-    return weights | {"units of the states": np.diag(1 / np.maximum(units, ROOT) ** 2)}
+    return np.diag(1 / np.maximum(units, ROOT) ** 2)
 
 
-def solve_equation(result: FloquetResult, resolved: Resolved, Q: Array) -> RiccatiSolution:
+def solve_equation(result: FloquetResult, resolved: Resolved) -> RiccatiSolution:
     """X(t) of -X' = (A + s)' X + X (A + s) + Q with s just below the decay: X' + A' X + X A = -Q - 2 s X.
 
     Raises: NumericalError where the decay is so slow against the fastest mode that the error of X hides it.
@@ -338,6 +329,6 @@ def solve_equation(result: FloquetResult, resolved: Resolved, Q: Array) -> Ricca
     hidden = tol * float(np.abs(np.linalg.eigvals(resolved.mean())).max())
     if shift < hidden:
         raise NumericalError("the loop decays too slowly", got=f"{shift:.3g} 1/s", expected=f"above {hidden:.3g} 1/s")
-    edges, moved = resolved.edges[:-1].tolist() if resolved.panels > 1 else (), shift * np.eye(len(Q))
+    edges, moved = resolved.edges[:-1].tolist() if resolved.panels > 1 else (), shift * np.eye(result.exponents.size)
     faster = PeriodicSystem(lambda t: resolved(t) + moved, resolved.period, breaks=edges, complete=True)
-    return periodic_lyapunov(faster, Q, tol)
+    return periodic_lyapunov(faster, choose_weights(resolved, shift), tol)

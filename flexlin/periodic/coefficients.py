@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, at_times, real_array
 from flexlin.errors import ArgumentError, SingularMassMatrix
-from flexlin.periodic.grid import NAMED, golden
-from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries
+from flexlin.periodic.interpolation import NAMED, ChebyshevPanels, FourierSeries, golden
 
 MatrixFunction = Callable[[Array], Array]
 """Times (N,) -> (N, rows, columns)."""

@@ -16,10 +16,9 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.floquet.segmented import Factored
 from flexlin.periodic.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY
 from flexlin.periodic.product import Unknown
-from flexlin.periodic.related import edges_between
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.response.frequency import Segments, condense
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import PeriodicSystem, edges_between
 from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
 from flexlin.periodic.transition.setting import (
     FEWER_SEGMENTS,
@@ -90,10 +89,10 @@ class BoundedReal:
     def begin(self, level: float) -> tuple[Array, Setting]:
         """Choose the segments for all levels near one; those of the gains are the same, but where so many would be needed."""
         system = self.hamiltonian(level)
-        setting = choose_setting(system, MODES_TOL, "auto", None, None)
+        setting = choose_setting(system, MODES_TOL)
         self.begun.append(setting)
         if setting.segments > FEWER_SEGMENTS:  # an L-stable method only knows the modes that it resolves
-            setting = choose_setting(self.system, MODES_TOL, "radau", None, None)
+            setting = choose_setting(self.system, MODES_TOL, "radau")
         return place_segments(system, setting), setting
 
     @lazy

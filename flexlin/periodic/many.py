@@ -7,13 +7,13 @@ from math import factorial
 
 import numpy as np
 
-from flexlin._core import address, declare_sized
+from flexlin._core import LANES, address, declare_sized
 from flexlin.checks import Array
 from flexlin.lazy import lazy
-from flexlin.periodic.grid import divide_segments, place_edges
+from flexlin.periodic.interpolation import NODES, divide_segments, place_edges
 from flexlin.periodic.transition.gauss import gauss, place_nodes
 
-WIDTH = 8
+WIDTH = LANES
 """Values in a vector at the most: results depend on which values are computed together, so blocks are cut at multiples of it."""
 MULTIPLES = (2, 3, 4, 6, 8)
 """Resolutions, in multiples of a coarsest grid; three neighbouring ones give an answer."""
@@ -21,8 +21,6 @@ ORDER = 4
 """Of the method. It is symmetric in time, so its error has the powers h^4, h^6, h^8 ..."""
 DEGREES = (12, 18)
 """Of the polynomials of exponential.h."""
-PROBES = 32
-"""Phases at which the size of the coefficients is taken."""
 SIZES = [(2 * n, n) for n in range(1, 7)] + [(n, n) for n in range(2, 9)]
 """States and rows for which there is a kernel: second-order systems of 1 to 6 coordinates, first-order ones of 2 to 8 states."""
 FIND_EXPONENTS = declare_sized(
@@ -169,7 +167,7 @@ class Kernel:
         """
         from flexlin.lapack import LAPACK  # SciPy, which workers do without
 
-        Z, sound, _ = self.sample(points, np.arange(PROBES) / PROBES)
+        Z, sound, _ = self.sample(points, np.arange(NODES) / NODES)
         n, rows = self.model.states, self.model.rows
         if not sound.any():
             return np.ones(n)

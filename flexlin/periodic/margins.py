@@ -15,8 +15,7 @@ from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_fu
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.precision import FOURTH, ROOT, SLIGHT, TINY
-from flexlin.periodic.related import with_matrices
-from flexlin.periodic.system import PeriodicSystem, as_system, input_of
+from flexlin.periodic.system import PeriodicSystem, as_system, input_of, with_matrices
 from flexlin.periodic.transition.setting import FEWER_SEGMENTS
 from flexlin.summary import represent
 

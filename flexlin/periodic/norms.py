@@ -11,14 +11,13 @@ from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.periodic.circle import wrap_angle
 from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.grid import divide_segments
-from flexlin.periodic.interpolation import fourier_nodes
+from flexlin.periodic.interpolation import NODES, divide_segments, fourier_nodes
 from flexlin.periodic.levels import BoundedReal, PeakSearch
 from flexlin.periodic.precision import EPS, MINOR, SAFETY, SLIGHT, TINY
 from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.panels import MOST_PANELS, NODES
+from flexlin.periodic.resolved.panels import MOST_PANELS
 from flexlin.periodic.resolved.resolve import resolve_constant
 from flexlin.periodic.roots import MOST
 from flexlin.periodic.system import PeriodicSystem, as_port, input_of, resolve_beside

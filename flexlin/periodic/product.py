@@ -214,17 +214,17 @@ def bound_shared(coupling: Array, shared: Array) -> Array:
     return bound
 
 
-def spectrum_shapes(n: int, K: int, *given: object) -> tuple[object, ...]:
+def shape_spectrum(n: int, K: int, *given: object) -> tuple[object, ...]:
     """What `find_spectrum` takes and makes."""
-    p, q = given[6:8]
+    p, q = given[5:7]
     return (K, n, n), (K, n, n), (n, n), (K, n, n), (K, n, p), (K, p, q), (K, q, n), n, n, n, n, (n, n), 1
 
 
 FIND_SPECTRUM = declare(
     "int find_spectrum(int n, int count, const double *plain, const double *better, const double *start, double limit, "
-    "const double *steps, double each, int p, int q, const double *left, const double *size, const double *right, "
+    "const double *steps, int p, int q, const double *left, const double *size, const double *right, "
     "const void *lapack, double complex *logs, double complex *shift, double *method, double *rounding, double *end, int *stretched)",
-    spectrum_shapes,
+    shape_spectrum,
     ("better", "start", "steps", "left", "size", "right"),
 )
 
@@ -264,7 +264,6 @@ def find_spectrum(
     *,
     start: Array | None = None,
     steps: Array | None = None,
-    each: float = 1.0,
     limit: float = GROUP_CONDITION,
 ) -> ProductSpectrum:
     """The eigenvalues of F_(K-1) ... F_0 with bounds on how far better factors and rounding move them.
@@ -275,8 +274,8 @@ def find_spectrum(
     more than sqrt(A_ij A_ji); equal multipliers that share an eigenvector add Elsner's bound for their block. The factors are balanced by
     one scaling, and multiplied together while no product's condition number exceeds `limit`; the whole product is not formed.
 
-    Parameters: plain (K, n, n), the first acts first; better: the same factors by a more accurate method; each: roundings of its size that
-    a factor carries; steps (K, n, n): h A at the beginning of each segment, where stages may cancel: factors carry more roundings then.
+    Parameters: plain (K, n, n), the first acts first; better: the same factors by a more accurate method; steps (K, n, n): h A at
+    the beginning of each segment, where stages may cancel: factors carry more than one rounding of their size then.
     Raises: NumericalError where a factor leaves the range of numbers.
     Source: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1.3, V.2; for products Benner, Mehrmann, Xu (2002).
     """
@@ -286,19 +285,8 @@ def find_spectrum(
     p, q = (n, n) if unknown is None else unknown.size.shape[1:]
     sides = (None, None, None) if unknown is None else (unknown.left, unknown.size, unknown.right)
     lapack, made = find_routines(*ROUTINES), (logs, shift, method, rounding, end, stretched)
-    given = (contiguous(plain), contiguous(better), contiguous(start), limit, contiguous(steps), each, p, q)
-    report(FIND_SPECTRUM(n, K, *given, *map(contiguous, sides), lapack, *made))
-    order = np.argsort(-logs.real, kind="stable")
-    return ProductSpectrum(logs[order], shift[order], method[order], rounding[order], end, bool(stretched[0]))
-
-
-def contiguous(values: Array | None) -> Array | None:
-    """Real numbers as compiled code takes them; none of none."""
-    return None if values is None else np.ascontiguousarray(values, dtype=float)
-
-
-def report(code: int) -> None:
-    """Raise what a code of the compiled functions means."""
+    given = (contiguous(plain), contiguous(better), contiguous(start), limit, contiguous(steps), p, q)
+    code = FIND_SPECTRUM(n, K, *given, *map(contiguous, sides), lapack, *made)
     if code == 1:
         raise MemoryError("the spectrum of a product")
     if code:
@@ -307,3 +295,10 @@ def report(code: int) -> None:
             got="a factor that leaves the range of numbers" if code == 2 else "eigenvalues that are not found",
             todo="use more segments, or scale the states",
         )
+    order = np.argsort(-logs.real, kind="stable")
+    return ProductSpectrum(logs[order], shift[order], method[order], rounding[order], end, bool(stretched[0]))
+
+
+def contiguous(values: Array | None) -> Array | None:
+    """Real numbers as compiled code takes them; none of none."""
+    return None if values is None else np.ascontiguousarray(values, dtype=float)

@@ -13,11 +13,10 @@ from flexlin.errors import ArgumentError, TooManySegments, counted
 from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_function, check_samples, hold_input
 from flexlin.periodic.floquet.result import FloquetResult, judge
 from flexlin.periodic.floquet.segmented import SAFETY
-from flexlin.periodic.grid import divide_segments, edges_of_short
+from flexlin.periodic.interpolation import NODES, divide_segments, edges_of_short
 from flexlin.periodic.precision import EPS, SLIGHT
 from flexlin.periodic.product import find_spectrum
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.response.transient import STAGES
 from flexlin.periodic.system import PeriodicSystem, input_of
 from flexlin.periodic.transition.gauss import gauss_transitions

@@ -1,14 +1,15 @@
-"""The periodic linear system x' = A(t) x + B(t) u, the common currency of the numeric wing."""
+"""The periodic linear system x' = A(t) x + B(t) u, the common currency of the numeric wing, and systems that are made of others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import SAMPLES, positive, whole
+from flexlin.checks import SAMPLES, Array, positive, whole
 from flexlin.errors import ArgumentError, counted
 from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import (
@@ -23,10 +24,12 @@ from flexlin.periodic.coefficients import (
     close_loop,
     gather,
     has_nothing_narrow,
+    hold_input,
     solve_rates,
 )
 from flexlin.periodic.interpolation import ChebyshevPanels
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, weigh_entries
+from flexlin.periodic.resolved.panels import first_edges
 from flexlin.periodic.resolved.resolve import check_places, resolve, resolve_constant, resolve_port
 from flexlin.plots.view import Series, Shown, View
 
@@ -328,3 +331,93 @@ def as_system(value: object, name: str = "system") -> PeriodicSystem:
         expected="a PeriodicSystem",
         todo="make one: fl.PeriodicSystem(A, period), or lin.periodic_system()",
     )
+
+
+def with_matrices(
+    system: PeriodicSystem,
+    A: MatrixFunction,
+    B: MatrixFunction | None = None,
+    breaks: Sequence[float] = (),
+    others: Sequence[MatrixFunction] = (),
+) -> PeriodicSystem:
+    """x' = A(t) x + B(t) u with matrices that are made of those of a system, and perhaps of others with breaks of their own."""
+    corners, complete = (*system.breaks, *breaks), system.complete and all(map(has_nothing_narrow, others))
+    return PeriodicSystem(A, system.period, B, corners, features=system.features, complete=complete)
+
+
+def dual_system(system: PeriodicSystem, C: MatrixFunction | None = None) -> PeriodicSystem:
+    """x' = A(-t)' x + C(-t)' u, whose cost is the covariance of the system's states, as a function of -t.
+
+    Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 7.
+    """
+    T = system.period
+    breaks = [(T - t) % T for t in system.breaks]
+    features = [((T - t) % T, width) for t, width in system.features]
+    B = None if C is None else Backward(C, T)
+    complete = system.complete and (B is None or B.complete)
+    return PeriodicSystem(Backward(system.A, T), T, B, breaks, features=features, complete=complete)
+
+
+def corners_of(system: PeriodicSystem) -> tuple[float, ...]:
+    """Times in [0, T) between which what is made of the system's coefficients is smooth and changes slowly, as far as they are named."""
+    if not system.features:
+        return system.breaks
+    edges = first_edges(system.period, np.array(system.breaks), np.array(system.features))
+    return tuple(edges[:-1].tolist())
+
+
+def edges_between(*series: ResolvedMatrix | ResolvedCompanion) -> list[float]:
+    """Times in [0, T) between which all series are smooth: edges of their panels, or breaks."""
+    places = [one.breaks if one.panels == 1 else one.edges[:-1] for one in series]
+    return np.unique(np.concatenate(places)).astype(float).tolist()
+
+
+@dataclass(frozen=True, eq=False)
+class Backward:
+    """t -> coefficient(-t)', taken inside one period; as complete as the coefficient."""
+
+    coefficient: MatrixFunction
+    period: float
+
+    def __call__(self, t: Array) -> Array:
+        return np.swapaxes(self.coefficient(np.mod(-t, self.period)), 1, 2)
+
+    @property
+    def complete(self) -> bool:
+        return has_nothing_narrow(self.coefficient)
+
+
+def extend_state(A: Array, rates: Array) -> Array:
+    """[[A, 0], [rates]] for rates (k, n + k)."""
+    out = hold_input(A, np.zeros((*A.shape[:2], len(rates))))
+    out[:, A.shape[1] :] = rates
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class OfPlant:
+    """What acts on the n states of a plant, (N, n or more, ...), in a system of `states` states of which they are the first.
+
+    A function of the motion: it is narrow where the plant's coefficients are.
+    """
+
+    function: MatrixFunction
+    n: int
+    states: int
+
+    complete: ClassVar[bool] = True
+
+    def __call__(self, t: Array) -> Array:
+        values = self.function(t)
+        out = np.zeros((len(t), self.states, *values.shape[2:]))
+        out[:, : self.n] = values[:, : self.n]
+        return out
+
+
+def extend_system(system: PeriodicSystem, rates: Array) -> PeriodicSystem:
+    """The system with the states z of a controller behind its own, its loop still open.
+
+    [x; z]' = [[A, 0], [rates]] [x; z] + [B; 0] u,   rates (k, n + k)
+    """
+    B = None if system.B is None else OfPlant(system.B, system.n, system.n + len(rates))
+    return with_matrices(system, Combined(partial(extend_state, rates=rates), (system.A,)), B)

@@ -13,11 +13,10 @@ from flexlin.periodic.circle import assign
 from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.precision import FAINT, SAFETY, SLIGHT, TINY
-from flexlin.periodic.related import edges_between
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.sampling import stratified
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
+from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
 from flexlin.summary import represent
 
 TIMES = 1024

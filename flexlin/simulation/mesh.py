@@ -13,11 +13,10 @@ from flexlin.about.law import Law, VectorFunction
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import MatrixFunction, has_nothing_narrow
-from flexlin.periodic.grid import edges_of_short
-from flexlin.periodic.interpolation import ChebyshevPanels
+from flexlin.periodic.interpolation import ChebyshevPanels, edges_of_short
 from flexlin.periodic.precision import SLIGHT
+from flexlin.periodic.resolved.panels import first_edges
 from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.resolved.search import first_edges
 from flexlin.simulation.window import Grid, Path, Rule
 
 INSIDE = 1e-12

@@ -168,7 +168,7 @@ static void make_factor(const Segment *now, const Segment *next, const double *r
 
 /* Groups of segments whose product separates modes by less than hides accuracy behind rounding; the weakest mode does not count. */
 static int count_groups(int segments, double spread, double accuracy) {
-  double needed = ceil(2 * spread / log(accuracy / (10 * 2.220446049250313e-16)));
+  double needed = ceil(2 * spread / log(accuracy / (10 * EPS)));
   return needed < 1 ? 1 : needed < segments ? (int)needed : segments;
 }
 
@@ -232,7 +232,7 @@ static void subtract_nearest(vec xr, vec xi, const Logs *c, const vec *steps_re,
  * fine + g2 b + g3 a of order 8. The change between the two of order 6 is the error: stiff systems converge more slowly than by these orders. A
  * change that is small by chance is not trusted: the step counts too, and the change of the other exponents. */
 static void extrapolate(const Logs *coarse, const Logs *middle, const Logs *fine, const double *gains, double accuracy, Logs *x, vec *error) {
-  const double noise = 40.0 * 2.220446049250313e-16;
+  const double noise = 40.0 * EPS;
   vec ar[S], ai[S], none[S], change[S], rest[S], most = splat(0.0), br, bi, sr, si;
   for (int i = 0; i < S; i++) none[i] = splat(0.0);
   for (int i = 0; i < S; i++) subtract_nearest(middle->re[i], middle->im[i], coarse, none, none, &ar[i], &ai[i], &sr, &si);

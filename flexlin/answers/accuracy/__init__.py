@@ -48,9 +48,8 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.product import find_spectrum
 from flexlin.periodic.quadratic.riccati import periodic_riccati
-from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import OfPlant, PeriodicSystem
 from flexlin.periodic.transition.setting import Setting, choose_setting, factor_period
 from flexlin.progress import part
 from flexlin.scene.scene import Scene
@@ -103,7 +102,7 @@ def multiply_period(system: PeriodicSystem, setting: Setting) -> Array:
 def try_transition_matrices(system: PeriodicSystem) -> Iterator[Trial]:
     """The setting that the engine starts from at each tol, and every method at every order."""
     for tol in TOLS:
-        setting = choose_setting(system, tol, "auto", None, None)
+        setting = choose_setting(system, tol)
         if setting.segments <= MOST_SEGMENTS:
             yield try_setting(system, setting, f"{tol:.0e}")
     for method, orders in {"gauss": (4, 8, 12, 16, 20), "radau": (5, 9)}.items():
@@ -120,7 +119,7 @@ def try_setting(system: PeriodicSystem, setting: Setting, chosen: str = "") -> T
 
 def choose_reference(system: PeriodicSystem, order: int = 24) -> Setting:
     """A setting that is finer than all that are tried, on twice the segments that the engine would take for FINE."""
-    count = 2 * choose_setting(system, FINE, "gauss", None, None).segments
+    count = 2 * choose_setting(system, FINE).segments
     return Setting("gauss", order, int(np.clip(count, 64, 2048)), "")
 
 

@@ -18,7 +18,7 @@ from flexlin.periodic.coefficients import solve_mass
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.precision import SLIGHT
-from flexlin.periodic.related import with_matrices
+from flexlin.periodic.system import with_matrices
 from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent

@@ -22,10 +22,9 @@ from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.precision import SLIGHT
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
-from flexlin.periodic.related import Backward, OfPlant, dual_system
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.sampled import STAGES, sections
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import Backward, OfPlant, PeriodicSystem, dual_system
 from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
 from flexlin.simulation.drive import Drive, scene_drive

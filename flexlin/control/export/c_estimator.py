@@ -13,8 +13,7 @@ from flexlin.control.export.c_series import PRODUCT, SAMPLES, Form, write_series
 from flexlin.control.export.files import Labels
 from flexlin.errors import ArgumentError
 from flexlin.files import results
-from flexlin.periodic.related import corners_of
-from flexlin.periodic.system import MatrixFunction
+from flexlin.periodic.system import MatrixFunction, corners_of
 
 HEADER = """\
 /* A Kalman filter, written by flexlin {version}. C99, needs libm only; no memory is allocated.

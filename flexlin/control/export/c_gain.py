@@ -15,7 +15,7 @@ from flexlin.control.export.c_series import PRODUCT, SAMPLES, Form, numbers, wri
 from flexlin.control.export.files import Labels
 from flexlin.files import results
 from flexlin.periodic.coefficients import Combined
-from flexlin.periodic.related import corners_of
+from flexlin.periodic.system import corners_of
 
 HEADER = """\
 /* {title}, written by flexlin {version}. C99, needs libm only; no memory is allocated.

@@ -16,9 +16,8 @@ from flexlin.periodic.boundary.spectra import (
     drop_resting,
     measure_margins,
 )
-from flexlin.periodic.interpolation import chebyshev_nodes
+from flexlin.periodic.interpolation import NODES, chebyshev_nodes
 from flexlin.periodic.precision import CUBE, TINY
-from flexlin.periodic.resolved.panels import NODES
 
 INNER = 4
 """Cells on either side of a cell that is divided again."""

@@ -9,9 +9,8 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.periodic.boundary.spectra import Spectra
-from flexlin.periodic.grid import golden, place_edges
+from flexlin.periodic.interpolation import NODES, golden, place_edges
 from flexlin.periodic.precision import EPS, ROOT, SAFETY
-from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import factor
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss, place_nodes

@@ -7,7 +7,15 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.lazy import lazy
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.decoupling.frames import SLOW_PART, Group, block_mask, circle_derivative, harmonics, sylvester
+from flexlin.periodic.decoupling.frames import (
+    SLOW_PART,
+    Group,
+    block_mask,
+    circle_derivative,
+    harmonics,
+    sylvester,
+    weigh_harmonics,
+)
 from flexlin.periodic.precision import FARTHEST, SLIGHT, TINY
 
 STILL = 8.0
@@ -18,15 +26,13 @@ UNRESOLVED = 0.5
 
 @dataclass(frozen=True)
 class Separation:
-    """How far the groups of each pair of modes stay apart (n, n): least gap of eigenvalues at the nodes, and on the straight lines
-    between them too; the gap's ratio to the least difference of real parts of one sign (inf: none); how much one may grow against
-    the other within the period; the distance of their exponents, zero where one is not alone. outside: not in one group."""
+    """How far the groups of each pair of modes stay apart (n, n): least gap of eigenvalues at the nodes; the gap's ratio to the least
+    difference of real parts of one sign (inf: none); how much one may grow against the other within the period. outside: not in
+    one group."""
 
     gap: Array
-    crossing: Array
     oblique: Array
     swing: Array
-    beat: Array
     outside: Array
 
 
@@ -95,44 +101,19 @@ def group_separation(values: Array, period: float, groups: tuple[Group, ...]) ->
 
     apart = values[:, :, None] - values[:, None, :]
     gap = least(np.abs(apart).min(axis=0))
-    single = np.repeat(size, size) == 1
-    both, logs = single[:, None] & single, values.mean(axis=0) * period
-    crossing = np.where(both, nearest_on_chords(apart), gap)
-    beat = np.where(both, measure_distances(logs, logs) / period, 0)
     above = least((values.real[:, :, None] - values.real[:, None, :]).min(axis=0))
     damping = np.maximum(0, np.maximum(above, above.T))
     mean = np.repeat(np.add.reduceat(values.real, starts, axis=1) / size, size, axis=1)
     run = np.cumsum(mean - mean.mean(axis=0), axis=0) * period / len(values)
     swing = np.ptp(run[:, :, None] - run[:, None, :], axis=0)
     oblique = np.divide(gap, damping, out=np.full_like(gap, np.inf), where=damping > 0)
-    return Separation(gap, crossing, oblique, np.exp(np.minimum(swing, FARTHEST)), beat, ~block_mask(groups))
-
-
-def nearest_on_chords(z: Array) -> Array:
-    """The least distance from zero of closed polygons with the corners z (N, ...): modes may cross between two nodes."""
-    step = np.roll(z, -1, axis=0) - z
-    length = np.maximum(np.abs(step) ** 2, TINY)
-    part = np.clip(-(z * step.conj()).real / length, 0, 1)
-    return np.abs(z + part * step).min(axis=0)
+    return Separation(gap, oblique, np.exp(np.minimum(swing, FARTHEST)), ~block_mask(groups))
 
 
 def pair_effects(B: Array, S: Array, apart: Separation, rough: Array) -> Array:
     """What the elimination of mode j does to mode i at most (n, n), in 1/s; rough (n, n): the part of B_ij that may meet a resonance."""
     second = np.abs(B).max(axis=0) * np.abs(S).max(axis=0).T
-    return np.where(
-        apart.outside, combined(second, np.sqrt(rough * rough.T), apart.oblique, soften_swing(apart, rough)), 0
-    )
-
-
-def soften_swing(apart: Separation, rough: Array) -> Array:
-    """What multiplies the coupling c of two modes in resonance (n, n), so that its effect is that of [[0, c], [c, beat]] at most.
-
-    min(c, 2 c^2 / beat),   c = sqrt(|R_ij R_ji|) swing,   beat the distance of the exponents less what resonances do to either
-    """
-    c = np.where(apart.outside, np.sqrt(rough * rough.T) * apart.swing, 0)
-    reach = c.sum(axis=1)
-    beat = np.maximum(apart.beat - reach[:, None] - reach, 2 * c)
-    return apart.swing * np.divide(2 * c, beat, out=np.ones_like(c), where=beat > 0)
+    return np.where(apart.outside, combined(second, np.sqrt(rough * rough.T), apart.oblique, apart.swing), 0)
 
 
 def combined(second: Array, first: Array, oblique: Array, swing: Array) -> Array:
@@ -149,30 +130,26 @@ def residual_effect(coupled: Coupled) -> Array:
 
     Where the real parts of two groups stay apart by r, elimination needs no smoothness and costs gap / r more. Elsewhere the
     harmonics of R above SLOW_PART of the gap could meet the modes' beat in resonance: they enter at first order,
-    c = sqrt(|R_kj R_jl|) times what one mode may grow against the other within the period; of two single modes whose exponents stay
-    apart by more, modulo 2 pi i / T, at second order, as the eigenvalues of [[0, c], [c, beat]].
+    c = sqrt(|R_kj R_jl|) times what one mode may grow against the other within the period.
 
     Source: Coppel, Dichotomies in Stability Theory (1978), for the first; Yakubovich, Starzhinskii (1975), IV, for the second.
     """
     apart = coupled.apart
     R = np.where(apart.outside, coupled.B, 0)
     X, Z = np.abs(R).max(axis=0), np.abs(coupled.S).max(axis=0)
-    rough = np.abs(high_harmonics(R, coupled.period, apart.crossing)).max(axis=0)
-    total, swing = np.zeros_like(X), soften_swing(apart, rough)
+    rough, total = np.abs(high_harmonics(R, coupled.period, apart.gap)).max(axis=0), np.zeros_like(X)
     for g in coupled.groups:
         second = np.einsum("kj,jl->kjl", X[g.part], Z[:, g.part])
         first = np.sqrt(np.einsum("kj,jl->kjl", rough[g.part], rough[:, g.part]))
-        both = combined(second, first, apart.oblique[g.part, :, None], swing[g.part, :, None])
+        both = combined(second, first, apart.oblique[g.part, :, None], apart.swing[g.part, :, None])
         total[g.part, g.part] = np.where(apart.outside[g.part, :, None], both, 0).sum(axis=1)
     return total
 
 
 def high_harmonics(R: Array, period: float, gap: Array) -> Array:
     """The part of couplings (N, ...) whose frequencies lie above SLOW_PART of their gaps (...)."""
-    frequency = 2 * np.pi / period * np.abs(harmonics(len(R)))
-    spectrum = np.fft.fft(R, axis=0)
-    spectrum[frequency.reshape(-1, *[1] * gap.ndim) < SLOW_PART * gap] = 0
-    return np.fft.ifft(spectrum, axis=0)
+    frequency = 2 * np.pi / period * np.abs(harmonics(len(R))).reshape(-1, *[1] * gap.ndim)
+    return weigh_harmonics(R, frequency >= SLOW_PART * gap)
 
 
 def hidden_effect(coupled: Coupled, rounding: Array) -> Array:
@@ -204,7 +181,7 @@ def hidden_effect(coupled: Coupled, rounding: Array) -> Array:
 def link_modes(coupled: Coupled, rounding: Array) -> Array:
     """Pairs of modes (n, n) of which one may go over to the other and come back, as far as anybody can see."""
     apart = coupled.apart
-    rough = np.abs(high_harmonics(coupled.B, coupled.period, apart.crossing)).max(axis=0)
+    rough = np.abs(high_harmonics(coupled.B, coupled.period, apart.gap)).max(axis=0)
     with np.errstate(invalid="ignore"):
         seen = np.sqrt(rough * rough.T) * apart.swing
     F = hidden_couplings(coupled, rounding)

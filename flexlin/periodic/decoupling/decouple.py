@@ -34,9 +34,9 @@ from flexlin.periodic.decoupling.frames import (
     sylvester,
     tail,
 )
+from flexlin.periodic.interpolation import NODES
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SLIGHT
 from flexlin.periodic.product import COHERENT, GROUP_CONDITION
-from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.resolved.sampling import POINTS, RESOLVED, stratified
 from flexlin.periodic.system import MatrixFunction
 
@@ -48,8 +48,9 @@ ADIABATIC = 0.05
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""
 HOPELESS = 300.0
 """On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
-MAX_ROUNDS, MAX_MERGES = 14, 12
-ENOUGH = 0.01
+MOST_TRIES = 14
+"""Groupings of the modes, and rounds of each, at the most."""
+ENOUGH = MINOR * MINOR
 """Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than the slowest harmonics do."""
 
 
@@ -58,7 +59,7 @@ def decouple(
     period: float,
     tol: float = 1e-9,
     uncertainty: Uncertainty | None = None,
-    tries: int = MAX_MERGES,
+    tries: int = MOST_TRIES,
 ) -> Decoupled | Refusal:
     """Split x' = A(t) x into groups of modes whose eigenvalues stay far apart along the period.
 
@@ -126,19 +127,14 @@ def decouple_on_more(
 ) -> Decoupled | Refusal:
     """Decouple on nodes at which A is given (N, n, n), as it is half-way between them, and on twice as many until both agree.
 
-    These go on from what the fewer ones reached, where that parts; else they begin anew, from the eigenvectors of A(t).
     Raises: LinAlgError where the eigenvectors of A(t) depend on each other at a node.
     """
     joined = np.zeros(samples.shape[1:], bool)
-    parted: Parted | Refusal | None = None
     while True:
         count = len(samples)
         if hides_waves(A, period, samples, between):
             return Refusal("the coefficients have harmonics that equidistant nodes take for others")
-        if isinstance(parted, Parted):
-            parted = parted.go_on(samples)
-        if not isinstance(parted, Parted) or parted.stuck.any():
-            parted = built_on(samples, joined, period, tol, tries, count == FIRST_NODES)
+        parted = built_on(samples, joined, period, tol, tries, count == FIRST_NODES)
         if isinstance(parted, Refusal):
             return parted
         if parted is not None and not parted.stuck.any():
@@ -194,23 +190,17 @@ def checked(
 class Parted:
     """What the rounds reached from a frame on its nodes: a basis T (N, n, n) of the groups' subspaces.
 
-    turning (G,): real groups whose basis is complex; allowed (n, 1): error of each exponent, in 1/s; stuck (n, n): pairs of modes whose
-    coupling stays too large, and by which factor at the most.
+    turning (G,): real groups whose basis is complex; stuck (n, n): pairs of modes whose coupling stays too large, and by which factor
+    at the most.
     """
 
     period: float
     frame: Array
     groups: tuple[Group, ...]
     turning: Array
-    allowed: Array
     rounds: int
     stuck: Array
     excess: float
-
-    def go_on(self, A: Array) -> "Parted":
-        """From the frame that was reached, on twice the nodes."""
-        T = interleaved(self.frame, shifted(self.frame, 0.5))
-        return part_frame(T, self.groups, self.turning, A, self.period, self.allowed)
 
 
 def built_on(
@@ -256,7 +246,7 @@ def part_frame(T: Array, groups: tuple[Group, ...], turning: Array, A: Array, pe
         share, excess = mixing(S), float((left / allowed)[stuck].max(initial=0.0))
     if (strongest := share[stuck].max(initial=0.0)) > SLIGHT:  # put those together that mix the most
         stuck &= share >= PARTIAL * strongest
-    return Parted(period, T, groups, turning, allowed, made, stuck, excess)
+    return Parted(period, T, groups, turning, made, stuck, excess)
 
 
 def part_groups(
@@ -272,17 +262,16 @@ def part_groups(
     """
     apart = group_separation(block_values(B, groups), period, groups)
     apart, least = replace(apart, swing=np.minimum(apart.swing, GROUP_CONDITION)), np.inf
-    for turn in range(MAX_ROUNDS + 1):
+    for turn in range(MOST_TRIES + 1):
         left = pair_effects(B, S, apart, np.abs(high_harmonics(B, period, apart.gap)).max(axis=0))
         size = float((left / (MINOR * allowed)).max())  # couplings of a group add up, and it may amplify them
         if turn and not size < SLOW_PART * least:
             break
         best, least = (T, B, S, turn, left), size
-        if size < ENOUGH or turn == MAX_ROUNDS:
+        if size < ENOUGH or turn == MOST_TRIES:
             break
-        low, slope = low_harmonics(S, period, apart.gap)
-        step = np.eye(S.shape[-1]) + low
-        T, B = T @ step, np.linalg.solve(step, B @ step - slope)
+        step = np.eye(S.shape[-1]) + low_harmonics(S, period, apart.gap)
+        T, B = T @ step, np.linalg.solve(step, B @ step - circle_derivative(step, period))
         S = sylvester(B, groups)
     return best
 

@@ -1,7 +1,6 @@
 """Frames of groups of modes: eigenvalues followed along a period, grouped, and bases of the groups' subspaces."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -11,8 +10,6 @@ from flexlin.periodic.circle import assign
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.precision import PARTIAL, ROOT
 
-KEPT = 1 / 3
-"""The part of the nodes' harmonics that the filter keeps; the others hold the rounding that differentiation amplifies."""
 SLOW_PART = 0.8
 """Harmonics of the coupling below this part of the gap shrink from round to round."""
 
@@ -191,44 +188,47 @@ def start_basis(modes: Modes, groups: tuple[Group, ...]) -> Array:
     return T
 
 
-def apply(operator: Array, values: Array) -> Array:
-    """Let a real matrix (M, N) act on the first axis of real or complex values (N, ...)."""
-    flat = np.ascontiguousarray(values).reshape(len(values), -1)
-    done = (operator @ flat.view(float)).view(complex) if np.iscomplexobj(flat) else operator @ flat
-    return done.reshape(len(operator), *values.shape[1:])
-
-
 def harmonics(count: int) -> Array:
     """The harmonic numbers of NumPy's discrete Fourier transform of `count` values."""
     return np.fft.fftfreq(count, 1 / count)
 
 
-@lru_cache(maxsize=64)
-def multiplier(count: int, kept: float, power: int, shift: float) -> Array:
-    """The matrix that multiplies harmonic k <= kept * count by (i k)^power exp(2 pi i k shift / count).
+def are_kept(count: int) -> Array:
+    """Which harmonics the filter keeps, the lower third (N,): the others hold the rounding that differentiation amplifies."""
+    return np.abs(harmonics(count)) <= count / 3
+
+
+def weigh_harmonics(values: Array, weight: Array) -> Array:
+    """Values (N, ...) with each harmonic multiplied by a weight, (N,) or (N, ...); real ones stay real."""
+    weight = weight.reshape(weight.shape + (1,) * (values.ndim - weight.ndim))
+    made = np.fft.ifft(weight * np.fft.fft(values, axis=0), axis=0)
+    return made if np.iscomplexobj(values) else made.real
+
+
+def turn_harmonics(count: int, shift: float) -> Array:
+    """What the harmonics (N,) are multiplied by where the nodes are moved by `shift` spacings.
 
     The middle harmonic of an even count has no derivative and no shift of its own, so it is left out.
     Source: Trefethen, Spectral Methods in MATLAB (2000), chapter 3.
     """
     k = harmonics(count)
-    inside = np.abs(k) <= min(kept * count, (count - 1) // 2)
-    factor = inside * (1j * k) ** power * np.exp(2j * np.pi * k * shift / count)
-    return np.fft.ifft(factor[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0).real
+    return (np.abs(k) < count / 2) * np.exp(2j * np.pi * k * shift / count)
 
 
 def smooth(values: Array) -> Array:
-    """Leave out the harmonics beyond KEPT times the number of nodes."""
-    return apply(multiplier(len(values), KEPT, 0, 0.0), values)
+    """Leave out the harmonics that are not kept."""
+    return weigh_harmonics(values, are_kept(len(values)))
 
 
 def circle_derivative(values: Array, period: float, shift: float = 0.0) -> Array:
     """The derivative at nodes that are moved by `shift` spacings."""
-    return 2 * np.pi / period * apply(multiplier(len(values), 0.5, 1, shift), values)
+    rate = 2j * np.pi / period * harmonics(len(values))
+    return weigh_harmonics(values, rate * turn_harmonics(len(values), shift))
 
 
 def shifted(values: Array, shift: float) -> Array:
     """The values at nodes that are moved by `shift` spacings."""
-    return apply(multiplier(len(values), 0.5, 0, shift), values)
+    return weigh_harmonics(values, turn_harmonics(len(values), shift))
 
 
 def interleaved(nodes: Array, between: Array) -> Array:
@@ -305,9 +305,7 @@ def mixing(S: Array) -> Array:
     return np.sqrt(size * size.T)
 
 
-def low_harmonics(S: Array, period: float, gap: Array) -> tuple[Array, Array]:
-    """S (N, n, n) cut to the harmonics below SLOW_PART of the gap (n, n) that the nodes hold well, and its derivative."""
-    w = 2 * np.pi / period
-    frequency = w * harmonics(len(S))[:, None, None]
-    spectrum = np.fft.fft(S, axis=0) * (np.abs(frequency) <= np.minimum(SLOW_PART * gap, KEPT * len(S) * w))
-    return np.fft.ifft(spectrum, axis=0), np.fft.ifft(1j * frequency * spectrum, axis=0)
+def low_harmonics(S: Array, period: float, gap: Array) -> Array:
+    """S (N, n, n) cut to the harmonics below SLOW_PART of the gap (n, n) that the nodes hold well."""
+    frequency = 2 * np.pi / period * np.abs(harmonics(len(S)))[:, None, None]
+    return weigh_harmonics(S, (frequency <= SLOW_PART * gap) & are_kept(len(S))[:, None, None])

@@ -17,7 +17,7 @@ from flexlin.periodic.decoupling.coupling import (
     as_real,
     link_modes,
 )
-from flexlin.periodic.decoupling.decouple import FIRST_NODES, MAX_MERGES, decouple
+from flexlin.periodic.decoupling.decouple import FIRST_NODES, MOST_TRIES, decouple
 from flexlin.periodic.decoupling.frames import (
     Group,
     aliasing,
@@ -27,6 +27,7 @@ from flexlin.periodic.decoupling.frames import (
     interpolated,
     mixing,
     shifted,
+    weigh_harmonics,
 )
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
 from flexlin.periodic.interpolation import FourierSeries
@@ -49,7 +50,7 @@ def estimate_decoupling_work(n: int) -> float:
 
 
 def solve_decoupled(
-    system: PeriodicSystem, tol: float, tries: int = MAX_MERGES
+    system: PeriodicSystem, tol: float, tries: int = MOST_TRIES
 ) -> tuple[Array, Array, Decoupled] | Refusal:
     """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; or why that does not serve.
 
@@ -180,7 +181,7 @@ def solve_series(values: Array, period: float, unknown: Array, tol: float) -> Se
     series = FourierSeries.through(values, period)
     system = PeriodicSystem(series, period)
     vars(system)["resolved"] = ResolvedMatrix(series, (), (), off, len(values), off[None])
-    return solve_by_segments(system, choose_setting(system, tol, "auto", None, None), tol, FEWER_SEGMENTS)
+    return solve_by_segments(system, choose_setting(system, tol), tol, FEWER_SEGMENTS)
 
 
 def enclosures(decoupled: Decoupled) -> tuple[Array, Array]:
@@ -265,10 +266,9 @@ def follow_block(decoupled: Decoupled, index: int, group: Group) -> tuple[Array,
 
 def integrate_circle(values: Array, period: float) -> Array:
     """The integral of values (N, n) without mean at equidistant times of a period."""
-    k = harmonics(len(values))[:, None]
+    k = harmonics(len(values))
     inside = (k != 0) & (np.abs(k) < len(values) / 2)
-    spectrum = np.fft.fft(values, axis=0) * inside / np.where(inside, 2j * np.pi / period * k, 1)
-    return np.asarray(np.fft.ifft(spectrum, axis=0))
+    return weigh_harmonics(values, inside / np.where(inside, 2j * np.pi / period * k, 1))
 
 
 def correct_modes(decoupled: Decoupled, V: Array, own: Array, moved: Array) -> Array | None:
@@ -284,7 +284,7 @@ def correct_modes(decoupled: Decoupled, V: Array, own: Array, moved: Array) -> A
     over = np.where(mask, 0, 1 / np.where(mask, 1, 1j * k + own - own[:, None]))
     apart, S = moved[:, :, None] - moved[:, None], np.zeros_like(R)
     for _ in range(TURNS):
-        before, S = S, np.fft.ifft(over * np.fft.fft(R + R @ S + apart * S, axis=0), axis=0)
+        before, S = S, weigh_harmonics(R + R @ S + apart * S, over)
         size = np.abs(S).max(axis=0)
         if not np.isfinite(size).all():
             return None

@@ -10,7 +10,7 @@ from flexlin.errors import TooManySegments
 from flexlin.lapack import complex_schur
 from flexlin.periodic.circle import assign, match_logs, measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.coupling import Decoupled, Refusal
-from flexlin.periodic.decoupling.decouple import MAX_MERGES
+from flexlin.periodic.decoupling.decouple import MOST_TRIES
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
 from flexlin.periodic.floquet.result import FloquetResult, find_coinciding_within, find_reached, judge
 from flexlin.periodic.floquet.segmented import Factoring, solve_by_segments
@@ -140,7 +140,7 @@ def find_exponents(
         setting = choose_setting(system, tol, method, order, segments)
         fixed = solve_by_segments(system, setting, tol, segments, fixed=True)
         return judge_beside(system, fixed.logs / system.period, fixed.rounding / system.period, setting, tol)
-    setting = choose_setting(system, tol, method, order, None)
+    setting = choose_setting(system, tol, method, order)
     if method != "auto":
         return answer_by_segments(system, setting, tol, limit)
     return answer_by_either(system, setting, tol, limit)
@@ -160,7 +160,8 @@ def answer_by_segments(
 def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
     """The exponents by decoupling where that promises less work, else by segments; by the better one where decoupling misses tol."""
     decoupled = try_decoupling(system, setting, tol)
-    if decoupled is not None and not (count_missed(decoupled, tol) and is_worth_trying(system, setting, limit)):
+    patient = setting.segments <= limit and estimate_segment_work(system, setting) < PATIENCE
+    if decoupled is not None and not (patient and count_missed(decoupled, tol)):
         return decoupled
     try:
         answer = answer_by_segments(system, setting, tol, limit)
@@ -176,18 +177,13 @@ def try_decoupling(system: PeriodicSystem, setting: Setting, tol: float) -> Floq
     tries = estimate_segment_work(system, setting) / estimate_decoupling_work(system.n)
     if tries < 1:
         return None
-    found = solve_decoupled(system, tol, int(min(tries, MAX_MERGES)))
+    found = solve_decoupled(system, tol, int(min(tries, MOST_TRIES)))
     if isinstance(found, Refusal):
         return None
     exponents, errors, decoupled = found
     reason = f"eigenvalues of A(t) up to {setting.rate:.3g} 1/s beside a motion of {2 * np.pi / system.period:.3g} 1/s"
     chosen = Setting("decoupling", 0, 1, reason, setting.rate)
     return finish(system, exponents, errors, chosen, tol, decoupled)
-
-
-def is_worth_trying(system: PeriodicSystem, setting: Setting, limit: int) -> bool:
-    """Whether segments are tried where decoupling has answered, but not to the wanted accuracy."""
-    return setting.segments <= limit and estimate_segment_work(system, setting) < PATIENCE
 
 
 def count_missed(found: FloquetResult, tol: float) -> int:

@@ -9,21 +9,15 @@ from numpy.polynomial.legendre import leggauss
 from flexlin.checks import Array, check_size, whole
 from flexlin.periodic.circle import count_turns, measure_distances
 from flexlin.periodic.floquet.result import find_reached
+from flexlin.periodic.interpolation import NODES
 from flexlin.periodic.precision import EPS, FOURTH, PARTIAL, SAFETY
 from flexlin.periodic.product import balance_factors
 from flexlin.periodic.resolved.matrix import couple_uncertainty
-from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import count_waves
 
-FIRST = 8
-"""Harmonics of the first matrix at the least."""
 MAX_SIZE = 900
 """Rows of the largest Hill matrix: its eigenvalues take some seconds."""
-HELD = 5
-"""Complex matrices of that size that are held together: the matrix, its eigenvectors on both sides, and work."""
-TURN = 4
-"""Gauss nodes of a panel for each turn of the wave that its polynomials are multiplied by, beside NODES for these."""
 
 
 @dataclass(frozen=True)
@@ -54,10 +48,11 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
     """
     n, waves = system.n, count_harmonics(system, tol)
     # so that half of them hold A too, as far as its size allows
-    twice = max(FIRST, min(2 * waves, (MAX_SIZE // n - 1) // 2))
+    twice = max(8, min(2 * waves, (MAX_SIZE // n - 1) // 2))
     count = twice if harmonics is None else whole("harmonics", harmonics)
     rows = n * (2 * count + 1)
-    check_size(f"Hill's matrix with {rows} rows", 16 * HELD * rows**2, "keep fewer harmonics")
+    held = 5 * 16 * rows**2  # the matrix, its eigenvectors on both sides, and work, all complex
+    check_size(f"Hill's matrix with {rows} rows", held, "keep fewer harmonics")
     coarse = truncate_hill(system, max(1, count // 2))
     fine = truncate_hill(system, count)
     while True:
@@ -109,7 +104,8 @@ def expand_fourier(system: PeriodicSystem, count: int) -> Array:
     """A_k, k = -count ... count, of A: trapezoidal rule, or Gauss quadrature of each panel of the resolved A."""
     T, resolved = system.period, system.resolved
     if resolved.panels > 1:
-        rules = [leggauss(NODES + int(np.ceil(TURN * count * h / T))) for h in np.diff(resolved.edges)]
+        turns = count * np.diff(resolved.edges) / T  # of the fastest wave that a panel's polynomials are multiplied by
+        rules = [leggauss(NODES + int(np.ceil(4 * turn))) for turn in turns]
         pieces = list(zip(pairwise(resolved.edges), rules, strict=True))
         t = np.concatenate([(c + d) / 2 + (d - c) / 2 * x for (c, d), (x, _) in pieces])
         weight = np.concatenate([(d - c) / (2 * T) * b for (c, d), (_, b) in pieces])

@@ -225,9 +225,9 @@ def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Arra
     how many of them make one segment."""
     setting = result.setting
     if setting.method not in METHODS:
-        setting = choose_setting(system, MODES_TOL, "auto", None, None)
+        setting = choose_setting(system, MODES_TOL)
     if setting.segments > FEWER_SEGMENTS:  # an L-stable method only knows the modes that it resolves
-        setting = choose_setting(system, MODES_TOL, "radau", None, None)
+        setting = choose_setting(system, MODES_TOL, "radau")
     grid = place_segments(system, setting)
     stages = max(4, setting.order // 2)
     rule = gauss(stages)

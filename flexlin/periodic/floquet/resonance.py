@@ -10,9 +10,6 @@ from flexlin.periodic.floquet.modes import FloquetModes
 from flexlin.periodic.precision import CUBE, MINOR
 from flexlin.periodic.system import PeriodicSystem, as_system
 
-FAR = 1.0
-"""Two modes further from the condition than so many w do not meet it: one drives the other, which follows at a frequency of its own."""
-
 
 @dataclass(frozen=True)
 class Resonance:
@@ -97,9 +94,10 @@ def identify_resonance(exponent: complex, share: Array, values: Array, w: float)
     wa, wb = float(values[a].imag), float(values[b].imag)
     order = int(harmonic[b] - harmonic[a])
     detuning = abs(wa - wb - (harmonic[a] - harmonic[b]) * w)
-    if detuning > FAR * w:  # the one that oscillates as the Floquet mode does
+    apart = detuning > w  # one drives the other, which follows at a frequency of its own
+    if apart:  # the one that oscillates as the Floquet mode does
         wa = min((wa, wb), key=lambda one: abs((one - exponent.imag + w / 2) % w - w / 2))
-    if strongest[b] < MINOR * strongest[a] or order == 0 or max(abs(wa), abs(wb)) == 0 or detuning > FAR * w:
+    if strongest[b] < MINOR * strongest[a] or order == 0 or max(abs(wa), abs(wb)) == 0 or apart:
         return Resonance(complex(exponent), "average", 0, (abs(wa), abs(wa)), 0.0, w)
     conjugate = abs(values[a] - values[b].conjugate()) < 1e-9 * abs(values[a])
     kind = "difference" if wa * wb > 0 else "principal" if conjugate else "sum"

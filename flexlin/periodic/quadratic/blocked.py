@@ -7,8 +7,7 @@ from flexlin.errors import NotDetectable, NotStabilizable, NumericalError
 from flexlin.periodic.floquet.modes import find_coinciding, floquet_modes
 from flexlin.periodic.precision import CUBE, EPS, ROOT, SLIGHT, TINY
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
-from flexlin.periodic.related import dual_system
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import PeriodicSystem, dual_system
 
 LARGEST = 1e100
 """A size that only growth without end reaches."""

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, at_times, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
-from flexlin.periodic.grid import divided
-from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries
+from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, divided
 from flexlin.periodic.precision import TINY
 from flexlin.periodic.resolved.sampling import stratified
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of

@@ -7,8 +7,14 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from flexlin.checks import Array
-from flexlin.periodic.grid import FINER, divide_evenly, divide_segments
-from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, fourier_nodes
+from flexlin.periodic.interpolation import (
+    FINER,
+    ChebyshevPanels,
+    FourierSeries,
+    divide_evenly,
+    divide_segments,
+    fourier_nodes,
+)
 from flexlin.periodic.precision import EPS, SAFETY, TINY
 from flexlin.periodic.resolved.sampling import NEAR
 

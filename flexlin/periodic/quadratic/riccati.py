@@ -12,8 +12,7 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import NotStable, NumericalError
 from flexlin.periodic.coefficients import Constant, MatrixFunction, assemble_hamiltonian, has_nothing_narrow, varies
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.grid import divided, edges_of_short
-from flexlin.periodic.interpolation import FourierSeries
+from flexlin.periodic.interpolation import FourierSeries, divided, edges_of_short
 from flexlin.periodic.precision import MINOR
 from flexlin.periodic.quadratic.linear_quadratic import (
     SAMPLES,
@@ -25,10 +24,9 @@ from flexlin.periodic.quadratic.linear_quadratic import (
 )
 from flexlin.periodic.quadratic.newton import MOST, solve_by_newton
 from flexlin.periodic.quadratic.nodes import FourierNodes, Nodes, PanelNodes
-from flexlin.periodic.related import with_matrices
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside
+from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside, with_matrices
 
 PER_WAVE = 4
 """Nodes for each wave of the coefficients on which X is sought first."""

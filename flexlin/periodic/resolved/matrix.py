@@ -7,9 +7,8 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import build_companion
-from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, fourier_nodes
+from flexlin.periodic.interpolation import NODES, ChebyshevPanels, FourierSeries, fourier_nodes
 from flexlin.periodic.precision import EPS, SAFETY
-from flexlin.periodic.resolved.panels import NODES
 from flexlin.summary import represent
 
 Series = FourierSeries | ChebyshevPanels

@@ -10,6 +10,7 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction, varies
 from flexlin.periodic.interpolation import (
+    NODES,
     FourierSeries,
     fourier_basis,
     fourier_nodes,
@@ -18,7 +19,7 @@ from flexlin.periodic.interpolation import (
 )
 from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix
-from flexlin.periodic.resolved.panels import NODES
+from flexlin.periodic.resolved.panels import resolve_on_panels
 from flexlin.periodic.resolved.sampling import (
     BLOCKS,
     LEAST,
@@ -35,7 +36,6 @@ from flexlin.periodic.resolved.sampling import (
     search_phases,
     stratified,
 )
-from flexlin.periodic.resolved.search import resolve_on_panels
 
 __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
 MOST = NODES * NODES

@@ -9,8 +9,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
 from flexlin.periodic.coefficients import check_array, check_finite
-from flexlin.periodic.grid import golden
-from flexlin.periodic.interpolation import CACHED, chebyshev_coefficients, chebyshev_nodes
+from flexlin.periodic.interpolation import CACHED, chebyshev_coefficients, chebyshev_nodes, golden
 from flexlin.periodic.precision import CUBE, EPS, FAINT, ROOT, SLIGHT, TINY
 
 LEAST = TINY / EPS
@@ -51,7 +50,7 @@ class Sampler:
             t = np.where(t < 0, t + T, t)
             t = np.where(t >= T, t - T, t)
         rows = self.unwrapped(t)
-        self.weigh(rows)
+        np.maximum(self.scale, np.abs(rows).max(axis=0, initial=0.0), out=self.scale)
         return rows
 
     def unwrapped(self, t: Array) -> Array:
@@ -59,10 +58,6 @@ class Sampler:
         if not len(t):
             return np.empty((0, len(self.scale)))
         return np.concatenate([check_finite("A", self._ask(part), part) for part in self._parts(t)]).reshape(len(t), -1)
-
-    def weigh(self, rows: Array) -> None:
-        """Take note of the sizes of samples in [0, T)."""
-        np.maximum(self.scale, np.abs(rows).max(axis=0, initial=0.0), out=self.scale)
 
     def contract(self, t: Array, weights: Array) -> Array:
         """The sum of A's entries, each times its weight (E,), at times in [0, T): (N,); no numbers or infinite where A is."""

@@ -13,11 +13,10 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, at_times, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing, TooManySegments
 from flexlin.periodic.coefficients import PROBES, Constant, has_nothing_narrow, hold_input, refuse_signature
-from flexlin.periodic.grid import FINER, edges_of_short, place_edges
+from flexlin.periodic.interpolation import FINER, NODES, TAIL, edges_of_short, place_edges
 from flexlin.periodic.precision import EPS, FOURTH, MINOR, ROOT, SAFETY, TINY
 from flexlin.periodic.product import COHERENT, cyclic_system, find_spectrum
 from flexlin.periodic.resolved.matrix import couple_uncertainty
-from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.factors import factor, follow_rates
@@ -217,7 +216,7 @@ def forced_response(
     whole("max_segments", max_segments)
     force = as_vector_function(f, system)
     corners = find_corners(system, force, real_array("breaks", breaks, (None,)))
-    setting = choose_setting(system, positive("tol", tol), "gauss", None, None)
+    setting = choose_setting(system, positive("tol", tol))
     rule, (solution, sigma, apart, scale) = follow_response(system, force, corners, tol, setting, max_segments)
     count = len(solution.start)
     apart += unknown_response(system, solution, corners, max(1, count // 2), rule)

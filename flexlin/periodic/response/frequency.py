@@ -13,7 +13,7 @@ from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.grid import place_edges
+from flexlin.periodic.interpolation import place_edges
 from flexlin.periodic.precision import CUBE, EPS, SAFETY, TINY
 from flexlin.periodic.product import cyclic_system
 from flexlin.periodic.resolved.matrix import ResolvedMatrix

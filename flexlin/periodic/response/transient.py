@@ -12,10 +12,9 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
-from flexlin.periodic.grid import divide_evenly
+from flexlin.periodic.interpolation import divide_evenly
 from flexlin.periodic.precision import EPS, SAFETY, TINY
-from flexlin.periodic.related import edges_between
-from flexlin.periodic.system import PeriodicSystem, as_system, input_of
+from flexlin.periodic.system import PeriodicSystem, as_system, edges_between, input_of
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, choose_gauss_step, measure_pace
 from flexlin.plots.view import Series, Shown, View

@@ -62,7 +62,7 @@ FOLLOW_ACCELERATIONS = declare(
 def factor_segments(resolved: Resolved, edges: Array, rule: Tableau) -> Array:
     """Transition matrices (K, n, n) over the segments between consecutive edges (K + 1,).
 
-    Raises: SingularMassMatrix, MemoryError; LinAlgError where the stages of a segment are not determined.
+    Raises: SingularMassMatrix, MemoryError; NumericalError where the stages of a segment are not determined.
     """
     h = np.diff(edges)
     parts = [factor(staged, h[part], rule) for part, (staged,), _ in sample_segments(resolved, edges, (rule,))]
@@ -202,7 +202,7 @@ def factor_accelerations(blocks: Array, h: Array, rule: Tableau) -> Array:
 def factor_states(A: Array, h: Array, rule: Tableau) -> Array:
     """From A, in units in which its rows and columns are of like size, as a solution of linear equations needs them to keep its digits.
 
-    Raises: LinAlgError. Source: Parlett, Reinsch, Balancing a matrix, Numer. Math. 13 (1969), on the sum of |A|.
+    Raises: NumericalError. Source: Parlett, Reinsch, Balancing a matrix, Numer. Math. 13 (1969), on the sum of |A|.
     """
     K, s, n = A.shape[:3]
     units = np.asarray(LAPACK.dgebal(np.abs(A).sum(axis=(0, 1)), scale=1, permute=0)[3])
@@ -217,14 +217,8 @@ def factor_states(A: Array, h: Array, rule: Tableau) -> Array:
     return Phi
 
 
+@lru_cache(maxsize=64)
 def tabulate(rule: Tableau, second_order: bool) -> Array:
     """A rule in one row, as compiled code takes it: a, b; or c, a, a a, b."""
-    return tabulate_row(rule.c.tobytes(), rule.a.tobytes(), rule.b.tobytes(), second_order)
-
-
-@lru_cache(maxsize=64)
-def tabulate_row(c: bytes, a: bytes, b: bytes, second_order: bool) -> Array:
-    """Of `tabulate`."""
-    rule = Tableau(*map(np.frombuffer, (c, a, b)))
-    square = rule.a.reshape(len(rule.c), -1)
-    return np.concatenate([rule.c, rule.a, (square @ square).ravel(), rule.b] if second_order else [rule.a, rule.b])
+    parts = (rule.c, rule.a, rule.a @ rule.a, rule.b) if second_order else (rule.a, rule.b)
+    return np.concatenate([part.ravel() for part in parts])

@@ -8,16 +8,17 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
 from flexlin.checks import Array
-from flexlin.errors import SingularMassMatrix
+from flexlin.errors import NumericalError, SingularMassMatrix
 from flexlin.periodic.coefficients import MatrixFunction, check_finite
+from flexlin.periodic.interpolation import CACHED
 
 STAGES = 8
 """Where nobody asks for a number of them: of order 16."""
-CHUNK_BYTES = 2**25
+CHUNK_BYTES = 128 * CACHED
 """What is computed at once takes at most this many bytes (one segment or one mode at the least)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tableau:
     """The Butcher tableau of a collocation method on [0, 1]: order 2 s at the ends, s + 1 in between."""
 
@@ -110,14 +111,23 @@ def weigh_stages(hA: Array, rule: Tableau, Y: Array) -> Array:
 
 
 def solve_stages(hA: Array, rule: Tableau, right: Array) -> Array:
-    """Solve Y_i - sum_j a_ij h A_j Y_j = right_i for the stages: hA (..., s, n, n), right (..., s, n, r)."""
+    """Solve Y_i - sum_j a_ij h A_j Y_j = right_i for the stages: hA (..., s, n, n), right (..., s, n, r).
+
+    Raises: NumericalError.
+    """
     s, n, r = right.shape[-3:]
     G = np.empty((*hA.shape[:-3], s, n, s, n), hA.dtype)
     np.multiply(-rule.a[:, None, :, None], np.swapaxes(hA, -3, -2)[..., None, :, :, :], out=G)
     G = G.reshape(*hA.shape[:-3], s * n, s * n)
     diagonal = np.arange(s * n)
     G[..., diagonal, diagonal] += 1
-    return np.linalg.solve(G, right.reshape(*right.shape[:-3], s * n, r)).reshape(right.shape)
+    try:
+        return np.linalg.solve(G, right.reshape(*right.shape[:-3], s * n, r)).reshape(right.shape)
+    except np.linalg.LinAlgError:
+        raise NumericalError(
+            "the stages of a segment are not determined: it is too long for A(t)",
+            todo="ask for more segments, or leave method and segments to the solver",
+        ) from None
 
 
 def collocate_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau) -> Array:

@@ -1,17 +1,16 @@
 """How a period is integrated: method, order and number of segments, and which of them reach a tolerance at the least work."""
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
 
+from flexlin._core import LANES
 from flexlin.checks import Array, check_size
-from flexlin.errors import ArgumentError, NumericalError, TooManySegments, counted
-from flexlin.periodic.grid import divide_evenly
-from flexlin.periodic.interpolation import FourierSeries
+from flexlin.errors import ArgumentError, TooManySegments, counted
+from flexlin.periodic.interpolation import NODES, FourierSeries, divide_evenly
 from flexlin.periodic.product import GROUP_CONDITION, Unknown
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import MOST_UNKNOWNS, count_integrals, factor_segments, measure_segments
@@ -21,13 +20,14 @@ MAX_SEGMENTS, FEWER_SEGMENTS = 20_000, 4000
 """Of a period at the most, and where another way is open beyond."""
 METHODS: dict[str, Callable[[int], Tableau]] = {"gauss": gauss, "radau": radau}
 """Each: stages -> tableau, of order 2 s and 2 s - 1."""
-MOST_STAGES = 32
+MOST_STAGES = NODES
+"""More than a panel's polynomials have nodes see nothing new."""
 MARGIN = 400.0
 """The first guess aims at this part of tol: a third more segments cost less than a second try."""
 STAGES = np.arange(4, 11)
 """Gauss stages among which the engine chooses."""
-LEAST, LANES = 4, 8
-"""Segments of a period at the least: on fewer, a method and a better one err alike; and how many are made at once."""
+LEAST = 4
+"""Segments of a period at the least: on fewer, a method and a better one err alike."""
 WAVES = 3.0
 """Gauss nodes for each harmonic of the coefficients, so that none hides between them."""
 VECTORS, BESIDE = 40, 10_000
@@ -86,28 +86,13 @@ def place_segments(system: PeriodicSystem, setting: Setting) -> Array:
 
 def factor_by(system: PeriodicSystem, edges: Array, method: str, order: int) -> Array:
     """Transition matrices (K, n, n) over the segments between consecutive edges. Raises: NumericalError where stages are singular."""
-    with determined(edges):
-        return factor_segments(system.resolved, edges, find_rule(method, order))
+    return factor_segments(system.resolved, edges, find_rule(method, order))
 
 
 def factor_twice(system: PeriodicSystem, edges: Array, setting: Setting) -> tuple[list[Array], Array, Unknown]:
     """As `measure_segments`, by the setting's method and by two stages more, which share no node. Raises: as `factor_by`."""
     rules = find_rule(setting.method, setting.order), find_rule(setting.method, setting.order + 4)
-    with determined(edges):
-        return measure_segments(system.resolved, edges, rules)
-
-
-@contextmanager
-def determined(edges: Array) -> Iterator[None]:
-    """NumericalError where a segment is too long for its stages."""
-    try:
-        yield
-    except np.linalg.LinAlgError:
-        raise NumericalError(
-            "the stages of a segment are not determined: it is too long for A(t)",
-            got=f"{len(edges) - 1} segments",
-            todo="ask for more segments, or leave method and segments to the solver",
-        ) from None
+    return measure_segments(system.resolved, edges, rules)
 
 
 def factor_period(system: PeriodicSystem, setting: Setting) -> tuple[Array, Array]:
@@ -169,7 +154,9 @@ def count_waves(system: PeriodicSystem, accuracy: float) -> Array:
     return seen.shape[1] - np.argmax(seen[:, ::-1], axis=1)
 
 
-def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int | None, segments: int | None) -> Setting:
+def choose_setting(
+    system: PeriodicSystem, tol: float, method: str = "auto", order: int | None = None, segments: int | None = None
+) -> Setting:
     """Fill in what the user left open; the refinement that follows corrects the guess.
 
     A Gauss step of s stages has the error of the diagonal Pade approximation on the fastest eigenvalue `rate` of A(t),

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from flexlin.periodic.grid import place_edges
+from flexlin.periodic.interpolation import place_edges
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition import gauss as collocation
 from flexlin.periodic.transition.gauss import gauss_transitions
