@@ -21,7 +21,6 @@ from flexlin.scene.problems import read_table, schema_problems
 from flexlin.scene.scene import Scene, uncertainty_problems
 from flexlin.scene.toml import explain_fault, parse_toml
 
-LONGEST_NAME = 4096
 ADDED = {"robot", "joints", "flexible"}
 """Tables of a scene that stand for links from a URDF file, and what is added to them."""
 
@@ -213,13 +212,11 @@ def _find(source: str | Path) -> Path:
     scenes, name = builtin_scenes(), str(source)
     if name in scenes:
         return scenes[name]
-    if len(name) > LONGEST_NAME:
-        raise SceneError(printable(name), [Problem("file", f"a name of {len(name)} characters", "the name of a scene")])
     path = Path(name)
     try:
         if path.is_file():
             return path
-    except OSError:  # part of the name is too long, or its folder may not be searched
+    except OSError:  # the name is too long, or its folder may not be searched
         pass
     expected = f"a TOML file, or one of {', '.join(sorted(scenes))}{hint_at(name, scenes)}"
     raise SceneError(printable(name), [Problem("file", "no such file or built-in scene", expected)])

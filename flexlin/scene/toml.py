@@ -58,8 +58,6 @@ def explain_fault(text: str, error: tomllib.TOMLDecodeError) -> tuple[str, str]:
 
 
 Note = Callable[[tuple[str, ...]], str]
-COLUMN = 36
-"""Where comments begin."""
 BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -89,7 +87,7 @@ def list_lines(table: Mapping[str, Any], path: tuple[str, ...], note: Note) -> I
 
 def with_note(line: str, note: str) -> str:
     """A line with a comment behind it."""
-    return f"{line:<{COLUMN}} # {note}" if note else line
+    return f"{line:<36} # {note}" if note else line
 
 
 def is_table(value: Any) -> bool:
