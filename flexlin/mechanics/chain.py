@@ -38,8 +38,8 @@ from flexlin.mechanics.links import BentLink, LinkBasis, split_rotation, turned_
 from flexlin.mechanics.manipulator import FlexibleManipulator, Manipulator
 from flexlin.scene.library import registered_model
 from flexlin.scene.links import BASE, NO_LINK, Link, Loop, list_parents
-from flexlin.scene.loading import checked_table
 from flexlin.scene.parameters import PARAMETERS
+from flexlin.scene.problems import checked_table
 from flexlin.scene.scene import Scene
 
 

@@ -1,30 +1,28 @@
 """From a TOML file or a built-in name to a checked scene."""
 
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from flexlin.arguments import checked, instance
-from flexlin.bounds import LARGEST_SCENE, SHALLOW, hint_at, list_excesses, printable
+from flexlin.bounds import LARGEST_SCENE, SHALLOW, hint_at, list_excesses, parse_toml, printable
 from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
 from flexlin.scene.base import Table
-from flexlin.scene.consistency import contradictions
+from flexlin.scene.consistency import contradictions, tables_in
 from flexlin.scene.library import builtin_scenes, place_motion_file, registered_model
 from flexlin.scene.links import expand_sections
 from flexlin.scene.motion import AnyMotion
 from flexlin.scene.parameters import PARAMETERS, apply_overrides, get_value, list_children, whole_path
-from flexlin.scene.problems import read_table, schema_problems
+from flexlin.scene.problems import checked_table, schema_problems
 from flexlin.scene.scene import Scene, uncertainty_problems
-from flexlin.scene.toml import explain_fault, parse_toml
 
 ADDED = {"robot", "joints", "flexible"}
 """Tables of a scene that stand for links from a URDF file, and what is added to them."""
-
-AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
 @checked
@@ -139,11 +137,7 @@ def parse_scene(
 
 def all_slide(links: Any) -> bool | None:
     """Whether all joints of raw links slide; None where some do and others do not."""
-    kinds = (
-        {link.get("joint") == "prismatic" for link in links if isinstance(link, dict)}
-        if isinstance(links, list)
-        else set()
-    )
+    kinds = {link.get("joint") == "prismatic" for link in tables_in(links)}
     return None if len(kinds) > 1 else True in kinds
 
 
@@ -190,15 +184,6 @@ def describe_unread(error: UnicodeDecodeError | OSError) -> str:
     return printable(error.strerror or error)
 
 
-def checked_table(schema: type[AnyTable], raw: Mapping[str, Any], source: str, key: str) -> AnyTable:
-    """Check one raw table by its schema; raises SceneError with all problems, their keys below `key`."""
-    problems: list[Problem] = []
-    table: AnyTable = read_table(schema, dict(raw), key, problems)
-    if problems:
-        raise SceneError(source, problems)
-    return table
-
-
 def _explains(known: Problem, other: Problem) -> bool:
     """Whether a problem is already listed, or only follows from one that leaves the number of coordinates unknown."""
     if known.key == other.key or known.key.startswith(f"{other.key}."):
@@ -231,6 +216,35 @@ def _read(path: Path) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         got, expected = explain_fault(text, error)
         raise SceneError(printable(path), [Problem("file", printable(got), expected)]) from None
+
+
+FAULTS = {
+    "Illegal character '\\n'": "a closing quote",
+    "Unterminated string": "a closing quote",
+    'Expected "\'"': "a closing quote",
+    "Invalid value": "a number, a text in quotes, true, false, [ ] or { } behind =",
+    "Expected newline": "the end of the line behind one value; texts stand in quotes",
+    "Expected '='": "key = value",
+    "Expected ']": "a closing bracket",
+    "Unclosed array": "a comma, or a closing bracket before it",
+    "Unclosed inline table": "a comma, or a closing brace on the same line",
+    "Cannot overwrite": "each key once",
+    "Cannot declare": "each table once",
+}
+"""What is missing where Python's reader of TOML says so."""
+
+
+def explain_fault(text: str, error: tomllib.TOMLDecodeError) -> tuple[str, str]:
+    """Of a text that is no TOML: the line at fault, and what was expected there."""
+    said, lines = str(error), text.splitlines() or [""]
+    place = re.search(r"\(at line (\d+), column \d+\)$", said)
+    if place is None and "end of document" not in said:
+        return said, "a readable TOML file"
+    number = min(int(place[1]), len(lines)) if place else len(lines)
+    expected = next(
+        (words for start, words in FAULTS.items() if said.startswith(start)), f"TOML: {said.partition(' (')[0]}"
+    )
+    return f"{lines[number - 1].strip()} in line {number}", expected
 
 
 def scene_from_urdf(path: str | Path, base: str | None = None, tip: str | None = None) -> Scene:

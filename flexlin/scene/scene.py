@@ -186,9 +186,8 @@ def uncertainty_problems(scene: Any) -> list[Problem]:
         try:
             own = get_value(scene, path)
         except ArgumentError as error:
-            problems.append(
-                Problem(key, f"nothing at {printable(str(error.got))}", error.expected or "a key of the scene")
-            )
+            got, expected = f"nothing at {printable(str(error.got))}", error.expected or "a key of the scene"
+            problems.append(Problem(key, got, expected))
             continue
         if not isinstance(own, float):
             problems.append(Problem(key, "no real number there", "the path of one, such as effects.payload.mass"))
@@ -290,19 +289,11 @@ class Scene(Shown, Table):
     def _facts(self) -> tuple[str, ...]:
         """Links, effects, motion and control in words."""
         modes = [link.modes for link in self.links]
-        arm = (
-            f"model {self.model}"
-            if self.model
-            else f"{counted(len(self.links), 'link')}, modes {', '.join(map(str, modes))}"
-        )
-        on = [
-            name.replace("_", " ")
-            for name in type(self.effects).model_fields
-            if getattr(self.effects, name) is not None
-        ]
+        chain = f"{counted(len(self.links), 'link')}, modes {', '.join(map(str, modes))}"
+        on = [name.replace("_", " ") for name in self.effects.on()]
         feedback = self.control.feedback
         facts = (
-            arm,
+            f"model {self.model}" if self.model else chain,
             f"effects: {', '.join(on) or 'none'}",
             f"motion: {self.motion.kind.replace('_', ' ')}",
             f"control: {self.control.feedforward} feedforward, {'no' if feedback is None else feedback.kind} feedback",
