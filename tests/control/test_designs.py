@@ -8,14 +8,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.control import (
-    averaged_lqr,
-    design,
-    finite_horizon_lqr,
-    frozen_lqr,
-    pd_feedback,
-    periodic_lqr,
-)
+from flexlin.control import averaged_lqr, design, finite_horizon_lqr, frozen_lqr, pd_feedback, periodic_lqr
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.scene.control import DesignTable
 from tests.closed_arm import opened
