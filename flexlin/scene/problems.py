@@ -136,7 +136,8 @@ class Place:
     @classmethod
     def of(cls, schema: type[BaseModel], location: Sequence[str | int]) -> "Place":
         """The place of a location of pydantic's, which names the branches of unions too."""
-        place, inside = cls(), (schema,)
+        place = cls()
+        inside: tuple[type[BaseModel], ...] = (schema,)
         for step in location:
             if isinstance(step, int):
                 place = cls((*place.keys, step), place.tables)
