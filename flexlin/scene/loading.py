@@ -17,7 +17,7 @@ from flexlin.scene.consistency import contradictions, tables_in
 from flexlin.scene.library import builtin_scenes, place_motion_file, registered_model
 from flexlin.scene.links import expand_sections
 from flexlin.scene.motion import AnyMotion
-from flexlin.scene.parameters import PARAMETERS, apply_overrides, get_value, list_children, whole_path
+from flexlin.scene.parameters import PARAMETERS, apply_overrides, path_in, replace_value
 from flexlin.scene.problems import checked_table, schema_problems
 from flexlin.scene.scene import Scene, uncertainty_problems
 
@@ -292,38 +292,15 @@ def raw_tables(scene: Scene) -> dict[str, Any]:
     return scene.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
 
 
-def revise_scene(scene: Scene, values: Mapping[str, float], raw: Mapping[str, Any] | None = None) -> Scene:
+def revise_scene(scene: Scene, values: Mapping[str, float]) -> Scene:
     """The scene with other numbers at dotted paths.
 
-    Parameters: raw: its `raw_tables`, where many revisions are made.
-    Raises: SceneError with the key of each number that is refused, a registered model's own too.
+    Raises: SceneError with the key of each number that is refused, a registered model's own too; ArgumentError for a path to nothing.
     """
-    raw = raw_tables(scene) if raw is None else raw
-    revised = parse_scene(raw, scene.title, write_out_lists(scene, values, raw))
+    changed = scene
+    for path, value in values.items():
+        changed = replace_value(changed, path_in(scene, path), value)
+    revised = parse_scene(raw_tables(changed), scene.title)
     if revised.model is not None:
         checked_table(registered_model(revised.model).schema, revised.parameters, scene.title, PARAMETERS)
     return revised
-
-
-def write_out_lists(scene: Scene, values: Mapping[str, float], raw: Any) -> dict[str, Any]:
-    """The values, those inside a list that was not written into the scene with the rest of the list, as the scene has it by default."""
-    placed = dict[str, Any]()
-    for path, value in values.items():
-        whole, _, last = path.rpartition(".")
-        if last.isdigit() and not is_written(raw, whole):
-            items = placed.setdefault(whole, list(get_value(scene, whole)))
-            items[int(last)] = value
-        else:
-            placed[path] = value
-    return placed
-
-
-def is_written(raw: Any, path: str) -> bool:
-    """Whether plain data has something at a dotted path; a model's table may be left out of the path."""
-    node = raw
-    for step in whole_path(path, raw, raw.get(PARAMETERS)).split("."):
-        inside = list_children(node)
-        if step not in inside:
-            return False
-        node = inside[step]
-    return True

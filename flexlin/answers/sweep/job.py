@@ -18,7 +18,7 @@ from flexlin.answers.sweep.together import Together
 from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.progress import advance, part
-from flexlin.scene.loading import raw_tables, revise_scene
+from flexlin.scene.loading import revise_scene
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 
@@ -166,14 +166,13 @@ def check_axes(scene: Scene, axes: dict[str, Array], grid: bool) -> None:
 
     Raises: SceneError with the key.
     """
-    raw = raw_tables(scene)
     for path, values in axes.items():
         get_value(scene, path)
         for value in pick_values(values):
-            revise_scene(scene, {path: value}, raw)
+            revise_scene(scene, {path: value})
     if grid and 1 < len(axes) <= MOST_CORNERS:
         for corner in product(*[(axis.min(), axis.max()) for axis in axes.values()]):
-            revise_scene(scene, dict(zip(axes, map(float, corner), strict=True)), raw)
+            revise_scene(scene, dict(zip(axes, map(float, corner), strict=True)))
 
 
 def pick_values(values: Array) -> list[float]:
