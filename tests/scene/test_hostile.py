@@ -177,12 +177,14 @@ def test_a_number_without_end_in_a_file_is_a_mistake_of_the_file(number, tmp_pat
         fl.load_scene(tmp_path / "scene.toml")
 
 
-@pytest.mark.parametrize("number", [10**400, -(10**5000), 2**63], ids=["large", "endless", "65 bits"])
-def test_so_it_is_in_python(number):
-    with pytest.raises(SceneError, match=r"links\.0\.length: got a whole number beyond 64 bits"):
-        fl.load_scene("single-link", {"links.0.length": number})
-    with pytest.raises(SceneError, match=r"control\.feedback\.kp\.0"):
-        fl.load_scene("single-link", {"control.feedback.kp": [number]})
+def test_so_it_is_in_python():
+    for number in (10**400, -(10**5000), 2**63):
+        for key, value, place in (
+            ("links.0.length", number, "links.0.length"),
+            ("control.feedback.kp", [number], "control.feedback.kp.0"),
+        ):
+            with pytest.raises(SceneError, match=f"{re.escape(place)}: got a whole number beyond 64 bits"):
+                fl.load_scene("single-link", {key: value})
 
 
 def test_digits_in_texts_and_keys_are_no_numbers(tmp_path):
