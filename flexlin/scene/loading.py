@@ -151,15 +151,13 @@ def read_motion(raw: Mapping[str, Any], sliding: bool | None = False) -> AnyMoti
     """Check a motion that is given as plain data; `sliding` as in `all_slide`. Raises: SceneError with all problems at once."""
     data = {"motion": dict(raw)}
     problems = [Problem(printable(path), *said) for path, *said in list_excesses(data)]
+    problems = problems or place_motion_file(data, [Path()])
     if not problems:
-        problems = place_motion_file(data, [Path()])
-    try:
-        checked = None if problems else OnlyMotion.model_validate(data, context={"sliding": sliding})
-    except ValidationError as error:
-        problems = schema_problems(OnlyMotion, error)
-    if problems or checked is None:
-        raise SceneError("motion", problems)
-    return checked.motion
+        try:
+            return OnlyMotion.model_validate(data, context={"sliding": sliding}).motion
+        except ValidationError as error:
+            problems = schema_problems(OnlyMotion, error)
+    raise SceneError("motion", problems)
 
 
 def scene_text(source: str | Path) -> str:
