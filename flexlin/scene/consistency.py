@@ -109,25 +109,15 @@ def _mimic(key: str, link: RawTable, before: Sequence[RawTable]) -> Iterator[Pro
         yield Problem(f"{key}.mimic", "a rule beside joint = 'fixed'", "a joint that moves, or no rule")
 
 
-COUNTED = tuple(
-    (table, key)
-    for table, keys in (("feedback", "kp kd ki"), ("saturation", "torque rate"), ("sampling", "encoders torque"))
-    for key in keys.split()
-)
+COUNTED = {"feedback": ("kp", "kd", "ki"), "saturation": ("torque", "rate"), "sampling": ("encoders", "torque")}
 """Keys that hold one number for each torque-driven joint."""
 
 
 def control_contradictions(control: dict[str, Any], powered: int) -> Iterator[Problem]:
     """List what does not fit in the raw table of control of an arm with so many torque-driven joints."""
     tables = {key: value if isinstance(value, dict) else {} for key, value in control.items()}
-    for table, key in COUNTED:
-        values = tables.get(table, {}).get(key)
-        if isinstance(values, list) and len(values) != powered:
-            yield Problem(
-                f"control.{table}.{key}",
-                counted(len(values), "number"),
-                f"{powered}, one for each torque-driven joint",
-            )
+    for table, key in ((table, key) for table, keys in COUNTED.items() for key in keys):
+        yield from _one_each(f"control.{table}.{key}", tables.get(table, {}).get(key), powered, "torque-driven joint")
     feedback, filters = tables.get("feedback", {}), control.get("filters")
     if feedback.get("tracking_time") is not None and not tables.get("saturation"):
         yield Problem(
@@ -146,6 +136,12 @@ def control_contradictions(control: dict[str, Any], powered: int) -> Iterator[Pr
         for joint in joints if isinstance(joints, list) else ():
             if isinstance(joint, int) and joint > powered:
                 yield Problem(f"control.filters.{i}.joints", f"joint {joint}", f"numbers from 1 to {powered}")
+
+
+def _one_each(key: str, values: Any, wanted: int, what: str) -> Iterator[Problem]:
+    """A list must hold as many numbers as there are things of a kind."""
+    if isinstance(values, list) and len(values) != wanted:
+        yield Problem(key, counted(len(values), "number"), f"{wanted}, one for each {what}")
 
 
 def loop_contradictions(links: Sequence[RawTable], loops: Sequence[RawTable], model: Any) -> Iterator[Problem]:
@@ -264,13 +260,9 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
     yield from control_contradictions(_table(raw, "control"), powered)
     coordinates = powered + _added_coordinates(links, raw)
     for i, design in enumerate(tables_in(raw.get("designs"))):
-        for key, wanted, what in (
-            ("state_weight", 2 * coordinates, "state"),
-            ("input_weight", powered, "torque-driven joint"),
-        ):
-            weights = design.get(key)
-            if isinstance(weights, list) and len(weights) != wanted:
-                yield Problem(f"designs.{i}.{key}", counted(len(weights), "number"), f"{wanted}, one for each {what}")
+        state, effort = design.get("state_weight"), design.get("input_weight")
+        yield from _one_each(f"designs.{i}.state_weight", state, 2 * coordinates, "state")
+        yield from _one_each(f"designs.{i}.input_weight", effort, powered, "torque-driven joint")
 
 
 def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:

@@ -216,9 +216,8 @@ def test_pipes_and_devices_are_not_opened(tmp_path):
     (tmp_path / "folder").mkdir()
     for name in ("pipe", "folder"):
         (tmp_path / "scene.toml").write_text(with_table(f"'{name}'"), encoding="utf-8")
-        scene = fl.load_scene(tmp_path / "scene.toml")
         with pytest.raises(MotionError, match=r"motion\.file.*regular file"):
-            fl.linearize(fl.build_manipulator(scene), scene.motion)
+            linearized(tmp_path / "scene.toml")
     for source in ("pipe", "."):
         with pytest.raises(SceneError, match="no such file"):
             fl.load_scene(tmp_path / source)
@@ -283,9 +282,8 @@ def test_files_of_absurd_size_are_not_read(tmp_path):
     with (tmp_path / "big.csv").open("wb") as file:
         file.truncate(2**26 + 1)
     (tmp_path / "scene.toml").write_text(with_table("'big.csv'"), encoding="utf-8")
-    scene = fl.load_scene(tmp_path / "scene.toml")
     with pytest.raises(MotionError, match="67,108,865 bytes"):
-        fl.linearize(fl.build_manipulator(scene), scene.motion)
+        linearized(tmp_path / "scene.toml")
     with (tmp_path / "big.toml").open("wb") as file:
         file.truncate(2**20 + 1)
     with pytest.raises(SceneError, match="1,048,577 bytes"):
@@ -297,9 +295,7 @@ def test_a_byte_order_mark_is_no_mistake(tmp_path):
     (tmp_path / "plain.csv").write_text(ROWS, encoding="utf-8-sig")
     for name in ("motion.csv", "plain.csv"):
         (tmp_path / "scene.toml").write_text(with_table(f"'{name}'"), encoding="utf-8-sig")
-        scene = fl.load_scene(tmp_path / "scene.toml")
-        lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
-        assert lin.period == pytest.approx(1.0)
+        assert linearized(tmp_path / "scene.toml").period == pytest.approx(1.0)
 
 
 def test_a_name_that_no_scene_has(tmp_path, capsys):
