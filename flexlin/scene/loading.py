@@ -17,7 +17,7 @@ from flexlin.scene.consistency import contradictions, tables_in
 from flexlin.scene.library import builtin_scenes, place_motion_file, registered_model
 from flexlin.scene.links import expand_sections
 from flexlin.scene.motion import AnyMotion
-from flexlin.scene.parameters import PARAMETERS, apply_overrides, path_in, replace_value
+from flexlin.scene.parameters import PARAMETERS, apply_overrides, get_value, path_in, replace_value
 from flexlin.scene.problems import checked_table, schema_problems
 from flexlin.scene.scene import Scene, uncertainty_problems
 
@@ -287,7 +287,7 @@ def scene_from_urdf(path: str | Path, base: str | None = None, tip: str | None =
 
 def raw_tables(scene: Scene) -> dict[str, Any]:
     """The scene as plain data, only what was written into it: `parse_scene` makes the same scene of it."""
-    return scene.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
+    return scene.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True, warnings=False)
 
 
 def revise_scene(scene: Scene, values: Mapping[str, float]) -> Scene:
@@ -297,6 +297,7 @@ def revise_scene(scene: Scene, values: Mapping[str, float]) -> Scene:
     """
     changed = scene
     for path, value in values.items():
+        get_value(scene, path)  # which names the whole path where nothing stands
         changed = replace_value(changed, path_in(scene, path), value)
     revised = parse_scene(raw_tables(changed), scene.title)
     if revised.model is not None:

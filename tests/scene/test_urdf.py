@@ -12,7 +12,6 @@ import flexlin as fl
 from flexlin.cli import BAD_INPUT, main
 from flexlin.errors import SceneError
 from flexlin.scene import angles_of, models_folder, rotation_of
-from flexlin.scene.loading import raw_tables
 from tests.mechanics.spatial import inverse_dynamics, random_chain
 
 ROBOTS = Path(__file__).parents[1] / "robots"
@@ -43,7 +42,8 @@ def xml_of(links):
 
 def arm_of(scene):
     """The arm under the gravity of the mechanics' tests."""
-    return fl.build_manipulator(fl.parse_scene(raw_tables(scene), overrides=GRAVITY))
+    raw = scene.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    return fl.build_manipulator(fl.parse_scene(raw, overrides=GRAVITY))
 
 
 @pytest.mark.parametrize("seed", range(6))
