@@ -1,6 +1,8 @@
 """The one door for what somebody else wrote, in TOML, URDF, CSV, JSON, --set or Python: bounds of files, digits, sizes and depths."""
 
 import math
+import re
+import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from typing import Any
@@ -12,7 +14,7 @@ LARGEST_SCENE, LARGEST_ROBOT, LARGEST_LOG = MEBIBYTE, 4 * MEBIBYTE, 1024 * MEBIB
 LARGEST_TABLE = LARGEST_MANIFEST = 64 * MEBIBYTE
 """Bytes of a table of a motion, and of a list of results."""
 MOST_ROWS, MOST_COLUMNS, MOST_ELEMENTS, MOST_ITEMS = 2**18, 1000, 50_000, 200
-"""Rows of a table, columns of a log, elements of a URDF file, and links, or designs, of one scene."""
+"""Rows of a table, columns of a log, elements of a URDF file, and links, designs, or described mistakes, of one scene."""
 DEEPEST = 32
 """Tables, lists or elements in each other; a scene needs five."""
 SHALLOW = f"at most {DEEPEST} tables and lists in each other"
@@ -39,6 +41,25 @@ def read_number(text: str) -> float:
     if not abs(value) <= LARGEST:
         raise ValueError(IN_RANGE)
     return value
+
+
+NOT_KEYS = re.compile(r'"""(?:\\.|[^\\])*?"""|\'\'\'.*?\'\'\'|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|#[^\n]*', re.DOTALL)
+"""Strings, quoted keys and comments of TOML."""
+ENDLESS_NUMBER = re.compile(rf"(?<![\w.+-])[+-]?\d[\w.+-]{{{LONGEST_NUMBER},}}")
+ENDLESS_KEY = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{DEEPEST},}}[ \t]*[]=]")
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Parse TOML, but no dotted key of more than `DEEPEST` steps: Python's reader takes time by the square of the steps.
+
+    Raises: TOMLDecodeError, also for a number without end; RecursionError for tables in tables without end.
+    """
+    bare = NOT_KEYS.sub("s", text)
+    if ENDLESS_KEY.search(bare) is not None:
+        raise RecursionError
+    if ENDLESS_NUMBER.search(bare) is not None:
+        raise tomllib.TOMLDecodeError(f"a number of more than {LONGEST_NUMBER} characters")
+    return tomllib.loads(text)
 
 
 def list_excesses(raw: Any) -> Iterator[tuple[str, str, str]]:

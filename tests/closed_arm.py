@@ -22,3 +22,10 @@ def opened(name: str = "single-link", changes: dict[str, Any] | None = None) -> 
     """The scene too, and its arm without a loop."""
     scene = fl.load_scene(name, changes or {})
     return scene, fl.linearize(fl.build_manipulator(scene), scene.motion)
+
+
+def both(name: str, changes: dict[str, Any]) -> tuple[fl.Scene, fl.Linearization, fl.Linearization]:
+    """The scene, and its arm without a loop and with it."""
+    scene = fl.load_scene(name, changes)
+    arm = fl.build_manipulator(scene)
+    return scene, fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)

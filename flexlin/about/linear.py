@@ -20,8 +20,8 @@ from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, build_motion
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import Control
-from flexlin.scene.loading import checked_table
 from flexlin.scene.motion import AnyMotion, MotionTable
+from flexlin.scene.problems import checked_table
 
 __all__ = ["Coefficients", "Linearization", "Trajectory", "linearize"]
 

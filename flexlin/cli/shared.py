@@ -69,7 +69,7 @@ def span(text: str) -> Span:
 def read_span(scene: "Scene", asked: Span) -> Span:
     """The limits in the key's unit. Raises: ArgumentError."""
     from flexlin.scene.loading import all_slide
-    from flexlin.scene.names import name_unit
+    from flexlin.scene.parameters import name_unit
     from flexlin.scene.problems import name_units
     from flexlin.scene.units import in_unit
 

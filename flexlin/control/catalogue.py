@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -17,11 +16,10 @@ from flexlin.control.lqr import finite_horizon_lqr, horizon_system, periodic_lqr
 from flexlin.control.sampled import find_round, sampled_lqr
 from flexlin.control.sensors import joint_angles, tip_position
 from flexlin.errors import ArgumentError, counted
-from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.coefficients import Combined, Constant, combine
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, extend_system
 from flexlin.scene.control import RATE, DesignTable, Weights
-from flexlin.scene.units import in_si, spread
+from flexlin.scene.units import spread
 
 TURNING = ("joint", "motor")
 """Coordinates that `joints` and `rates` speak of."""
@@ -217,51 +215,28 @@ def joint_integrals(lin: Linearization, weights: Weights) -> tuple[Controller, A
 
 def state_sizes(lin: Linearization, weights: Weights) -> list[float | None]:
     """The acceptable size of each state of [y; y'], None where nothing is said."""
-    own, used = weights.coordinates, set[str]()
-    sizes: list[float | None] = []
-    for mark, per_second, turning, bending in (
-        ("", "", weights.joints, weights.deflection),
-        (RATE, "/s", weights.rates, weights.deflection_rates),
+    own, sizes = weights.coordinates, list[float | None]()
+    for mark, per_second, key, turning, bending in (
+        ("", "", "joints", weights.joints, weights.deflection),
+        (RATE, "/s", "rates", weights.rates, weights.deflection_rates),
     ):
-        group = "rates" if mark else "joints"
+        joints = list(dict.fromkeys(c.link for c in lin.coordinates if c.kind in TURNING))
+        each = turning if isinstance(turning, list | tuple) else [turning] * len(joints)
+        if len(each) != len(joints):
+            got, expected = counted(len(each), "size"), f"{len(joints)}, one a joint"
+            raise ArgumentError(f"weights.{key} does not fit the arm", got=got, expected=expected)
         for coordinate in lin.coordinates:
-            name, unit = coordinate.name + mark, coordinate.unit + per_second
+            name = coordinate.name + mark
             if name in own:
-                used.add(name)
-                sizes.append(size_in(name, own[name], unit))
+                key_of_size, size = name, own[name]
             elif coordinate.kind in TURNING:
-                sizes.append(size_in(group, of_joint(lin, group, turning, coordinate), unit))
+                key_of_size, size = key, each[joints.index(coordinate.link)]
             else:
-                sizes.append(bending if coordinate.unit == "m" else None)
-    unknown = sorted(set(own) - used)
+                key_of_size, size = "deflection", bending if coordinate.unit == "m" else None
+            sizes += spread(f"weights.{key_of_size}", size, [coordinate.unit + per_second]) or [None]
+    names = [name + mark for mark in ("", RATE) for name in lin.names]
+    unknown = sorted(set(own) - set(names))
     if unknown:
-        names = [name + mark for mark in ("", RATE) for name in lin.names]
         expected = f"one of {', '.join([*type(weights).model_fields, *names])}"
         raise ArgumentError("weights: an unknown key", got=unknown[0], expected=expected)
     return sizes
-
-
-def of_joint(lin: Linearization, key: str, value: Any, coordinate: Coordinate) -> Any:
-    """The part of a size that belongs to a joint: the size itself, or its entry of a list over the joints."""
-    if not isinstance(value, Sequence) or isinstance(value, str):
-        return value
-    joints = list(dict.fromkeys(c.link for c in lin.coordinates if c.kind in TURNING))
-    if len(value) != len(joints):
-        raise ArgumentError(
-            f"weights.{key} does not fit the arm",
-            got=counted(len(value), "size"),
-            expected=f"{len(joints)}, one a joint",
-        )
-    return value[joints.index(coordinate.link)]
-
-
-def size_in(key: str, value: Any, unit: str) -> float | None:
-    """A size in SI units; raises ArgumentError when it has another dimension than its coordinate."""
-    if value is None:
-        return None
-    try:
-        return in_si(value, unit)
-    except ValueError as error:
-        raise ArgumentError(
-            f"weights.{key} has another unit than the coordinate", got=repr(value), expected=str(error)
-        ) from None

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -218,7 +218,7 @@ def identify(
     known = {path: float(point.p[k]) for k, path in enumerate(paths) if path in evidence.known}
     found = dict(zip(paths, point.p.tolist(), strict=False))
     reached = revise_scene(scene, found)
-    own = revise_scene(scene, known) if accepts(scene, known, raw_tables(scene)) else reached
+    own = revise_scene(scene, known) if accepts(scene, known) else reached
     made = place_uncertainty(own, evidence, (low, high), paths)
     prediction = predict(reached, held, window)
     noise = np.where(np.isfinite(problem.readings).any(axis=(0, 1)), problem.sigma, np.nan)
@@ -233,7 +233,7 @@ def identify(
 
 def find_limits(scene: Scene, paths: list[str]) -> tuple[Array, Array]:
     """The ends of what the scene's schema takes: 0 where it refuses a negative number, 1 where it refuses 2, else none."""
-    raw, low, high, large = raw_tables(scene), [], [], dict[str, float]()
+    low, high, large = [], [], dict[str, float]()
     for path in paths:
         value = get_value(scene, path)
         if not isinstance(value, float):
@@ -241,18 +241,16 @@ def find_limits(scene: Scene, paths: list[str]) -> tuple[Array, Array]:
         large[path] = 1e3 * max(abs(value), 1.0)
     for path in paths:
         size = max(abs(get_value(scene, path)), 1e-3)
-        low.append(
-            -np.inf if accepts(scene, {path: -size}, raw) else 0.0 if accepts(scene, {path: 0.0}, raw) else 1e-6 * size
-        )
+        low.append(-np.inf if accepts(scene, {path: -size}) else 0.0 if accepts(scene, {path: 0.0}) else 1e-6 * size)
         pairs = ({path: large[path], other: large[other]} for other in (path, *paths))  # one may bound the other
-        high.append(np.inf if any(accepts(scene, pair, raw) for pair in pairs) else 1.0)
+        high.append(np.inf if any(accepts(scene, pair) for pair in pairs) else 1.0)
     return np.array(low), np.array(high)
 
 
-def accepts(scene: Scene, numbers: dict[str, float], raw: Any) -> bool:
+def accepts(scene: Scene, numbers: dict[str, float]) -> bool:
     """Whether a scene may have these numbers."""
     try:
-        revise_scene(scene, numbers, raw)
+        revise_scene(scene, numbers)
     except SceneError:
         return False
     return True
@@ -279,9 +277,9 @@ class Search:
 
     def pose(self, model: Logged, windows: Windows, values: Array, sigma: Array | None = None) -> Problem:
         """The least-squares problem of these equations on a grid that is fine enough at these values."""
-        shooting, raw = prepare(model, windows, values), raw_tables(self.scene)
+        shooting = prepare(model, windows, values)
         readings = shooting.windows.readings()
-        allows = lambda p: accepts(self.scene, dict(zip(self.paths, p.tolist(), strict=True)), raw)  # noqa: E731
+        allows = lambda p: accepts(self.scene, dict(zip(self.paths, p.tolist(), strict=True)))  # noqa: E731
         size = np.abs([float(get_value(self.scene, path)) for path in self.paths])
         scale = deviations(readings) if sigma is None else sigma
         return Problem(shooting, readings, scale, self.low, self.high, size, allows)

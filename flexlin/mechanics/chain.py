@@ -34,8 +34,8 @@ from flexlin.mechanics.links import PLACES, BentLink, LinkBasis, split_rotation,
 from flexlin.mechanics.manipulator import FlexibleManipulator, Manipulator
 from flexlin.scene.library import registered_model
 from flexlin.scene.links import BASE, NO_LINK, Link, list_parents
-from flexlin.scene.loading import checked_table
 from flexlin.scene.parameters import PARAMETERS
+from flexlin.scene.problems import checked_table
 from flexlin.scene.scene import Scene
 
 

@@ -29,8 +29,8 @@ from flexlin.periodic.boundary.spectra import Effort
 from flexlin.report.figures import Picture
 from flexlin.report.figures.chart import Chart, describe_chart, draw_campbell, draw_chart, thin
 from flexlin.report.wording import units_of_scene
-from flexlin.scene.loading import raw_tables, revise_scene
-from flexlin.scene.names import label_number, name_number, name_unit, show_unit
+from flexlin.scene.loading import revise_scene
+from flexlin.scene.parameters import label_number, name_number, name_unit, show_unit
 from flexlin.scene.scene import Scene
 
 BOUNDARY_SHARE = 0.18
@@ -79,10 +79,10 @@ def say_bending(
     places = [*({one.path: one.value} for one in critical), *corners]
 
     def work() -> list[float]:
-        raw, shares = raw_tables(scene), np.zeros(len(places))
+        shares = np.zeros(len(places))
         for k, place in enumerate(places):
             with suppress(InputError):  # the chart says of its values which ones make no scene
-                shares[k] = find_bending(revise_scene(scene, place, raw))
+                shares[k] = find_bending(revise_scene(scene, place))
         return list(shares)
 
     seconds = BOUNDARY_SHARE * scene.accuracy.seconds

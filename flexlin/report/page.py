@@ -25,7 +25,7 @@ from flexlin.report.figures.over_period import (
     name_entry,
 )
 from flexlin.scene.base import Table
-from flexlin.scene.names import choose_unit
+from flexlin.scene.parameters import choose_unit
 from flexlin.scene.scene import Scene
 
 TEMPLATES = Environment(

@@ -22,7 +22,9 @@ from flexlin.scene.units import in_unit
 class Table(BaseModel):
     """One table of a scene file."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="constants", use_attribute_docstrings=True
+    )
 
     @classmethod
     def units(cls) -> dict[str, str]:

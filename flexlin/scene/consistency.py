@@ -7,7 +7,7 @@ from typing import Any
 from flexlin.bounds import MOST_ITEMS, MOST_NAMED, hint_at, printable
 from flexlin.errors import Problem, counted
 from flexlin.scene.control import Weights
-from flexlin.scene.effects import RawArm, RawTable, effect_contradictions, known_effects, tables_on
+from flexlin.scene.effects import RawArm, RawTable, count_soft, effect_contradictions, known_effects, tables_on
 from flexlin.scene.links import BASE
 
 
@@ -55,11 +55,8 @@ def _bending(key: str, link: RawTable, beams: Sequence[str]) -> Iterator[Problem
         return
     if length == mass == 0:  # a carriage or a rigid body
         others = [beam for beam in beams if beam != f"{key}.modes"]
-        more = (
-            f"any number for {' or '.join(others[:MOST_NAMED])}"
-            if others
-            else "length and mass_per_length for the link"
-        )
+        named = f"any number for {' or '.join(others[:MOST_NAMED])}"
+        more = named if others else "length and mass_per_length for the link"
         got = f"{printable(repr(link['modes'])[:60])} on a link of no length and no mass per length"
         yield Problem(f"{key}.modes", got, f"0, since it cannot bend, or {more}")
         return
@@ -112,25 +109,15 @@ def _mimic(key: str, link: RawTable, before: Sequence[RawTable]) -> Iterator[Pro
         yield Problem(f"{key}.mimic", "a rule beside joint = 'fixed'", "a joint that moves, or no rule")
 
 
-COUNTED = tuple(
-    (table, key)
-    for table, keys in (("feedback", "kp kd ki"), ("saturation", "torque rate"), ("sampling", "encoders torque"))
-    for key in keys.split()
-)
+COUNTED = {"feedback": ("kp", "kd", "ki"), "saturation": ("torque", "rate"), "sampling": ("encoders", "torque")}
 """Keys that hold one number for each torque-driven joint."""
 
 
 def control_contradictions(control: dict[str, Any], powered: int) -> Iterator[Problem]:
     """List what does not fit in the raw table of control of an arm with so many torque-driven joints."""
     tables = {key: value if isinstance(value, dict) else {} for key, value in control.items()}
-    for table, key in COUNTED:
-        values = tables.get(table, {}).get(key)
-        if isinstance(values, list) and len(values) != powered:
-            yield Problem(
-                f"control.{table}.{key}",
-                counted(len(values), "number"),
-                f"{powered}, one for each torque-driven joint",
-            )
+    for table, key in ((table, key) for table, keys in COUNTED.items() for key in keys):
+        yield from _one_each(f"control.{table}.{key}", tables.get(table, {}).get(key), powered, "torque-driven joint")
     feedback, filters = tables.get("feedback", {}), control.get("filters")
     if feedback.get("tracking_time") is not None and not tables.get("saturation"):
         yield Problem(
@@ -149,6 +136,12 @@ def control_contradictions(control: dict[str, Any], powered: int) -> Iterator[Pr
         for joint in joints if isinstance(joints, list) else ():
             if isinstance(joint, int) and joint > powered:
                 yield Problem(f"control.filters.{i}.joints", f"joint {joint}", f"numbers from 1 to {powered}")
+
+
+def _one_each(key: str, values: Any, wanted: int, what: str) -> Iterator[Problem]:
+    """A list must hold as many numbers as there are things of a kind."""
+    if isinstance(values, list) and len(values) != wanted:
+        yield Problem(key, counted(len(values), "number"), f"{wanted}, one for each {what}")
 
 
 def loop_contradictions(links: Sequence[RawTable], loops: Sequence[RawTable], model: Any) -> Iterator[Problem]:
@@ -212,7 +205,7 @@ def contradictions(raw: dict[str, Any]) -> list[Problem]:
 
 
 def _links(raw: dict[str, Any]) -> Iterator[Problem]:
-    links, model = _tables(raw.get("links")), raw.get("model")
+    links, model = tables_in(raw.get("links")), raw.get("model")
     if model is None and not links:
         yield Problem("links", "none", "at least one [[links]] table, or model = the name of a registered model")
     if model is not None and links:
@@ -232,14 +225,14 @@ def _links(raw: dict[str, Any]) -> Iterator[Problem]:
         yield Problem(f"links.{len(links) - 1}.mass_per_length", "0", expected)
     arm = RawArm(links, _motion_joints(raw, links))
     yield from link_contradictions(arm)
-    yield from loop_contradictions(links, _tables(raw.get("loops")), model)
+    yield from loop_contradictions(links, tables_in(raw.get("loops")), model)
     yield from effect_contradictions(_table(raw, "effects"), arm)
 
 
 def _motion_joints(raw: dict[str, Any], links: list[dict[str, Any]]) -> list[Any]:
     """The raw table of the motion of each link's joint, with the motion's default drive; empty for a fixed joint."""
     motion = _table(raw, "motion")
-    tables = iter([{"drive": motion.get("drive", "torque"), **joint} for joint in _tables(motion.get("joints"))])
+    tables = iter([{"drive": motion.get("drive", "torque"), **joint} for joint in tables_in(motion.get("joints"))])
     return [next(tables, {}) if driven(link) else {} for link in links]
 
 
@@ -252,7 +245,7 @@ def _has_mass(link: dict[str, Any], raw: dict[str, Any]) -> bool:
 
 
 def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
-    links = _tables(raw.get("links"))
+    links = tables_in(raw.get("links"))
     motion = _table(raw, "motion")
     joints = motion.get("joints")
     if not links or not isinstance(joints, list):
@@ -263,31 +256,27 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
         yield Problem("motion.joints", counted(len(joints), "table"), f"{moving}, one for each link's joint{but}")
         return
     default = motion.get("drive", "torque")
-    powered = sum(joint.get("drive", default) == "torque" for joint in _tables(joints))
+    powered = sum(joint.get("drive", default) == "torque" for joint in tables_in(joints))
     yield from control_contradictions(_table(raw, "control"), powered)
     coordinates = powered + _added_coordinates(links, raw)
-    for i, design in enumerate(_tables(raw.get("designs"))):
-        for key, wanted, what in (
-            ("state_weight", 2 * coordinates, "state"),
-            ("input_weight", powered, "torque-driven joint"),
-        ):
-            weights = design.get(key)
-            if isinstance(weights, list) and len(weights) != wanted:
-                yield Problem(f"designs.{i}.{key}", counted(len(weights), "number"), f"{wanted}, one for each {what}")
+    for i, design in enumerate(tables_in(raw.get("designs"))):
+        state, effort = design.get("state_weight"), design.get("input_weight")
+        yield from _one_each(f"designs.{i}.state_weight", state, 2 * coordinates, "state")
+        yield from _one_each(f"designs.{i}.input_weight", effort, powered, "torque-driven joint")
 
 
 def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:
     """How many coordinates there are beside the driven joints: modes, free motors, two of each bearing that gives."""
     modes, effects = [count for link in links for count in mode_counts(link).values()], _table(raw, "effects")
     own, moving = ([i for i, link in enumerate(links) if rule(link)] for rule in (driven, moves))
-    tables = [(effect, effects[name]) for name, effect in tables_on(effects)]
-    motors = max((effect.count_motors(table, own) for effect, table in tables), default=0)
-    bearings = max((effect.count_bearings(table, moving) for effect, table in tables), default=0)
+    on = list(tables_on(effects))
+    motors = max((count_soft(effects[name], own) for name, effect in on if effect.frees_motors), default=0)
+    bearings = max((count_soft(effects[name], moving) for name, effect in on if effect.frees_bearings), default=0)
     return sum(modes) + motors + 2 * bearings
 
 
 def _design_names(raw: dict[str, Any]) -> Iterator[Problem]:
-    names = [design.get("name") for design in _tables(raw.get("designs"))]
+    names = [design.get("name") for design in tables_in(raw.get("designs"))]
     for i, name in enumerate(names):
         if name in names[:i]:
             yield Problem(f"designs.{i}.name", f"{name!r} a second time", "a name of its own")
@@ -296,7 +285,7 @@ def _design_names(raw: dict[str, Any]) -> Iterator[Problem]:
 def _weighted(raw: dict[str, Any]) -> Iterator[Problem]:
     """Keys of weights that are neither a group nor like a coordinate of a chain; a registered model may name its own."""
     groups = list(Weights.model_fields)
-    for i, design in enumerate(_tables(raw.get("designs"))):
+    for i, design in enumerate(tables_in(raw.get("designs"))):
         weights = design.get("weights") if raw.get("model") is None else None
         for key in weights if isinstance(weights, dict) else ():
             if key not in groups and not COORDINATE.fullmatch(str(key)):
@@ -310,6 +299,6 @@ def _table(raw: RawTable, key: str) -> RawTable:
     return raw[key] if isinstance(raw.get(key), dict) else {}
 
 
-def _tables(value: object) -> list[dict[str, Any]]:
+def tables_in(value: object) -> list[dict[str, Any]]:
     """The tables in a raw list; anything else is the schema's to complain about."""
     return [table for table in value if isinstance(table, dict)] if isinstance(value, list) else []

@@ -43,16 +43,6 @@ class EffectTable(Table):
     """Keys any of which, unless it is zero, gives inertia to a link that has none itself."""
 
     @classmethod
-    def count_motors(cls, raw: RawTable, moving: Sequence[int]) -> int:
-        """How many motors a raw table gives a coordinate of their own, on an arm whose joints before these links move."""
-        return count_soft(raw, moving) if cls.frees_motors else 0
-
-    @classmethod
-    def count_bearings(cls, raw: RawTable, moving: Sequence[int]) -> int:
-        """How many bearings a raw table lets give, on an arm whose joints before these links move."""
-        return count_soft(raw, moving) if cls.frees_bearings else 0
-
-    @classmethod
     def summary(cls) -> str:
         """What the effect is, in one line."""
         return (cls.__doc__ or cls.__name__).strip().partition("\n")[0]

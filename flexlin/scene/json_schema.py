@@ -40,26 +40,22 @@ def scene_schema() -> dict[str, Any]:
     definitions["Link"]["anyOf"] = [needed, *sufficient]
     for name in ASKED:
         del definitions[name.title().replace("_", "")]["required"]  # sections may stand for it
-    definitions["RobotTable"] = add_table(definitions, RobotTable)
-    schema["properties"]["robot"] = {
-        "$ref": PLACE.format(model="RobotTable"),
-        "description": "A robot from a URDF file.",
-    }
     for key, table, what in (
-        ("joints", JointTable, "springs and gears"),
-        ("flexible", FlexibleTable, "links that bend"),
+        ("robot", RobotTable, "A robot from a URDF file."),
+        ("joints", JointTable, "For a robot from a URDF file, by name: springs and gears."),
+        ("flexible", FlexibleTable, "For a robot from a URDF file, by name: links that bend."),
     ):
         definitions[table.__name__] = add_table(definitions, table)
-        inner = {"$ref": PLACE.format(model=table.__name__)}
-        described = f"For a robot from a URDF file, by name: {what}."
-        schema["properties"][key] = {"type": "object", "additionalProperties": inner, "description": described}
-    known = {name: add_table(definitions, model.schema) for name, model in shipped_models().items()}
+        one = {"$ref": PLACE.format(model=table.__name__)}
+        held = one if key == "robot" else {"type": "object", "additionalProperties": one}
+        schema["properties"][key] = {**held, "description": what}
+    of_models = {name: add_table(definitions, model.schema) for name, model in shipped_models().items()}
     schema["allOf"] = [
         {
             "if": {"properties": {"model": {"const": name}}, "required": ["model"]},
             "then": {"properties": {"parameters": {**table, "description": "The registered model's own table."}}},
         }
-        for name, table in known.items()
+        for name, table in of_models.items()
     ]
     write_units(schema)
     return {"$schema": DIALECT, **schema}

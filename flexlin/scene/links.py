@@ -1,7 +1,9 @@
 """The links of a chain with their sections and directions in space, and the loops that close it."""
 
+import tomllib
 from collections.abc import Sequence
 from math import pi, tanh
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, TypeAdapter, WrapValidator, model_validator
@@ -12,14 +14,10 @@ from flexlin.scene.base import NonNegative, Number, Positive, Table, Text, Unit
 from flexlin.scene.problems import read_table
 
 Material = Literal["aluminium", "steel", "stainless steel", "titanium", "brass"]
-MATERIALS: dict[str, dict[str, float]] = {
-    "aluminium": {"density": 2710.0, "youngs_modulus": 68.9e9, "poisson_ratio": 0.35},
-    "steel": {"density": 7850.0, "youngs_modulus": 200e9, "poisson_ratio": 0.32},
-    "stainless steel": {"density": 7860.0, "youngs_modulus": 193e9, "poisson_ratio": 0.27},
-    "titanium": {"density": 4430.0, "youngs_modulus": 120e9, "poisson_ratio": 0.36},
-    "brass": {"density": 8740.0, "youngs_modulus": 101e9, "poisson_ratio": 0.35},
-}
-"""6061-T6, A36, 304, Ti-6Al-4V and C83400 in Hibbeler, Mechanics of Materials, Average Mechanical Properties of Typical Materials."""
+MATERIALS: dict[str, dict[str, float]] = tomllib.loads(
+    Path(__file__).with_name("materials.toml").read_text(encoding="utf-8")
+)
+"""Figures of the materials by name, in SI units; the file says where they come from."""
 SHAPES = ({"width", "thickness"}, {"diameter"}, {"diameter", "wall"})
 FOLLOW = ("mass_per_length", "bending_stiffness", "torsional_stiffness", "polar_inertia")
 """The keys of a link that a section stands for."""
@@ -199,11 +197,10 @@ class RigidPart(Table):
     """Its inertia about its centre."""
 
 
-MAX_MODES = 60
 Direction = Literal["y", "z", "torsion"]
 DIRECTIONS: tuple[Direction, ...] = ("y", "z", "torsion")
 """How a link deflects: bent along its y, bent along its z, twisted about its x."""
-Count = Annotated[int, Field(strict=True, ge=0, le=MAX_MODES)]
+Count = Annotated[int, Field(strict=True, ge=0, le=60)]
 
 
 class Sections(Table):

@@ -1,34 +1,31 @@
 """From a TOML file or a built-in name to a checked scene."""
 
+import re
 import tomllib
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from flexlin.arguments import checked, instance
-from flexlin.bounds import LARGEST_SCENE, SHALLOW, hint_at, list_excesses, printable
+from flexlin.bounds import LARGEST_SCENE, SHALLOW, hint_at, list_excesses, parse_toml, printable
 from flexlin.checks import Array
 from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
 from flexlin.scene.base import Table
-from flexlin.scene.consistency import contradictions
+from flexlin.scene.consistency import contradictions, tables_in
 from flexlin.scene.library import builtin_scenes, place_motion_file, registered_model
 from flexlin.scene.links import expand_sections
 from flexlin.scene.motion import AnyMotion
-from flexlin.scene.parameters import PARAMETERS, apply_overrides, get_value, list_children, whole_path
-from flexlin.scene.problems import read_table, schema_problems
+from flexlin.scene.parameters import PARAMETERS, apply_overrides, get_value, path_in, replace_value
+from flexlin.scene.problems import checked_table, schema_problems
 from flexlin.scene.scene import Scene, uncertainty_problems
-from flexlin.scene.toml import explain_fault, parse_toml
 
-LONGEST_NAME = 4096
 ADDED = {"robot", "joints", "flexible"}
 """Tables of a scene that stand for links from a URDF file, and what is added to them."""
-
-AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
 @checked
@@ -143,11 +140,7 @@ def parse_scene(
 
 def all_slide(links: Any) -> bool | None:
     """Whether all joints of raw links slide; None where some do and others do not."""
-    kinds = (
-        {link.get("joint") == "prismatic" for link in links if isinstance(link, dict)}
-        if isinstance(links, list)
-        else set()
-    )
+    kinds = {link.get("joint") == "prismatic" for link in tables_in(links)}
     return None if len(kinds) > 1 else True in kinds
 
 
@@ -161,15 +154,13 @@ def read_motion(raw: Mapping[str, Any], sliding: bool | None = False) -> AnyMoti
     """Check a motion that is given as plain data; `sliding` as in `all_slide`. Raises: SceneError with all problems at once."""
     data = {"motion": dict(raw)}
     problems = [Problem(printable(path), *said) for path, *said in list_excesses(data)]
+    problems = problems or place_motion_file(data, [Path()])
     if not problems:
-        problems = place_motion_file(data, [Path()])
-    try:
-        checked = None if problems else OnlyMotion.model_validate(data, context={"sliding": sliding})
-    except ValidationError as error:
-        problems = schema_problems(OnlyMotion, error)
-    if problems or checked is None:
-        raise SceneError("motion", problems)
-    return checked.motion
+        try:
+            return OnlyMotion.model_validate(data, context={"sliding": sliding}).motion
+        except ValidationError as error:
+            problems = schema_problems(OnlyMotion, error)
+    raise SceneError("motion", problems)
 
 
 def scene_text(source: str | Path) -> str:
@@ -194,15 +185,6 @@ def describe_unread(error: UnicodeDecodeError | OSError) -> str:
     return printable(error.strerror or error)
 
 
-def checked_table(schema: type[AnyTable], raw: Mapping[str, Any], source: str, key: str) -> AnyTable:
-    """Check one raw table by its schema; raises SceneError with all problems, their keys below `key`."""
-    problems: list[Problem] = []
-    table: AnyTable = read_table(schema, dict(raw), key, problems)
-    if problems:
-        raise SceneError(source, problems)
-    return table
-
-
 def _explains(known: Problem, other: Problem) -> bool:
     """Whether a problem is already listed, or only follows from one that leaves the number of coordinates unknown."""
     if known.key == other.key or known.key.startswith(f"{other.key}."):
@@ -216,13 +198,11 @@ def _find(source: str | Path) -> Path:
     scenes, name = builtin_scenes(), str(source)
     if name in scenes:
         return scenes[name]
-    if len(name) > LONGEST_NAME:
-        raise SceneError(printable(name), [Problem("file", f"a name of {len(name)} characters", "the name of a scene")])
     path = Path(name)
     try:
         if path.is_file():
             return path
-    except OSError:  # part of the name is too long, or its folder may not be searched
+    except OSError:  # the name is too long, or its folder may not be searched
         pass
     expected = f"a TOML file, or one of {', '.join(sorted(scenes))}{hint_at(name, scenes)}"
     raise SceneError(printable(name), [Problem("file", "no such file or built-in scene", expected)])
@@ -237,6 +217,35 @@ def _read(path: Path) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         got, expected = explain_fault(text, error)
         raise SceneError(printable(path), [Problem("file", printable(got), expected)]) from None
+
+
+FAULTS = {
+    "Illegal character '\\n'": "a closing quote",
+    "Unterminated string": "a closing quote",
+    'Expected "\'"': "a closing quote",
+    "Invalid value": "a number, a text in quotes, true, false, [ ] or { } behind =",
+    "Expected newline": "the end of the line behind one value; texts stand in quotes",
+    "Expected '='": "key = value",
+    "Expected ']": "a closing bracket",
+    "Unclosed array": "a comma, or a closing bracket before it",
+    "Unclosed inline table": "a comma, or a closing brace on the same line",
+    "Cannot overwrite": "each key once",
+    "Cannot declare": "each table once",
+}
+"""What is missing where Python's reader of TOML says so."""
+
+
+def explain_fault(text: str, error: tomllib.TOMLDecodeError) -> tuple[str, str]:
+    """Of a text that is no TOML: the line at fault, and what was expected there."""
+    said, lines = str(error), text.splitlines() or [""]
+    place = re.search(r"\(at line (\d+), column \d+\)$", said)
+    if place is None and "end of document" not in said:
+        return said, "a readable TOML file"
+    number = min(int(place[1]), len(lines)) if place else len(lines)
+    expected = next(
+        (words for start, words in FAULTS.items() if said.startswith(start)), f"TOML: {said.partition(' (')[0]}"
+    )
+    return f"{lines[number - 1].strip()} in line {number}", expected
 
 
 def scene_from_urdf(path: str | Path, base: str | None = None, tip: str | None = None) -> Scene:
@@ -281,44 +290,22 @@ def scene_from_urdf(path: str | Path, base: str | None = None, tip: str | None =
 
 def raw_tables(scene: Scene) -> dict[str, Any]:
     """The scene as plain data, only what was written into it: `parse_scene` makes the same scene of it."""
-    return scene.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
+    return scene.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True, warnings=False)
 
 
-def revise_scene(scene: Scene, values: Mapping[str, float], raw: Mapping[str, Any] | None = None) -> Scene:
+def revise_scene(scene: Scene, values: Mapping[str, float]) -> Scene:
     """The scene with other numbers at dotted paths.
 
-    Parameters: raw: its `raw_tables`, where many revisions are made.
-    Raises: SceneError with the key of each number that is refused, a registered model's own too.
+    Raises: SceneError with the key of each number that is refused, a registered model's own too; ArgumentError for a path to nothing.
     """
-    raw = raw_tables(scene) if raw is None else raw
-    revised = parse_scene(raw, scene.title, write_out_lists(scene, values, raw))
+    changed = scene
+    for path, value in values.items():
+        get_value(scene, path)  # which names the whole path where nothing stands
+        changed = replace_value(changed, path_in(scene, path), value)
+    revised = parse_scene(raw_tables(changed), scene.title)
     if revised.model is not None:
         checked_table(registered_model(revised.model).schema, revised.parameters, scene.title, PARAMETERS)
     return revised
-
-
-def write_out_lists(scene: Scene, values: Mapping[str, float], raw: Any) -> dict[str, Any]:
-    """The values, those inside a list that was not written into the scene with the rest of the list, as the scene has it by default."""
-    placed = dict[str, Any]()
-    for path, value in values.items():
-        whole, _, last = path.rpartition(".")
-        if last.isdigit() and not is_written(raw, whole):
-            items = placed.setdefault(whole, list(get_value(scene, whole)))
-            items[int(last)] = value
-        else:
-            placed[path] = value
-    return placed
-
-
-def is_written(raw: Any, path: str) -> bool:
-    """Whether plain data has something at a dotted path; a model's table may be left out of the path."""
-    node = raw
-    for step in whole_path(path, raw, raw.get(PARAMETERS)).split("."):
-        inside = list_children(node)
-        if step not in inside:
-            return False
-        node = inside[step]
-    return True
 
 
 MOST_CHECKED = 10
@@ -332,14 +319,13 @@ def check_axes(scene: Scene, axes: Mapping[str, Array], grid: bool) -> None:
 
     Of many values those are checked that an interval, perhaps without zero, would refuse first. Raises: SceneError with the key.
     """
-    raw = raw_tables(scene)
     for path, values in axes.items():
         get_value(scene, path)
         distinct = np.unique(values)
         some = np.linspace(0, len(distinct) - 1, min(len(distinct), MOST_CHECKED)).round().astype(int)
         nearest = np.abs(np.where(distinct, distinct, np.inf)).argmin()
         for value in dict.fromkeys(distinct[[nearest, *some]].tolist()):
-            revise_scene(scene, {path: value}, raw)
+            revise_scene(scene, {path: value})
     if grid and 1 < len(axes) <= MOST_CORNERS:
         for corner in product(*[(float(axis.min()), float(axis.max())) for axis in axes.values()]):
-            revise_scene(scene, dict(zip(axes, corner, strict=True)), raw)
+            revise_scene(scene, dict(zip(axes, corner, strict=True)))

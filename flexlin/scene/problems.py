@@ -1,17 +1,20 @@
 """What the schema complains about, said as key, got, expected, and what was probably meant, in the words of the file's writer."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from math import isfinite
-from typing import Any, Literal, get_args, get_origin
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from flexlin.bounds import LONGEST_NUMBER, LONGEST_SHOWN, hint_at, printable
-from flexlin.errors import Problem
+from flexlin.bounds import LONGEST_NUMBER, LONGEST_SHOWN, MOST_ITEMS, hint_at, printable
+from flexlin.errors import Problem, SceneError
 from flexlin.scene.base import Table
 from flexlin.scene.effects import Effects, effects_table
 from flexlin.scene.units import NAMES, read_quantity
+
+AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 NUMBERS = re.compile(rf"\s*[\[(]?\s*({NUMBER}(?:[\s,;]+{NUMBER})*)\s*[,;]?\s*[\])]?\s*")
@@ -71,15 +74,13 @@ WORDS = {
     "model_attributes_type": "a table",
     "dict_type": "a table",
 }
-MOST = 200
-"""Mistakes of one scene that are described: each may ask for a search among all known keys."""
 
 
 def schema_problems(schema: type[BaseModel], error: ValidationError) -> list[Problem]:
     """All that pydantic found wrong, one problem a key; of a list that is no number either, only what is wrong in the list."""
     merged: dict[str, Problem] = {}
     entries = error.errors(include_url=False)
-    for entry in entries[:MOST]:
+    for entry in entries[:MOST_ITEMS]:  # each may ask for a search among all known keys
         if follows_from_another(entry):
             continue
         problem = _problem(schema, entry)
@@ -92,12 +93,11 @@ def schema_problems(schema: type[BaseModel], error: ValidationError) -> list[Pro
             merged[problem.key] = Problem(problem.key, known.got, f"{known.expected} or {also}")
     steps = [key.split(".") for key in merged]
     parents = {".".join(path[:depth]) for path in steps for depth in range(1, len(path))}
-    rest = (
-        [Problem("scene", f"{len(entries) - MOST} further mistakes", "those above corrected first")]
-        if len(entries) > MOST
-        else []
-    )
-    return [problem for key, problem in merged.items() if key not in parents] + rest
+    found = [problem for key, problem in merged.items() if key not in parents]
+    beyond = len(entries) - MOST_ITEMS
+    if beyond > 0:
+        found.append(Problem("scene", f"{beyond} further mistakes", "those above corrected first"))
+    return found
 
 
 def read_table(schema: type[BaseModel], raw: Any, key: str, problems: list[Problem]) -> Any:
@@ -112,31 +112,118 @@ def read_table(schema: type[BaseModel], raw: Any, key: str, problems: list[Probl
         return None
 
 
+def checked_table(schema: type[AnyTable], raw: Mapping[str, Any], source: str, key: str) -> AnyTable:
+    """Check one raw table by its schema; raises SceneError with all problems, their keys below `key`."""
+    problems: list[Problem] = []
+    table: AnyTable = read_table(schema, dict(raw), key, problems)
+    if problems:
+        raise SceneError(source, problems)
+    return table
+
+
 def follows_from_another(entry: Any) -> bool:
     """Whether a list counts as too short only because items in it are wrong."""
     return entry["type"] == "too_short" and len(entry["input"]) >= entry["ctx"]["min_length"]
 
 
+@dataclass(frozen=True)
+class Place:
+    """Where something is wrong: the keys that lead there in the file, and the tables in which the last of them may stand."""
+
+    keys: tuple[str | int, ...] = ()
+    tables: tuple[type[BaseModel], ...] = ()
+
+    @classmethod
+    def of(cls, schema: type[BaseModel], location: Sequence[str | int]) -> "Place":
+        """The place of a location of pydantic's, which names the branches of unions too."""
+        place = cls()
+        inside: tuple[type[BaseModel], ...] = (schema,)
+        for step in location:
+            if isinstance(step, int):
+                place = cls((*place.keys, step), place.tables)
+            elif any(step in _kinds_of(table) for table in inside):
+                inside = tuple(table for table in inside if step in _kinds_of(table))
+            elif "[" not in step and step not in ("float", "constrained-float"):
+                place = cls((*place.keys, step), inside)
+                inside = place.models or inside  # the names of a table of tables are no keys of these
+        return place
+
+    @property
+    def name(self) -> str:
+        """The last key, but for the numbers of what stands in its list."""
+        return next((key for key in reversed(self.keys) if isinstance(key, str)), "")
+
+    @property
+    def annotations(self) -> list[Any]:
+        """What the last key may hold."""
+        fields = [item for table in self.tables for item in table.model_fields.items()]
+        return [field.annotation for name, field in fields if self.name in (name, field.alias)]
+
+    @property
+    def models(self) -> tuple[type[BaseModel], ...]:
+        """The tables that it may hold."""
+        return tuple(model for annotation in self.annotations for model in _models(annotation))
+
+    @property
+    def kinds(self) -> list[str]:
+        """Their kinds, in quotes."""
+        return [f'"{kind}"' for model in self.models for kind in _kinds_of(model)]
+
+    @property
+    def unit(self) -> str | None:
+        """The unit that the last key states."""
+        units = (table.units().get(self.name) for table in self.tables if issubclass(table, Table))
+        return next(filter(None, units), None)
+
+    def known_keys(self) -> str:
+        """The keys that its table may hold, the likeliest first."""
+        fields = [item for table in self.tables for item in table.model_fields.items()]
+        keys = sorted({field.alias or name for name, field in fields})
+        return f"one of {', '.join(keys)}{hint_at(self.name, keys)}" if keys else "an empty table"
+
+    def needed(self, key: str) -> str:
+        """What the last key must hold where it is not there."""
+        if not self.models:
+            choices = [
+                str(one) for literal in self.annotations if get_origin(literal) is Literal for one in get_args(literal)
+            ]
+            return " or ".join(choices) or (f"a value in {self.unit}" if self.unit else "a value")
+        if any(get_origin(annotation) is tuple for annotation in self.annotations):
+            return f"a list of tables, [[{key}]] or {self.name} = [{{ ... }}]"
+        return f"a table [{key}]" + (f" with kind = {' or '.join(self.kinds)}" if self.kinds else "")
+
+
+def _kinds_of(table: type[BaseModel]) -> tuple[Any, ...]:
+    """The values of the key `kind` of a table that is a branch of a union by it."""
+    return get_args(table.model_fields["kind"].annotation) if "kind" in table.model_fields else ()
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The tables that an annotation allows, inside lists and unions too."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield effects_table() if annotation is Effects else annotation
+    for part in get_args(annotation):
+        yield from _models(part)
+
+
 def _problem(schema: type[BaseModel], entry: Any) -> Problem:
-    kind, context = entry["type"], entry.get("ctx", {})
-    key = printable(".".join(str(step) for step in entry["loc"] if not _is_branch(step))) or "scene"
+    kind, context, place = entry["type"], entry.get("ctx", {}), Place.of(schema, entry["loc"])
+    key = printable(".".join(map(str, place.keys))) or "scene"
     if kind == "extra_forbidden":
-        return Problem(key, "an unknown key", _known_keys(schema, entry["loc"]))
+        return Problem(key, "an unknown key", place.known_keys())
     if kind == "missing":
-        return Problem(key, "nothing", f"{_needed(schema, entry['loc'], key)}: this key is required")
+        return Problem(key, "nothing", f"{place.needed(key)}: this key is required")
     if kind == "union_tag_not_found":
-        return Problem(
-            f"{key}.kind", "nothing", f"one of {', '.join(_kinds(schema, entry['loc']))}: this key is required"
-        )
+        return Problem(f"{key}.kind", "nothing", f"one of {', '.join(place.kinds)}: this key is required")
+    got, expected, hint = repr(entry["input"]), _expected(kind, context, entry["msg"]), ""
     if kind == "union_tag_invalid":
-        expected = context["expected_tags"]
+        key, got, expected = f"{key}.kind", repr(context["tag"]), f"one of {context['expected_tags']}"
         hint = hint_at(str(context["tag"])[:LONGEST_SHOWN], re.findall(r"'([^']*)'", expected))
-        return Problem(f"{key}.kind", repr(context["tag"])[:LONGEST_SHOWN], f"one of {expected}{hint}")
-    got = repr(entry["input"])[:LONGEST_SHOWN]
-    hint = suggest(kind, entry["input"], _unit_of(schema, entry["loc"]))
-    if kind == "literal_error":
+    elif kind == "literal_error":
         hint = hint_at(str(entry["input"])[:LONGEST_SHOWN], re.findall(r"'([^']*)'", context["expected"]))
-    return Problem(key, got, _expected(kind, context, entry["msg"]) + hint)
+    else:
+        hint = suggest(kind, entry["input"], place.unit)
+    return Problem(key, got[:LONGEST_SHOWN], expected + hint)
 
 
 def _expected(kind: str, context: Any, message: str) -> str:
@@ -149,77 +236,3 @@ def _expected(kind: str, context: Any, message: str) -> str:
     if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
         return f"a number {message.rpartition(' ')[0]} {next(iter(context.values())):.12g}"
     return WORDS.get(kind, message)
-
-
-def _unit_of(schema: type[BaseModel], location: Sequence[Any]) -> str | None:
-    """The unit that a key states; of a number in a list, that of the list."""
-    path = [step for step in location if isinstance(step, str) and not _is_branch(step)]
-    for table in _tables(schema, path) if path else ():
-        unit = table.units().get(path[-1]) if issubclass(table, Table) else None
-        if unit:
-            return unit
-    return None
-
-
-def _needed(schema: type[BaseModel], location: Sequence[Any], key: str) -> str:
-    """What a key that is not there must hold."""
-    annotations = [_annotation(table, str(location[-1])) for table in _tables(schema, location)]
-    unit, kinds = _unit_of(schema, location), _kinds(schema, location)
-    if not any(model for annotation in annotations for model in _models(annotation)):
-        choices = [
-            str(one) for annotation in annotations if get_origin(annotation) is Literal for one in get_args(annotation)
-        ]
-        return " or ".join(choices) or (f"a value in {unit}" if unit else "a value")
-    if any(get_origin(annotation) is tuple for annotation in annotations):
-        return f"a list of tables, [[{key}]] or {key.rpartition('.')[2]} = [{{ ... }}]"
-    return f"a table [{key}]" + (f" with kind = {' or '.join(kinds)}" if kinds else "")
-
-
-def _kinds(schema: type[BaseModel], location: Sequence[Any]) -> list[str]:
-    """The kinds of the tables that the last key of a location may hold, in quotes."""
-    annotations = [_annotation(table, str(location[-1])) for table in _tables(schema, location)]
-    models = [model for annotation in annotations for model in _models(annotation) if "kind" in model.model_fields]
-    return [f'"{kind}"' for model in models for kind in get_args(model.model_fields["kind"].annotation)]
-
-
-def _known_keys(schema: type[BaseModel], location: Sequence[Any]) -> str:
-    """The keys that a table may hold, the likeliest first."""
-    tables = _tables(schema, location)
-    keys = sorted({field.alias or name for table in tables for name, field in table.model_fields.items()})
-    return f"one of {', '.join(keys)}{hint_at(str(location[-1]), keys)}" if keys else "an empty table"
-
-
-def _tables(schema: type[BaseModel], location: Sequence[Any]) -> list[type[BaseModel]]:
-    """The tables in which the last key of a location may stand."""
-    tables: list[type[BaseModel]] = [schema]
-    for step in location[:-1]:
-        if isinstance(step, str) and not _is_tag(step, tables):
-            tables = [model for table in tables for model in _models(_annotation(table, step))]
-        elif isinstance(step, str):
-            tables = [table for table in tables if step in get_args(table.model_fields["kind"].annotation)]
-    return tables
-
-
-def _annotation(table: type[BaseModel], key: str) -> Any:
-    found = (field.annotation for name, field in table.model_fields.items() if key in (name, field.alias))
-    return next(found, None)
-
-
-def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """The tables that an annotation allows, inside lists and unions too."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield effects_table() if annotation is Effects else annotation
-    for part in get_args(annotation):
-        yield from _models(part)
-
-
-def _is_tag(step: str, tables: Sequence[type[BaseModel]]) -> bool:
-    """Whether a step names a branch of a union by its `kind`."""
-    return any("kind" in t.model_fields and step in get_args(t.model_fields["kind"].annotation) for t in tables)
-
-
-def _is_branch(step: object) -> bool:
-    """Whether a step of pydantic's location names a branch of a union, not a key of the file."""
-    motions = ("harmonic", "rotation", "fourier", "point-to-point", "table", "log", "tip-path", "circle", "polyline")
-    others = ("pd", "pid", "low-pass", "notch", "float", "constrained-float")
-    return isinstance(step, str) and (step in (*motions, *others) or "[" in step)

@@ -16,15 +16,13 @@ from flexlin.scene.links import FOLLOW, AnyModes, CrossSection, Link, Loop
 from flexlin.scene.motion import AnyMotion
 from flexlin.scene.parameters import get_value
 
-FINEST, COARSEST = 1e-15, 0.1
-"""Rounding allows no smaller error; a larger one is no answer."""
 COMPARED = 1e-6
 """The error of a report's nonlinear check where no tol is given: a thousandth of the smallest difference that such a check speaks of."""
 CLOSING, MOST_CLOSING, LEAST = 0.2, 30.0, 1.5
 """Share of the time that is kept for drawing and writing what was found, and its limits in s."""
-Sensor = Literal["coordinate", "rate", "encoder", "strain", "tip", "tip-acceleration"]
 MOST = 12
 """Uncertain numbers of one scene: the search tries combinations of them."""
+Sensor = Literal["coordinate", "rate", "encoder", "strain", "tip", "tip-acceleration"]
 
 
 class Accuracy(Table):
@@ -35,7 +33,7 @@ class Accuracy(Table):
     it is given; memory: bytes that a run may hold beside its libraries, which take some 200 MB, and so what a stage may ask for at once.
     """
 
-    tol: Annotated[float, Field(strict=True, ge=FINEST, le=COARSEST)] = 1e-9
+    tol: Annotated[float, Field(strict=True, ge=1e-15, le=0.1)] = 1e-9
     """Wanted error of each stage's answer; left out, the nonlinear check of a report is asked for 1e-6."""
     seconds: Annotated[float, Field(strict=True, gt=0, le=1e7), Unit("s")] = SECONDS
     """Time of the processor that a run may take; given, it limits the clock too, else other programs may make it wait."""
@@ -183,16 +181,13 @@ class Uncertain(Table):
 def uncertainty_problems(scene: Any) -> list[Problem]:
     """Say which keys of [uncertainty] lead to no real number, and which ends are the wrong way round."""
     problems = []
-    if len(scene.uncertainty) > MOST:
-        problems.append(Problem("uncertainty", f"{len(scene.uncertainty)} numbers", f"{MOST} at most"))
     for path, ends in scene.uncertainty.items():
         key = f'uncertainty."{printable(path)}"'
         try:
             own = get_value(scene, path)
         except ArgumentError as error:
-            problems.append(
-                Problem(key, f"nothing at {printable(str(error.got))}", error.expected or "a key of the scene")
-            )
+            got, expected = f"nothing at {printable(str(error.got))}", error.expected or "a key of the scene"
+            problems.append(Problem(key, got, expected))
             continue
         if not isinstance(own, float):
             problems.append(Problem(key, "no real number there", "the path of one, such as effects.payload.mass"))
@@ -274,7 +269,7 @@ class Scene(Shown, Table):
     """Controllers to design and compare, one [[designs]] each."""
     drives: Drives | None = None
     """Limits of the drives: torque, speed, power, current."""
-    uncertainty: dict[str, Uncertain] = Field(default_factory=dict)
+    uncertainty: dict[str, Uncertain] = Field(default_factory=dict, max_length=MOST)
     """How well numbers of the scene are known, each by its dotted path: "effects.payload.mass" = { low = 0.0, high = 0.3 }."""
     log: LogTable | None = None
     """Which columns of a measured log are which inputs and sensors."""
@@ -294,19 +289,11 @@ class Scene(Shown, Table):
     def _facts(self) -> tuple[str, ...]:
         """Links, effects, motion and control in words."""
         modes = [link.modes for link in self.links]
-        arm = (
-            f"model {self.model}"
-            if self.model
-            else f"{counted(len(self.links), 'link')}, modes {', '.join(map(str, modes))}"
-        )
-        on = [
-            name.replace("_", " ")
-            for name in type(self.effects).model_fields
-            if getattr(self.effects, name) is not None
-        ]
+        chain = f"{counted(len(self.links), 'link')}, modes {', '.join(map(str, modes))}"
+        on = [name.replace("_", " ") for name in self.effects.on()]
         feedback = self.control.feedback
         facts = (
-            arm,
+            f"model {self.model}" if self.model else chain,
             f"effects: {', '.join(on) or 'none'}",
             f"motion: {self.motion.kind.replace('_', ' ')}",
             f"control: {self.control.feedforward} feedforward, {'no' if feedback is None else feedback.kind} feedback",

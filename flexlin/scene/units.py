@@ -1,6 +1,5 @@
 """Quantities with units: "2 mm" or 0.002, "3 N m", "5 deg/s", each held to the dimension that its key asks for."""
 
-import math
 import re
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any
@@ -18,8 +17,8 @@ _WITH_PREFIXES = """
     m 1 m; g 0.001 kg; s 1 s; A 1 A; rad 1 rad; N 1 kg m/s^2; Nm 1 N m; J 1 N m; W 1 J/s; V 1 W/A; Hz 1 1/s; Pa 1 N/m^2
 """
 _PREFIXES = "k 1e3; m 1e-3; u 1e-6; µ 1e-6; μ 1e-6; n 1e-9"
-_ALONE = f"""
-    cm 1e-2 m; MPa 1e6 Pa; GPa 1e9 Pa; deg {math.radians(1)} rad; ° 1 deg; rev {math.tau} rad; min 60 s; rpm 1 rev/min
+_ALONE = """
+    cm 1e-2 m; MPa 1e6 Pa; GPa 1e9 Pa; rev 6.283185307179586 rad; deg 0.017453292519943295 rad; ° 1 deg; min 60 s; rpm 1 rev/min
 """
 UNITS: dict[str, tuple[float, Dimension]] = {}
 """Every unit that may be written, with its size in SI units."""

@@ -25,6 +25,7 @@ from flexlin.control import (
 )
 from flexlin.control.export.files import Labels, matlab_script
 from flexlin.errors import ArgumentError
+from tests.closed_arm import both, opened
 from tests.thinned import thin
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
@@ -53,10 +54,7 @@ def call(function, *arguments, size):
 
 @pytest.fixture(scope="module")
 def arm():
-    scene = fl.load_scene("single-link", SMALL)
-    manipulator = fl.build_manipulator(scene)
-    plant = fl.linearize(manipulator, scene.motion)
-    return scene, plant, fl.linearize(manipulator, scene.motion, scene.control)
+    return both("single-link", SMALL)
 
 
 @needs_compiler
@@ -83,8 +81,7 @@ def test_a_gain_with_corners_is_met_on_either_side(kind, least, tmp_path):
     """There and back: the coefficients have corners at every way point. The header states how far C and Python are apart."""
     weights = {"joints": "1 deg", "rates": "20 deg/s", "deflection": 1e-2, "deflection_rates": 0.5, "input": 10.0}
     table = {"name": "made */ \\ \u201c", "kind": kind, "phases": 8, "weights": weights}
-    scene = fl.load_scene("pick-and-place", {"links.0.modes": 1, "designs": [table]})
-    plant = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    scene, plant = opened("pick-and-place", {"links.0.modes": 1, "designs": [table]})
     made = design(plant, scene.designs[0], tol=1e-7)
     files = gain_source(made, plant.period, tmp_path, lin=plant)
     c, stated = library(files), float(re.search(r"flexlin's: (\S+) of", files[1].read_text(encoding="utf-8"))[1])
@@ -101,9 +98,7 @@ def test_a_gain_with_corners_is_met_on_either_side(kind, least, tmp_path):
 def test_steps_of_friction_are_met_inside(tmp_path):
     """Friction steps within T/5,000: gain and fed torques in C are those of Python inside the steps, to what the header states."""
     friction = {"effects.coulomb_friction": {"torque": 0.02, "rate": 1e-2}, "control.feedforward": "rigid"}
-    scene = fl.load_scene("single-link", {**SMALL, **friction})
-    arm = fl.build_manipulator(scene)
-    plant, lin = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
+    scene, plant, lin = both("single-link", {**SMALL, **friction})
     made = design(plant, scene.designs[1], tol=1e-10)
     assert made.error < 1e-5
     files = gain_source(made, plant.period, tmp_path, lin=lin)
@@ -210,9 +205,7 @@ FILTERS = [
 
 
 def arm_with(**changed):
-    scene = fl.load_scene("single-link", {**SMALL, "designs": [], "control.feedback": PID, **changed})
-    arm = fl.build_manipulator(scene)
-    return fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
+    return both("single-link", {**SMALL, "designs": [], "control.feedback": PID, **changed})[1:]
 
 
 @needs_compiler

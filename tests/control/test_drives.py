@@ -8,19 +8,15 @@ from flexlin.answers import analyse
 from flexlin.control import drive_load
 from flexlin.errors import ArgumentError
 from flexlin.report import advise, record, to_json
+from tests.closed_arm import both, closed
 
 SMALL = {"links.0.modes": 1}
-
-
-def loop_of(name, **overrides):
-    scene = fl.load_scene(name, overrides)
-    return scene, fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
 
 
 @pytest.mark.slow
 def test_the_work_of_the_drives_is_what_the_simulation_says():
     """Torque as simulated; the power integrated over a period is the work done on the arm, by its energy and damping."""
-    _scene, lin = loop_of("de-luca-siciliano-1991")
+    lin = closed("de-luca-siciliano-1991")
     run = fl.simulate(lin, 1, tol=1e-8, points_per_period=1024)
     load = drive_load(lin, run.t, run.nonlinear, lin.law)
     np.testing.assert_allclose(load.torque, run.torque, atol=1e-12)
@@ -40,7 +36,7 @@ def test_a_motors_current_is_that_of_its_winding():
     """u = R i + k N q', torque = N k i; the same torque by a constant of the drives' table."""
     motor = {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": 30.0}
     gains = {"control.feedback.kp": [12.0], "control.feedback.kd": [1.0]}
-    _, lin = loop_of("single-link", **SMALL, **{"effects.motor": motor, **gains})
+    lin = closed("single-link", {**SMALL, "effects.motor": motor, **gains})
     t = np.linspace(0, lin.period, 64, endpoint=False)
     x = 0.1 * np.random.default_rng(3).normal(size=(64, 4))
     load = drive_load(lin, t, x, lin.law)
@@ -49,7 +45,7 @@ def test_a_motors_current_is_that_of_its_winding():
     np.testing.assert_allclose(u, 2.0 * load.current[:, 0] + 0.05 * 30 * speed, rtol=1e-12)
     np.testing.assert_allclose(load.torque, 1.5 * load.current, rtol=1e-12)
     assert lin.input_units == ("V",)
-    scene, plain = loop_of("single-link", **SMALL, drives={"torque_constant": "1.5 N m/A"})
+    scene, _, plain = both("single-link", {**SMALL, "drives": {"torque_constant": "1.5 N m/A"}})
     other = drive_load(plain, t, x, plain.law, scene.drives)
     np.testing.assert_allclose(other.torque, 1.5 * other.current, rtol=1e-12)
 

@@ -1,4 +1,4 @@
-"""The Kalman filter against python-control and the Lyapunov equation; separation of the output-feedback loop."""
+"""The Kalman filter against python-control and its Riccati equation."""
 
 import control
 import numpy as np
@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.control import kalman_filter, output_feedback, periodic_lqr
+from flexlin.control import kalman_filter
 from flexlin.errors import ArgumentError, NotDetectable
 from tests.control.test_designs import pendulums
 
@@ -34,15 +34,6 @@ def test_covariance_obeys_its_equation_forward_in_time():
     stops = np.array([0.8, 2.0, np.pi, 3.9])
     run = solve_ivp(rate, (0, 4), found.P(np.zeros(1)).ravel(), "DOP853", stops, rtol=1e-11, atol=1e-13)
     assert np.abs(run.y.T.reshape(-1, 4, 4) - found.P(stops)).max() < 1e-7 * np.abs(found.P(stops)).max()
-
-
-def test_output_feedback_separates():
-    system = pendulums()
-    made, found = periodic_lqr(system, np.eye(4), np.eye(1)), kalman_filter(system, C, W, V)
-    loop = fl.floquet(output_feedback(made, found))
-    parts = [fl.floquet(part.closed_loop).exponents.real for part in (made, found)]
-    assert loop.verdict == "stable"
-    assert np.abs(np.sort(loop.exponents.real) - np.sort(np.concatenate(parts))).max() < 1e-7
 
 
 def test_unmeasured_mode_is_named():

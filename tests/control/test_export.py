@@ -10,14 +10,7 @@ import scipy.io
 import xarray
 
 import flexlin as fl
-from flexlin.control import (
-    gain_schedule,
-    gain_source,
-    linearization_source,
-    periodic_lqr,
-    periodic_plant,
-    save,
-)
+from flexlin.control import gain_schedule, gain_source, linearization_source, periodic_lqr, periodic_plant, save
 from flexlin.control.export.files import matlab_script
 from flexlin.errors import ArgumentError
 from tests.closed_arm import opened

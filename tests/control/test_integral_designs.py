@@ -13,15 +13,14 @@ from flexlin.control.export.files import Labels
 from flexlin.errors import SceneError
 from flexlin.report.exports import export_all
 from flexlin.scene.control import EstimatorTable
+from tests.closed_arm import both
 
 WEIGHTS = {"joints": "0.5 deg", "rates": "5 deg/s", "deflection": "8 mm", "input": "0.25 N m", "integrals": "0.2 deg s"}
 TABLE = {"name": "LQI", "kind": "periodic-lqr", "weights": WEIGHTS}
 
 
-def arm_of(name="single-link", **changes):
-    scene = fl.load_scene(name, {"designs": [TABLE], "links.0.modes": 1, **changes})
-    arm = fl.build_manipulator(scene)
-    return scene, fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
+def arm_of(**changes):
+    return both("single-link", {"designs": [TABLE], "links.0.modes": 1, **changes})
 
 
 @pytest.fixture(scope="module")

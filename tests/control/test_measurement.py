@@ -6,13 +6,7 @@ from scipy.linalg import eigvals
 
 import flexlin as fl
 from flexlin.answers.analysis import analyse
-from flexlin.control import (
-    bending,
-    joint_angles,
-    joint_rates,
-    tip_acceleration,
-    tip_position,
-)
+from flexlin.control import bending, tip_acceleration, tip_position
 from flexlin.control.sensors import tip_zeros
 from flexlin.errors import ArgumentError
 from flexlin.report.advice import comment_on_zeros
@@ -28,12 +22,6 @@ def scene():
 @pytest.fixture(scope="module")
 def lin(scene):
     return fl.linearize(fl.build_manipulator(scene), scene.motion)
-
-
-def test_encoders_and_tachometers_read_the_joint(lin):
-    x, t = np.arange(6.0), np.zeros(1)
-    assert joint_angles(lin)(t)[0] @ x == pytest.approx([0.0])
-    assert joint_rates(lin)(t)[0] @ x == pytest.approx([3.0])
 
 
 def test_strain_gauge_at_the_root_of_a_cantilever(scene, lin):

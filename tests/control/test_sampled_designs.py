@@ -1,4 +1,4 @@
-"""A scene's design with a sample time: gains, verdict, simulation with rounded readings, and what other programs get."""
+"""A scene's design with a sample time: gains, verdict, and what other programs get."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,6 @@ from flexlin.answers.analysis import analyse
 from flexlin.control import design, gain_source, save
 from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.report import record
-from flexlin.simulation import Drive, simulate
 from tests.control.test_c_controllers import call, library, needs_compiler
 
 TABLE = {
@@ -52,17 +51,6 @@ def test_a_report_judges_the_held_torque(scene, made):
     assert (block["kind"], block["verdict"]) == ("sampled-lqr", "stable")
     np.testing.assert_allclose(block["exponents"][0].real, made.floquet(1e-8).exponents[0].real, atol=1e-7)
     assert [loop.name for loop in a.loops].count("digital") == 1
-
-
-@pytest.mark.slow
-def test_the_nonlinear_arm_under_rounded_readings_stays_near(scene, plant, made):
-    """A disturbance decays as the multipliers say, down to what the steps leave: some of them, amplified by the loop."""
-    steps, start = {"encoders": (1e-4,), "steps": (1e-4,)}, np.array([0.05, 0.0, 0.0, 0.0])
-    drive, law = Drive(sample_time=0.05, **steps), plant.law.with_gain(made.K)
-    runs = [simulate(plant, 1.0, at, tol=1e-5, drive=drive, law=law) for at in (np.zeros(4), start)]
-    apart = np.abs(runs[1].nonlinear - runs[0].nonlinear)[-1].max()
-    decayed = np.exp(2.0 * made.floquet().exponents[0].real)
-    assert apart < 10 * (decayed * start.max() + 1e-4)
 
 
 @needs_compiler

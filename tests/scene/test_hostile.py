@@ -43,35 +43,23 @@ def problem_of(raw: str, folder: Path, key: str) -> str:
     return found[0]
 
 
-TINY = {
-    "three-link": ["links.1.length", "links.1.mass_per_length", "links.1.bending_stiffness"],
-    "single-link": ["motion.frequency", "effects.payload.mass"],
-    "flexible-joint-link": ["effects.joint_flexibility.stiffness"],
-}
-
-
 @pytest.mark.parametrize("size", [1e-300, 5e-324, SMALLEST / 2])
-@pytest.mark.parametrize(("name", "path"), [(name, path) for name, paths in TINY.items() for path in paths])
-def test_numbers_too_small_to_divide_by_are_refused(name, path, size):
-    with pytest.raises(SceneError) as caught:
-        fl.load_scene(name, {path: size})
-    assert [problem.key for problem in caught.value.problems] == [path]
-    assert "1e-30" in str(caught.value)
-
-
-@pytest.mark.parametrize("size", [1e-300, 5e-324])
-def test_the_same_for_the_figures_of_effects(size):
-    tables = {
-        "coulomb_friction": ({"torque": 1.0, "rate": size}, "rate"),
-        "motor": ({"torque_constant": 1.0, "resistance": size}, "resistance"),
-        "shear": ({"stiffness": size}, "stiffness"),
-        "joint_flexibility": ({"stiffness": 1.0, "motor_inertia": [size]}, "motor_inertia.0"),
-        "modal_damping": ({"ratio": [0.1, size]}, "ratio.1"),
-    }
-    for name, (table, key) in tables.items():
-        with pytest.raises(SceneError) as caught:
-            fl.load_scene("single-link", {f"effects.{name}": table, "designs": []})
-        assert [problem.key for problem in caught.value.problems] == [f"effects.{name}.{key}"]
+def test_numbers_too_small_to_divide_by_are_refused(size):
+    beam = ["links.1.length", "links.1.mass_per_length", "links.1.bending_stiffness"]
+    cases = [("three-link", {path: size}, path) for path in beam]
+    cases += [("single-link", {path: size}, path) for path in ("motion.frequency", "effects.payload.mass")]
+    for name, table, key in (
+        ("coulomb_friction", {"torque": 1.0, "rate": size}, "rate"),
+        ("motor", {"torque_constant": 1.0, "resistance": size}, "resistance"),
+        ("shear", {"stiffness": size}, "stiffness"),
+        ("joint_flexibility", {"stiffness": 1.0, "motor_inertia": [size]}, "motor_inertia.0"),
+        ("modal_damping", {"ratio": [0.1, size]}, "ratio.1"),
+    ):
+        cases.append(("single-link", {f"effects.{name}": table, "designs": []}, f"effects.{name}.{key}"))
+    for name, change, key in cases:
+        with pytest.raises(SceneError, match="1e-30") as caught:
+            fl.load_scene(name, change)
+        assert [problem.key for problem in caught.value.problems] == [key]
 
 
 @pytest.mark.slow
@@ -174,18 +162,11 @@ def test_letters_of_every_script_are_welcome():
 
 
 @pytest.mark.parametrize(
-    ("over", "key"),
-    [
-        ("motion.frequency=-1:3", "motion.frequency"),
-        ("links.0.length=-1:3:5", "links.0.length"),
-        ("effects.payload.mass=-1:3:5", "effects.payload.mass"),
-        ("links.0.mass_per_length=5e-324:1:4", "links.0.mass_per_length"),
-    ],
+    "over", ["motion.frequency=-1:3", "effects.payload.mass=-1:3:5", "links.0.mass_per_length=5e-324:1:4"]
 )
-def test_a_chart_over_what_no_arm_has_is_refused_by_its_key(over, key, tmp_path, capsys):
+def test_a_chart_over_what_no_arm_has_is_refused_by_its_key(over, tmp_path, capsys):
     assert main(["chart", "single-link", "--over", over, "--out", str(tmp_path / "out")]) == BAD_INPUT
-    message = capsys.readouterr().err
-    assert f"{key}: got " in message
+    assert f"{over.partition('=')[0]}: got " in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
@@ -196,12 +177,14 @@ def test_a_number_without_end_in_a_file_is_a_mistake_of_the_file(number, tmp_pat
         fl.load_scene(tmp_path / "scene.toml")
 
 
-@pytest.mark.parametrize("number", [10**400, -(10**5000), 2**63], ids=["large", "endless", "65 bits"])
-def test_so_it_is_in_python(number):
-    with pytest.raises(SceneError, match=r"links\.0\.length: got a whole number beyond 64 bits"):
-        fl.load_scene("single-link", {"links.0.length": number})
-    with pytest.raises(SceneError, match=r"control\.feedback\.kp\.0"):
-        fl.load_scene("single-link", {"control.feedback.kp": [number]})
+def test_so_it_is_in_python():
+    for number in (10**400, -(10**5000), 2**63):
+        for key, value, place in (
+            ("links.0.length", number, "links.0.length"),
+            ("control.feedback.kp", [number], "control.feedback.kp.0"),
+        ):
+            with pytest.raises(SceneError, match=f"{re.escape(place)}: got a whole number beyond 64 bits"):
+                fl.load_scene("single-link", {key: value})
 
 
 def test_digits_in_texts_and_keys_are_no_numbers(tmp_path):
@@ -233,9 +216,8 @@ def test_pipes_and_devices_are_not_opened(tmp_path):
     (tmp_path / "folder").mkdir()
     for name in ("pipe", "folder"):
         (tmp_path / "scene.toml").write_text(with_table(f"'{name}'"), encoding="utf-8")
-        scene = fl.load_scene(tmp_path / "scene.toml")
         with pytest.raises(MotionError, match=r"motion\.file.*regular file"):
-            fl.linearize(fl.build_manipulator(scene), scene.motion)
+            linearized(tmp_path / "scene.toml")
     for source in ("pipe", "."):
         with pytest.raises(SceneError, match="no such file"):
             fl.load_scene(tmp_path / source)
@@ -277,19 +259,13 @@ def test_a_scene_from_python_opens_no_file_outside_the_folder_that_one_works_in(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own.csv").write_text(ROWS, encoding="utf-8")
     raw = {"schema": 1, "title": "", "links": [{"length": 1.0, "mass_per_length": 1.0}]}
-    for name, fits in (
-        ("own.csv", True),
-        (str(tmp_path / "own.csv"), True),
-        ("../own.csv", False),
-        ("/etc/passwd", False),
-    ):
+    for name in ("own.csv", str(tmp_path / "own.csv")):
         scene = {**raw, "motion": {"kind": "table", "file": name}}
-        if fits:
-            assert fl.parse_scene(scene).motion.file == str(tmp_path / "own.csv")
-            assert scene["motion"]["file"] == name, "what was given stays as it was"
-        else:
-            with pytest.raises(SceneError, match=r"motion\.file"):
-                fl.parse_scene(scene)
+        assert fl.parse_scene(scene).motion.file == str(tmp_path / "own.csv")
+        assert scene["motion"]["file"] == name, "what was given stays as it was"
+    for name in ("../own.csv", "/etc/passwd"):
+        with pytest.raises(SceneError, match=r"motion\.file"):
+            fl.parse_scene({**raw, "motion": {"kind": "table", "file": name}})
 
 
 def test_files_without_end_are_not_read(tmp_path, monkeypatch):
@@ -306,9 +282,8 @@ def test_files_of_absurd_size_are_not_read(tmp_path):
     with (tmp_path / "big.csv").open("wb") as file:
         file.truncate(2**26 + 1)
     (tmp_path / "scene.toml").write_text(with_table("'big.csv'"), encoding="utf-8")
-    scene = fl.load_scene(tmp_path / "scene.toml")
     with pytest.raises(MotionError, match="67,108,865 bytes"):
-        fl.linearize(fl.build_manipulator(scene), scene.motion)
+        linearized(tmp_path / "scene.toml")
     with (tmp_path / "big.toml").open("wb") as file:
         file.truncate(2**20 + 1)
     with pytest.raises(SceneError, match="1,048,577 bytes"):
@@ -320,9 +295,7 @@ def test_a_byte_order_mark_is_no_mistake(tmp_path):
     (tmp_path / "plain.csv").write_text(ROWS, encoding="utf-8-sig")
     for name in ("motion.csv", "plain.csv"):
         (tmp_path / "scene.toml").write_text(with_table(f"'{name}'"), encoding="utf-8-sig")
-        scene = fl.load_scene(tmp_path / "scene.toml")
-        lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
-        assert lin.period == pytest.approx(1.0)
+        assert linearized(tmp_path / "scene.toml").period == pytest.approx(1.0)
 
 
 def test_a_name_that_no_scene_has(tmp_path, capsys):
@@ -331,8 +304,6 @@ def test_a_name_that_no_scene_has(tmp_path, capsys):
         told = capsys.readouterr().err
         assert "name" in told or "no such file" in told
         assert len(told) < 1000
-    with pytest.raises(SceneError, match="a name of 5000 characters"):
-        fl.load_scene("x" * 5000)
 
 
 @pytest.mark.slow
@@ -352,13 +323,9 @@ def test_a_file_name_that_is_not_utf_8(tmp_path):
 @pytest.mark.slow
 def test_a_folder_whose_name_is_not_utf_8_takes_results(tmp_path):
     out = os.fsdecode(os.fsencode(tmp_path) + b"/\xff")
-    run = subprocess.run(
-        [sys.executable, "-m", "flexlin", "export", "khang-2019", "--points", "8", "--out", out],
-        capture_output=True,
-        check=False,
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
-    )
+    command = [sys.executable, "-m", "flexlin", "export", "khang-2019", "--points", "8", "--out", out]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    run = subprocess.run(command, capture_output=True, check=False, cwd=tmp_path, env=environment)
     assert b"fault of flexlin" not in run.stderr, run.stderr
     assert run.returncode == 0, run.stderr
     assert [path.name for path in tmp_path.iterdir()] == [os.path.basename(out)]

@@ -88,10 +88,8 @@ def test_keys_of_a_model_s_table_may_go_without_their_prefix():
     short = fl.load_scene("khang-2019", {"links.0.modes": 3, "payload_mass": 0.2})
     assert short == whole
     assert get_value(short, "links.0.length") == get_value(short, "parameters.links.0.length") == 1.0
-    assert (label_number(short, "links.0.length"), label_number(short, "payload_mass")) == (
-        "length of link 1 in m",
-        "payload mass in kg",
-    )
+    assert label_number(short, "links.0.length") == "length of link 1 in m"
+    assert label_number(short, "payload_mass") == "payload mass in kg"
     assert fl.build_manipulator(short, ["links.0.length"]).parameters.paths == ("parameters.links.0.length",)
     with pytest.raises(SceneError, match="a key of the model's own table: hub_inertia, payload_mass"):
         fl.load_scene("khang-2019", {"effects.payload.mass": 0.2})
@@ -130,9 +128,7 @@ def test_override_equals_edited_file(mass):
 def test_numbers_by_path():
     scene = parse_scene(GOOD)
     paths = numeric_paths(scene)
-    assert {"links.0.length", "effects.payload.mass", "motion.joints.0.amplitude", "control.feedback.kp.0"} <= set(
-        paths
-    )
+    assert {"links.0.length", "effects.payload.mass", "motion.joints.0.amplitude", "control.feedback.kp.0"} <= {*paths}
     assert "links.0.modes" not in paths
     for path in paths:
         changed = replace_value(scene, path, 12.5)

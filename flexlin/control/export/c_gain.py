@@ -192,10 +192,8 @@ def write_gain(
 ) -> list[str]:
     """Write `gain_source` into a folder of a set; returns the names of the files."""
     m, n = made.K(np.zeros(1)).shape[1:]
-    labels, memory = (
-        Labels.fitting(lin, n, m, made.controller),
-        0 if made.controller is None else made.controller.states,
-    )
+    labels = Labels.fitting(lin, n, m, made.controller)
+    memory = 0 if made.controller is None else made.controller.states
     chosen = law or (made.law if lin is None else lin.law)
     once = lin is not None and not lin.motion.periodic
     breaks = (*corners_of(made.closed_loop), *([0.0] if once else []))

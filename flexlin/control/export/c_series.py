@@ -9,7 +9,6 @@ from scipy.interpolate import CubicSpline
 
 from flexlin.checks import SAMPLES, Array
 from flexlin.control.sampled import SampledGain
-from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, chebyshev_coefficients, panel_times
 from flexlin.periodic.precision import EPS, SAFETY
@@ -92,12 +91,9 @@ def write_series(
 
     form "series": as accurate as the function is smooth; "sampled": cubic polynomials through `samples` values of a period.
     """
-    if form not in ("series", "sampled"):
-        raise ArgumentError("there is no such form", got=repr(form), expected="'series' or 'sampled'")
     edges = np.unique([0.0, *breaks, period])
-    series = (
-        through_samples(f, edges, bool(breaks), samples) if form == "sampled" else series_of(f, edges, bool(breaks))
-    )
+    sampled = form == "sampled"
+    series = through_samples(f, edges, bool(breaks), samples) if sampled else series_of(f, edges, bool(breaks))
     t = (edges[:-1, None] + np.diff(edges)[:, None] * stratified(499)).ravel()
     wanted = f(t)
     error = NEGLIGIBLE + float(np.abs(series(t) - wanted).max() / (np.abs(wanted).max() or 1.0))

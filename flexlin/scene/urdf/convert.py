@@ -173,9 +173,6 @@ def trace_rules(robot: Robot, moving: list[UrdfJoint]) -> tuple[dict[str, Rule],
     return rules, notes
 
 
-GRAVITY = {"acceleration": 9.81, "direction": [0.0, 0.0, -1.0]}
-
-
 @dataclass(frozen=True)
 class ChainTables:
     """The raw tables of a chain: a link for each joint that moves, and one for a tip that lies off the last of them.
@@ -289,7 +286,7 @@ def effect_tables(moving: list[UrdfJoint], rules: Mapping[str, Rule], links: int
         at = names.index(rule.leader)
         damping[at] += joint.damping * rule.multiplier**2
         friction[at] += joint.friction * abs(rule.multiplier)
-    effects: dict[str, Any] = {"gravity": dict(GRAVITY)}
+    effects: dict[str, Any] = {"gravity": {"acceleration": 9.81, "direction": [0.0, 0.0, -1.0]}}
     if damping.any():
         effects["viscous_friction"] = {"coefficient": damping.tolist()}
     if friction.any():

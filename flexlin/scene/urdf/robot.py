@@ -200,7 +200,6 @@ def check_word(element: Element, got: str, word: str, known: Iterable[str], insi
 
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-READ = {"link", "joint"}
 MOST_LINKS = 2000
 POINT = 1e-16
 """Inertia for a mass, in m^2, that is only rounding of centimetres squared: files hold such numbers for mass points."""
@@ -377,7 +376,7 @@ def check_tree(links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> None
 
 def list_notes(root: Element, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> list[str]:
     """What the file holds that is not used, and what it leaves out."""
-    ignored = sorted({child.tag for child in root.children} - READ)
+    ignored = sorted({child.tag for child in root.children} - {*CHILDREN["robot"]})
     shapes = sorted({part.tag for link in links.values() for part in link.element.children} - {"inertial"})
     bare = [link.name for link in links.values() if link.mass == 0]
     notes = [f"not read: {', '.join(f'<{tag[:40]}>' for tag in (*ignored, *shapes))}"] if ignored or shapes else []

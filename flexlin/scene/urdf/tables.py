@@ -23,11 +23,8 @@ def expand_robot(data: dict[str, Any], folders: Sequence[Path]) -> list[Problem]
     robot = data.pop("robot", None)
     joints, flexible = (data.pop(key, {}) for key in ("joints", "flexible"))
     if robot is None:
-        return [
-            Problem(key, "a table without [robot]", '[robot] urdf = "..."')
-            for key, table in (("joints", joints), ("flexible", flexible))
-            if table
-        ]
+        added = {"joints": joints, "flexible": flexible}
+        return [Problem(key, "a table without [robot]", '[robot] urdf = "..."') for key in added if added[key]]
     problems: list[Problem] = []
     table = read_table(RobotTable, robot, "robot", problems)
     own = {
@@ -36,8 +33,8 @@ def expand_robot(data: dict[str, Any], folders: Sequence[Path]) -> list[Problem]
     }
     if data.get("links"):
         problems.append(Problem("links", "links beside [robot]", "either [[links]] or [robot]"))
-    path = find_file(table.urdf, folders, problems) if isinstance(table, RobotTable) else None
-    if path is None or not isinstance(table, RobotTable) or problems:
+    path = None if table is None else find_file(table.urdf, folders, problems)
+    if path is None or problems:
         data.setdefault("links", [{"body": {"mass": 1.0}}])
         return problems
     try:
@@ -46,7 +43,7 @@ def expand_robot(data: dict[str, Any], folders: Sequence[Path]) -> list[Problem]
         named = [Problem(f"robot.urdf: {problem.key}", problem.got, problem.expected) for problem in fault.problems]
         raise SceneError(fault.source, named) from None
     problems += bend_links(chain, dict(pairs(flexible, "flexible", problems)))
-    problems += add_springs(chain, {name: joint for name, joint in own.items() if isinstance(joint, JointTable)})
+    problems += add_springs(chain, own)
     data["links"] = chain.links
     stated = data.get("effects")
     if stated is None or isinstance(stated, dict):
