@@ -308,8 +308,6 @@ def revise_scene(scene: Scene, values: Mapping[str, float]) -> Scene:
     return revised
 
 
-MOST_CHECKED = 10
-"""Values of a path that are checked, spread over all with both ends, beside the one nearest to zero."""
 MOST_CORNERS = 6
 """Paths of a grid whose corners are checked together."""
 
@@ -317,15 +315,14 @@ MOST_CORNERS = 6
 def check_axes(scene: Scene, axes: Mapping[str, Array], grid: bool) -> None:
     """Refuse values that the scene's schema refuses, each path by itself and the corners of a grid together, before any computation.
 
-    Of many values those are checked that an interval, perhaps without zero, would refuse first. Raises: SceneError with the key.
+    Of the values those are checked that an interval, perhaps without zero, refuses first. Raises: SceneError with the key.
     """
     for path, values in axes.items():
         get_value(scene, path)
-        distinct = np.unique(values)
-        some = np.linspace(0, len(distinct) - 1, min(len(distinct), MOST_CHECKED)).round().astype(int)
-        nearest = np.abs(np.where(distinct, distinct, np.inf)).argmin()
-        for value in dict.fromkeys(distinct[[nearest, *some]].tolist()):
-            revise_scene(scene, {path: value})
+        nearest = values[np.abs(np.where(values, values, np.inf)).argmin()]
+        zero = values[values == 0][:1]
+        for value in dict.fromkeys([nearest, *zero, values.min(), values.max()]):
+            revise_scene(scene, {path: float(value)})
     if grid and 1 < len(axes) <= MOST_CORNERS:
         for corner in product(*[(float(axis.min()), float(axis.max())) for axis in axes.values()]):
             revise_scene(scene, dict(zip(axes, corner, strict=True)))
