@@ -220,7 +220,7 @@ def spectrum_shapes(n: int, K: int, *given: object) -> tuple[object, ...]:
     return (K, n, n), (K, n, n), (n, n), (K, n, n), (K, n, p), (K, p, q), (K, q, n), n, n, n, n, (n, n), 1
 
 
-FIND_SPECTRUM = declare(
+find_spectrum_in_core = declare(
     "int find_spectrum(int n, int count, const double *plain, const double *better, const double *start, double limit, "
     "const double *steps, double each, int p, int q, const double *left, const double *size, const double *right, "
     "const void *lapack, double complex *logs, double complex *shift, double *method, double *rounding, double *end, int *stretched)",
@@ -287,7 +287,7 @@ def find_spectrum(
     sides = (None, None, None) if unknown is None else (unknown.left, unknown.size, unknown.right)
     lapack, made = find_routines(*ROUTINES), (logs, shift, method, rounding, end, stretched)
     given = (contiguous(plain), contiguous(better), contiguous(start), limit, contiguous(steps), each, p, q)
-    report(FIND_SPECTRUM(n, K, *given, *map(contiguous, sides), lapack, *made))
+    report(find_spectrum_in_core(n, K, *given, *map(contiguous, sides), lapack, *made))
     order = np.argsort(-logs.real, kind="stable")
     return ProductSpectrum(logs[order], shift[order], method[order], rounding[order], end, bool(stretched[0]))
 

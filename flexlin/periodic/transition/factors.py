@@ -42,17 +42,17 @@ def shape_motions(m: int, s: int, K: int, *_: object) -> tuple[object, ...]:
     return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m), (K, s, m), (K,)
 
 
-FACTOR_STATES = declare(
+factor_states_in_core = declare(
     "int factor_states(int n, int stages, int segments, int stiff, const double *A, const double *lengths, const double *tableau, "
     "const double *units, double *Phi, int *good)",
     shape_states,
 )
-FACTOR_ACCELERATIONS = declare(
+factor_accelerations_in_core = declare(
     "int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "double *Phi, int *good)",
     shape_accelerations,
 )
-FOLLOW_ACCELERATIONS = declare(
+follow_accelerations_in_core = declare(
     "int follow_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "const double *x, double *w, int *good)",
     shape_motions,
@@ -172,7 +172,7 @@ def follow_rates(A: Array, h: Array, rule: Tableau, x: Array) -> Array:
     blocks, kept, units = pose_rates(A, m, h)
     q, w, good = np.zeros((K, 2 * (n - m))), np.empty((K, s, n - m)), np.zeros(K, np.intc)
     q[:, kept] = x / units
-    if s * (n - m) <= MOST_UNKNOWNS and not FOLLOW_ACCELERATIONS(
+    if s * (n - m) <= MOST_UNKNOWNS and not follow_accelerations_in_core(
         n - m, s, K, blocks, h, tabulate(rule, True), q, w, good
     ):
         raise MemoryError("the stages of a segment")
@@ -190,7 +190,7 @@ def factor_accelerations(blocks: Array, h: Array, rule: Tableau) -> Array:
     """From [M D K], with the accelerations as unknowns; what needs rows exchanged is left to LAPACK. Raises: SingularMassMatrix."""
     K, s, m = blocks.shape[:3]
     Phi, good = np.empty((K, 2 * m, 2 * m)), np.zeros(K, np.intc)
-    if s * m <= MOST_UNKNOWNS and not FACTOR_ACCELERATIONS(m, s, K, blocks, h, tabulate(rule, True), Phi, good):
+    if s * m <= MOST_UNKNOWNS and not factor_accelerations_in_core(m, s, K, blocks, h, tabulate(rule, True), Phi, good):
         raise MemoryError("the stages of a segment")
     lost = np.flatnonzero(good == 0)
     if len(lost):
@@ -208,7 +208,9 @@ def factor_states(A: Array, h: Array, rule: Tableau) -> Array:
     units = np.asarray(LAPACK.dgebal(np.abs(A).sum(axis=(0, 1)), scale=1, permute=0)[3])
     Phi, good = np.empty((K, n, n)), np.zeros(K, np.intc)
     stiff = int(rule.c[-1] == 1.0)
-    if s * n <= MOST_UNKNOWNS and not FACTOR_STATES(n, s, K, stiff, A, h, tabulate(rule, False), units, Phi, good):
+    if s * n <= MOST_UNKNOWNS and not factor_states_in_core(
+        n, s, K, stiff, A, h, tabulate(rule, False), units, Phi, good
+    ):
         raise MemoryError("the stages of a segment")
     lost = np.flatnonzero(good == 0)
     if len(lost):
