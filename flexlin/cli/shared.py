@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 from flexlin.bounds import read_number
 from flexlin.cli.supervised import DONE, send_limits
 from flexlin.errors import ArgumentError, OutputError
-from flexlin.progress import listening
-from flexlin.resources import BYTES, SECONDS
+from flexlin.resources import BYTES, SECONDS, listening
 
 if TYPE_CHECKING:
     import xarray

@@ -167,7 +167,7 @@ class Kernel:
 
         Rates are scaled as their coordinates, but for one factor: so [0 I; Z] keeps its form up to a multiple of I.
         """
-        from flexlin.lapack import LAPACK  # SciPy, which workers do without
+        from scipy.linalg import lapack  # SciPy, which workers do without
 
         Z, sound, _ = self.sample(points, np.arange(PROBES) / PROBES)
         n, rows = self.model.states, self.model.rows
@@ -175,7 +175,7 @@ class Kernel:
             return np.ones(n)
         A = np.eye(n, k=rows % n)
         A[n - rows :] = np.abs(Z[sound]).mean(axis=(0, 1))
-        sizes = np.log2(LAPACK.dgebal(A, scale=1, permute=0)[3])
+        sizes = np.log2(lapack.dgebal(A, scale=1, permute=0)[3])
         if rows < n:
             places, rates = sizes.reshape(2, -1)
             factor = np.round(np.mean(rates - places))

@@ -1,13 +1,15 @@
 """Long products of matrices, taken from their factors and never multiplied out: their spectra with errors, and periodic vectors."""
 
+import ctypes
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from scipy.linalg import cython_lapack, lapack
 
 from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.errors import NumericalError, ToleranceNotReached
-from flexlin.lapack import LAPACK, find_routines
 from flexlin.periodic.precision import CUBE, FARTHEST, MINOR, TINY
 
 GROUP_CONDITION = 1000.0
@@ -166,7 +168,7 @@ def find_null_modes(G: Array, ranks: Array) -> tuple[Array, Array]:
 def balance_factors(factors: Array) -> tuple[Array, Array]:
     """Return S^-1 F_k S and the diagonal of S, one scaling by powers of two that evens rows and columns of sum |F_k|."""
     n = factors.shape[-1]
-    scale = LAPACK.dgebal(np.abs(factors).sum(axis=0), scale=1, permute=0)[3]
+    scale = lapack.dgebal(np.abs(factors).sum(axis=0), scale=1, permute=0)[3]
     if n == 1 or np.all(scale == 1):
         return factors, np.ones(n)
     return factors * (scale / scale[:, None]), scale
@@ -212,6 +214,28 @@ def bound_shared(coupling: Array, shared: Array) -> Array:
             E, N = np.linalg.norm(coupling[block]), np.linalg.norm(shared[block])
             bound[list(members)] = np.maximum(bound[list(members)], (N + E) ** (1 - 1 / m) * E ** (1 / m))
     return bound
+
+
+def complex_schur(A: Array) -> tuple[Array, Array]:
+    """T upper triangular and Z unitary (n, n) with A = Z T Z^H, by zgees without SciPy's checks, which take longer than a small one.
+
+    Raises: ValueError where A is not finite; LinAlgError where the eigenvalues are not found.
+    """
+    T, _, _, Z, _, failed = lapack.zgees(lambda value: False, np.asarray_chkfinite(A, complex), lwork=64 * len(A))
+    if failed:
+        raise np.linalg.LinAlgError("the eigenvalues of a Schur form are not found")
+    return T, Z
+
+
+@cache
+def find_routines() -> "ctypes.Array[ctypes.c_void_p]":
+    """Where the routines of LAPACK stand, for compiled code that calls them with 32-bit integers."""
+    api, capsules = ctypes.pythonapi, [cython_lapack.__pyx_capi__[name] for name in ROUTINES]
+    api.PyCapsule_GetName.restype, api.PyCapsule_GetName.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    api.PyCapsule_GetPointer.restype = ctypes.c_void_p
+    api.PyCapsule_GetPointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
+    places = [api.PyCapsule_GetPointer(one, api.PyCapsule_GetName(one)) for one in capsules]
+    return (ctypes.c_void_p * len(ROUTINES))(*places)
 
 
 def spectrum_shapes(n: int, K: int, *given: object) -> tuple[object, ...]:
@@ -285,9 +309,9 @@ def find_spectrum(
     end, stretched = np.empty((n, n)), np.zeros(1, np.intc)
     p, q = (n, n) if unknown is None else unknown.size.shape[1:]
     sides = (None, None, None) if unknown is None else (unknown.left, unknown.size, unknown.right)
-    lapack, made = find_routines(*ROUTINES), (logs, shift, method, rounding, end, stretched)
+    routines, made = find_routines(), (logs, shift, method, rounding, end, stretched)
     given = (contiguous(plain), contiguous(better), contiguous(start), limit, contiguous(steps), each, p, q)
-    report(find_spectrum_in_core(n, K, *given, *map(contiguous, sides), lapack, *made))
+    report(find_spectrum_in_core(n, K, *given, *map(contiguous, sides), routines, *made))
     order = np.argsort(-logs.real, kind="stable")
     return ProductSpectrum(logs[order], shift[order], method[order], rounding[order], end, bool(stretched[0]))
 

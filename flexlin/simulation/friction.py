@@ -5,13 +5,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from scipy.linalg import lapack
 
 from flexlin import symbolic
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.control.sensors import encoder_rows
 from flexlin.errors import ArgumentError
-from flexlin.lapack import LAPACK
 from flexlin.lazy import lazy
 from flexlin.mechanics.effects.base import per_joint
 from flexlin.mechanics.effects.coulomb_friction import CoulombFriction
@@ -108,14 +108,14 @@ class Acceleration:
             added = slip * friction.sliding(rates[moving]) - friction.smooth(rates[moving])
             left[moving] += added
             lost = lost + rates[moving] @ added
-        _, acceleration, failed = LAPACK.dposv(M[kept], (B @ torque - left)[kept])
+        _, acceleration, failed = lapack.dposv(M[kept], (B @ torque - left)[kept])
         if failed:
             raise stopped(t, "the mass matrix is not positive definite there", x)
         holding = np.zeros(0)
         if friction is not None and slip is not None and not np.all(slip):
             stuck = [row for row, mode in zip(friction.rows, slip, strict=True) if mode == 0]
             led = self.about.positions(np.array([t]), *np.zeros((3, 1, self._n)))[2][0, kept][stuck]
-            reply = LAPACK.dposv(M[kept], np.eye(self._n)[:, stuck])[1]
+            reply = lapack.dposv(M[kept], np.eye(self._n)[:, stuck])[1]
             holding = np.linalg.solve(reply[stuck], acceleration[stuck] + led)
             acceleration = acceleration - reply @ holding
         return acceleration, holding, float(rates @ (left + M @ acceleration) - lost[0, 0])

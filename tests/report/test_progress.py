@@ -9,7 +9,7 @@ import pytest
 from flexlin.answers import Clock
 from flexlin.cli import Progress
 from flexlin.cli import shared as shown
-from flexlin.progress import advance, listening, part
+from flexlin.resources import advance, listening, part
 from flexlin.scene import Accuracy
 
 

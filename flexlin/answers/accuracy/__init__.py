@@ -50,7 +50,7 @@ from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import Setting, choose_setting, factor_period
-from flexlin.progress import part
+from flexlin.resources import part
 from flexlin.scene.links import Link, Modes
 from flexlin.scene.parameters import replace_value
 from flexlin.scene.scene import Scene

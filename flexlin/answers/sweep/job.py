@@ -17,7 +17,7 @@ from flexlin.answers.sweep.found import MISSING, TAKEN, Found, build_dataset
 from flexlin.answers.sweep.together import Together
 from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.errors import ArgumentError
-from flexlin.progress import advance, part
+from flexlin.resources import advance, part
 from flexlin.scene.loading import raw_tables, revise_scene
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene

@@ -6,10 +6,10 @@ from functools import lru_cache
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.lapack import complex_schur
 from flexlin.periodic.circle import assign
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.precision import PARTIAL, ROOT
+from flexlin.periodic.product import complex_schur
 
 KEPT = 1 / 3
 """The part of the nodes' harmonics that the filter keeps; the others hold the rounding that differentiation amplifies."""

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
+from scipy.linalg import lapack
 
 from flexlin._core import declare
 from flexlin.checks import Array
-from flexlin.lapack import LAPACK
 from flexlin.periodic.coefficients import solve_mass, stack_companion
 from flexlin.periodic.precision import EPS
 from flexlin.periodic.product import Unknown
@@ -157,7 +157,7 @@ def pose_rates(A: Array, m: int, h: Array) -> tuple[Array, Array, Array]:
     r = n - m
     size = np.abs(A[:, 0, m:]).sum(axis=0)
     size[:, m : 2 * m] += h.max() * size[:, :m]
-    units = np.asarray(LAPACK.dgebal(size[:, m:], scale=1, permute=0)[3])
+    units = np.asarray(lapack.dgebal(size[:, m:], scale=1, permute=0)[3])
     turn = -units / units[:, None]
     blocks = np.zeros((K, s, r, 3 * r))
     blocks[..., :r] = np.eye(r)
@@ -205,7 +205,7 @@ def factor_states(A: Array, h: Array, rule: Tableau) -> Array:
     Raises: LinAlgError. Source: Parlett, Reinsch, Balancing a matrix, Numer. Math. 13 (1969), on the sum of |A|.
     """
     K, s, n = A.shape[:3]
-    units = np.asarray(LAPACK.dgebal(np.abs(A).sum(axis=(0, 1)), scale=1, permute=0)[3])
+    units = np.asarray(lapack.dgebal(np.abs(A).sum(axis=(0, 1)), scale=1, permute=0)[3])
     Phi, good = np.empty((K, n, n)), np.zeros(K, np.intc)
     stiff = int(rule.c[-1] == 1.0)
     if s * n <= MOST_UNKNOWNS and not factor_states_in_core(
