@@ -7,10 +7,12 @@ from typing import Any
 from unicodedata import category
 
 MEBIBYTE = 2**20
-LARGEST_SCENE, LARGEST_ROBOT, LARGEST_LOG = MEBIBYTE, 4 * MEBIBYTE, 1024 * MEBIBYTE
-"""Bytes of a scene, a URDF file, and a log."""
+LARGEST_SCENE, LARGEST_ROBOT = MEBIBYTE, 4 * MEBIBYTE
+"""Bytes of a scene, and of a URDF file."""
 LARGEST_TABLE = LARGEST_MANIFEST = 64 * MEBIBYTE
 """Bytes of a table of a motion, and of a list of results."""
+LARGEST_LOG = LIMIT = 1024 * MEBIBYTE
+"""Bytes of a log, and of what one request may take unless `checks.memory_limit` says otherwise."""
 MOST_ROWS, MOST_COLUMNS, MOST_ELEMENTS, MOST_ITEMS = 2**18, 1000, 50_000, 200
 """Rows of a table, columns of a log, elements of a URDF file, and links, or designs, of one scene."""
 DEEPEST = 32
@@ -20,8 +22,6 @@ LONGEST_SHOWN, MOST_NAMED = 60, 4
 """Characters of a value that are repeated in a message, and keys that it names."""
 LONGEST_NUMBER = 400
 """Characters of a number; Python itself refuses whole numbers of more than 4,300 digits, and takes time by the square of these."""
-WHOLE_NUMBERS = 2**63
-"""A whole number has 64 bits."""
 LARGEST = 1e30
 """No number of an arm is larger; squares and cubes of it stay far from overflow."""
 SMALLEST = 1e-30
@@ -62,7 +62,7 @@ def is_too_deep(raw: Any) -> bool:
 
 def list_endless_numbers(raw: Any, path: str) -> Iterator[str]:
     """The dotted paths of whole numbers that no 64 bits hold; most of them no floating-point number holds either."""
-    if isinstance(raw, int) and not -WHOLE_NUMBERS <= raw < WHOLE_NUMBERS:
+    if isinstance(raw, int) and not -(2**63) <= raw < 2**63:
         yield path
     items = raw.items() if isinstance(raw, dict) else enumerate(raw) if isinstance(raw, (list, tuple)) else ()
     for step, child in items:

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexlin.bounds import LIMIT
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit, TooLarge
 
 Array = NDArray[Any]
@@ -19,8 +20,6 @@ SAMPLES = 256
 """Equally spaced times of a period at which something smooth is looked at, or listed."""
 ROUNDING = 1e-12
 """A share of the largest, below which what is left of a sum is rounding."""
-LIMIT = 2**30
-"""Bytes that one request may take unless `memory_limit` says otherwise; a larger one is refused before anything is allocated."""
 _limit: ContextVar[int] = ContextVar("limit", default=LIMIT)
 
 

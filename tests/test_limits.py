@@ -17,7 +17,8 @@ import pytest
 
 from flexlin.answers import Budget, Clock, limited, time_limit
 from flexlin.answers.clock import Allowance
-from flexlin.checks import LIMIT, check_size, memory_limit
+from flexlin.bounds import LIMIT
+from flexlin.checks import check_size, memory_limit
 from flexlin.cli import main
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
 from flexlin.files import switch

@@ -16,11 +16,7 @@ if TYPE_CHECKING:
     from flexlin.answers.steady import AtRest
     from flexlin.scene.links import Link
 
-SHOWN = 5
-"""Natural frequencies that are printed."""
 BEYOND = ": so far that linear equations may not hold; stiffen the link, or compare with the simulation"
-ABSURD = 10.0
-"""The share of its length that no link bends by."""
 MISTAKEN = ": no arm does; is a unit missing? Numbers are in m, kg, s and rad, others such as '1000 mm' or '30 deg' name theirs"
 KINDS: tuple[Literal["step", "initial", "push", "noise"], ...] = ("step", "initial", "push", "noise")
 """Of disturbances."""
@@ -146,7 +142,7 @@ def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
     if rest.gives_way:
         yield "at rest", "gives way under its loads even with its joints held: stiffen its links, or lessen the loads"
         return
-    known = ", ".join(f"{frequency:.4g}" for frequency in rest.frequencies[:SHOWN])
+    known = ", ".join(f"{frequency:.4g}" for frequency in rest.frequencies[:5])
     yield "at rest", f"{say(known, 'Hz')}, its joints held where the motion begins"
     bending = rest.bending
     if bending is None:
@@ -156,7 +152,7 @@ def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
         said = " and ".join(f"{say(f'{size:.3g}', 'm')} {where}" for size, where in sides if size > 0)
         if said:
             further = BEYOND + ("" if stiffened else ", with effects.geometric_stiffening")
-            beyond = "" if share <= SMALL else MISTAKEN if share > ABSURD else further
+            beyond = "" if share <= SMALL else MISTAKEN if share > 10 else further
             yield f"link {i + 1}", f"bends by {said}, {100 * share:.2g} % of its length{beyond}"
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexlin.bounds import read_number
-from flexlin.cli.supervised import DONE, send_limits
+from flexlin.cli.supervised import DONE, TICK, send_limits
 from flexlin.errors import ArgumentError, OutputError
 from flexlin.resources import BYTES, SECONDS, listening
 
@@ -204,12 +204,8 @@ def command(name: str, purpose: str, *takes: str) -> Callable[[Callable[[argpars
 
 PATIENCE = 2.0
 """Seconds of silence before progress is shown."""
-TICK, APART, REPEATED = 0.25, 5.0, 60.0
-"""Seconds between two looks at the clock, between two lines in a pipe, and between two of the same step and share."""
-LEAST = 0.02
-"""No time left is guessed before this share is done."""
-SLIP = 1.5
-"""A guess of the time left that has grown by this factor over the least one is not shown."""
+APART = 5.0
+"""Seconds between two lines in a pipe; between two of the same step and share it is a minute."""
 
 
 class Progress:
@@ -237,10 +233,10 @@ class Progress:
     def line(self) -> str:
         """What is shown; a time left that was too short is not taken back, but no longer shown."""
         share, elapsed = self.share, time.perf_counter() - self._start
-        if share < LEAST:
+        if share < 0.02:  # too early for a guess
             return f"{self._name} ({elapsed:.0f} s so far)"
         left = elapsed * (1 - share) / share
-        if left > SLIP * self._left + TICK:
+        if left > 1.5 * self._left + TICK:
             return f"{100 * share:.0f} %, {elapsed:.0f} s so far: {self._name}"
         self._left = min(left, self._left)
         return f"{100 * share:.0f} %, about {self._left:.0f} s left: {self._name}"
@@ -280,7 +276,7 @@ class Progress:
 
     def _in_pipe(self) -> None:
         now, saying = time.perf_counter(), (self._name, self.share)
-        if now - self._written >= (REPEATED if saying == self._said else APART):
+        if now - self._written >= (60.0 if saying == self._said else APART):
             self._written, self._said = now, saying
             print(f"flexlin: {self.line}", file=sys.stderr, flush=True)
 

@@ -4,6 +4,7 @@
 """
 
 import ctypes
+import fcntl
 import hashlib
 import json
 import os
@@ -15,11 +16,6 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from flexlin.bounds import LARGEST_MANIFEST
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
 
 MANIFEST = "flexlin-results.json"
 FORMAT = 1
@@ -117,9 +113,6 @@ def digest_of(path: Path) -> str:
 
 PATIENCE = 60.0
 """Seconds that a writer waits for another one, which holds a place only while it renames."""
-PAUSE = 0.005
-AT_CWD, EXCHANGE = -100, 2
-"""Constants of Linux's renameat2."""
 
 
 def sync(path: Path) -> None:
@@ -127,8 +120,6 @@ def sync(path: Path) -> None:
 
     Raises: OSError, also where the disk is full only now.
     """
-    if os.name == "nt" and path.is_dir():  # its folders cannot be opened
-        return
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
     try:
         os.fsync(handle)
@@ -146,10 +137,10 @@ def sync_all(folder: Path) -> None:
 def exchange(one: Path, other: Path) -> bool:
     """Let two folders change their names in one step; False where the system or the file system has no such step.
 
-    Source: renameat2(2) with RENAME_EXCHANGE, of Linux.
+    Source: renameat2(2) of Linux with AT_FDCWD = -100 and RENAME_EXCHANGE = 2.
     """
-    rename = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
-    return rename is not None and rename(AT_CWD, os.fsencode(one), AT_CWD, os.fsencode(other), EXCHANGE) == 0
+    rename = getattr(ctypes.CDLL(None), "renameat2", None)
+    return rename is not None and rename(-100, os.fsencode(one), -100, os.fsencode(other), 2) == 0
 
 
 def hold(folder: Path) -> int | None:
@@ -157,8 +148,6 @@ def hold(folder: Path) -> int | None:
 
     Raises: BlockingIOError where somebody else holds it.
     """
-    if fcntl is None:
-        return None
     handle = None
     try:
         handle = os.open(folder, os.O_RDONLY)
@@ -191,7 +180,7 @@ def alone(folder: Path) -> Iterator[None]:
         except BlockingIOError:
             if time.monotonic() > until:
                 raise OSError(f"another program has held {folder} for {PATIENCE:g} s") from None
-            time.sleep(PAUSE)
+            time.sleep(0.005)
     try:
         yield
     finally:

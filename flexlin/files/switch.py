@@ -8,7 +8,6 @@ import hashlib
 import os
 import secrets
 import shutil
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -23,7 +22,6 @@ from flexlin.files.manifest import (
     alone,
     digest_of,
     exchange,
-    fcntl,
     files_below,
     has_digest,
     hold,
@@ -40,8 +38,6 @@ INNER = "set"
 """The folder in it that has the files; the outer one is held by its writer."""
 LONGEST = 120
 """Bytes of a name that are kept; the marks need room beside it."""
-OLD = 86_400.0
-"""Seconds after which a folder counts as left behind where the system does not say."""
 
 
 def prefix_for(name: str) -> str:
@@ -55,14 +51,9 @@ def staged(place: Path, name: str, ending: str) -> list[Path]:
     prefix = prefix_for(name)
     try:
         found = [one for one in place.iterdir() if one.name.startswith(prefix) and one.name.endswith(ending)]
-        return sorted(one for one in found if is_folder(one) and one.lstat().st_uid == user())
+        return sorted(one for one in found if is_folder(one) and one.lstat().st_uid == os.geteuid())
     except OSError:
         return []
-
-
-def user() -> int:
-    """The user that owns what this process writes; 0 for all where there are none."""
-    return os.geteuid() if hasattr(os, "geteuid") else 0
 
 
 @contextmanager
@@ -92,8 +83,7 @@ def take_away_left(place: Path, target: Path) -> None:
     for left in staged(place, target.name, PART):
         with suppress(OSError):  # BlockingIOError where somebody writes to it
             let_go(hold(left))
-            if fcntl is not None or time.time() - left.stat().st_mtime > OLD:
-                discard(left, target)
+            discard(left, target)
 
 
 def discard(folder: Path, target: Path) -> None:
@@ -171,7 +161,7 @@ def may_be_missed(folder: Path) -> bool:
         here, about = Path.cwd(), folder.stat()
     except OSError:
         return True
-    owned = about.st_uid == user() and about.st_gid == folder.parent.stat().st_gid
+    owned = about.st_uid == os.geteuid() and about.st_gid == folder.parent.stat().st_gid
     return folder in (here, *here.parents) or os.path.ismount(folder) or not owned
 
 

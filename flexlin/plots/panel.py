@@ -10,10 +10,8 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array
 from flexlin.plots.scales import Linear
 
-FONT = 11.0
 SMALL = 9.0
-GLYPH = 0.64
-"""Width of a character as a share of the font's size, a little on the safe side."""
+"""Size of the font of words among the marks."""
 SHAPES = {
     "circle": "M-{r},0a{r},{r} 0 1 0 {d},0a{r},{r} 0 1 0 -{d},0z",
     "square": "M-{r},-{r}h{d}v{d}h-{d}z",
@@ -141,9 +139,9 @@ def select_finite(values: Array) -> Array:
     return kept if kept.size else np.zeros(1)
 
 
-def measure_text(text: str, size: float = FONT) -> float:
-    """About how wide a text will be."""
-    return GLYPH * size * len(text)
+def measure_text(text: str, size: float = 11.0) -> float:
+    """About how wide a text will be, a little on the safe side."""
+    return 0.64 * size * len(text)
 
 
 def write_text(x: float, y: float, text: str, style: str = "", **attributes: str) -> str:
@@ -156,8 +154,8 @@ def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     return np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))  # type: ignore[return-value]
 
 
-LINE, EDGE, MARGIN = 16.0, 20.0, 46.0
-"""A line of words below the axes, what is free beside and above them, and the least margin for labels on their left."""
+LINE, MARGIN = 16.0, 46.0
+"""A line of words below the axes, and the least margin for labels on their left."""
 
 
 @dataclass(frozen=True)
@@ -234,7 +232,7 @@ def lay_axes(panel: Panel) -> tuple[Axes, list[tuple[float, str]]]:
     if panel.bare:
         x, y = equalize_units(x, y, panel.width, panel.height) if panel.equal else (x, y)
         return Axes(0.0, 4.0, panel.width, panel.height, x, y), []
-    room = panel.width - EDGE
+    room = panel.width - 20.0
     if panel.equal:
         x, y = equalize_units(x, y, room - MARGIN, panel.height)
     y_ticks = y.ticks(min(7, max(3, int(panel.height / 19))))

@@ -35,8 +35,6 @@ from flexlin.scene.scene import Scene
 
 BOUNDARY_SHARE = 0.18
 """Of a command's time: after it, no more tongues are searched for; a strip with three modes has dozens of their tips."""
-BOUNDARY_TOL = 2e-4
-"""Wanted error of a boundary that is drawn, as a share of its ranges: a fifth of what a picture shows."""
 
 
 def find_boundary(
@@ -58,8 +56,8 @@ def find_boundary(
         data.attrs["search"] = " ".join(problems.values())
         return [] if margin is None else list(margin.critical), []
     effort = Effort(seconds)
-    span = max(high - low for low, high in ranges.values())
-    follow = partial(search_boundary, scene, ranges, BOUNDARY_TOL * max(1.0, span), loop, CELLS, effort)
+    tol = 2e-4 * max(1.0, *(high - low for low, high in ranges.values()))  # a fifth of what a picture shows
+    follow = partial(search_boundary, scene, ranges, tol, loop, CELLS, effort)
     curves = clock.attempt(problems, "boundary", "boundary of stability", asked, follow) or []
     if effort.unfinished:
         problems["boundary"] = f"the boundary was not followed to its end in {effort.seconds:.3g} s"

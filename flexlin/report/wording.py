@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 SLOW = 1e5
 """Periods to settle beyond which a decay is not felt."""
-PREFIXES = dict(zip(range(-9, 12, 3), ("n", "µ", "m", "", "k", "M", "G"), strict=True))
 ANGLES = ("rad", "mrad", "µrad", "nrad", "°")
 NONE = "none"
 _length: ContextVar[int | str | None] = ContextVar("length", default=None)
@@ -89,7 +88,7 @@ def format_quantity(value: float, unit: str, digits: int = 3) -> str:
         return format_decimal(value, digits) if math.isfinite(value) else "not finite"
     chosen = _length.get() if unit == "m" else None
     if isinstance(chosen, int) and math.isfinite(value) and value != 0:
-        return f"{format_decimal(value / 10.0**chosen, digits)} {PREFIXES[chosen]}{unit}"
+        return f"{format_decimal(value / 10.0**chosen, digits)} {name_prefix(chosen)}{unit}"
     return format_with_prefix(value, unit, digits)
 
 
@@ -100,7 +99,7 @@ def format_with_prefix(value: float, unit: str, digits: int = 3) -> str:
     if value == 0:
         return f"0 {unit}"
     prefix = choose_prefix(float(f"{value:.{digits}g}"))
-    return f"{replace_minus(f'{value / 10.0**prefix:.{digits}g}')} {PREFIXES[prefix]}{unit}"
+    return f"{replace_minus(f'{value / 10.0**prefix:.{digits}g}')} {name_prefix(prefix)}{unit}"
 
 
 def scale_values(values: Array, unit: str) -> tuple[Array, str]:
@@ -110,14 +109,19 @@ def scale_values(values: Array, unit: str) -> tuple[Array, str]:
     chosen = _length.get() if unit == "m" else None
     largest = float(np.abs(values).max()) if values.size else 0.0
     prefix = chosen if isinstance(chosen, int) else choose_prefix(largest)
-    return values / 10.0**prefix, PREFIXES[prefix] + unit
+    return values / 10.0**prefix, name_prefix(prefix) + unit
+
+
+def name_prefix(power: int) -> str:
+    """The SI prefix of a power of ten from -9 to 9."""
+    return ("n", "µ", "m", "", "k", "M", "G")[power // 3 + 3]
 
 
 def choose_prefix(value: float) -> int:
     """The power of ten of a value's SI prefix; none for zero and for what is not finite."""
     if value == 0 or not math.isfinite(value):
         return 0
-    return min(max(3 * math.floor(math.log10(abs(value)) / 3), min(PREFIXES)), max(PREFIXES))
+    return min(max(3 * math.floor(math.log10(abs(value)) / 3), -9), 9)
 
 
 def name_joint_unit(analysis: Analysis, joint: int) -> str:

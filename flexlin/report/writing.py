@@ -20,14 +20,6 @@ if TYPE_CHECKING:
     from flexlin.report.figures import Picture
 
 
-USUAL = 4.0
-"""Seconds of 60 in which a margin that nobody asked for has to end."""
-STAGES = 15
-"""Of a report without designs, about."""
-CUT_OFF = Step("figures", 0.0, problem="figures: the program was ended before they were drawn")
-"""What stands in a report until its figures do."""
-
-
 def write_report(
     scene: Scene,
     folder: Path,
@@ -52,7 +44,7 @@ def write_report(
     Raises: InputError as `analyse`; OutputError when the folder cannot be written.
     """
     budget = Budget(watch or Stopwatch())
-    clock = Clock(progress, planned=STAGES + 3 * len(scene.designs) + with_audit + with_sensitivity, budget=budget)
+    clock = Clock(progress, planned=15 + 3 * len(scene.designs) + with_audit + with_sensitivity, budget=budget)
     with clock.step("load the numerical libraries"):
         from flexlin.answers.analysis import analyse
         from flexlin.report.numbers import record, step_block, to_json
@@ -95,7 +87,8 @@ def write_report(
         data["steps"] = [step_block(step) for step in a.steps]
         return a, write_both(folder, render_page(a, data, pictures, command), to_json(data))
 
-    written(write([], CUT_OFF)[1])
+    ended = Step("figures", 0.0, problem="figures: the program was ended before they were drawn")
+    written(write([], ended)[1])
     return write(draw_in_time(a, clock))
 
 
@@ -150,6 +143,6 @@ def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | Non
                 return find_margin(scene, path, limits, (unasked - watch.seconds) / left, a.closed)
             return None
 
-        at_most = inf if chosen is not None else USUAL
+        at_most = inf if chosen is not None else 4.0
         found.append(a.attempt(f"margin {path}", f"critical values of {path}", work, at_most=at_most))
     return tuple(margin for margin in found if margin is not None)

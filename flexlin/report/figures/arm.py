@@ -131,12 +131,8 @@ def draw_stroboscope(a: Analysis) -> list[Panel]:
     return panels
 
 
-ABOVE, BELOW = 8, 40
-"""Modes shown, and folded."""
 SWING = 0.15
 """The largest displacement in a picture, against the arm's size."""
-SIGHT = -helmert(3)
-"""The directions across and up, (2, 3), of an arm in space that is seen from (1, 1, 1), with z upwards."""
 
 
 def draw_modes(a: Analysis) -> Picture | None:
@@ -144,7 +140,7 @@ def draw_modes(a: Analysis) -> Picture | None:
     if a.arm.near.points is None:
         return None
     values, vectors = np.linalg.eig(a.closed.A(np.zeros(1))[0])
-    order = order_modes(values)[: ABOVE + BELOW]
+    order = order_modes(values)[:48]
     energy = np.sqrt(np.maximum(np.diagonal(a.coefficients.M[0]), 0.0))
     leading = [int(np.argmax(np.abs(vectors[: a.plant.n, i]) * energy)) for i in order]
     # when the leading coordinate is at the end of its swing
@@ -157,7 +153,7 @@ def draw_modes(a: Analysis) -> Picture | None:
         "frequencies above. Strong and faint: the two ends of the swing, magnified. Grey: the arm at rest. Below each: the coordinate that "
         "moves most, by its share of the kinetic energy, and how fast the mode decays. A mode without frequency creeps back, or grows."
     )
-    shown, others = panels[:ABOVE], panels[ABOVE:]
+    shown, others = panels[:8], panels[8:]
     return make_picture("modes", "Mode shapes", caption, shown, (), others, f"The {len(others)} other modes")
 
 
@@ -195,8 +191,9 @@ def bend_arm(a: Analysis, shapes: list[Array]) -> tuple[list[Array], list[list[A
     They are those of the linear equations: magnified from deflections of `CUBE`, in rad or m.
     """
     states = CUBE * np.array([np.zeros(a.plant.n), *shapes])
+    sight = -helmert(3)  # the directions across and up in space, seen from (1, 1, 1) with z upwards
     seen = [
-        [curve if len(curve) == 2 else SIGHT @ curve for curve in arm]
+        [curve if len(curve) == 2 else sight @ curve for curve in arm]
         for arm in trace_arm(a.closed, np.zeros(len(states)), states)
     ]
     rest, *bent = seen

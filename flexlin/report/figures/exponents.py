@@ -81,12 +81,6 @@ def draw_frozen(a: Analysis) -> Panel:
     return panel
 
 
-RINGS = (-30, -10, -3, -1)
-"""Powers of ten at which a dashed ring is drawn."""
-MIDDLE = 4.0
-"""The power of ten that lies half-way between the centre and the unit circle."""
-REACH = 1.24
-TURN = np.linspace(0.0, 2 * np.pi, 91)
 CIRCLE = (
     "One dot a Floquet multiplier µ: what a disturbance is multiplied by over one period. Inside the circle it decays. The angle "
     "is that of µ; the distance from the centre follows log |µ| (dashed rings: 0.1, 10⁻³, 10⁻¹⁰, 10⁻³⁰), so that slow and fast modes "
@@ -103,10 +97,9 @@ def draw_multipliers(a: Analysis) -> Picture | None:
 
 
 def scale_radius(log10: Array) -> Array:
-    """A monotone map of log10 |mu| with radius(-inf) = 0, radius(0) = 1, radius(inf) = 2, as smooth at 1 as it is elsewhere."""
-    inside = MIDDLE / (MIDDLE + np.maximum(-log10, 0.0))
-    outside = MIDDLE / (MIDDLE + np.maximum(log10, 0.0))
-    return np.where(log10 <= 0, inside, 2.0 - outside)
+    """A monotone map of log10 |mu| with radius(-inf) = 0, radius(-4) = 1/2, radius(0) = 1, radius(inf) = 2, as smooth at 1 as elsewhere."""
+    inside = 4 / (4 + np.abs(log10))
+    return np.where(log10 <= 0, inside, 2 - inside)
 
 
 def draw_circle(a: Analysis, loop: Loop) -> Panel:
@@ -114,16 +107,16 @@ def draw_circle(a: Analysis, loop: Loop) -> Panel:
     logs = loop.floquet.log_multipliers if loop.floquet is not None else np.zeros(0, dtype=complex)
     footer = "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_largest_multiplier(loop)}"
     r = scale_radius(logs.real / np.log(10))
-    reach = max(REACH, float(r.max(initial=0.0)) + 0.15)
+    reach, turn = max(1.24, float(r.max(initial=0.0)) + 0.15), np.linspace(0.0, 2 * np.pi, 91)
     view = Linear(-reach, reach)
     panel = Panel(loop.name, view, view, equal=True, bare=True, footer=footer)
     if loop.floquet is not None:
         panel.footer_colour = colour(loop, a.plant.period, a.validity(loop))
-    panel.area(np.cos(TURN), np.sin(TURN), "shade")
-    for power in RINGS:
+    panel.area(np.cos(turn), np.sin(turn), "shade")
+    for power in (-30, -10, -3, -1):
         size = float(scale_radius(np.array(power)))
-        panel.line(size * np.cos(TURN), size * np.sin(TURN), "faint", width=0.7, dash="2 3", opacity=0.7)
+        panel.line(size * np.cos(turn), size * np.sin(turn), "faint", width=0.7, dash="2 3", opacity=0.7)
     panel.line([-1.12, 1.12], [0, 0], "grid", width=0.8).line([0, 0], [-1.12, 1.12], "grid", width=0.8)
-    panel.line(np.cos(TURN), np.sin(TURN), "ink", width=1.3)
+    panel.line(np.cos(turn), np.sin(turn), "ink", width=1.3)
     texts = [f"|µ| = {format_modulus(log.real)}, angle {np.degrees(log.imag):.1f}°" for log in logs]
     return panel.dots(r * np.cos(logs.imag), r * np.sin(logs.imag), choose_colour(a, loop), size=4.2, texts=texts)

@@ -37,8 +37,6 @@ from flexlin.report.wording import (
 
 UNITS = {"M": ("kg", "kg m", "kg m²"), "D": ("N s/m", "N s", "N m s"), "K": ("N/m", "N", "N m")}
 """Of entries of a matrix, by how many of row and column are rotations."""
-PLAIN = (1e-2, 1e4)
-"""Sizes between which numbers are shown as they are; others as multiples of a power of ten."""
 
 
 def name_entry(a: Analysis, matrix: str, i: int, j: int | None = None) -> str:
@@ -53,15 +51,15 @@ def shift_and_scale(title: str, values: Array, unit: str) -> tuple[str, Array]:
         mean = float(f"{np.mean(values):.5g}")
         title = f"{title} {'−' if mean > 0 else '+'} {format_decimal(abs(mean), 5)}"
         values, largest = values - mean, swing
-    if largest == 0 or not np.isfinite(largest) or PLAIN[0] <= largest < PLAIN[1]:
+    if largest == 0 or not np.isfinite(largest) or 1e-2 <= largest < 1e4:
         return in_unit(title, unit), values
     power = 3 * int(np.floor(np.log10(largest) / 3))
     times = f"10{str(power).translate(SUPERSCRIPTS)}"
     return in_unit(title, unit, times), values / 10.0**power
 
 
-MOST, FOLDED = 12, 240
-"""Panels shown, and folded; other entries stand in the file that `flexlin linearize` writes."""
+MOST = 12
+"""Panels shown."""
 THIN = 4
 """Every so many times are drawn of what is folded."""
 COLOURS = {"M": "teal", "D": "wine", "K": "indigo", "h": "rose"}
@@ -75,7 +73,7 @@ def choose_shown(weights: Array, groups: Sequence[Sequence[int]]) -> tuple[list[
     heaviest = [max(group, key=lambda i: weights[i]) for group in groups if len(group)]
     order = list(dict.fromkeys([*heaviest, *np.argsort(-weights, kind="stable").tolist()]))
     most = max(MOST, len(set(heaviest)))
-    return sorted(order[:most]), sorted(order[most : most + FOLDED])
+    return sorted(order[:most]), sorted(order[most : most + 240])
 
 
 @dataclass(frozen=True)
