@@ -3,7 +3,7 @@
 import argparse
 from functools import partial
 
-from flexlin.cli.shared import COMPUTED, LIMITS, LONG, SCENE, Work, command, meets, print_paths
+from flexlin.cli.shared import COMPUTED, LIMITS, LONG, SCENE, Work, command, meets, print_paths, say_loop
 from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError
 
@@ -32,7 +32,6 @@ def design(options: argparse.Namespace) -> int:
         from flexlin.answers.steady import arm_length
         from flexlin.answers.validity import judge_model
         from flexlin.report.exports import check_gains, gains_dataset
-        from flexlin.report.terminal import say_loop
         from flexlin.report.wording import reason
 
         check_gains(scene, options.points)

@@ -8,11 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from flexlin.cli.shared import COMPUTED, LIMITS, SCENE, Work, command, meets, print_paths, refuse_existing
+from flexlin.cli.shared import COMPUTED, LIMITS, SCENE, Work, command, meets, print_paths, refuse_existing, say_loop
 from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError, FlexlinError, NumericalError, TooLarge
 
 if TYPE_CHECKING:
+    from flexlin.answers.analysis import Analysis
     from flexlin.answers.steady import AtRest
     from flexlin.scene.links import Link
 
@@ -179,13 +180,31 @@ def report(options: argparse.Namespace) -> int:
     if isinstance(analysis, FlexlinError):
         print_paths(paths)
         raise analysis
-    from flexlin.report.terminal import summarize
-
     summarize(analysis)
     print_paths(paths)
     if not meets(options.require, analysis.own.verdict, analysis.validity(analysis.own).verdict):
         return OTHER_VERDICT
     return NO_ANSWER if analysis.own.verdict == "failed" else DONE
+
+
+def summarize(analysis: "Analysis") -> None:
+    """Print the verdicts and what to do next."""
+    from flexlin.report.advice import advise, drive_line
+    from flexlin.report.wording import accuracy_lines, describe_margins, describe_nearest, units_of
+
+    with units_of(analysis):
+        print(analysis.scene.title)
+        for loop in analysis.loops:
+            say_loop(loop, analysis.plant.period, analysis.validity(loop))
+            if over := drive_line(analysis, loop):
+                print(f"    {over}")
+        if critical := describe_margins(analysis.scene, analysis.margins, analysis.problems):
+            print(f"  {analysis.own.name} {critical}")
+        if analysis.nearest:
+            nearest = describe_nearest(analysis.scene, analysis.nearest)
+            print(f"  {analysis.own.name} with its uncertain numbers: {nearest}")
+        said = [f"- {step}" for step in advise(analysis)]
+        print("\n".join([*said, *accuracy_lines(analysis.steps, "\n".join(said))]))
 
 
 @command("chart", "stability over one or two parameters", *COMPUTED, "over", "loop", "workers", "scheduler", "store")

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     import xarray
 
     from flexlin.answers.clock import Clock
+    from flexlin.answers.judging import Loop
+    from flexlin.answers.validity import ModelValidity
     from flexlin.report.figures import Picture
     from flexlin.scene.scene import Scene
 
@@ -303,7 +305,7 @@ class Work:
 
     def say_accuracy(self) -> None:
         """Print what was asked, reached and taken."""
-        from flexlin.report.terminal import accuracy_lines
+        from flexlin.report.wording import accuracy_lines
 
         print("\n".join(accuracy_lines(tuple(self.kept.steps))))
 
@@ -337,6 +339,25 @@ class Work:
             for file, text in texts.items():
                 (made / file).write_text(text, encoding="utf-8")
             return made.placed(*texts) + ([] if data is None else write_dataset(data, made, name))
+
+
+COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "one-way": "yellow", "failed": "red"}
+
+
+def say_loop(loop: "Loop", period: float, model: "ModelValidity") -> None:
+    """Print the verdict on a loop: on a terminal in its colour, or in that of doubt."""
+    from flexlin.report.wording import colour, loop_line
+
+    line = loop_line(loop, period, model)
+    if not sys.stdout.isatty():
+        print(line)
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    text = Text(line)
+    text.highlight_words([loop.verdict], f"{COLOURS[colour(loop, period, model)]} bold")
+    Console(highlight=False, soft_wrap=True).print(text)
 
 
 def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":

@@ -15,8 +15,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "report.figures.exponents": "scale_radius",
         "report.numbers": "audit_block record record_endured record_loop record_margin to_json",
         "report.page": "draw_pictures FIGURES render_page",
-        "report.terminal": "accuracy_lines loop_line",
-        "report.wording": "caution describe_endured describe_margins format_quantity scale_values typeset units_of",
+        "report.wording": "accuracy_lines describe_endured describe_margins format_quantity loop_line scale_values typeset units_of",
         "report.writing": "write_report",
     },
 )

@@ -15,8 +15,8 @@ from flexlin.periodic.circle import assign
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Symlog
 from flexlin.report.figures import GAP, POINTS, SERIES, WIDTH, Picture, make_picture, make_wide_panel, resize
-from flexlin.report.wording import in_unit, page_unit, with_unit, without_units
-from flexlin.scene.names import label_number, name_number, show_unit
+from flexlin.report.wording import in_unit, page_unit, with_unit, with_unit_of, without_units
+from flexlin.scene.names import label_number, name_number
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 
@@ -98,11 +98,10 @@ def write_caption(verdict: Array, loop: str) -> str:
 
 def describe_critical(scene: Scene, one: CriticalValue) -> str:
     """One critical value with unit, error, distance and resonance, as a sentence without its full stop."""
-    unit = show_unit(scene, one.path)
     change = "becomes unstable" if one.kind == "onset" else "is stable again"
     if one.touching:
         change = "touches instability"
-    size, resonance = f"{one.value:.8g} {unit}".strip(), without_units(one.resonance)
+    size, resonance = with_unit_of(scene, one.path, f"{one.value:.8g}"), without_units(one.resonance)
     return f"{name_number(one.path)}: {change} at {size} ± {one.error:.0e} ({one.distance:+.4g} from the scene's own); {resonance}"
 
 
@@ -122,7 +121,7 @@ def describe_distance(chart: Chart, nearest: Array) -> str:
     """How far the scene's own numbers are from the boundary."""
     moves, inside = list[str](), True
     for path, value, own in zip(chart.paths, nearest, chart.own, strict=True):
-        moves.append(f"{name_number(path)} {value - own:+.4g} {show_unit(chart.scene, path)}".strip())
+        moves.append(with_unit_of(chart.scene, path, f"{name_number(path)} {value - own:+.4g}"))
         inside &= bool(chart.data[path].min() <= own <= chart.data[path].max())
     where = "diamond" if inside else "outside this range"
     return f"From the scene's own numbers ({where}) to the nearest boundary: {', '.join(moves)}."
