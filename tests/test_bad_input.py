@@ -231,13 +231,28 @@ REFUSED = {
     **{f"chart single-link --over {path}=1:2": path for path in ("motion.speed", "title")},
     "chart single-link --over motion.frequency=1:2 motion.frequency=1:3": "motion.frequency",
     "design spinning-link": "[[designs]]",
+    **{f"report single-link --tol={tol}": "accuracy.tol" for tol in ("0", "-1e-9", "nan", "inf", "1e9", "1e-30")},
+    **dict.fromkeys(
+        [
+            "simulate single-link --periods 1e9",
+            *(f"{command} single-link --points 1000000000" for command in ("linearize", "design", "export")),
+            "chart single-link --over motion.frequency=0.2:3:1000000000",
+            "chart single-link --over motion.frequency=0.2:3:40000 effects.payload.mass=0:0.3:40000",
+            "linearize single-link --points 100000 --limit-memory 2e6",
+            "respond single-link --push tip_1_N_20_ms --periods 1e12",
+        ],
+        "bytes, expected at most",
+    ),
+    "respond single-link --noise torque_1e308_N_m_1e308_Hz": "got 'torque 1e308 N m 1e308 Hz', expected a number from -1e+30 to",
+    "respond single-link --push tip_1e-300_N_1_s": "--push cannot be read; got 'tip 1e-300 N 1 s', expected a number from 1e-30 to",
+    "respond single-link --step joint_1_torque_0_N_m": "got 'joint 1 torque 0 N m', expected a number from 1e-30 to 1e+30",
 }
-"""Commands, with _ for a space within a word, and what is said of them."""
+"""Commands, with _ for a space within a word, and what is said of them: of requests that would not fit, how large they are."""
 
 
 @pytest.mark.parametrize("words", REFUSED)
 def test_what_cannot_be_asked_is_refused_before_any_file(words: str, tmp_path: Path, capsys) -> None:
-    """A range that is none, a length of none, what is no parameter, a scene without designs."""
+    """A range or length that is none, what is no parameter, what has no measure, what no memory holds."""
     with pytest.raises(SystemExit) as stop:
         sys.exit(main([*(word.replace("_", " ") for word in words.split()), "--out", str(tmp_path / "out")]))
     assert stop.value.code == BAD_INPUT

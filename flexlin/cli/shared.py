@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import flexlin.scene
+from flexlin import answers, files, report
 from flexlin.bounds import read_number
 from flexlin.cli.supervised import DONE, TICK, send_limits
 from flexlin.errors import ArgumentError, OutputError
@@ -69,24 +71,19 @@ def span(text: str) -> Span:
 
 def read_span(scene: "Scene", asked: Span) -> Span:
     """The limits in the key's unit. Raises: ArgumentError."""
-    from flexlin.scene.loading import all_slide
-    from flexlin.scene.names import name_unit
-    from flexlin.scene.problems import name_units
-    from flexlin.scene.units import in_unit
-
     key, *limits, number = asked
+    unit = flexlin.scene.name_unit(scene, key)
 
     def read(limit: str) -> Any:
         try:
             return read_number(limit)
         except ValueError:
-            sliding = all_slide([{"joint": link.joint} for link in scene.links])
-            return in_unit(limit, name_unit(scene, key), sliding)
+            sliding = flexlin.scene.all_slide([{"joint": link.joint} for link in scene.links])
+            return flexlin.scene.in_unit(limit, unit, sliding)
 
     low, high = map(read, limits)
     if isinstance(low, str) or isinstance(high, str) or not low < high:
-        unit = name_unit(scene, key)
-        expected = f"LOW:HIGH, LOW below HIGH{', numbers' + name_units(unit) if unit else ''}"
+        expected = f"LOW:HIGH, LOW below HIGH{', numbers' + flexlin.scene.name_units(unit) if unit else ''}"
         raise ArgumentError(f"{key} has no range", got=":".join(limits), expected=expected)
     return key, low, high, number
 
@@ -298,22 +295,16 @@ class Work:
         """The clock of the stages within; `planned`: how many there will be, where that is known."""
         with Progress() as self.progress:
             self.progress("load the numerical libraries")
-            from flexlin.answers.clock import Budget, Clock
-
-            self.kept = Clock(self.progress, planned=planned, budget=Budget(self.options.watch))
+            self.kept = answers.Clock(self.progress, planned=planned, budget=answers.Budget(self.options.watch))
             yield self.kept
 
     def say_accuracy(self) -> None:
         """Print what was asked, reached and taken."""
-        from flexlin.report.wording import accuracy_lines
-
-        print("\n".join(accuracy_lines(tuple(self.kept.steps))))
+        print("\n".join(report.accuracy_lines(tuple(self.kept.steps))))
 
     def page(self, pictures: "Sequence[Picture]", said: Sequence[str] = ()) -> str:
         """A page of pictures, below what is to be said before them."""
-        from flexlin.report.page import picture_page
-
-        return picture_page(self.scene.title, pictures[0], self.quoted, pictures[1:], said)
+        return str(report.picture_page(self.scene.title, pictures[0], self.quoted, pictures[1:], said))
 
     def write(
         self,
@@ -324,21 +315,16 @@ class Work:
         more: Mapping[str, str] | None = None,
     ) -> int:
         """Write NAME.html with the pictures, NAME.json with the numbers, and more files of text; done."""
-        from flexlin.report.numbers import to_json
-
-        data = to_json({"schema": 1, "title": self.scene.title, **record})
+        data = report.to_json({"schema": 1, "title": self.scene.title, **record})
         texts = {f"{name}.html": self.page(pictures, said), f"{name}.json": data, **(more or {})}
         return print_paths(self.write_files(name, texts))
 
     def write_files(self, name: str, texts: Mapping[str, str], data: "xarray.Dataset | None" = None) -> list[Path]:
         """Write files of text, and a dataset as NAME.nc, as one set; returns where they are."""
-        from flexlin.files import results
-        from flexlin.report.exports import write_dataset
-
-        with results(self.options.out, name) as made:
+        with files.results(self.options.out, name) as made:
             for file, text in texts.items():
                 (made / file).write_text(text, encoding="utf-8")
-            return made.placed(*texts) + ([] if data is None else write_dataset(data, made, name))
+            return made.placed(*texts) + ([] if data is None else report.write_dataset(data, made, name))
 
 
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "one-way": "yellow", "failed": "red"}
@@ -346,9 +332,7 @@ COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "one-way
 
 def say_loop(loop: "Loop", period: float, model: "ModelValidity") -> None:
     """Print the verdict on a loop: on a terminal in its colour, or in that of doubt."""
-    from flexlin.report.wording import colour, loop_line
-
-    line = loop_line(loop, period, model)
+    line = report.loop_line(loop, period, model)
     if not sys.stdout.isatty():
         print(line)
         return
@@ -356,22 +340,18 @@ def say_loop(loop: "Loop", period: float, model: "ModelValidity") -> None:
     from rich.text import Text
 
     text = Text(line)
-    text.highlight_words([loop.verdict], f"{COLOURS[colour(loop, period, model)]} bold")
+    text.highlight_words([loop.verdict], f"{COLOURS[report.colour(loop, period, model)]} bold")
     Console(highlight=False, soft_wrap=True).print(text)
 
 
 def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     """The scene with its overrides, once the output folder has been found usable; `usual`: the limit in s where nobody states one."""
-    from flexlin.files import check_folder
-    from flexlin.scene.loading import load_scene
-    from flexlin.scene.parameters import parse_assignment
-
     if options.out is not None:
-        check_folder(options.out)
-    overrides = dict(parse_assignment(text) for text in options.overrides)
+        files.check_folder(options.out)
+    overrides = dict(flexlin.scene.parse_assignment(text) for text in options.overrides)
     asked = {f"accuracy.{key}": getattr(options, name, None) for name, key in ACCURACY.items()}
     overrides |= {key: value for key, value in asked.items() if value is not None}
-    scene = load_scene(options.scene, overrides, options.data)
+    scene: Scene = flexlin.load_scene(options.scene, overrides, options.data)
     if usual is not None and "seconds" not in scene.accuracy.model_fields_set:
         scene = scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"seconds": usual})})
     for name in ("over", "vary", "gain", "margins"):
@@ -380,7 +360,7 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     send_limits(options.watch.begun, scene.accuracy)
     if options.out is None:
         options.out = Path("out") / Path(options.scene).stem
-        check_folder(options.out)
+        files.check_folder(options.out)
     return scene
 
 
@@ -389,10 +369,8 @@ def refuse_existing(path: Path) -> None:
 
     Raises: OutputError.
     """
-    from flexlin.files import clear_left
-
     if path.exists():
-        clear_left(path)
+        files.clear_left(path)
         todo = "choose another name, or remove it"
         raise OutputError("the scene is there already", got=str(path), expected="a new name", todo=todo)
 

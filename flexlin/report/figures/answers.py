@@ -126,7 +126,7 @@ def say_numbers(scene: Scene, found: Identification) -> list[str]:
 Answer = DisturbanceAnswer | NoiseAnswer
 
 
-def draw(answer: Answer) -> Picture:
+def picture_answer(answer: Answer) -> Picture:
     """The picture of an answer."""
     return draw_noise(answer) if isinstance(answer, NoiseAnswer) else draw_answer(answer)
 
