@@ -28,7 +28,9 @@ def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None =
     array = value if type(value) is np.ndarray and value.dtype == np.float64 else as_floats(name, value)
     if shape is not None:
         have = array.shape
-        if len(have) != len(shape) or (have != shape and not all(map(fits_axis, shape, have))):
+        if len(have) != len(shape) or (
+            have != shape and any(want not in (None, got) for want, got in zip(shape, have, strict=True))
+        ):
             wanted = "(" + ", ".join("any" if want is None else str(want) for want in shape) + ")"
             raise ArgumentError(f"{name} has the wrong shape", got=have, expected=wanted)
     if not np.isfinite(array).all():
@@ -36,11 +38,6 @@ def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None =
         place = f" at index {where}" if where else ""
         raise ArgumentError(f"{name} is not finite", got=f"{array[where]}{place}", expected="finite numbers")
     return array
-
-
-def fits_axis(want: int | None, have: int) -> bool:
-    """Whether an axis has the wanted length."""
-    return want is None or want == have
 
 
 def as_floats(name: str, value: ArrayLike) -> Array:

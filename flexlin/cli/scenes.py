@@ -1,10 +1,8 @@
 """Commands about whole scenes: list, show, new, import, schema, check; report, chart, respond, effects, cost."""
 
 import argparse
-import json
 import math
 import sys
-import tomllib
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -31,6 +29,8 @@ KINDS: tuple[Literal["step", "initial", "push", "noise"], ...] = ("step", "initi
 
 @command("list", "name the scenes that travel with flexlin")
 def list_scenes(options: argparse.Namespace) -> int:
+    import tomllib
+
     for name, path in flexlin.scene.builtin_scenes().items():
         print(f"{name:<24} {tomllib.loads(path.read_text(encoding='utf-8'))['title']}")
     return DONE
@@ -44,6 +44,8 @@ def show(options: argparse.Namespace) -> int:
 
 @command("new", "write a commented scene to start from", "name", "like")
 def new(options: argparse.Namespace) -> int:
+    import tomllib
+
     path = options.name if options.name.suffix == ".toml" else Path(f"{options.name}.toml")
     refuse_existing(path)
     data = flexlin.load_scene(options.like).model_dump(mode="json", by_alias=True, exclude_unset=True)
@@ -72,6 +74,8 @@ def import_robot(options: argparse.Namespace) -> int:
 
 @command("schema", "print the JSON schema of scenes, with descriptions and units")
 def schema(options: argparse.Namespace) -> int:
+    import json
+
     print(json.dumps(flexlin.scene.scene_schema(), indent=1, ensure_ascii=False))
     return DONE
 

@@ -72,17 +72,17 @@ def span(text: str) -> Span:
 def read_span(scene: "Scene", asked: Span) -> Span:
     """The limits in the key's unit. Raises: ArgumentError."""
     key, *limits, number = asked
-    unit = flexlin.scene.name_unit(scene, key)
 
     def read(limit: str) -> Any:
         try:
             return read_number(limit)
         except ValueError:
             sliding = flexlin.scene.all_slide([{"joint": link.joint} for link in scene.links])
-            return flexlin.scene.in_unit(limit, unit, sliding)
+            return flexlin.scene.in_unit(limit, flexlin.scene.name_unit(scene, key), sliding)
 
     low, high = map(read, limits)
     if isinstance(low, str) or isinstance(high, str) or not low < high:
+        unit = flexlin.scene.name_unit(scene, key)
         expected = f"LOW:HIGH, LOW below HIGH{', numbers' + flexlin.scene.name_units(unit) if unit else ''}"
         raise ArgumentError(f"{key} has no range", got=":".join(limits), expected=expected)
     return key, low, high, number

@@ -87,18 +87,18 @@ class Panel:
         r = {"r": f"{size:g}", "d": f"{2 * size:g}", "e": f"{1.25 * size:g}"}
         return self._add(Mark("dots", *_points(x, y), style, label, SHAPES[shape].format(**r), tuple(texts)))
 
-    def cells(self, x: tuple[Array, Array], y: tuple[Array, Array], colour: str, opacity: float) -> "Panel":
-        """Fill rectangles from low to high ends, ((N,), (N,)) on each axis."""
+    def cells(self, x: ArrayLike, y: ArrayLike, colour: str, opacity: float) -> "Panel":
+        """Fill rectangles from low to high ends, (2, N) on each axis."""
         style = f"fill:var(--{colour});fill-opacity:{opacity:.2g};stroke:none"
-        return self._add(Mark("cells", *_points(np.concatenate(x), np.concatenate(y)), style))
+        return self._add(Mark("cells", *_points(np.ravel(x), np.ravel(y)), style))
 
-    def hatch(self, x: tuple[Array, Array], y: tuple[Array, Array], colour: str) -> "Panel":
-        """Hatch rectangles from low to high ends, ((N,), (N,)) on each axis."""
+    def hatch(self, x: ArrayLike, y: ArrayLike, colour: str) -> "Panel":
+        """Hatch rectangles from low to high ends, (2, N) on each axis."""
         line = f'<path d="M0,6L6,0" style="stroke:var(--{colour});stroke-opacity:.45;stroke-width:1"/>'
         pattern = (
             f'<defs><pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse">{line}</pattern></defs>'
         )
-        ends = _points(np.concatenate(x), np.concatenate(y))
+        ends = _points(np.ravel(x), np.ravel(y))
         return self._add(Mark("cells", *ends, "fill:url(#hatch);stroke:none", shape=pattern))
 
     def probe(self, data: str) -> "Panel":

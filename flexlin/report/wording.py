@@ -244,10 +244,7 @@ def colour(loop: Loop, period: float, model: ModelValidity) -> str:
     return "undecided" if doubt(loop, period, model) else loop.verdict
 
 
-UNKNOWN = ModelValidity("unknown")
-
-
-def loop_line(loop: Loop, period: float, model: ModelValidity = UNKNOWN) -> str:
+def loop_line(loop: Loop, period: float, model: ModelValidity) -> str:
     """One loop in one line, with what goes behind its verdict."""
     speed = describe_pace(loop, period)
     figure = "" if loop.verdict in ("undecided", "one-way", "failed") else f", {format_rate(*loop.growth)}"

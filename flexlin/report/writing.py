@@ -1,6 +1,6 @@
 """From a scene to report.json and report.html."""
 
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -129,10 +129,9 @@ def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | Non
     for left, (path, limits) in zip(range(len(ranges), 0, -1), ranges.items(), strict=True):
 
         def work(path: str = path, limits: tuple[float, float] = limits, left: int = left) -> "Margin | None":
-            if chosen is not None:
-                return answers.find_margin(scene, path, limits, a.clock.budget.plan("", asked, SHARE) / left, a.closed)
-            with suppress(InputError):
-                return answers.find_margin(scene, path, limits, (unasked - watch.seconds) / left, a.closed)
+            seconds = unasked - watch.seconds if chosen is None else a.clock.budget.plan("", asked, SHARE)
+            with suppress(InputError) if chosen is None else nullcontext():
+                return answers.find_margin(scene, path, limits, seconds / left, a.closed)
             return None
 
         at_most = inf if chosen is not None else 4.0

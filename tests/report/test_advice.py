@@ -147,7 +147,7 @@ PERIOD = 2.0
 def test_a_decay_that_nobody_feels_is_called_so(single_link: Analysis, rate: float, words: str) -> None:
     assert single_link.plant.period == PERIOD
     a = replace(single_link, own=growing(single_link, rate))
-    weak = re.match(r"  scene's PD +\w+, (.*); a disturbance", loop_line(a.own, PERIOD))
+    weak = re.match(r"  scene's PD +\w+, (.*); a disturbance", loop_line(a.own, PERIOD, a.validity(a.own)))
     assert (weak[1] if weak else "") == words
     html = render_page(a, record(a), [], "").replace("\u00a0", " ")
     headline = html[html.index('<section class="verdict') :].split("</p>")[0]

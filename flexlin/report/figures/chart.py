@@ -137,9 +137,8 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
     growth, verdict = data["exponents"].real.to_numpy(), data["verdict"].to_numpy()
     scale = choose_scale(growth, data["error"].to_numpy())
     panel = make_wide_panel(x, scale, in_unit("growth rates", "1/s"), label, 300.0).zero()
-    for begin, end in list_unstable(x, verdict, critical):
-        low, high = scale.ends
-        panel.cells((np.array([begin]), np.array([end])), (np.array([low]), np.array([high])), "unstable", 0.1)
+    for interval in list_unstable(x, verdict, critical):
+        panel.cells(interval, scale.ends, "unstable", 0.1)
     for k in range(1, growth.shape[1]):
         panel.line(x, growth[:, k], "faint", width=0.9, opacity=0.7, label="other exponents" if k == 1 else "")
     panel.line(x, growth[:, 0], "ink", width=0.8)
@@ -358,8 +357,7 @@ def draw_bar(growth: Array, verdict: Array, levels: list[float]) -> Panel:
     for name, end in (("stable", low), ("unstable", high)):
         edges = end * (np.arange(SHADES + 1) / SHADES) ** 2
         for k in range(SHADES if end else 0):
-            pair = sorted((edges[k], edges[k + 1]))
-            panel.cells((np.zeros(1), np.ones(1)), (np.array(pair[:1]), np.array(pair[1:])), name, strengthen(k + 0.5))
+            panel.cells([0.0, 1.0], sorted(edges[k : k + 2]), name, strengthen(k + 0.5))
     for level in levels:
         panel.line([0.0, 1.0], [level, level], "ink", width=0.6, opacity=0.55)
     return panel
