@@ -262,7 +262,7 @@ SHADES = 14
 
 def strengthen(shade: float) -> float:
     """How strong a colour is at one of its shades: the faintest can be seen."""
-    return 0.18 + 0.82 * shade / SHADES
+    return 0.18 + (1 - 0.18) * shade / SHADES
 
 
 def draw_map(chart: Chart, labels: list[str], data: xarray.Dataset) -> Sequence[Panel]:
