@@ -1,8 +1,11 @@
 """The one door for what somebody else wrote, in TOML, URDF, CSV, JSON, --set or Python: bounds of files, digits, sizes and depths."""
 
 import math
+import os
+import stat
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 from unicodedata import category
 
@@ -28,6 +31,31 @@ SMALLEST = 1e-30
 """A figure of an arm that is smaller must be zero; quotients and powers then stay numbers."""
 IN_RANGE = f"a number from {-LARGEST:g} to {LARGEST:g}"
 WHOLE_IN_RANGE = "a number between -2^63 and 2^63, or one with a decimal point"
+
+
+def read_text(path: Path, most: int) -> str:
+    """Read a text file in UTF-8, with or without a byte order mark.
+
+    A pipe or device is refused before it is opened, since it may never end.
+
+    Parameters: most: bytes that it may have.
+    Raises: OSError saying what is wrong with the file; UnicodeDecodeError (a ValueError).
+    """
+    refuse_odd(path.stat(), most)
+    with path.open("rb") as file:
+        refuse_odd(os.fstat(file.fileno()), most)  # another one may have come in its place
+        content = file.read(most + 1)
+    if len(content) > most:  # files of the system itself state no size
+        raise OSError(f"it has more than {most:,} bytes")
+    return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def refuse_odd(about: os.stat_result, most: int) -> None:
+    """Refuse what is no regular file, or too large."""
+    if not stat.S_ISREG(about.st_mode):
+        raise OSError("it is no regular file")
+    if about.st_size > most:
+        raise OSError(f"it has {about.st_size:,} bytes, more than {most:,}")
 
 
 def read_number(text: str) -> float:

@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {},
     within={
-        "files.manifest": "MANIFEST read_text refuse_odd sync",
-        "files.switch": "Results check_folder clear_left replacing results write_text",
+        "bounds": "read_text refuse_odd",
+        "files.sets": "MANIFEST Results check_folder clear_left replacing results sync write_text",
     },
 )
