@@ -1,4 +1,4 @@
-"""What an analysis becomes: pages, pictures, JSON, netCDF, text in the terminal."""
+"""What an analysis becomes: words, pages, pictures, JSON, netCDF."""
 
 from flexlin.lazy import load_lazily
 
