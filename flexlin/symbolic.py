@@ -192,34 +192,12 @@ def call_casadi(function: ca.Function, arrays: list[Array]) -> list[Array]:
     return [output.transpose(0, 2, 1) for output in outputs]
 
 
-class Pointwise:
-    """A CasADi function called at one point after another, as integrators do: buffers are laid out once.
+def call_at(function: ca.Function, *arguments: Array) -> list[Array]:
+    """The outputs (rows, columns) at one point, each argument a vector.
 
     The numbers are not checked to be finite: an integrator's trial step may leave the range, and says so itself.
-
-    Parameters of the call: one array for each input, of as many numbers as the input has. Returns: one array (rows, columns) for each
-    output, valid until the next call. Raises: ArgumentError when a number of inputs or a size does not fit.
     """
-
-    def __init__(self, function: ca.Function):
-        inputs, outputs = layout(function)
-        self._names = [name for name, _ in inputs]
-        self._inputs = [np.zeros(size) for _, size in inputs]
-        self._outputs = [np.zeros((columns, rows)) for rows, columns in outputs]
-        self._buffer: Any
-        self._buffer, self._trigger = function.buffer()
-        for i, array in enumerate(self._inputs):
-            self._buffer.set_arg(i, array.data)
-        for i, output in enumerate(self._outputs):
-            self._buffer.set_res(i, output.data)
-
-    def __call__(self, *arguments: Array) -> list[Array]:
-        for name, inside, value in zip(self._names, self._inputs, arguments, strict=True):
-            if np.shape(value) != inside.shape:
-                raise ArgumentError(f"{name} has the wrong shape", got=np.shape(value), expected=str(inside.shape))
-            inside[:] = value
-        self._trigger()
-        return [output.T for output in self._outputs]
+    return [made[0] for made in call_casadi(function, [np.array(one, dtype=float)[None] for one in arguments])]
 
 
 class Expressions:

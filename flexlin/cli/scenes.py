@@ -49,7 +49,7 @@ def new(options: argparse.Namespace) -> int:
     path = options.name if options.name.suffix == ".toml" else Path(f"{options.name}.toml")
     refuse_existing(path)
     data = flexlin.load_scene(options.like).model_dump(mode="json", by_alias=True, exclude_unset=True)
-    data["title"], text = path.stem, ""
+    data["title"] = path.stem
     data.pop("source", None)
     text = flexlin.scene.commented_scene(data)
     flexlin.parse_scene(tomllib.loads(text), str(path))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from scipy.linalg import lapack
 
@@ -88,12 +89,15 @@ class Acceleration:
         self.about, self.friction, self._kept, self._n = lin.about, friction, list(lin.kept), lin.n
 
     @lazy
-    def _equations(self) -> symbolic.Pointwise:
-        return symbolic.Pointwise(deviation_equations(self.about))
+    def _equations(self) -> ca.Function:
+        return deviation_equations(self.about)
+
+    def _evaluate(self, t: float, x: Array) -> list[Array]:
+        return symbolic.call_at(self._equations, x, *self.about.place_at(t))
 
     def rates(self, t: float, x: Array) -> Array:
         """The rates s' of all coordinates of the arm in a state [y; y'] (2n,)."""
-        return np.asarray(self._equations(x, *self.about.place_at(t))[3][:, 0])
+        return np.asarray(self._evaluate(t, x)[3][:, 0])
 
     def solve(self, t: float, x: Array, torque: Array, slip: Array | None = None) -> tuple[Array, Array, float]:
         """y'' (n,), the friction that holds the joints that stick, and the power into the arm, in a state x = [y; y'] (2n,).
@@ -101,7 +105,7 @@ class Acceleration:
         Parameters: slip: (p,) of the joints that may stick, 0 where one does and else the sign of its rate; None: smooth friction.
         Raises: SimulationStopped where the mass matrix is not positive definite.
         """
-        M, B, left, rates, lost = self._equations(x, *self.about.place_at(t))
+        M, B, left, rates, lost = self._evaluate(t, x)
         kept, left, rates, friction = self._kept, left[:, 0], rates[:, 0], self.friction
         if friction is not None and slip is not None:
             moving = list(friction.places)
