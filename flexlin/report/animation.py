@@ -12,7 +12,8 @@ from flexlin.control.slow_motions import slow_motions
 from flexlin.control.tracking import arm_positions
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.periodic.precision import ROOT
-from flexlin.report.figures.arm import SWING, trace_arm
+from flexlin.report.figures.exponents import SWING
+from flexlin.report.figures.over_period import trace_arm
 from flexlin.report.page import TEMPLATES
 from flexlin.scene.scene import Scene
 from flexlin.simulation.result import Simulation

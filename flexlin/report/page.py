@@ -15,9 +15,9 @@ from flexlin.errors import ArgumentError
 from flexlin.report import wording
 from flexlin.report.advice import advise, drive_cells, name_condition
 from flexlin.report.figures import Picture
-from flexlin.report.figures.arm import draw_arm, draw_modes
-from flexlin.report.figures.exponents import draw_exponents, draw_multipliers
+from flexlin.report.figures.exponents import draw_exponents, draw_modes, draw_multipliers
 from flexlin.report.figures.over_period import (
+    draw_arm,
     draw_coefficients,
     draw_comparison,
     draw_gains,
