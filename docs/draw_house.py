@@ -40,8 +40,8 @@ def is_package(name: str) -> bool:
 GROUND = tuple(
     name
     for name in (
-        *("symbolic", "program", "expressions", "plots", "_core", "compiler", "lapack", "lazy", "files"),
-        *("arguments", "checks", "bounds", "errors", "text", "summary", "progress", "resources"),
+        *("symbolic", "program", "plots", "_core", "lazy", "files"),
+        *("arguments", "checks", "bounds", "errors", "summary", "resources"),
     )
     if is_package(name) or (PACKAGE / name).with_suffix(".py").exists()
 )

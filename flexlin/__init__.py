@@ -4,81 +4,53 @@ The public names are loaded when they are first used, so that `import flexlin` s
 """
 
 import logging
-from importlib import import_module
-from typing import Any
+
+from flexlin.lazy import load_lazily
 
 __version__ = "0.2.0"
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 
-_HOME = {
-    "load_scene": "flexlin.scene",
-    "parse_scene": "flexlin.scene",
-    "scenes": "flexlin.scene",
-    "scene_from_urdf": "flexlin.scene.loading",
-    "Scene": "flexlin.scene",
-    "build_manipulator": "flexlin.mechanics",
-    "Manipulator": "flexlin.mechanics",
-    "build_motion": "flexlin.motion",
-    "linearize": "flexlin.about.linear",
-    "Linearization": "flexlin.about.linear",
-    "Trajectory": "flexlin.about.linear",
-    "PeriodicFamily": "flexlin.about.family",
-    "PeriodicStateSpace": "flexlin.periodic.related",
-    "PeriodicSystem": "flexlin.periodic.system",
-    "floquet": "flexlin.periodic.floquet.exponents",
-    "FloquetResult": "flexlin.periodic.floquet.result",
-    "floquet_modes": "flexlin.periodic.floquet.modes",
-    "invariant_zeros": "flexlin.periodic.zeros",
-    "h2_norm": "flexlin.periodic.norms",
-    "hinf_norm": "flexlin.periodic.norms",
-    "margins": "flexlin.periodic.margins",
-    "frequency_response": "flexlin.periodic.response.frequency",
-    "output_lqr": "flexlin.control.output_lqr",
-    "forced_response": "flexlin.periodic.response.forced",
-    "periodic_lqr": "flexlin.control",
-    "periodic_lyapunov": "flexlin.periodic.quadratic.riccati",
-    "respond": "flexlin.periodic.response.transient",
-    "sampled_estimator": "flexlin.control.sampled",
-    "sampled_lqr": "flexlin.control.sampled",
-    "simulate": "flexlin.simulation",
-    "sweep": "flexlin.answers.sweep",
-    "critical_values": "flexlin.answers.critical_values",
-    "nearest_instability": "flexlin.answers.nearest",
-    "stability_boundary": "flexlin.answers.stability_boundary",
-    "tune": "flexlin.answers.tuning",
-    "sensitivity": "flexlin.answers.sensitivity",
-    "audit": "flexlin.answers.audit",
-    "cost": "flexlin.answers.accuracy",
-    "Log": "flexlin.identification.log",
-    "read_log": "flexlin.identification.reading",
-    "identify": "flexlin.identification.maximum_likelihood",
-    "predict": "flexlin.identification.prediction",
-    "taylor": "flexlin.series",
-    "TaylorMap": "flexlin.series",
-    "implicit_taylor": "flexlin.series",
-}
-"""Where each public function and class stands."""
-_MODULES = {
-    "control": "flexlin.control",
-    "errors": "flexlin.errors",
-    "kronecker": "flexlin.kronecker",
-    "plots": "flexlin.plots",
-    "screws": "flexlin.mechanics.screws",
-}
-"""Modules that are public as a whole."""
-
-__all__ = sorted([*_HOME, *_MODULES])
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOME:
-        value = getattr(import_module(_HOME[name]), name)
-    elif name in _MODULES:
-        value = import_module(_MODULES[name])
-    else:
-        raise AttributeError(f"module 'flexlin' has no attribute {name!r}")
-    globals()[name] = value
-    return value
+__getattr__, _, __all__ = load_lazily(
+    __name__,
+    {
+        "about.family": "PeriodicFamily",
+        "about.linear": "Linearization linearize Trajectory",
+        "answers.accuracy": "cost",
+        "answers.audit": "audit",
+        "answers.critical_values": "critical_values",
+        "answers.nearest": "nearest_instability",
+        "answers.sensitivity": "sensitivity",
+        "answers.stability_boundary": "stability_boundary",
+        "answers.sweep": "sweep",
+        "answers.tuning": "tune",
+        "control": "periodic_lqr",
+        "control.output_lqr": "output_lqr",
+        "control.sampled": "sampled_estimator sampled_lqr",
+        "identification.log": "Log",
+        "identification.maximum_likelihood": "identify",
+        "identification.prediction": "predict",
+        "identification.reading": "read_log",
+        "mechanics": "build_manipulator Manipulator",
+        "motion": "build_motion",
+        "periodic.floquet.exponents": "floquet",
+        "periodic.floquet.modes": "floquet_modes",
+        "periodic.floquet.result": "FloquetResult",
+        "periodic.margins": "margins",
+        "periodic.norms": "h2_norm hinf_norm",
+        "periodic.quadratic.riccati": "periodic_lyapunov",
+        "periodic.related": "PeriodicStateSpace",
+        "periodic.response.forced": "forced_response",
+        "periodic.response.frequency": "frequency_response",
+        "periodic.response.transient": "respond",
+        "periodic.system": "PeriodicSystem",
+        "periodic.zeros": "invariant_zeros",
+        "scene": "load_scene parse_scene Scene scenes",
+        "scene.loading": "scene_from_urdf",
+        "series": "implicit_taylor taylor TaylorMap",
+        "simulation": "simulate",
+    },
+    whole=("control", "errors", "kronecker", "plots", "mechanics.screws"),
+)
 
 
 def __dir__() -> list[str]:

@@ -6,8 +6,7 @@ import sys
 
 def main() -> None:
     """Run the program; Ctrl-C waits until the program can say that it came: Python's loader drops one that strikes in its midst."""
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     try:
         from flexlin.cli.program import entry
 

@@ -1,18 +1,23 @@
 """The one door for what somebody else wrote, in TOML, URDF, CSV, JSON, --set or Python: bounds of files, digits, sizes and depths."""
 
 import math
+import os
 import re
+import stat
 import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 from unicodedata import category
 
 MEBIBYTE = 2**20
-LARGEST_SCENE, LARGEST_ROBOT, LARGEST_LOG = MEBIBYTE, 4 * MEBIBYTE, 1024 * MEBIBYTE
-"""Bytes of a scene, a URDF file, and a log."""
+LARGEST_SCENE, LARGEST_ROBOT = MEBIBYTE, 4 * MEBIBYTE
+"""Bytes of a scene, and of a URDF file."""
 LARGEST_TABLE = LARGEST_MANIFEST = 64 * MEBIBYTE
 """Bytes of a table of a motion, and of a list of results."""
+LARGEST_LOG = LIMIT = 1024 * MEBIBYTE
+"""Bytes of a log, and of what one request may take unless `checks.memory_limit` says otherwise."""
 MOST_ROWS, MOST_COLUMNS, MOST_ELEMENTS, MOST_ITEMS = 2**18, 1000, 50_000, 200
 """Rows of a table, columns of a log, elements of a URDF file, and links, designs, or described mistakes, of one scene."""
 DEEPEST = 32
@@ -22,14 +27,37 @@ LONGEST_SHOWN, MOST_NAMED = 60, 4
 """Characters of a value that are repeated in a message, and keys that it names."""
 LONGEST_NUMBER = 400
 """Characters of a number; Python itself refuses whole numbers of more than 4,300 digits, and takes time by the square of these."""
-WHOLE_NUMBERS = 2**63
-"""A whole number has 64 bits."""
 LARGEST = 1e30
 """No number of an arm is larger; squares and cubes of it stay far from overflow."""
 SMALLEST = 1e-30
 """A figure of an arm that is smaller must be zero; quotients and powers then stay numbers."""
 IN_RANGE = f"a number from {-LARGEST:g} to {LARGEST:g}"
 WHOLE_IN_RANGE = "a number between -2^63 and 2^63, or one with a decimal point"
+
+
+def read_text(path: Path, most: int) -> str:
+    """Read a text file in UTF-8, with or without a byte order mark.
+
+    A pipe or device is refused before it is opened, since it may never end.
+
+    Parameters: most: bytes that it may have.
+    Raises: OSError saying what is wrong with the file; UnicodeDecodeError (a ValueError).
+    """
+    refuse_odd(path.stat(), most)
+    with path.open("rb") as file:
+        refuse_odd(os.fstat(file.fileno()), most)  # another one may have come in its place
+        content = file.read(most + 1)
+    if len(content) > most:  # files of the system itself state no size
+        raise OSError(f"it has more than {most:,} bytes")
+    return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def refuse_odd(about: os.stat_result, most: int) -> None:
+    """Refuse what is no regular file, or too large."""
+    if not stat.S_ISREG(about.st_mode):
+        raise OSError("it is no regular file")
+    if about.st_size > most:
+        raise OSError(f"it has {about.st_size:,} bytes, more than {most:,}")
 
 
 def read_number(text: str) -> float:
@@ -83,7 +111,7 @@ def is_too_deep(raw: Any) -> bool:
 
 def list_endless_numbers(raw: Any, path: str) -> Iterator[str]:
     """The dotted paths of whole numbers that no 64 bits hold; most of them no floating-point number holds either."""
-    if isinstance(raw, int) and not -WHOLE_NUMBERS <= raw < WHOLE_NUMBERS:
+    if isinstance(raw, int) and not -(2**63) <= raw < 2**63:
         yield path
     items = raw.items() if isinstance(raw, dict) else enumerate(raw) if isinstance(raw, (list, tuple)) else ()
     for step, child in items:

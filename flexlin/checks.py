@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexlin.bounds import LIMIT
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit, TooLarge
 
 Array = NDArray[Any]
@@ -19,8 +20,6 @@ SAMPLES = 256
 """Equally spaced times of a period at which something smooth is looked at, or listed."""
 ROUNDING = 1e-12
 """A share of the largest, below which what is left of a sum is rounding."""
-LIMIT = 2**30
-"""Bytes that one request may take unless `memory_limit` says otherwise; a larger one is refused before anything is allocated."""
 _limit: ContextVar[int] = ContextVar("limit", default=LIMIT)
 
 
@@ -29,7 +28,9 @@ def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None =
     array = value if type(value) is np.ndarray and value.dtype == np.float64 else as_floats(name, value)
     if shape is not None:
         have = array.shape
-        if len(have) != len(shape) or (have != shape and not all(map(fits_axis, shape, have))):
+        if len(have) != len(shape) or (
+            have != shape and any(want not in (None, got) for want, got in zip(shape, have, strict=True))
+        ):
             wanted = "(" + ", ".join("any" if want is None else str(want) for want in shape) + ")"
             raise ArgumentError(f"{name} has the wrong shape", got=have, expected=wanted)
     if not np.isfinite(array).all():
@@ -37,11 +38,6 @@ def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None =
         place = f" at index {where}" if where else ""
         raise ArgumentError(f"{name} is not finite", got=f"{array[where]}{place}", expected="finite numbers")
     return array
-
-
-def fits_axis(want: int | None, have: int) -> bool:
-    """Whether an axis has the wanted length."""
-    return want is None or want == have
 
 
 def as_floats(name: str, value: ArrayLike) -> Array:

@@ -1,6 +1,6 @@
 """What is done when it is first asked for: public names that are loaded, attributes that are computed."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any, Generic, TypeVar, overload
 
@@ -8,21 +8,25 @@ Value = TypeVar("Value")
 
 
 def load_lazily(
-    package: str, promised: Mapping[str, str], within: Mapping[str, str] | None = None
+    package: str, promised: Mapping[str, str], within: Mapping[str, str] | None = None, whole: Sequence[str] = ()
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """The `__getattr__`, `__dir__` and `__all__` (PEP 562) of a package: its door, by the modules of flexlin that the names stand in.
 
     What is promised to users is listed; other rooms and tests also ask for what is given `within` flexlin, and need not know the file.
+    Modules that are promised as a `whole` are named themselves.
     """
     tables = [
         {name: place for place, given in table.items() for name in given.split()} for table in (promised, within or {})
     ]
-    module, names = {**tables[0], **tables[1]}, sorted(tables[0])
+    modules = {place.rpartition(".")[2]: place for place in whole}
+    places, names = tables[0] | tables[1], sorted([*tables[0], *modules])
 
     def load(name: str) -> Any:
-        if name not in module:
+        if name in modules:
+            return import_module(f"flexlin.{modules[name]}")
+        if name not in places:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(f"flexlin.{module[name]}"), name)
+        return getattr(import_module(f"flexlin.{places[name]}"), name)
 
     return load, lambda: names, names
 

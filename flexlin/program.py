@@ -23,20 +23,20 @@ TOGETHER = 32
 CONST, INPUT, OUTPUT = ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT
 T = TypeVar("T")
 
-NUMBER_VALUES = declare(
+number_values = declare(
     "long number_values(long steps, Step *code, long mask, int *found, int *value)",
     lambda steps, code, mask, *_: ((steps, WORDS), mask + 1, None),
 )
-FIND_NEEDS = declare(
+find_needs = declare(
     "void find_needs(long steps, const Step *code, const int *kinds, int *needs)",
     lambda steps, *_: ((steps, WORDS), None, steps),
 )
-LAY_OUT = declare(
+lay_out = declare(
     "long lay_out(long steps, const Step *code, const int *wanted, char *live, int *slot, int first, int *last, int *empty, "
     "Step *placed, int *slots)",
     lambda steps, *_: ((steps, WORDS), None, steps, steps, steps, steps, (steps, WORDS), 1),
 )
-MARCH_PROGRAM = declare(
+march_program = declare(
     "long march_program(long steps, const Step *code, long points, long times, long inputs, const double **in, const long *rows, "
     "const long *ahead, long outputs, double **out, const long *sizes, const long *beyond, double *work)",
     lambda steps, code, points, times, m, read, rows, ahead, n, *_: ((steps, WORDS), m, m, n, n, None),
@@ -140,7 +140,7 @@ class Program:
     def find_needs(self, kinds: tuple[int, ...]) -> Array:
         """What each step depends on, (K,): the kinds (sets of bits) of the inputs behind it, joined."""
         needs = np.empty(len(self.steps), dtype=np.int32)
-        FIND_NEEDS(len(self.steps), self.steps, np.array(kinds, dtype=np.int32), needs)
+        find_needs(len(self.steps), self.steps, np.array(kinds, dtype=np.int32), needs)
         return needs
 
     def invert_once(self, kinds: tuple[int, ...]) -> Self:
@@ -182,7 +182,7 @@ class Program:
         for value, place in (given or {}).items():
             slot[value] = place
         empty, needed, placed = np.empty(count, dtype=np.int32), np.empty(1, dtype=np.int32), np.empty_like(self.steps)
-        left = LAY_OUT(count, self.steps, wanted, live, slot, first, last, empty, placed, needed)
+        left = lay_out(count, self.steps, wanted, live, slot, first, last, empty, placed, needed)
         return Layout(placed[:left].copy(), slot, int(needed[0]), self.rows, self.sizes[chosen])
 
 
@@ -209,7 +209,7 @@ class Layout:
         work = np.empty(max(1, self.slots) * TOGETHER)
         points = len(arrays[0]) if arrays else len(outputs[0])
         given = len(arrays), read, self.rows, ahead, len(outputs), written, self.sizes, beyond
-        unknown = MARCH_PROGRAM(len(self.steps), self.steps, points, times, *given, work)
+        unknown = march_program(len(self.steps), self.steps, points, times, *given, work)
         if unknown:
             raise ArgumentError(
                 "an operation of the expressions is not known here", got=name_of(int(self.steps[unknown - 1, 0]))
@@ -221,7 +221,7 @@ def share_values(steps: Array, slots: int) -> Array:
     count, shared = len(steps), steps.copy()
     table = 2 ** (2 * count).bit_length()
     found, value = np.full(table, -1, dtype=np.int32), np.zeros(max(1, slots), dtype=np.int32)
-    return shared[: NUMBER_VALUES(count, shared, table - 1, found, value)].copy()
+    return shared[: number_values(count, shared, table - 1, found, value)].copy()
 
 
 def name_of(operation: int) -> str:

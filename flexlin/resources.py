@@ -1,8 +1,13 @@
-"""What a run may take where nobody says otherwise, and what memory a process holds. No library is loaded."""
+"""What a run may take where nobody says otherwise, what it has taken, and how much of it is done. No library is loaded.
+
+A calculation says its share wherever it knows, and whoever listens shows it; without a listener that is a look at one variable.
+"""
 
 import os
 import time
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 
 SECONDS, BYTES = 60.0, 7e8
 """The usual limits: time of the processor in s, and memory beside the libraries."""
@@ -54,3 +59,37 @@ def _read(path: str) -> str:
         return os.read(file, 2**16).decode()
     finally:
         os.close(file)
+
+
+Listener = Callable[[float], None]
+_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
+
+
+def advance(share: float) -> None:
+    """Say that this share, from 0 to 1, of the work at hand is done."""
+    listener = _listener.get()
+    if listener is not None:
+        listener(share)
+
+
+@contextmanager
+def listening(listener: Listener) -> Iterator[None]:
+    """Hand every share that the block says to a listener."""
+    before = _listener.set(listener)
+    try:
+        yield
+    finally:
+        _listener.reset(before)
+
+
+@contextmanager
+def part(low: float, high: float) -> Iterator[None]:
+    """The block is the part from `low` to `high` of the work outside: what it says from 0 to 1 is said of the whole."""
+    outside = _listener.get()
+    if outside is None:
+        yield
+        return
+    outside(low)
+    with listening(lambda share: outside(low + (high - low) * min(max(share, 0.0), 1.0))):
+        yield
+    outside(high)

@@ -9,8 +9,6 @@ WIDTH, MOST_LINES = 110, 12
 """Columns and lines of a summary."""
 FEW = 6
 """Entries of an array or a tuple that are shown in full."""
-LONGEST = 80
-"""Characters of a text that are shown."""
 
 
 def represent(result: Any) -> str:
@@ -44,7 +42,7 @@ def represent_value(value: Any) -> str:
     if value is None or isinstance(value, bool):
         return repr(value)
     if isinstance(value, str):
-        return repr(value if len(value) <= LONGEST else value[: LONGEST - 3] + "...")
+        return repr(value if len(value) <= 80 else value[:77] + "...")
     if isinstance(value, Complex) and not hasattr(value, "shape"):
         return represent_number(value)
     if hasattr(value, "shape"):

@@ -1,6 +1,7 @@
-"""The one checked door between CasADi and NumPy: many points, one mapped call."""
+"""The one checked door between CasADi and NumPy: many points, one mapped call; and the pickling of objects that hold expressions."""
 
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any
 
@@ -191,31 +192,85 @@ def call_casadi(function: ca.Function, arrays: list[Array]) -> list[Array]:
     return [output.transpose(0, 2, 1) for output in outputs]
 
 
-class Pointwise:
-    """A CasADi function called at one point after another, as integrators do: buffers are laid out once.
+def call_at(function: ca.Function, *arguments: Array) -> list[Array]:
+    """The outputs (rows, columns) at one point, each argument a vector.
 
     The numbers are not checked to be finite: an integrator's trial step may leave the range, and says so itself.
+    """
+    return [made[0] for made in call_casadi(function, [np.array(one, dtype=float)[None] for one in arguments])]
 
-    Parameters of the call: one array for each input, of as many numbers as the input has. Returns: one array (rows, columns) for each
-    output, valid until the next call. Raises: ArgumentError when a number of inputs or a size does not fit.
+
+class Expressions:
+    """A frozen dataclass whose fields hold CasADi expressions, alone or inside other such objects and tuples.
+
+    What is derived from the fields and kept beside them is not pickled; it is derived again. Symbols are shared inside one object: two
+    objects that are pickled side by side each have symbols of their own afterwards.
     """
 
-    def __init__(self, function: ca.Function):
-        inputs, outputs = layout(function)
-        self._names = [name for name, _ in inputs]
-        self._inputs = [np.zeros(size) for _, size in inputs]
-        self._outputs = [np.zeros((columns, rows)) for rows, columns in outputs]
-        self._buffer: Any
-        self._buffer, self._trigger = function.buffer()
-        for i, array in enumerate(self._inputs):
-            self._buffer.set_arg(i, array.data)
-        for i, output in enumerate(self._outputs):
-            self._buffer.set_res(i, output.data)
+    def __getstate__(self) -> dict[str, Any]:
+        serializer = ca.StringSerializer()
+        state = flattened({f.name: getattr(self, f.name) for f in fields(self)}, serializer)  # type: ignore[arg-type]
+        return {"expressions": serializer.encode(), "fields": state}
 
-    def __call__(self, *arguments: Array) -> list[Array]:
-        for name, inside, value in zip(self._names, self._inputs, arguments, strict=True):
-            if np.shape(value) != inside.shape:
-                raise ArgumentError(f"{name} has the wrong shape", got=np.shape(value), expected=str(inside.shape))
-            inside[:] = value
-        self._trigger()
-        return [output.T for output in self._outputs]
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        rebuild(self, restored(state["fields"], ca.StringDeserializer(state["expressions"])))
+
+
+class Expression:
+    """Stands for the next expression of the serialisation."""
+
+
+class Held:
+    """Stands for another object with expressions: its class and its fields."""
+
+    def __init__(self, kind: type, state: Any):
+        self.kind, self.state = kind, state
+
+
+def flattened(value: Any, serializer: "ca.StringSerializer | Row") -> Any:
+    """The value with its expressions moved into the serialisation, in the order in which they are met."""
+    if isinstance(value, ca.SX):
+        serializer.pack(value)
+        return Expression()
+    if isinstance(value, Expressions):
+        state = {f.name: getattr(value, f.name) for f in fields(value)}  # type: ignore[arg-type]
+        return Held(type(value), flattened(state, serializer))
+    if isinstance(value, dict):
+        return {key: flattened(item, serializer) for key, item in value.items()}
+    if type(value) is tuple:
+        return tuple(flattened(item, serializer) for item in value)
+    return value
+
+
+def restored(value: Any, expressions: "ca.StringDeserializer | Row") -> Any:
+    """The value with its expressions back in place."""
+    if isinstance(value, Expression):
+        return expressions.unpack()
+    if isinstance(value, Held):
+        made: Any = object.__new__(value.kind)
+        rebuild(made, restored(value.state, expressions))
+        return made
+    if isinstance(value, dict):
+        return {key: restored(item, expressions) for key, item in value.items()}
+    if type(value) is tuple:
+        return tuple(restored(item, expressions) for item in value)
+    return value
+
+
+class Row(deque[Any]):
+    """Expressions one after the other, in the place of a serialisation."""
+
+    pack, unpack = deque.append, deque.popleft
+
+
+def substituted(made: Any, old: ca.SX, new: ca.SX) -> Any:
+    """The same object with other expressions in the place of symbols, in all that it holds."""
+    row = Row()
+    state = flattened(made, row)
+    return restored(state, Row(ca.substitute(list(row), [old], [new])))
+
+
+def rebuild(made: Any, state: dict[str, Any]) -> None:
+    """Set the fields of a frozen object."""
+    for name, item in state.items():
+        object.__setattr__(made, name, item)

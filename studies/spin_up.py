@@ -61,15 +61,14 @@ class SpinUp:
 def spin_up(modes: int, stiffening: bool, duration: float) -> SpinUp:
     """Integrate the full equations of the elastic coordinates under the prescribed angle."""
     model = arm(modes, stiffening)
-    equations = symbolic.Pointwise(model.functions["residual"])
-    mass = symbolic.Pointwise(model.functions["M"])
+    equations, mass = model.functions["residual"], model.functions["M"]
     shapes = 2.0 * (-1.0) ** np.arange(modes)
 
     def rate(t: float, x: np.ndarray) -> np.ndarray:
         q, q1, q2 = angle(np.array(t))
         s, s1, s2 = np.append(q, x[:modes]), np.append(q1, x[modes:]), np.append(q2, np.zeros(modes))
-        left = equations(s, s1, s2, np.zeros(0))[0][1:, 0]
-        return np.append(x[modes:], -np.linalg.solve(mass(s, np.zeros(0))[0][1:, 1:], left))
+        left = symbolic.call_at(equations, s, s1, s2, np.zeros(0))[0][1:, 0]
+        return np.append(x[modes:], -np.linalg.solve(symbolic.call_at(mass, s, np.zeros(0))[0][1:, 1:], left))
 
     def lost(t: float, x: np.ndarray) -> float:
         return 5.0 - abs(shapes @ x[:modes])

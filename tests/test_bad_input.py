@@ -55,11 +55,6 @@ def test_a_name_without_letters_is_not_the_current_folder(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_name_with_a_zero_is_no_folder(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["report", "single-link", "--out", "a\0b"]) == 2
-    assert "cannot be the output folder; got embedded null byte" in capsys.readouterr().err
-
-
 # One row each: the override, then what the message must name.
 OVERRIDES = {
     "wrong type": ('links.0.length="long"', "links.0.length", "'long'", "expected a number"),
@@ -162,12 +157,26 @@ def test_a_file_that_is_no_scene(
     refused(capsys, [str(path)], "scene.toml", *words, folder=tmp_path)
 
 
-def test_a_misspelt_name_is_recognised(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    refused(capsys, ["single-lnk"], "did you mean 'single-link'", folder=tmp_path)
-
-
-def test_a_model_that_nobody_registered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    refused(capsys, ["khang-2019", "--set", "model='os'"], "model", "'os'", "khang-2019", folder=tmp_path)
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["single-lnk"], ("did you mean 'single-link'",)),
+        (["khang-2019", "--set", "model='os'"], ("model", "'os'", "khang-2019")),
+        (
+            [
+                "single-link",
+                "--set",
+                "motion={kind='point-to-point', course='one-way', move_time=1.0, joints=[{waypoints=[0.0, 1.0]}]}",
+            ],
+            ("one-way", "there-and-back"),
+        ),
+    ],
+    ids=["misspelt", "a model that nobody registered", "a motion without a period"],
+)
+def test_what_is_no_scene_or_has_no_answer(
+    arguments: list[str], words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused(capsys, arguments, *words, folder=tmp_path)
 
 
 ROWS = [f"{0.1 * k},{0.1 * k * (1 - k / 10):.6f}" for k in range(11)]
@@ -190,11 +199,6 @@ def test_a_bad_table_motion(kind: str, tmp_path: Path, capsys: pytest.CaptureFix
     if rows is not None:
         (tmp_path / "motion.csv").write_text("\n".join(rows), encoding="utf-8")
     refused(capsys, [str(scene)], "scene.toml", "motion.file", *words, folder=tmp_path)
-
-
-def test_a_motion_without_a_period(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    motion = "motion={kind='point-to-point', course='one-way', move_time=1.0, joints=[{waypoints=[0.0, 1.0]}]}"
-    refused(capsys, ["single-link", "--set", motion], "one-way", "there-and-back", folder=tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -231,13 +235,28 @@ REFUSED = {
     **{f"chart single-link --over {path}=1:2": path for path in ("motion.speed", "title")},
     "chart single-link --over motion.frequency=1:2 motion.frequency=1:3": "motion.frequency",
     "design spinning-link": "[[designs]]",
+    **{f"report single-link --tol={tol}": "accuracy.tol" for tol in ("0", "-1e-9", "nan", "inf", "1e9", "1e-30")},
+    **dict.fromkeys(
+        [
+            "simulate single-link --periods 1e9",
+            *(f"{command} single-link --points 1000000000" for command in ("linearize", "design", "export")),
+            "chart single-link --over motion.frequency=0.2:3:1000000000",
+            "chart single-link --over motion.frequency=0.2:3:40000 effects.payload.mass=0:0.3:40000",
+            "linearize single-link --points 100000 --limit-memory 2e6",
+            "respond single-link --push tip_1_N_20_ms --periods 1e12",
+        ],
+        "bytes, expected at most",
+    ),
+    "respond single-link --noise torque_1e308_N_m_1e308_Hz": "got 'torque 1e308 N m 1e308 Hz', expected a number from -1e+30 to",
+    "respond single-link --push tip_1e-300_N_1_s": "--push cannot be read; got 'tip 1e-300 N 1 s', expected a number from 1e-30 to",
+    "respond single-link --step joint_1_torque_0_N_m": "got 'joint 1 torque 0 N m', expected a number from 1e-30 to 1e+30",
 }
-"""Commands, with _ for a space within a word, and what is said of them."""
+"""Commands, with _ for a space within a word, and what is said of them: of requests that would not fit, how large they are."""
 
 
 @pytest.mark.parametrize("words", REFUSED)
 def test_what_cannot_be_asked_is_refused_before_any_file(words: str, tmp_path: Path, capsys) -> None:
-    """A range that is none, a length of none, what is no parameter, a scene without designs."""
+    """A range or length that is none, what is no parameter, what has no measure, what no memory holds."""
     with pytest.raises(SystemExit) as stop:
         sys.exit(main([*(word.replace("_", " ") for word in words.split()), "--out", str(tmp_path / "out")]))
     assert stop.value.code == BAD_INPUT
@@ -257,10 +276,10 @@ def test_a_range_is_written_in_any_unit(tmp_path: Path, capsys: pytest.CaptureFi
     capsys.readouterr()
 
 
-def test_an_output_folder_that_is_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_output_folder_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     occupied = tmp_path / "out"
     occupied.write_text("mine")
-    for folder in (occupied, occupied / "below"):
-        assert main(["report", "single-link", "--out", str(folder)]) == BAD_INPUT
-        assert "expected a folder" in capsys.readouterr().err
+    for folder, got in ((str(occupied), "a file"), (str(occupied / "below"), "a file"), ("a\0b", "embedded null byte")):
+        assert main(["report", "single-link", "--out", folder]) == BAD_INPUT
+        assert re.search(rf"cannot be the output folder; got .*{got}, expected a folder", capsys.readouterr().err)
     assert occupied.read_text() == "mine"

@@ -15,30 +15,10 @@ from flexlin.cli import COMMANDS, main
 from flexlin.scene import builtin_scenes
 from tests.test_stability_boundary import distances
 
-SMALL = ["--set", "links.0.modes=1", "designs=[]"]
-
 
 def test_check_says_what_moves(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "single-link"]) == 0
     assert "q1, w11, w12" in capsys.readouterr().out
-
-
-@pytest.mark.slow
-def test_report_writes_both_files_and_nothing_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["report", "single-link", *SMALL, "--out", str(tmp_path / "new")]) == 0
-    written = {path.name for path in (tmp_path / "new").iterdir()}
-    assert written == {"flexlin-results.json", "report.html", "report.json"}
-    assert json.loads((tmp_path / "new/report.json").read_text())["floquet"]["verdict"] == "stable"
-    captured = capsys.readouterr()
-    assert "stable" in captured.out
-    assert captured.err == ""
-
-
-@pytest.mark.slow
-def test_a_verdict_other_than_the_required_one_is_exit_code_3(tmp_path: Path) -> None:
-    unstable = ["report", "khang-2019", "--set", "designs=[]", "control={}", "--tol", "1e-4", "--out", str(tmp_path)]
-    assert main([*unstable, "--require", "stable"]) == 3
-    assert main(unstable) == 0
 
 
 def test_results_of_different_scenes_go_to_different_folders(

@@ -9,7 +9,7 @@ import pytest
 from flexlin import symbolic
 from flexlin._core import addresses
 from flexlin.errors import ArgumentError
-from flexlin.program import CONST, INPUT, MARCH_PROGRAM, OUTPUT, TOGETHER, Layout, Program, name_of
+from flexlin.program import CONST, INPUT, OUTPUT, TOGETHER, Layout, Program, march_program, name_of
 
 UNARY = [
     *(ca.exp, ca.log, ca.sqrt, ca.tan, ca.asin, ca.acos, ca.atan, ca.floor, ca.ceil, ca.fabs, ca.sign),
@@ -199,7 +199,7 @@ def carry_out(part: Layout, arrays: list[np.ndarray], outputs: list[np.ndarray],
     """A part of a program on memory whose slots may hold numbers already."""
     read, written = addresses(arrays), addresses(outputs, written=True)
     places = len(read), read, part.rows, 0 * part.rows, len(written), written, part.sizes, 0 * part.sizes
-    assert not MARCH_PROGRAM(len(part.steps), part.steps, TOGETHER, 1, *places, memory)
+    assert not march_program(len(part.steps), part.steps, TOGETHER, 1, *places, memory)
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -223,7 +223,7 @@ def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_p
 @pytest.mark.slow
 @pytest.mark.parametrize("wait", thin([0.02, 0.05, 0.1, 0.2, 0.4], quick=2))
 def test_an_interrupt_while_the_program_is_loaded_leaves_no_trace(wait: float) -> None:
-    """Whether it strikes the program, its work, or both, as Ctrl-C in a terminal does."""
+    """Whether a request to end strikes the program, or Ctrl-C the program and its work, as in a terminal."""
     begins = "lambda event, of: event == 'import' and of[0] == 'flexlin.cli.program' and print('begun', flush=True)"
     code = f"import sys, flexlin.__main__ as program; sys.addaudithook({begins}); program.main()"
     for whole in (False, True):
@@ -231,7 +231,7 @@ def test_an_interrupt_while_the_program_is_loaded_leaves_no_trace(wait: float) -
         assert run.stdout is not None
         assert run.stdout.readline() == "begun\n"
         time.sleep(wait)
-        (os.killpg if whole else os.kill)(run.pid, signal.SIGINT)
+        os.killpg(run.pid, signal.SIGINT) if whole else os.kill(run.pid, signal.SIGTERM)
         out, said = run.communicate(timeout=300)
         assert run.returncode in (0, 1), out
         word = "flexlin: interrupted; no file was left half-written"  # by the program, its work, or both at once

@@ -51,10 +51,6 @@ def test_sparse_outputs_are_refused():
 
 def test_point_by_point_equals_the_batch(function):
     x, y = np.random.default_rng(2).normal(size=(5, 2)), np.arange(5.0)[:, None]
-    call = symbolic.Pointwise(function)
-    for one, (matrix, scalar) in enumerate(zip(*symbolic.evaluate(function, x, y), strict=True)):
-        now = call(x[one], y[one])
-        np.testing.assert_array_equal(now[0], matrix)
-        np.testing.assert_array_equal(now[1], scalar)
-    with pytest.raises(ArgumentError, match="wrong shape"):
-        call(np.ones(3), np.ones(1))
+    for one, rows in enumerate(zip(*symbolic.evaluate(function, x, y), strict=True)):
+        for now, row in zip(symbolic.call_at(function, x[one], y[one]), rows, strict=True):
+            np.testing.assert_array_equal(now, row)

@@ -4,9 +4,9 @@ The library is here in a variant for each instruction set; which one is loaded i
 that the processor runs, or the one that the environment variable FLEXLIN_CORE names. A function is declared once, by its prototype in
 C, beside the code that calls it:
 
-    SCALE = declare("void scale_rows(int n, int m, const double *by, double *X)", lambda n, m, *_: (n, (n, m)))
+    scale_rows = declare("void scale_rows(int n, int m, const double *by, double *X)", lambda n, m, *_: (n, (n, m)))
 
-after which `SCALE(n, m, by, X)` raises where an array is not what C takes it for. `tests/test_core.py` compares the prototypes with
+after which `scale_rows(n, m, by, X)` raises where an array is not what C takes it for. `tests/test_core.py` compares the prototypes with
 the C sources.
 """
 

@@ -12,12 +12,11 @@ from flexlin import symbolic
 from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, counted
-from flexlin.expressions import Expressions
 from flexlin.lazy import lazy
 from flexlin.periodic.interpolation import golden
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
-from flexlin.symbolic import as_expression
+from flexlin.symbolic import Expressions, as_expression
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)

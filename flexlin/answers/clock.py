@@ -20,8 +20,7 @@ import numpy as np
 from flexlin.bounds import printable
 from flexlin.checks import memory_limit
 from flexlin.errors import FlexlinError, NumericalError, TimeLimit, TooLarge, lacks_memory
-from flexlin.progress import part
-from flexlin.resources import SECONDS, Stopwatch, read_resident
+from flexlin.resources import SECONDS, Stopwatch, part, read_resident
 from flexlin.scene.scene import Accuracy
 
 TICK = 0.2

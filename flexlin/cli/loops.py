@@ -2,21 +2,24 @@
 
 import argparse
 from functools import partial
+from typing import TYPE_CHECKING
 
-from flexlin.cli.shared import COMPUTED, LIMITS, LONG, SCENE, Work, command, meets, print_paths
+import flexlin.scene
+from flexlin import answers, control, report, simulation
+from flexlin.cli.shared import COMPUTED, LIMITS, LONG, SCENE, Work, command, meets, print_paths, say_loop
 from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from flexlin.scene.scene import Scene
 
 
 @command("linearize", "write the coefficients over a period", *SCENE, *LIMITS, "points")
 def linearize_scene(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
-        from flexlin.answers.analysis import derive_equations
-        from flexlin.report.exports import coefficients_dataset
-
-        made = derive_equations(work.scene, clock)
-        sample = partial(coefficients_dataset, work.scene, made.plant, made.closed, options.points)
+        made = answers.derive_equations(work.scene, clock)
+        sample = partial(report.coefficients_dataset, work.scene, made.plant, made.closed, options.points)
         data = clock.stage("coefficients", made.asked, sample)
     return print_paths(work.write_files("coefficients", {}, data))
 
@@ -28,23 +31,17 @@ def design(options: argparse.Namespace) -> int:
     if not scene.designs:
         raise ArgumentError("nothing to design", got="no [[designs]] table", expected="at least one in the scene")
     with work.clock(3 + 3 * len(scene.designs)) as clock:
-        from flexlin.answers.analysis import plant_and_designs
-        from flexlin.answers.judging import arm_length, judge_model
-        from flexlin.report.exports import check_gains, gains_dataset
-        from flexlin.report.terminal import say_loop
-        from flexlin.report.wording import reason
-
-        check_gains(scene, options.points)
-        plant, loops = plant_and_designs(scene, clock)
-    models = [judge_model(arm_length(plant), loop.steady) for loop in loops]
+        report.check_gains(scene, options.points)
+        plant, loops = answers.plant_and_designs(scene, clock)
+    models = [answers.judge_model(answers.arm_length(plant), loop.steady) for loop in loops]
     for loop, model in zip(loops, models, strict=True):
         say_loop(loop, plant.period, model)
         if model.verdict == "invalid":
-            print(f"    {reason(model)}")
+            print(f"    {report.reason(model)}")
     work.say_accuracy()
     made = [loop.design for loop in loops if loop.design is not None]
     if made:
-        print_paths(work.write_files("gains", {}, gains_dataset(scene, plant, made, options.points)))
+        print_paths(work.write_files("gains", {}, report.gains_dataset(scene, plant, made, options.points)))
     if len(made) < len(loops):
         return NO_ANSWER
     met = all(meets(options.require, loop.verdict, model.verdict) for loop, model in zip(loops, models, strict=True))
@@ -61,37 +58,28 @@ def simulate_loop(options: argparse.Namespace) -> int:
     scene, asked, tol = work.scene, work.scene.accuracy, work.scene.accuracy.tol
     problems, said = dict[str, str](), list[str]()
     with work.clock(4 + 2 * options.attraction + options.animate) as clock:
-        from flexlin.answers.analysis import derive_equations
-        from flexlin.control.tracking import feedforward
-        from flexlin.control.validity import linear_range
-        from flexlin.report.exports import described
-        from flexlin.simulation.attraction import region_of_attraction
-        from flexlin.simulation.run import check_duration, simulate
-
-        closed = derive_equations(scene, clock).closed
-        clock.stage("size of the result", asked, lambda: check_duration(closed, options.periods))
+        closed = answers.derive_equations(scene, clock).closed
+        clock.stage("size of the result", asked, lambda: simulation.check_duration(closed, options.periods))
         forward = None
         if options.feedforward != "scene":
-            forward = clock.stage("feedforward", asked, lambda: feedforward(closed, options.feedforward, tol))
+            forward = clock.stage("feedforward", asked, lambda: control.feedforward(closed, options.feedforward, tol))
         result = clock.stage(
             "nonlinear simulation",
             asked,
-            lambda: simulate(closed, options.periods, feedforward=forward, tol=tol),
+            lambda: simulation.simulate(closed, options.periods, feedforward=forward, tol=tol),
             lambda found: max(found.error, found.linear_error),
         )
         words = "deviations from the rigid motion as states [y; y'], tips in m"
-        data = described(result.to_xarray(), scene, closed.period, words)
+        data = report.described(result.to_xarray(), scene, closed.period, words)
         send_written(paths := work.write_files("simulation", {}, data))
         further = {
-            "range of the linear equations": lambda: linear_range(closed, tol=tol).status,
-            "region of attraction": lambda: region_of_attraction(closed, tol=tol).status,
+            "range of the linear equations": lambda: control.linear_range(closed, tol=tol).status,
+            "region of attraction": lambda: simulation.region_of_attraction(closed, tol=tol).status,
         }
         for name, find in further.items() if options.attraction else ():
             said.append(clock.attempt(problems, name, name, asked, find) or problems[name])
         if options.animate:
-            from flexlin.report.animation import animation_page
-
-            draw = partial(animation_page, scene, closed, result, work.quoted)
+            draw = partial(report.animation_page, scene, closed, result, work.quoted)
             page = clock.attempt(problems, "animation", "animation", asked, draw)
             if page is None:
                 said.append(problems["animation"])
@@ -111,13 +99,9 @@ def tune_gains(options: argparse.Namespace) -> int:
     if len({key for key, *_ in spans}) < len(spans):
         raise ArgumentError("a number is named twice", got=", ".join(key for key, *_ in spans), expected="each once")
     with work.clock() as clock:
-        from flexlin.answers.tuning import tune
-        from flexlin.scene.loading import raw_tables
-        from flexlin.scene.toml import write_toml
-
         limits, vary = ({key: (low, high) for key, low, high, _ in asked} for asked in (options.gain, options.vary))
         seconds = clock.budget.plan("tune the gains", work.scene.accuracy)
-        search = partial(tune, work.scene, list(limits) or None, vary, limits, seconds=seconds)
+        search = partial(flexlin.tune, work.scene, list(limits) or None, vary, limits, seconds=seconds)
         found = clock.stage("tune the gains", work.scene.accuracy, search)
     print(f"{work.scene.title}: {found.status}")
     for path, value in found.gains.items():
@@ -126,7 +110,12 @@ def tune_gains(options: argparse.Namespace) -> int:
         place = ", ".join(f"{path} = {value:.4g}" for path, value in one.scenario.items())
         print(f"  active: {one.exponent.real:.6g} {one.exponent.imag:+.6g}i 1/s at {place}")
     assert found.scene is not None
-    return print_paths(work.write_files("tune", {"tuned.toml": write_toml(raw_tables(found.scene))}))
+    return print_paths(work.write_files("tune", {"tuned.toml": scene_text(found.scene)}))
+
+
+def scene_text(scene: "Scene") -> str:
+    """A scene as TOML."""
+    return str(flexlin.scene.write_toml(flexlin.scene.raw_tables(scene)))
 
 
 @command("export", "write system and designs for other tools: npz, MATLAB, netCDF, C", *COMPUTED, "points")
@@ -134,13 +123,10 @@ def export(options: argparse.Namespace) -> int:
     work = Work(options)
     scene = work.scene
     with work.clock(4 + 3 * len(scene.designs)) as clock:
-        from flexlin.answers.analysis import plant_and_designs
-        from flexlin.report.exports import check_gains, design_folders, export_all
-
-        design_folders([table.name for table in scene.designs])  # clashing names are refused before any work
-        check_gains(scene, options.points)
-        plant, loops = plant_and_designs(scene, clock)
-        write = partial(export_all, plant, loops, options.out, options.points, scene)
+        report.design_folders([table.name for table in scene.designs])  # clashing names are refused before any work
+        report.check_gains(scene, options.points)
+        plant, loops = answers.plant_and_designs(scene, clock)
+        write = partial(report.export_all, plant, loops, options.out, options.points, scene)
         paths = clock.stage("files", scene.accuracy, write, last=True)
     work.say_accuracy()
     for loop in loops:
@@ -154,17 +140,13 @@ def export(options: argparse.Namespace) -> int:
 def predict_log(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
-        from flexlin.identification import predict, read_log
-        from flexlin.report.figures.answers import draw_prediction
-        from flexlin.report.numbers import record_fields
-
         scene = work.scene
-        log = clock.stage("read the log", scene.accuracy, partial(read_log, options.log, scene))
-        fit = partial(predict, scene, log, options.window)
+        log = clock.stage("read the log", scene.accuracy, partial(flexlin.read_log, options.log, scene))
+        fit = partial(flexlin.predict, scene, log, options.window)
         found = clock.stage("predict the log", scene.accuracy, fit)
     print(found.summary())
-    record = {"log": log.source, "window": options.window, **record_fields(found, "fit starts status")}
-    return work.write("predict", [draw_prediction(found)], record)
+    record = {"log": log.source, "window": options.window, **report.record_fields(found, "fit starts status")}
+    return work.write("predict", [report.draw_prediction(found)], record)
 
 
 @command(
@@ -175,21 +157,15 @@ def predict_log(options: argparse.Namespace) -> int:
 def identify_numbers(options: argparse.Namespace) -> int:
     work = Work(options, LONG)
     with work.clock() as clock:
-        from flexlin.identification import identify, read_log
-        from flexlin.report.figures.answers import draw_errors, draw_prediction, say_numbers
-        from flexlin.report.numbers import record_fields
-        from flexlin.scene.loading import raw_tables
-        from flexlin.scene.toml import write_toml
-
         scene = work.scene
-        log = clock.stage("read the log", scene.accuracy, partial(read_log, options.log, scene))
+        log = clock.stage("read the log", scene.accuracy, partial(flexlin.read_log, options.log, scene))
         seconds = clock.budget.plan("fit the log", scene.accuracy)
-        fit = partial(identify, scene, log, options.free, options.window, options.hold_back, seconds=seconds)
+        fit = partial(flexlin.identify, scene, log, options.free, options.window, options.hold_back, seconds=seconds)
         found = clock.stage("fit the log", scene.accuracy, fit)
     print(found.summary())
     fields = "values errors unknown correlations fit noise settled status"
-    record = {"log": log.source, **record_fields(found, fields)}
-    pictures = [draw_prediction(found.prediction), draw_errors(found.prediction)]
-    fitted = {"fitted.toml": write_toml(raw_tables(found.scene))}
-    done = work.write("identify", pictures, record, say_numbers(scene, found), fitted)
+    record = {"log": log.source, **report.record_fields(found, fields)}
+    pictures = [report.draw_prediction(found.prediction), report.draw_errors(found.prediction)]
+    fitted = {"fitted.toml": scene_text(found.scene)}
+    done = work.write("identify", pictures, record, report.say_numbers(scene, found), fitted)
     return done if found.settled else NO_ANSWER

@@ -56,7 +56,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with ended_by_signal():
             return int(options.run(options))
     except FlexlinError as error:
-        said = (printable(line, LONGEST) for line in with_scene(error, options).split("\n"))
+        scene = getattr(options, "scene", None)
+        named = scene is None or isinstance(error, (SceneError, OutputError))
+        text = str(error) if named else f"{scene}: {error}"
+        said = (printable(line, LONGEST) for line in text.split("\n"))
         print("flexlin:", "\n".join(said), file=sys.stderr)
         if isinstance(error, (InputError, TooLarge)):
             return BAD_INPUT
@@ -133,12 +136,6 @@ def ring_later(number: int, seconds: float) -> None:
     again = threading.Timer(seconds, ring)
     again.daemon = True
     again.start()
-
-
-def with_scene(error: FlexlinError, options: argparse.Namespace) -> str:
-    """The error's message, after the scene's name where it does not name one itself."""
-    scene = getattr(options, "scene", None)
-    return str(error) if scene is None or isinstance(error, (SceneError, OutputError)) else f"{scene}: {error}"
 
 
 def entry() -> None:

@@ -8,19 +8,20 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from flexlin.cli.shared import COMPUTED, LIMITS, SCENE, Work, command, meets, print_paths, refuse_existing
+import flexlin.scene
+from flexlin import answers, files, report
+from flexlin.cli.shared import COMPUTED, LIMITS, SCENE, Work, command, meets, print_paths, refuse_existing, say_loop
 from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError, FlexlinError, NumericalError, TooLarge
 
 if TYPE_CHECKING:
+    from flexlin.answers.analysis import Analysis
     from flexlin.answers.at_rest import AtRest
+    from flexlin.checks import Array
+    from flexlin.report.figures import Picture
     from flexlin.scene.links import Link
 
-SHOWN = 5
-"""Natural frequencies that are printed."""
 BEYOND = ": so far that linear equations may not hold; stiffen the link, or compare with the simulation"
-ABSURD = 10.0
-"""The share of its length that no link bends by."""
 MISTAKEN = ": no arm does; is a unit missing? Numbers are in m, kg, s and rad, others such as '1000 mm' or '30 deg' name theirs"
 KINDS: tuple[Literal["step", "initial", "push", "noise"], ...] = ("step", "initial", "push", "noise")
 """Of disturbances."""
@@ -30,18 +31,14 @@ KINDS: tuple[Literal["step", "initial", "push", "noise"], ...] = ("step", "initi
 def list_scenes(options: argparse.Namespace) -> int:
     import tomllib
 
-    from flexlin.scene.library import builtin_scenes
-
-    for name, path in builtin_scenes().items():
+    for name, path in flexlin.scene.builtin_scenes().items():
         print(f"{name:<24} {tomllib.loads(path.read_text(encoding='utf-8'))['title']}")
     return DONE
 
 
 @command("show", "print a scene as it stands in its file", "scene")
 def show(options: argparse.Namespace) -> int:
-    from flexlin.scene.loading import scene_text
-
-    print(scene_text(options.scene), end="")
+    print(flexlin.scene.scene_text(options.scene), end="")
     return DONE
 
 
@@ -49,18 +46,14 @@ def show(options: argparse.Namespace) -> int:
 def new(options: argparse.Namespace) -> int:
     import tomllib
 
-    from flexlin.files import write_text
-    from flexlin.scene.json_schema import commented_scene
-    from flexlin.scene.loading import load_scene, parse_scene
-
     path = options.name if options.name.suffix == ".toml" else Path(f"{options.name}.toml")
     refuse_existing(path)
-    data = load_scene(options.like).model_dump(mode="json", by_alias=True, exclude_unset=True)
-    data["title"], text = path.stem, ""
+    data = flexlin.load_scene(options.like).model_dump(mode="json", by_alias=True, exclude_unset=True)
+    data["title"] = path.stem
     data.pop("source", None)
-    text = commented_scene(data)
-    parse_scene(tomllib.loads(text), str(path))
-    write_text(path, text)
+    text = flexlin.scene.commented_scene(data)
+    flexlin.parse_scene(tomllib.loads(text), str(path))
+    files.write_text(path, text)
     print(f"wrote {path}, after {options.like}")
     print(f"next: flexlin check {path}; flexlin report {path}")
     return DONE
@@ -68,17 +61,11 @@ def new(options: argparse.Namespace) -> int:
 
 @command("import", "write a scene of a robot from its URDF file", "robot", "file", "base", "tip")
 def import_robot(options: argparse.Namespace) -> int:
-    from flexlin.files import write_text
-    from flexlin.scene.loading import parse_scene
-    from flexlin.scene.toml import write_toml
-    from flexlin.scene.urdf.convert import scene_tables
-    from flexlin.scene.urdf.robot import read_robot
-
     path = options.out
     refuse_existing(path)
-    data = scene_tables(read_robot(options.robot), options.base, options.tip)
-    scene = parse_scene(data, str(options.robot))
-    write_text(path, write_toml(data))
+    data = flexlin.scene.scene_tables(flexlin.scene.read_robot(options.robot), options.base, options.tip)
+    scene = flexlin.parse_scene(data, str(options.robot))
+    files.write_text(path, flexlin.scene.write_toml(data))
     print(f"wrote {path}: joints {', '.join(link.name for link in scene.links if link.moves)}")
     print(f"  {scene.source}")
     print("  joints stand still, rigid and without control: give [motion], [effects.joint_flexibility], [control]")
@@ -89,9 +76,7 @@ def import_robot(options: argparse.Namespace) -> int:
 def schema(options: argparse.Namespace) -> int:
     import json
 
-    from flexlin.scene.json_schema import scene_schema
-
-    print(json.dumps(scene_schema(), indent=1, ensure_ascii=False))
+    print(json.dumps(flexlin.scene.scene_schema(), indent=1, ensure_ascii=False))
     return DONE
 
 
@@ -99,26 +84,21 @@ def schema(options: argparse.Namespace) -> int:
 def check(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
-        import numpy as np
+        from numpy import array
 
-        from flexlin.answers.analysis import derive_equations
-        from flexlin.answers.at_rest import examine
-        from flexlin.report.numbers import effects
-        from flexlin.report.wording import units_of_scene
-
-        scene, plant = work.scene, derive_equations(work.scene, clock).closed
-        lengths = np.array([link.length for link in scene.links])
-        rest = clock.stage("arm at rest", scene.accuracy, lambda: examine(plant, lengths))
+        scene, plant = work.scene, answers.derive_equations(work.scene, clock).closed
+        lengths = array([link.length for link in scene.links])
+        rest = clock.stage("arm at rest", scene.accuracy, lambda: answers.examine(plant, lengths))
     print(f"{scene.title}: usable")
     if scene.source:
         print(f"  source       {scene.source}")
     print(f"  coordinates  {', '.join(one.title for one in plant.coordinates)}")
     print(f"  torques on   {', '.join(plant.inputs) or 'no joint'}")
-    print(f"  effects on   {', '.join(effects(scene)['on']) or 'none'}")
+    print(f"  effects on   {', '.join(scene.effects.on()) or 'none'}")
     print(f"  period       {plant.period:.6g} s")
     if plant.motion.origin:
         print(f"  motion       {plant.motion.origin}")
-    with units_of_scene(scene):
+    with report.units_of_scene(scene):
         for i, link in enumerate(scene.links):
             if any(link.counts.by_direction().values()):
                 print(f"  link {i + 1:<8}{', '.join(describe_link(link))}")
@@ -129,10 +109,8 @@ def check(options: argparse.Namespace) -> int:
 
 def describe_link(link: "Link") -> Iterator[str]:
     """The figures of a link that deflects."""
-    from flexlin.scene.links import DIRECTIONS
-
     yield say(link.mass_per_length, "kg/m")
-    for direction, name in zip(DIRECTIONS, ("EI in y", "EI in z", "GJ"), strict=True):
+    for direction, name in zip(flexlin.scene.DIRECTIONS, ("EI in y", "EI in z", "GJ"), strict=True):
         if link.stiffness_in(direction) is not None:
             yield f"{name} {say(link.stiffness_in(direction), 'N m^2')}"
     if link.polar_inertia is not None:
@@ -141,12 +119,10 @@ def describe_link(link: "Link") -> Iterator[str]:
 
 def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
     """What the arm does with its joints held; `stiffened`: its equations hold at large deflections."""
-    from flexlin.answers.judging import SMALL
-
     if rest.gives_way:
         yield "at rest", "gives way under its loads even with its joints held: stiffen its links, or lessen the loads"
         return
-    known = ", ".join(f"{frequency:.4g}" for frequency in rest.frequencies[:SHOWN])
+    known = ", ".join(f"{frequency:.4g}" for frequency in rest.frequencies[:5])
     yield "at rest", f"{say(known, 'Hz')}, its joints held where the motion begins"
     bending = rest.bending
     if bending is None:
@@ -156,15 +132,13 @@ def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
         said = " and ".join(f"{say(f'{size:.3g}', 'm')} {where}" for size, where in sides if size > 0)
         if said:
             further = BEYOND + ("" if stiffened else ", with effects.geometric_stiffening")
-            beyond = "" if share <= SMALL else MISTAKEN if share > ABSURD else further
+            beyond = "" if share <= answers.SMALL else MISTAKEN if share > 10 else further
             yield f"link {i + 1}", f"bends by {said}, {100 * share:.2g} % of its length{beyond}"
 
 
 def say(value: float | str, unit: str) -> str:
     """A value with its unit, which a scene without dimensions has not."""
-    from flexlin.report.wording import with_unit
-
-    return with_unit(value if isinstance(value, str) else f"{value:.4g}", unit)
+    return str(report.with_unit(value if isinstance(value, str) else f"{value:.4g}", unit))
 
 
 @command(
@@ -172,24 +146,37 @@ def say(value: float | str, unit: str) -> str:
     "write report.html and report.json",
     *(*COMPUTED, "require", "effects", "sensitivity", "margins", "loop_margins"),
 )
-def report(options: argparse.Namespace) -> int:
+def report_scene(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock():
-        from flexlin.report.writing import write_report
-
         margins = {key: (low, high) for key, low, high, _ in options.margins} or None
         extras = options.effects, options.sensitivity, margins, options.watch, options.loop_margins, send_written
-        analysis, paths = write_report(work.scene, options.out, work.quoted, work.progress, *extras)
+        analysis, paths = report.write_report(work.scene, options.out, work.quoted, work.progress, *extras)
     if isinstance(analysis, FlexlinError):
         print_paths(paths)
         raise analysis
-    from flexlin.report.terminal import summarize
-
     summarize(analysis)
     print_paths(paths)
     if not meets(options.require, analysis.own.verdict, analysis.validity(analysis.own).verdict):
         return OTHER_VERDICT
     return NO_ANSWER if analysis.own.verdict == "failed" else DONE
+
+
+def summarize(analysis: "Analysis") -> None:
+    """Print the verdicts and what to do next."""
+    with report.units_of(analysis):
+        print(analysis.scene.title)
+        for loop in analysis.loops:
+            say_loop(loop, analysis.plant.period, analysis.validity(loop))
+            if over := report.drive_line(analysis, loop):
+                print(f"    {over}")
+        if critical := report.describe_margins(analysis.scene, analysis.margins, analysis.problems):
+            print(f"  {analysis.own.name} {critical}")
+        if analysis.nearest:
+            nearest = report.describe_nearest(analysis.scene, analysis.nearest)
+            print(f"  {analysis.own.name} with its uncertain numbers: {nearest}")
+        said = [f"- {step}" for step in report.advise(analysis)]
+        print("\n".join([*said, *report.accuracy_lines(analysis.steps, "\n".join(said))]))
 
 
 @command("chart", "stability over one or two parameters", *COMPUTED, "over", "loop", "workers", "scheduler", "store")
@@ -200,44 +187,31 @@ def chart(options: argparse.Namespace) -> int:
         got = ", ".join(key for key, *_ in spans)
         raise ArgumentError("a chart has one or two axes", got=f"--over {got}", expected="one or two different keys")
     with work.clock(3) as clock:
-        import numpy as np
-
-        from flexlin.answers.clock import DRAWING
-        from flexlin.answers.sweep import check_values
-        from flexlin.report.charts import (
-            Chart,
-            chart_dataset,
-            compute_chart,
-            draw_charts,
-            find_boundary,
-            say_bending,
-            say_without_picture,
-        )
-        from flexlin.report.exports import storable
-        from flexlin.report.figures import Picture
-
         counts = [number or (60 if len(spans) > 1 else 200) for *_, number in spans]
 
-        def values() -> dict[str, np.ndarray]:
-            check_values(math.prod(counts))
-            return {key: np.linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
+        def values() -> "dict[str, Array]":
+            from numpy import linspace
+
+            answers.check_values(math.prod(counts))
+            return {key: linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
 
         how = {name: getattr(options, name) for name in ("loop", "workers", "scheduler", "store")}
-        data, problem = compute_chart(scene, values, clock, work.progress, **how)
+        data, problem = report.compute_chart(scene, values, clock, work.progress, **how)
         ranges = {key: (low, high) for key, low, high, _ in spans}
         data.attrs |= {"incomplete": problem} if problem else {}
-        found = ([], []) if problem else find_boundary(scene, ranges, data, clock, options.loop)
-        data.attrs["bending"] = "" if problem else say_bending(scene, ranges, found[0], clock)
-        made = Chart(scene, data, *found)
-        numbers, without = storable(chart_dataset(made)), partial(say_without_picture, made)
+        found = ([], []) if problem else report.find_boundary(scene, ranges, data, clock, options.loop)
+        data.attrs["bending"] = "" if problem else report.say_bending(scene, ranges, found[0], clock)
+        made = report.Chart(scene, data, *found)
+        numbers = report.storable(report.chart_dataset(made))
+        without = partial(report.say_without_picture, made)
 
-        def write(pictures: list[Picture]) -> list[Path]:
+        def write(pictures: "list[Picture]") -> list[Path]:
             return work.write_files("chart", {"chart.html": work.page(pictures)}, numbers)
 
         send_written(write(without("the program ended before")))
         try:
-            draw = partial(draw_charts, made)
-            pictures = clock.stage("figures", scene.accuracy, draw, share=DRAWING, last=True)
+            draw = partial(report.draw_charts, made)
+            pictures = clock.stage("figures", scene.accuracy, draw, share=answers.DRAWING, last=True)
         except (NumericalError, TooLarge) as error:  # the numbers stand without a picture
             pictures, problem = without(error), problem or str(error)
         paths = write(pictures)
@@ -263,34 +237,26 @@ def respond(options: argparse.Namespace) -> int:
         raise ArgumentError("one disturbance is answered at a time", got=f"{len(asked)}", expected=kinds)
     work = Work(options)
     with work.clock() as clock:
-        from flexlin.answers.disturbed import answer_in_scene
-        from flexlin.report.figures.answers import answer_lines, answer_record, draw
-        from flexlin.report.wording import units_of_scene
-
         kind, words = asked[0]
-        answer = answer_in_scene(work.scene, kind, words, options.of, options.lasting, clock)
-    with units_of_scene(work.scene):
-        lines, drawn = answer_lines(answer), draw(answer)
+        answer = answers.answer_in_scene(work.scene, kind, words, options.of, options.lasting, clock)
+    with report.units_of_scene(work.scene):
+        lines, drawn = report.answer_lines(answer), report.picture_answer(answer)
     for line in lines:
         print(line)
     work.say_accuracy()
-    return work.write("respond", [drawn], answer_record(answer))
+    return work.write("respond", [drawn], report.answer_record(answer))
 
 
 @command("effects", "find which effects and modes the scene needs", *COMPUTED, "tolerance")
 def effects(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
-        from flexlin.answers.audit import audit
-        from flexlin.report.audit import audit_lines, minimal_text
-        from flexlin.report.numbers import audit_block, to_json
-
-        compare = partial(audit, work.scene, options.tolerance, work.progress, work.scene.accuracy.tol)
+        compare = partial(flexlin.audit, work.scene, options.tolerance, work.progress, work.scene.accuracy.tol)
         result = clock.stage("audit of the effects", work.scene.accuracy, compare)
-    print("\n".join(audit_lines(result)))
-    texts = {"effects.json": to_json({"schema": 1, "title": work.scene.title, **audit_block(result)})}
+    print("\n".join(report.audit_lines(result)))
+    texts = {"effects.json": report.to_json({"schema": 1, "title": work.scene.title, **report.audit_block(result)})}
     if result.minimal is not None:
-        texts["minimal.toml"] = minimal_text(result, result.minimal, work.quoted)
+        texts["minimal.toml"] = report.minimal_text(result, result.minimal, work.quoted)
     done = print_paths(work.write_files("effects", texts))
     return NO_ANSWER if result.problem else done
 
@@ -299,12 +265,9 @@ def effects(options: argparse.Namespace) -> int:
 def measure_cost(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
-        from flexlin.answers.accuracy import cost
-        from flexlin.report.figures.cost import cost_table, draw_cost, summarise_cost
-
         seconds = clock.budget.plan("accuracy against time", work.scene.accuracy)
-        measure = partial(cost, work.scene, seconds=seconds)
+        measure = partial(flexlin.cost, work.scene, seconds=seconds)
         result = clock.stage("accuracy against time", work.scene.accuracy, measure)
-    print(cost_table(result))
-    done = work.write("cost", [draw_cost(result)], result.record(), summarise_cost(result))
+    print(report.cost_table(result))
+    done = work.write("cost", [report.draw_cost(result)], result.record(), report.summarise_cost(result))
     return done if result.rows else NO_ANSWER

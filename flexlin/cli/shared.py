@@ -12,16 +12,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import flexlin.scene
+from flexlin import answers, files, report
 from flexlin.bounds import read_number
-from flexlin.cli.supervised import DONE, send_limits
+from flexlin.cli.supervised import DONE, TICK, send_limits
 from flexlin.errors import ArgumentError, OutputError
-from flexlin.progress import listening
-from flexlin.resources import BYTES, SECONDS
+from flexlin.resources import BYTES, SECONDS, listening
 
 if TYPE_CHECKING:
     import xarray
 
     from flexlin.answers.clock import Clock
+    from flexlin.answers.judging import Loop, ModelValidity
     from flexlin.report.figures import Picture
     from flexlin.scene.scene import Scene
 
@@ -68,24 +70,19 @@ def span(text: str) -> Span:
 
 def read_span(scene: "Scene", asked: Span) -> Span:
     """The limits in the key's unit. Raises: ArgumentError."""
-    from flexlin.scene.loading import all_slide
-    from flexlin.scene.parameters import name_unit
-    from flexlin.scene.problems import name_units
-    from flexlin.scene.units import in_unit
-
     key, *limits, number = asked
 
     def read(limit: str) -> Any:
         try:
             return read_number(limit)
         except ValueError:
-            sliding = all_slide([{"joint": link.joint} for link in scene.links])
-            return in_unit(limit, name_unit(scene, key), sliding)
+            sliding = flexlin.scene.all_slide([{"joint": link.joint} for link in scene.links])
+            return flexlin.scene.in_unit(limit, flexlin.scene.name_unit(scene, key), sliding)
 
     low, high = map(read, limits)
     if isinstance(low, str) or isinstance(high, str) or not low < high:
-        unit = name_unit(scene, key)
-        expected = f"LOW:HIGH, LOW below HIGH{', numbers' + name_units(unit) if unit else ''}"
+        unit = flexlin.scene.name_unit(scene, key)
+        expected = f"LOW:HIGH, LOW below HIGH{', numbers' + flexlin.scene.name_units(unit) if unit else ''}"
         raise ArgumentError(f"{key} has no range", got=":".join(limits), expected=expected)
     return key, low, high, number
 
@@ -205,12 +202,8 @@ def command(name: str, purpose: str, *takes: str) -> Callable[[Callable[[argpars
 
 PATIENCE = 2.0
 """Seconds of silence before progress is shown."""
-TICK, APART, REPEATED = 0.25, 5.0, 60.0
-"""Seconds between two looks at the clock, between two lines in a pipe, and between two of the same step and share."""
-LEAST = 0.02
-"""No time left is guessed before this share is done."""
-SLIP = 1.5
-"""A guess of the time left that has grown by this factor over the least one is not shown."""
+APART = 5.0
+"""Seconds between two lines in a pipe; between two of the same step and share it is a minute."""
 
 
 class Progress:
@@ -238,10 +231,10 @@ class Progress:
     def line(self) -> str:
         """What is shown; a time left that was too short is not taken back, but no longer shown."""
         share, elapsed = self.share, time.perf_counter() - self._start
-        if share < LEAST:
+        if share < 0.02:  # too early for a guess
             return f"{self._name} ({elapsed:.0f} s so far)"
         left = elapsed * (1 - share) / share
-        if left > SLIP * self._left + TICK:
+        if left > 1.5 * self._left + TICK:
             return f"{100 * share:.0f} %, {elapsed:.0f} s so far: {self._name}"
         self._left = min(left, self._left)
         return f"{100 * share:.0f} %, about {self._left:.0f} s left: {self._name}"
@@ -281,7 +274,7 @@ class Progress:
 
     def _in_pipe(self) -> None:
         now, saying = time.perf_counter(), (self._name, self.share)
-        if now - self._written >= (REPEATED if saying == self._said else APART):
+        if now - self._written >= (60.0 if saying == self._said else APART):
             self._written, self._said = now, saying
             print(f"flexlin: {self.line}", file=sys.stderr, flush=True)
 
@@ -301,22 +294,16 @@ class Work:
         """The clock of the stages within; `planned`: how many there will be, where that is known."""
         with Progress() as self.progress:
             self.progress("load the numerical libraries")
-            from flexlin.answers.clock import Budget, Clock
-
-            self.kept = Clock(self.progress, planned=planned, budget=Budget(self.options.watch))
+            self.kept = answers.Clock(self.progress, planned=planned, budget=answers.Budget(self.options.watch))
             yield self.kept
 
     def say_accuracy(self) -> None:
         """Print what was asked, reached and taken."""
-        from flexlin.report.terminal import accuracy_lines
-
-        print("\n".join(accuracy_lines(tuple(self.kept.steps))))
+        print("\n".join(report.accuracy_lines(tuple(self.kept.steps))))
 
     def page(self, pictures: "Sequence[Picture]", said: Sequence[str] = ()) -> str:
         """A page of pictures, below what is to be said before them."""
-        from flexlin.report.page import picture_page
-
-        return picture_page(self.scene.title, pictures[0], self.quoted, pictures[1:], said)
+        return str(report.picture_page(self.scene.title, pictures[0], self.quoted, pictures[1:], said))
 
     def write(
         self,
@@ -327,35 +314,43 @@ class Work:
         more: Mapping[str, str] | None = None,
     ) -> int:
         """Write NAME.html with the pictures, NAME.json with the numbers, and more files of text; done."""
-        from flexlin.report.numbers import to_json
-
-        data = to_json({"schema": 1, "title": self.scene.title, **record})
+        data = report.to_json({"schema": 1, "title": self.scene.title, **record})
         texts = {f"{name}.html": self.page(pictures, said), f"{name}.json": data, **(more or {})}
         return print_paths(self.write_files(name, texts))
 
     def write_files(self, name: str, texts: Mapping[str, str], data: "xarray.Dataset | None" = None) -> list[Path]:
         """Write files of text, and a dataset as NAME.nc, as one set; returns where they are."""
-        from flexlin.files import results
-        from flexlin.report.exports import write_dataset
-
-        with results(self.options.out, name) as made:
+        with files.results(self.options.out, name) as made:
             for file, text in texts.items():
                 (made / file).write_text(text, encoding="utf-8")
-            return made.placed(*texts) + ([] if data is None else write_dataset(data, made, name))
+            return made.placed(*texts) + ([] if data is None else report.write_dataset(data, made, name))
+
+
+COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "one-way": "yellow", "failed": "red"}
+
+
+def say_loop(loop: "Loop", period: float, model: "ModelValidity") -> None:
+    """Print the verdict on a loop: on a terminal in its colour, or in that of doubt."""
+    line = report.loop_line(loop, period, model)
+    if not sys.stdout.isatty():
+        print(line)
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    text = Text(line)
+    text.highlight_words([loop.verdict], f"{COLOURS[report.colour(loop, period, model)]} bold")
+    Console(highlight=False, soft_wrap=True).print(text)
 
 
 def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     """The scene with its overrides, once the output folder has been found usable; `usual`: the limit in s where nobody states one."""
-    from flexlin.files import check_folder
-    from flexlin.scene.loading import load_scene
-    from flexlin.scene.parameters import parse_assignment
-
     if options.out is not None:
-        check_folder(options.out)
-    overrides = dict(parse_assignment(text) for text in options.overrides)
+        files.check_folder(options.out)
+    overrides = dict(flexlin.scene.parse_assignment(text) for text in options.overrides)
     asked = {f"accuracy.{key}": getattr(options, name, None) for name, key in ACCURACY.items()}
     overrides |= {key: value for key, value in asked.items() if value is not None}
-    scene = load_scene(options.scene, overrides, options.data)
+    scene: Scene = flexlin.load_scene(options.scene, overrides, options.data)
     if usual is not None and "seconds" not in scene.accuracy.model_fields_set:
         scene = scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"seconds": usual})})
     for name in ("over", "vary", "gain", "margins"):
@@ -364,7 +359,7 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     send_limits(options.watch.begun, scene.accuracy)
     if options.out is None:
         options.out = Path("out") / Path(options.scene).stem
-        check_folder(options.out)
+        files.check_folder(options.out)
     return scene
 
 
@@ -373,10 +368,8 @@ def refuse_existing(path: Path) -> None:
 
     Raises: OutputError.
     """
-    from flexlin.files import clear_left
-
     if path.exists():
-        clear_left(path)
+        files.clear_left(path)
         todo = "choose another name, or remove it"
         raise OutputError("the scene is there already", got=str(path), expected="a new name", todo=todo)
 

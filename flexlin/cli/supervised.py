@@ -27,13 +27,11 @@ if TYPE_CHECKING:
 DONE, FAILED, BAD_INPUT, OTHER_VERDICT, NO_ANSWER = range(5)
 """Exit codes."""
 TICK = 0.1
-"""Seconds between two looks at the memory of the work."""
+"""Seconds between two looks at the work, and at the line that shows its progress."""
 ENDING = 1.5
 """Seconds that Python takes to begin, and a process that is ended to give its memory back."""
-LIBRARIES, BEYOND = 2e8, 1.2
-"""Bytes that the libraries take; what the work may hold for a moment, in its limit: it ends itself at the limit, if it can."""
-LEAST_SPACE = 2.5e8
-"""Address space in bytes below which the libraries cannot be loaded; one of them then tries for ever."""
+LIBRARIES = 2.5e8
+"""Bytes that the libraries take: in less address space they cannot be loaded, and one of them then tries for ever."""
 PASSED_ON = (signal.SIGINT, signal.SIGTERM)
 INTERRUPTED = "interrupted; no file was left half-written"
 NO_MEMORY = "there is not enough memory; ask for less at once"
@@ -83,8 +81,8 @@ def supervise(work: Sequence[str]) -> int:
     Where it is ended by something else, or goes on beyond its limits, say so.
     """
     begun = time.perf_counter()
-    if (space := read_space()) < LEAST_SPACE:
-        got = f"got {space / 1e6:.0f} MB of address space, expected {LEAST_SPACE / 1e6:.0f} MB: raise ulimit -v"
+    if (space := read_space()) < LIBRARIES:
+        got = f"got {space / 1e6:.0f} MB of address space, expected {LIBRARIES / 1e6:.0f} MB: raise ulimit -v"
         print(f"flexlin: {NO_MEMORY}; {got}", file=sys.stderr)
         return BAD_INPUT
     reader, writer = os.pipe()
@@ -129,8 +127,7 @@ def say_go_on(store: "Path | str | None") -> str:
 
 def take_signals() -> None:
     """Let requests to end the program come through, in it and in its work: each can say now that they came."""
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, PASSED_ON)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, PASSED_ON)
 
 
 def read_space() -> float:
@@ -216,7 +213,7 @@ class Watch:
                 f"with a time limit of {self.seconds:g} s: it did not end by itself in time; "
                 f"allow more time (--limit-seconds above {self.seconds:g}, or seconds in the scene's [accuracy])"
             )
-        if read_resident(work) > BEYOND * self.memory + LIBRARIES:
+        if read_resident(work) > 1.2 * self.memory + LIBRARIES:  # it ends itself at the limit, if it can
             self.code = BAD_INPUT
             return (
                 f"stopped at the limit of memory of {self.memory:,.0f} bytes, which it did not keep by itself; "

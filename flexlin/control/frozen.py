@@ -5,12 +5,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
+from scipy.linalg import lapack
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, check_size
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, NumericalError
-from flexlin.lapack import LAPACK
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.quadratic.riccati import resolve_problem
@@ -196,7 +196,7 @@ def check_constant_pair(A: Array, B: Array, Q: Array, when: str) -> None:
     """
     from scipy.linalg import eig  # takes longer to load than other designs to compute
 
-    A, _, _, states, _ = LAPACK.dgebal(A, scale=1, permute=0)
+    A, _, _, states, _ = lapack.dgebal(A, scale=1, permute=0)
     B, Q = B / states[:, None], Q * states
     size = float(np.linalg.norm(A, 2)) or 1.0
     values, left, right = eig(A, left=True, right=True)

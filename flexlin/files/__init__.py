@@ -3,18 +3,13 @@
 `docs/results.md` says what a reader may rely on.
 """
 
-from flexlin.files.manifest import MANIFEST, read_text, refuse_odd, sync
-from flexlin.files.switch import Results, check_folder, clear_left, replacing, results, write_text
+from flexlin.lazy import load_lazily
 
-__all__ = [
-    "MANIFEST",
-    "Results",
-    "check_folder",
-    "clear_left",
-    "read_text",
-    "refuse_odd",
-    "replacing",
-    "results",
-    "sync",
-    "write_text",
-]
+__getattr__, __dir__, __all__ = load_lazily(
+    __name__,
+    {},
+    within={
+        "bounds": "read_text refuse_odd",
+        "files.sets": "MANIFEST Results check_folder clear_left replacing results sync write_text",
+    },
+)

@@ -17,8 +17,7 @@ from flexlin.identification.shooting import Windows
 from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.periodic.precision import MINOR, SLIGHT
 from flexlin.plots.view import Series, Shown, View
-from flexlin.progress import part
-from flexlin.resources import Stopwatch
+from flexlin.resources import Stopwatch, part
 from flexlin.scene.links import DIRECTIONS
 from flexlin.scene.loading import raw_tables, revise_scene
 from flexlin.scene.parameters import get_value, path_in

@@ -12,10 +12,10 @@ from pydantic import BaseModel
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.expressions import Expressions
 from flexlin.scene.links import Direction, Link
 from flexlin.scene.parameters import PARAMETERS, get_value, path_in, replace_value
 from flexlin.summary import represent
+from flexlin.symbolic import Expressions
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 

@@ -10,7 +10,6 @@ import casadi as ca
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.expressions import Expressions, substituted
 from flexlin.lazy import lazy
 from flexlin.mechanics.coordinates import ClosedLoops, Coordinate, Parameters, parameters_at_hand
 from flexlin.mechanics.lagrange import (
@@ -25,7 +24,7 @@ from flexlin.mechanics.lagrange import (
 from flexlin.mechanics.validation import need_quadratic, validate
 from flexlin.plots.view import Series, Shown, View
 from flexlin.scene.effects import Effects
-from flexlin.symbolic import as_expression
+from flexlin.symbolic import Expressions, as_expression, substituted
 
 if TYPE_CHECKING:
     import control

@@ -8,10 +8,10 @@ import numpy as np
 
 from flexlin import symbolic
 from flexlin.checks import Array
-from flexlin.expressions import Expressions
 from flexlin.lazy import lazy
 from flexlin.mechanics.coordinates import Parameters
 from flexlin.summary import represent
+from flexlin.symbolic import Expressions
 
 Angles = tuple[Array, Array, Array]
 MOST_HARMONICS, MOST_TURNS = 60, 15.0

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from flexlin import symbolic
 from flexlin.checks import ROUNDING, Array
 from flexlin.errors import MotionError
-from flexlin.expressions import Expressions
 from flexlin.lazy import lazy
 from flexlin.mechanics.body import rotation_about
 from flexlin.mechanics.manipulator import Manipulator
@@ -18,6 +17,7 @@ from flexlin.motion.smooth import make_step
 from flexlin.periodic.precision import CUBE
 from flexlin.scene.motion import Circle, Polyline
 from flexlin.series.tracking import find_lowest
+from flexlin.symbolic import Expressions
 
 
 @dataclass(frozen=True, eq=False)

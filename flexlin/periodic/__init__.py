@@ -30,7 +30,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.many": "Kernel MULTIPLES SIZES take_phases",
         "periodic.margins": "Margins",
         "periodic.norms": "find_largest_gain",
-        "periodic.product": "cyclic_system find_spectrum separate_triangular Unknown",
+        "periodic.product": "complex_schur cyclic_system find_spectrum separate_triangular Unknown",
         "periodic.quadratic.linear_quadratic": "linear_quadratic",
         "periodic.quadratic.lyapunov": "LoopLyapunov",
         "periodic.quadratic.nodes": "FourierNodes",

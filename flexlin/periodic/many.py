@@ -23,7 +23,7 @@ DEGREES = (12, 18)
 """Of the polynomials of exponential.h."""
 SIZES = [(2 * n, n) for n in range(1, 7)] + [(n, n) for n in range(2, 9)]
 """States and rows for which there is a kernel: second-order systems of 1 to 6 coordinates, first-order ones of 2 to 8 states."""
-FIND_EXPONENTS = declare_sized(
+find_exponents_in_core = declare_sized(
     "int SIZED(find_exponents)(const void *model, const void *grids, long values, const double *points, double accuracy, double spread, "
     "double tol, double complex *logs, double *errors, char *sounds, double *periods, int *work)",
     SIZES,
@@ -165,7 +165,7 @@ class Kernel:
 
         Rates are scaled as their coordinates, but for one factor: so [0 I; Z] keeps its form up to a multiple of I.
         """
-        from flexlin.lapack import LAPACK  # SciPy, which workers do without
+        from scipy.linalg import lapack  # SciPy, which workers do without
 
         Z, sound, _ = self.sample(points, np.arange(NODES) / NODES)
         n, rows = self.model.states, self.model.rows
@@ -173,7 +173,7 @@ class Kernel:
             return np.ones(n)
         A = np.eye(n, k=rows % n)
         A[n - rows :] = np.abs(Z[sound]).mean(axis=(0, 1))
-        sizes = np.log2(LAPACK.dgebal(A, scale=1, permute=0)[3])
+        sizes = np.log2(lapack.dgebal(A, scale=1, permute=0)[3])
         if rows < n:
             places, rates = sizes.reshape(2, -1)
             factor = np.round(np.mean(rates - places))

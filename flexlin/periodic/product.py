@@ -1,13 +1,15 @@
 """Long products of matrices, taken from their factors and never multiplied out: their spectra with errors, and periodic vectors."""
 
+import ctypes
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from scipy.linalg import cython_lapack, lapack
 
 from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.errors import NumericalError, ToleranceNotReached
-from flexlin.lapack import LAPACK, find_routines
 from flexlin.periodic.precision import CUBE, FARTHEST, MINOR, TINY
 
 GROUP_CONDITION = 1000.0
@@ -166,7 +168,7 @@ def find_null_modes(G: Array, ranks: Array) -> tuple[Array, Array]:
 def balance_factors(factors: Array) -> tuple[Array, Array]:
     """Return S^-1 F_k S and the diagonal of S, one scaling by powers of two that evens rows and columns of sum |F_k|."""
     n = factors.shape[-1]
-    scale = LAPACK.dgebal(np.abs(factors).sum(axis=0), scale=1, permute=0)[3]
+    scale = lapack.dgebal(np.abs(factors).sum(axis=0), scale=1, permute=0)[3]
     if n == 1 or np.all(scale == 1):
         return factors, np.ones(n)
     return factors * (scale / scale[:, None]), scale
@@ -214,13 +216,35 @@ def bound_shared(coupling: Array, shared: Array) -> Array:
     return bound
 
 
+def complex_schur(A: Array) -> tuple[Array, Array]:
+    """T upper triangular and Z unitary (n, n) with A = Z T Z^H, by zgees without SciPy's checks, which take longer than a small one.
+
+    Raises: ValueError where A is not finite; LinAlgError where the eigenvalues are not found.
+    """
+    T, _, _, Z, _, failed = lapack.zgees(lambda value: False, np.asarray_chkfinite(A, complex), lwork=64 * len(A))
+    if failed:
+        raise np.linalg.LinAlgError("the eigenvalues of a Schur form are not found")
+    return T, Z
+
+
+@cache
+def find_routines() -> "ctypes.Array[ctypes.c_void_p]":
+    """Where the routines of LAPACK stand, for compiled code that calls them with 32-bit integers."""
+    api, capsules = ctypes.pythonapi, [cython_lapack.__pyx_capi__[name] for name in ROUTINES]
+    api.PyCapsule_GetName.restype, api.PyCapsule_GetName.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    api.PyCapsule_GetPointer.restype = ctypes.c_void_p
+    api.PyCapsule_GetPointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
+    places = [api.PyCapsule_GetPointer(one, api.PyCapsule_GetName(one)) for one in capsules]
+    return (ctypes.c_void_p * len(ROUTINES))(*places)
+
+
 def shape_spectrum(n: int, K: int, *given: object) -> tuple[object, ...]:
     """What `find_spectrum` takes and makes."""
     p, q = given[5:7]
     return (K, n, n), (K, n, n), (n, n), (K, n, n), (K, n, p), (K, p, q), (K, q, n), n, n, n, n, (n, n), 1
 
 
-FIND_SPECTRUM = declare(
+find_spectrum_in_core = declare(
     "int find_spectrum(int n, int count, const double *plain, const double *better, const double *start, double limit, "
     "const double *steps, int p, int q, const double *left, const double *size, const double *right, "
     "const void *lapack, double complex *logs, double complex *shift, double *method, double *rounding, double *end, int *stretched)",
@@ -284,9 +308,9 @@ def find_spectrum(
     end, stretched = np.empty((n, n)), np.zeros(1, np.intc)
     p, q = (n, n) if unknown is None else unknown.size.shape[1:]
     sides = (None, None, None) if unknown is None else (unknown.left, unknown.size, unknown.right)
-    lapack, made = find_routines(*ROUTINES), (logs, shift, method, rounding, end, stretched)
+    routines, made = find_routines(), (logs, shift, method, rounding, end, stretched)
     given = (contiguous(plain), contiguous(better), contiguous(start), limit, contiguous(steps), p, q)
-    code = FIND_SPECTRUM(n, K, *given, *map(contiguous, sides), lapack, *made)
+    code = find_spectrum_in_core(n, K, *given, *map(contiguous, sides), routines, *made)
     if code == 1:
         raise MemoryError("the spectrum of a product")
     if code:

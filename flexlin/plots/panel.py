@@ -10,10 +10,8 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array
 from flexlin.plots.scales import Linear
 
-FONT = 11.0
 SMALL = 9.0
-GLYPH = 0.64
-"""Width of a character as a share of the font's size, a little on the safe side."""
+"""Size of the font of words among the marks."""
 SHAPES = {
     "circle": "M-{r},0a{r},{r} 0 1 0 {d},0a{r},{r} 0 1 0 -{d},0z",
     "square": "M-{r},-{r}h{d}v{d}h-{d}z",
@@ -89,18 +87,18 @@ class Panel:
         r = {"r": f"{size:g}", "d": f"{2 * size:g}", "e": f"{1.25 * size:g}"}
         return self._add(Mark("dots", *_points(x, y), style, label, SHAPES[shape].format(**r), tuple(texts)))
 
-    def cells(self, x: tuple[Array, Array], y: tuple[Array, Array], colour: str, opacity: float) -> "Panel":
-        """Fill rectangles from low to high ends, ((N,), (N,)) on each axis."""
+    def cells(self, x: ArrayLike, y: ArrayLike, colour: str, opacity: float) -> "Panel":
+        """Fill rectangles from low to high ends, (2, N) on each axis."""
         style = f"fill:var(--{colour});fill-opacity:{opacity:.2g};stroke:none"
-        return self._add(Mark("cells", *_points(np.concatenate(x), np.concatenate(y)), style))
+        return self._add(Mark("cells", *_points(np.ravel(x), np.ravel(y)), style))
 
-    def hatch(self, x: tuple[Array, Array], y: tuple[Array, Array], colour: str) -> "Panel":
-        """Hatch rectangles from low to high ends, ((N,), (N,)) on each axis."""
+    def hatch(self, x: ArrayLike, y: ArrayLike, colour: str) -> "Panel":
+        """Hatch rectangles from low to high ends, (2, N) on each axis."""
         line = f'<path d="M0,6L6,0" style="stroke:var(--{colour});stroke-opacity:.45;stroke-width:1"/>'
         pattern = (
             f'<defs><pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse">{line}</pattern></defs>'
         )
-        ends = _points(np.concatenate(x), np.concatenate(y))
+        ends = _points(np.ravel(x), np.ravel(y))
         return self._add(Mark("cells", *ends, "fill:url(#hatch);stroke:none", shape=pattern))
 
     def probe(self, data: str) -> "Panel":
@@ -141,9 +139,9 @@ def select_finite(values: Array) -> Array:
     return kept if kept.size else np.zeros(1)
 
 
-def measure_text(text: str, size: float = FONT) -> float:
-    """About how wide a text will be."""
-    return GLYPH * size * len(text)
+def measure_text(text: str, size: float = 11.0) -> float:
+    """About how wide a text will be, a little on the safe side."""
+    return 0.64 * size * len(text)
 
 
 def write_text(x: float, y: float, text: str, style: str = "", **attributes: str) -> str:
@@ -156,8 +154,8 @@ def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     return np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))  # type: ignore[return-value]
 
 
-LINE, EDGE, MARGIN = 16.0, 20.0, 46.0
-"""A line of words below the axes, what is free beside and above them, and the least margin for labels on their left."""
+LINE, MARGIN = 16.0, 46.0
+"""A line of words below the axes, and the least margin for labels on their left."""
 
 
 @dataclass(frozen=True)
@@ -234,7 +232,7 @@ def lay_axes(panel: Panel) -> tuple[Axes, list[tuple[float, str]]]:
     if panel.bare:
         x, y = equalize_units(x, y, panel.width, panel.height) if panel.equal else (x, y)
         return Axes(0.0, 4.0, panel.width, panel.height, x, y), []
-    room = panel.width - EDGE
+    room = panel.width - 20.0
     if panel.equal:
         x, y = equalize_units(x, y, room - MARGIN, panel.height)
     y_ticks = y.ticks(min(7, max(3, int(panel.height / 19))))

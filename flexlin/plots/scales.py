@@ -10,11 +10,6 @@ import numpy as np
 from flexlin.checks import Array
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-PLAIN = 5
-"""Powers of ten below this are written out."""
-ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
-LEAST_TICKS = 2
-"""Numbers on an axis from which its magnitude can be read."""
 
 
 def write_powers(text: str) -> str:
@@ -23,7 +18,7 @@ def write_powers(text: str) -> str:
     def write(found: re.Match[str]) -> str:
         mantissa, exponent = found[1], int(found[2])
         plain = f"{float(mantissa) * 10**exponent:.0f}"
-        return plain if 0 < exponent < PLAIN else f"{mantissa}×10{str(exponent).translate(SUPERSCRIPTS)}"
+        return plain if 0 < exponent < 5 else f"{mantissa}×10{str(exponent).translate(SUPERSCRIPTS)}"
 
     return re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]\d+)\b", write, text)
 
@@ -74,11 +69,11 @@ class Linear:
         low, high = self.ends
         raw = (high - low) / max(most, 1)
         unit = 10.0 ** math.floor(math.log10(raw))
-        steps = [size * factor for size in (unit, unit / 10) for factor in reversed(ROUND[:-1])]
-        largest = next(factor * unit for factor in ROUND if factor * unit >= raw * (1 - 1e-9))
-        for step in (largest, *(step for step in steps if step < largest * (1 - 1e-9))):
+        steps = [10 * unit, *(size * factor for size in (unit, unit / 10) for factor in (5.0, 2.5, 2.0, 1.0))]
+        largest = min(step for step in steps if step >= raw * (1 - 1e-9))
+        for step in (step for step in steps if step <= largest):
             marks = step * np.arange(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
-            if len(marks) >= LEAST_TICKS:
+            if len(marks) >= 2:  # from one alone no magnitude can be read
                 break
         labels = format_ticks(marks, step)
         return [(float(mark), label) for mark, label in zip(marks, labels, strict=True)]
@@ -112,7 +107,7 @@ class Symlog(Linear):
         for sign, mark in ((1, ""), (-1, "−")):
             marks += [(sign * 10.0 ** (start + k), f"{mark}{format_power_of_ten(start + k)}") for k in powers]
         inside = [(value, label) for value, label in marks if low <= float(self.bend(np.array(value))) <= high]
-        return inside if len(inside) >= LEAST_TICKS else Linear(*self.ends).ticks(most)
+        return inside if len(inside) >= 2 else Linear(*self.ends).ticks(most)
 
 
 @dataclass(frozen=True)

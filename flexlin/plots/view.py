@@ -18,9 +18,8 @@ from flexlin.plots.scales import write_powers
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SIZE = (380.0, 120.0)
-"""Width and height of a card's picture."""
-MOST_POINTS, MOST_FACTS = 120, 6
+MOST_POINTS = 120
+"""Of a curve on a card."""
 COLOURS = {
     "blue": "#0072b2",
     "vermilion": "#d55e00",
@@ -118,7 +117,7 @@ def make_card(view: View) -> str:
     """The view as HTML that needs nothing else."""
     shade = SHADES.get(view.verdict.partition(",")[0], "inherit")
     verdict = f' <b style="color:{shade}">{escape(view.verdict)}</b>' if view.verdict else ""
-    facts = "".join(f"<div>{escape(write_powers(fact))}</div>" for fact in view.facts[:MOST_FACTS])
+    facts = "".join(f"<div>{escape(write_powers(fact))}</div>" for fact in view.facts[:6])
     words = f'<div style="flex:1 1 16em;max-width:42em"><b>{escape(view.title)}</b>{verdict}<div style="opacity:.8">{facts}</div></div>'
     return f'<div style="display:flex;flex-wrap:wrap;gap:1.2em;align-items:flex-start">{words}{draw_small(view)}</div>'
 
@@ -128,8 +127,7 @@ def draw_small(view: View) -> str:
     shown = [series for series in map(thin, view.series[: len(COLOURS)]) if len(series.x)]
     if not shown:
         return ""
-    width, height = SIZE
-    panel = Panel(x_label=view.x_label, y_label=view.y_label, equal=view.equal, width=width, height=height)
+    panel = Panel(x_label=view.x_label, y_label=view.y_label, equal=view.equal, width=380.0, height=120.0)
     for series, colour in zip(shown, COLOURS, strict=False):
         if series.style == "dots":
             panel.dots(series.x, series.y, colour, texts=[series.name] * len(series.x))
@@ -139,7 +137,7 @@ def draw_small(view: View) -> str:
         y = np.concatenate([series.y for series in shown])
         panel.line([0.0, 0.0], [y.min(), y.max()], "faint", dash="3 3")
     variables = ";".join(f"--{name}:{shade}" for name, shade in (COLOURS | PAPER).items())
-    return f'<div style="flex:0 1 {width:g}px;max-width:100%;font-size:11px;{variables}">{draw([panel])}</div>'
+    return f'<div style="flex:0 1 {panel.width:g}px;max-width:100%;font-size:11px;{variables}">{draw([panel])}</div>'
 
 
 def thin(series: Series) -> Series:

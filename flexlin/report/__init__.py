@@ -1,4 +1,4 @@
-"""What an analysis becomes: pages, pictures, JSON, netCDF, text in the terminal."""
+"""What an analysis becomes: words, pages, pictures, JSON, netCDF."""
 
 from flexlin.lazy import load_lazily
 
@@ -6,17 +6,21 @@ __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {},
     within={
-        "report.advice": "advise",
+        "report.advice": "advise drive_line",
         "report.audit": "audit_lines draw_effects draw_sensitivity fitting minimal_text",
         "report.animation": "animation_page collect_frames",
-        "report.charts": "Chart draw_charts find_boundary say_bending",
-        "report.exports": "export_all",
+        "report.charts": "Chart chart_dataset compute_chart draw_charts find_boundary say_bending say_without_picture",
+        "report.exports": "check_gains coefficients_dataset described design_folders export_all gains_dataset storable write_dataset",
+        "report.figures.answers": "answer_lines answer_record draw_errors draw_prediction picture_answer say_numbers",
         "report.figures.chart": "choose_scale thin trace_contour",
+        "report.figures.cost": "cost_table draw_cost summarise_cost",
         "report.figures.exponents": "scale_radius",
-        "report.numbers": "audit_block record record_endured record_loop record_margin to_json",
-        "report.page": "draw_pictures FIGURES render_page",
-        "report.terminal": "accuracy_lines loop_line",
-        "report.wording": "caution describe_endured describe_margins format_quantity scale_values typeset units_of",
+        "report.numbers": "audit_block record record_endured record_fields record_loop record_margin to_json",
+        "report.page": "draw_pictures FIGURES picture_page render_page",
+        "report.wording": (
+            "accuracy_lines colour describe_endured describe_margins describe_nearest format_quantity loop_line reason scale_values "
+            "typeset units_of units_of_scene with_unit"
+        ),
         "report.writing": "write_report",
     },
 )

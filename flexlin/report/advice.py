@@ -14,8 +14,6 @@ from flexlin.simulation.result import OUTGROWN, Simulation
 
 WORTHWHILE = 1.05
 """Factor from which on one figure counts as better, or worse, than another."""
-NEAR = 0.2
-"""A resonance is named when it is detuned by less than this share of the motion's frequency."""
 
 
 def advise(analysis: Analysis) -> list[str]:
@@ -67,7 +65,7 @@ def comment_on_cause(a: Analysis) -> Iterator[str]:
         return
     base = 1 / a.plant.period
     for found in a.resonances:
-        if found.kind != "average" and found.detuning < NEAR * 2 * np.pi * base and min(found.frequencies) > 0:
+        if found.kind != "average" and found.detuning < 0.2 * 2 * np.pi * base and min(found.frequencies) > 0:
             high, low = (f"{w / (2 * np.pi):.4g}" for w in found.frequencies)
             rule = {"principal": f"2 × {high}", "sum": f"{high} + {low}", "difference": f"{high} − {low}"}[found.kind]
             yield (

@@ -12,20 +12,16 @@ from flexlin.control.slow_motions import slow_motions
 from flexlin.control.tracking import arm_positions
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.periodic.precision import ROOT
-from flexlin.report.figures.arm import SWING, trace_arm
+from flexlin.report.figures.exponents import SWING
+from flexlin.report.figures.over_period import trace_arm
 from flexlin.report.page import TEMPLATES
 from flexlin.scene.scene import Scene
 from flexlin.simulation.result import Simulation
 
 MAGNIFIED = (1, 5, 20)
 """Factors by which bending may be shown."""
-MODES, MODE_FRAMES = 4, 120
-"""Floquet modes that may be played, their pictures, and their largest deflection: in rad, or against the arm's reach."""
-
 FRAMES = 600
 """Pictures at the most: a longer simulation is shown in wider steps."""
-TRAIL = 0.5
-"""Share of a period for which the tip's path stays on the page."""
 
 Frames = tuple[list[list[Array]], Array]
 """The arm at some times: curves of the links [time][link] (d, k), points (N, d, k) of joints and tip, from the base on; d = 2 or 3."""
@@ -81,10 +77,10 @@ def mode_states(lin: Linearization) -> list[tuple[str, Array, Array]]:
     """The slowest Floquet motions over a period: name, times (N,), states (N, 2n + k) with a deflection that can be seen; none where
     no mode is resolved."""
     try:
-        slow = slow_motions(lin.periodic_system(), MODES, coordinates=lin.n)
+        slow = slow_motions(lin.periodic_system(), 4, coordinates=lin.n)
     except FlexlinError:
         return []
-    t = lin.period * np.arange(MODE_FRAMES) / MODE_FRAMES
+    t = lin.period * np.arange(120) / 120
     reach = float(np.ptp(lin.about.near.of_arm("points", np.zeros(1), np.zeros((1, lin.n)))[0], axis=1).max()) or 1.0
     found = []
     for k, states in enumerate(slow.states):
@@ -141,7 +137,7 @@ def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[st
     plays += [play(name, lin, times, x, digits) for name, times, x in mode_states(lin)]
     away = np.linalg.norm(run.tip - run.tip_rigid, axis=1)[::every]
     return {
-        "trail": max(1, int(TRAIL * lin.period / (t[1] - t[0]))),
+        "trail": max(1, int(lin.period / 2 / (t[1] - t[0]))),
         "centre": rounded((low + high) / 2, digits),
         "width": float(size[0]),
         "height": float(size[1]),

@@ -20,16 +20,13 @@ if TYPE_CHECKING:
     from flexlin.answers.audit.figures import Measure
 
 
-LEAST, WHOLE = 1e-6, 2.0
-"""Ends of the axis: a change below the first counts as none, one of the verdict reaches the second."""
-
-
 def draw_effects(audit: Audit) -> Picture:
     """Bars of significance, the largest on top, with the tolerance as a line."""
     rows = [*audit.effects, *audit.modes]
     rows.sort(key=clip_significance)
     bars = {row.change: (row.significance, colour_need(row, audit.tolerance)) for row in rows}
-    panel = draw_bars(Logarithmic(LEAST, WHOLE), "largest relative change", bars, LEAST)
+    axis = Logarithmic(1e-6, 2.0)  # less counts as none; a change of the verdict reaches the other end
+    panel = draw_bars(axis, "largest relative change", bars, 1e-6)
     panel.line([audit.tolerance] * 2, [-0.5, len(rows) - 0.5], "ink", width=1.2, dash="4 3")
     return make_picture("effects", "Which effects this scene needs", describe_findings(audit), [panel] if rows else [])
 
@@ -71,7 +68,6 @@ def describe_findings(audit: Audit) -> str:
     )
 
 
-MOST = 16
 PERCENT = (
     "What one percent more of each number does to the largest growth rate of the scene's own loop, by exact derivatives. Green: it settles "
     "faster. Red: slower. Numbers that are zero are left out."
@@ -82,14 +78,15 @@ def draw_sensitivity(data: "xarray.Dataset") -> Picture:
     """Bars to both sides, the strongest on top."""
     slowest = int(np.argmax(data["exponents"].values.real))
     change = data["percent"].values[:, slowest]
-    order = np.argsort(np.abs(change))[-MOST:]
+    order = np.argsort(np.abs(change))[-16:]
     names = [f"{data['parameter'].values[i]} = {data['value'].values[i]:.4g}" for i in order]
     reach = 1.08 * float(np.abs(change).max()) or 1.0
     colours = ["stable" if change[i] < 0 else "unstable" for i in order]
     bars = dict(zip(names, zip(change[order], colours, strict=True), strict=True))
     panel = draw_bars(Linear(-reach, reach), in_unit("change of the growth rate for 1 % more", "1/s"), bars)
     panel.line([0, 0], [-0.5, len(order) - 0.5], "ink", width=1.0)
-    left_out = f" The {len(change) - MOST} that move it least are not shown." if len(change) > MOST else ""
+    rest = len(change) - len(order)
+    left_out = f" The {rest} that move it least are not shown." if rest else ""
     return make_picture("sensitivity", "Which numbers move the growth rate", PERCENT + left_out, [panel])
 
 

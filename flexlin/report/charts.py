@@ -28,15 +28,13 @@ from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.spectra import Effort
 from flexlin.report.figures import Picture
 from flexlin.report.figures.chart import Chart, describe_chart, draw_campbell, draw_chart, thin
-from flexlin.report.wording import units_of_scene
+from flexlin.report.wording import units_of_scene, with_unit_of
 from flexlin.scene.loading import revise_scene
-from flexlin.scene.parameters import label_number, name_number, name_unit, show_unit
+from flexlin.scene.parameters import label_number, name_number, name_unit
 from flexlin.scene.scene import Scene
 
 BOUNDARY_SHARE = 0.18
 """Of a command's time: after it, no more tongues are searched for; a strip with three modes has dozens of their tips."""
-BOUNDARY_TOL = 2e-4
-"""Wanted error of a boundary that is drawn, as a share of its ranges: a fifth of what a picture shows."""
 
 
 def find_boundary(
@@ -53,13 +51,13 @@ def find_boundary(
         find = partial(find_margin, scene, path, limits, seconds, loop=loop)
         margin = clock.attempt(problems, "critical", "critical values", asked, find)
         if margin is not None and margin.gap:
-            gap = f"{margin.gap:.2g} {show_unit(scene, path)}".strip()
+            gap = with_unit_of(scene, path, f"{margin.gap:.2g}")
             problems["gap"] = f"the {margin.values} values that time allowed leave gaps of up to {gap}"
         data.attrs["search"] = " ".join(problems.values())
         return [] if margin is None else list(margin.critical), []
     effort = Effort(seconds)
-    span = max(high - low for low, high in ranges.values())
-    follow = partial(search_boundary, scene, ranges, BOUNDARY_TOL * max(1.0, span), loop, CELLS, effort)
+    tol = 2e-4 * max(1.0, *(high - low for low, high in ranges.values()))  # a fifth of what a picture shows
+    follow = partial(search_boundary, scene, ranges, tol, loop, CELLS, effort)
     curves = clock.attempt(problems, "boundary", "boundary of stability", asked, follow) or []
     if effort.unfinished:
         problems["boundary"] = f"the boundary was not followed to its end in {effort.seconds:.3g} s"
@@ -106,7 +104,7 @@ def say_bending(
 
 def label_value(scene: Scene, path: str, value: float) -> str:
     """A number of a scene at one of its values, with its unit."""
-    return f"{name_number(path)} {value:.4g} {show_unit(scene, path)}".strip()
+    return with_unit_of(scene, path, f"{name_number(path)} {value:.4g}")
 
 
 def draw_charts(chart: Chart) -> list[Picture]:

@@ -147,13 +147,11 @@ def write_dataset(data: xarray.Dataset, made: Results, stem: str) -> list[Path]:
 OWN = "c-own"
 """Folder of the scene's own feedback."""
 FORMATS = (".npz", ".mat", ".nc")
-LONGEST = 60
-"""Characters of a design's name that its folder keeps."""
 
 
 def name_folder(name: str, position: int) -> str:
     """Return the folder of a design's C source: its name in small Latin letters and digits, else its number among the designs."""
-    words = re.sub(r"[^a-z0-9]+", "-", name.lower())[:LONGEST].strip("-")
+    words = re.sub(r"[^a-z0-9]+", "-", name.lower())[:60].strip("-")
     readable = words and (name.isascii() or re.search("[a-z]", words))
     return f"c-{words if readable else f'design-{position}'}"
 

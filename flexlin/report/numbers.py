@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from flexlin.answers.audit.judging import Audit
     from flexlin.answers.nearest import NearestInstability
 
-SCHEMA = 1
 PACKAGES = ("casadi", "control", "numpy", "pydantic", "scipy")
 
 
@@ -64,7 +63,7 @@ def record(a: Analysis) -> dict[str, Any]:
 def record_scene(scene: Scene, steps: Sequence[Step]) -> dict[str, Any]:
     """What was asked, and what each stage of the work took."""
     return {
-        "schema": SCHEMA,
+        "schema": 1,
         "title": scene.title,
         "scene": record_tables(scene),
         "effects": effects(scene),

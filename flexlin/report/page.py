@@ -1,6 +1,7 @@
 """report.html: one self-contained page, which asks no other file or host for anything."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,13 @@ import flexlin
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
+from flexlin.errors import ArgumentError
 from flexlin.report import wording
 from flexlin.report.advice import advise, drive_cells, name_condition
 from flexlin.report.figures import Picture
-from flexlin.report.figures.arm import draw_arm, draw_modes
-from flexlin.report.figures.exponents import draw_exponents, draw_multipliers
+from flexlin.report.figures.exponents import draw_exponents, draw_modes, draw_multipliers
 from flexlin.report.figures.over_period import (
+    draw_arm,
     draw_coefficients,
     draw_comparison,
     draw_gains,
@@ -24,8 +26,7 @@ from flexlin.report.figures.over_period import (
     list_entries,
     name_entry,
 )
-from flexlin.scene.base import Table
-from flexlin.scene.parameters import choose_unit
+from flexlin.scene.parameters import name_unit
 from flexlin.scene.scene import Scene
 
 TEMPLATES = Environment(
@@ -172,31 +173,21 @@ def list_constants(a: Analysis) -> list[tuple[str, str, str]]:
     ]
 
 
-def list_units(part: Any, path: str = "") -> dict[str, str]:
-    """The unit of each number below a part of the scene, by its dotted path, where its table states one."""
-    if isinstance(part, Table):
-        below = [(name, getattr(part, name)) for name in type(part).model_fields]
-        stated = {f"{path}{key}": unit for key, unit in part.units().items() if not isinstance(getattr(part, key), str)}
-    elif isinstance(part, dict):
-        below, stated = [*part.items()], {}
-    else:
-        below, stated = [(str(k), one) for k, one in enumerate(part if isinstance(part, tuple) else ())], {}
-    return stated | {name: unit for key, value in below for name, unit in list_units(value, f"{path}{key}.").items()}
-
-
 def list_inputs(scene: Scene, data: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
     """Each table of the scene by its dotted path, with its keys and values, and the unit where the table states one."""
-    tables, units = dict[str, list[tuple[str, str]]](), list_units(scene)
+    tables = dict[str, list[tuple[str, str]]]()
     for path, value in flatten_table({key: value for key, value in data.items() if key not in ("title", "source")}):
-        table, _, key = path.rpartition(".")
-        tables.setdefault(table or "scene", []).append(
-            (key, f"{value} {choose_unit(scene, units.get(path, ''))}".strip())
-        )
+        (table, _, key), unit = path.rpartition("."), ""
+        if table and not isinstance(value, str):
+            with suppress(ArgumentError):  # a key may be a path itself, as in [uncertainty]
+                unit = name_unit(scene, path)
+        said = ", ".join(map(format_input, value if isinstance(value, list) else [value]))
+        tables.setdefault(table or "scene", []).append((key, f"{said} {unit}".strip()))
     return list(tables.items())
 
 
-def flatten_table(node: Any, path: str = "") -> list[tuple[str, str]]:
-    """Every value below a table by its dotted path; a list of numbers is one value, and rounding does not show."""
+def flatten_table(node: Any, path: str = "") -> list[tuple[str, Any]]:
+    """Every value below a table by its dotted path; a list of numbers is one value."""
     if node in ([], {}, ""):
         return []
     if isinstance(node, dict):
@@ -204,7 +195,7 @@ def flatten_table(node: Any, path: str = "") -> list[tuple[str, str]]:
     elif isinstance(node, list) and any(isinstance(child, dict) for child in node):
         children = list(enumerate(node))
     else:
-        return [(path, ", ".join(map(format_input, node if isinstance(node, list) else [node])))]
+        return [(path, node)]
     return [leaf for name, child in children for leaf in flatten_table(child, f"{path}.{name}" if path else str(name))]
 
 

@@ -14,6 +14,7 @@ from flexlin.answers.clock import Step
 from flexlin.answers.critical_values import CriticalValue, Margin
 from flexlin.answers.judging import Loop, ModelEvidence, ModelValidity
 from flexlin.checks import Array
+from flexlin.errors import counted
 from flexlin.periodic.floquet.result import MARGINAL
 from flexlin.plots.scales import SUPERSCRIPTS, write_powers
 from flexlin.scene.control import AnyFilter, Control, LowPass, Pid
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 SLOW = 1e5
 """Periods to settle beyond which a decay is not felt."""
-PREFIXES = dict(zip(range(-9, 12, 3), ("n", "µ", "m", "", "k", "M", "G"), strict=True))
 ANGLES = ("rad", "mrad", "µrad", "nrad", "°")
 NONE = "none"
 _length: ContextVar[int | str | None] = ContextVar("length", default=None)
@@ -66,6 +66,11 @@ def with_unit(text: str, unit: str) -> str:
     return f"{text} {page_unit(unit)}".rstrip()
 
 
+def with_unit_of(scene: Scene, path: str, text: str) -> str:
+    """A value of a number of a scene, as it is written, with its unit behind it."""
+    return f"{text} {show_unit(scene, path)}".rstrip()
+
+
 def time_label() -> str:
     """The label of an axis of time."""
     return in_unit("time", "s")
@@ -88,7 +93,7 @@ def format_quantity(value: float, unit: str, digits: int = 3) -> str:
         return format_decimal(value, digits) if math.isfinite(value) else "not finite"
     chosen = _length.get() if unit == "m" else None
     if isinstance(chosen, int) and math.isfinite(value) and value != 0:
-        return f"{format_decimal(value / 10.0**chosen, digits)} {PREFIXES[chosen]}{unit}"
+        return f"{format_decimal(value / 10.0**chosen, digits)} {name_prefix(chosen)}{unit}"
     return format_with_prefix(value, unit, digits)
 
 
@@ -99,7 +104,7 @@ def format_with_prefix(value: float, unit: str, digits: int = 3) -> str:
     if value == 0:
         return f"0 {unit}"
     prefix = choose_prefix(float(f"{value:.{digits}g}"))
-    return f"{replace_minus(f'{value / 10.0**prefix:.{digits}g}')} {PREFIXES[prefix]}{unit}"
+    return f"{replace_minus(f'{value / 10.0**prefix:.{digits}g}')} {name_prefix(prefix)}{unit}"
 
 
 def scale_values(values: Array, unit: str) -> tuple[Array, str]:
@@ -109,14 +114,19 @@ def scale_values(values: Array, unit: str) -> tuple[Array, str]:
     chosen = _length.get() if unit == "m" else None
     largest = float(np.abs(values).max()) if values.size else 0.0
     prefix = chosen if isinstance(chosen, int) else choose_prefix(largest)
-    return values / 10.0**prefix, PREFIXES[prefix] + unit
+    return values / 10.0**prefix, name_prefix(prefix) + unit
+
+
+def name_prefix(power: int) -> str:
+    """The SI prefix of a power of ten from -9 to 9."""
+    return ("n", "µ", "m", "", "k", "M", "G")[power // 3 + 3]
 
 
 def choose_prefix(value: float) -> int:
     """The power of ten of a value's SI prefix; none for zero and for what is not finite."""
     if value == 0 or not math.isfinite(value):
         return 0
-    return min(max(3 * math.floor(math.log10(abs(value)) / 3), min(PREFIXES)), max(PREFIXES))
+    return min(max(3 * math.floor(math.log10(abs(value)) / 3), -9), 9)
 
 
 def name_joint_unit(analysis: Analysis, joint: int) -> str:
@@ -208,11 +218,6 @@ def format_duration(seconds: float) -> str:
     return format_quantity(seconds, "s") if seconds < 1000 else with_unit(format_decimal(seconds, 3), "s")
 
 
-def took(steps: Sequence[Step]) -> tuple[float, float]:
-    """The seconds of all stages, by the clock and of a processor."""
-    return sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps)
-
-
 def format_largest_multiplier(loop: Loop) -> str:
     """The modulus of the largest multiplier, from its logarithm."""
     return "–" if loop.floquet is None else format_modulus(float(loop.floquet.log_multipliers[0].real))
@@ -236,6 +241,50 @@ def doubt(loop: Loop, period: float, model: ModelValidity) -> str:
 def colour(loop: Loop, period: float, model: ModelValidity) -> str:
     """The class of a loop's verdict: that of doubt where there is one."""
     return "undecided" if doubt(loop, period, model) else loop.verdict
+
+
+def loop_line(loop: Loop, period: float, model: ModelValidity) -> str:
+    """One loop in one line, with what goes behind its verdict."""
+    speed = describe_pace(loop, period)
+    figure = "" if loop.verdict in ("undecided", "one-way", "failed") else f", {format_rate(*loop.growth)}"
+    weak = doubt(loop, period, model)
+    verdict = f"{loop.verdict}, {weak};" if weak else f"{loop.verdict:<10}"
+    return f"  {loop.name:<20} {verdict} {speed}{figure}"
+
+
+def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
+    """What was asked, what was reached, what it took: one line, and one for each stage that missed or has no answer that was not `said`."""
+    judged = [step for step in steps if step.asked is not None]
+    total, cpu = (format_with_prefix(seconds, "s") for seconds in took(steps))
+    spent = f"took {total} ({cpu} of a processor)"
+    notes = [f"  {step.name}: {note}" for step in steps for note in step.notes]
+    if not judged:
+        return [spent, *notes]
+    asked = dict.fromkeys(step.asked or 0.0 for step in judged)
+    met = [describe_reached(tol, [step for step in judged if step.asked == tol]) for tol in asked]
+    lines = [f"accuracy: {'; '.join(met)}; {spent}"]
+    missed = ((step.name, format_decimal(step.reached or 0.0, 2)) for step in judged if step.missed)
+    lines += [f"  {name}: error {error}, above tol" for name, error in missed]
+    silent = [step for step in steps if step.problem and step.problem not in said]
+    return [*lines, *notes, *(f"  no answer from {name_problem(step)}" for step in silent)]
+
+
+def took(steps: Sequence[Step]) -> tuple[float, float]:
+    """The seconds of all stages, by the clock and of a processor."""
+    return sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps)
+
+
+def describe_reached(tol: float, steps: Sequence[Step]) -> str:
+    """How many of the stages that were asked for the same error reached it."""
+    reached = [step.reached for step in steps if step.reached is not None]
+    worst = f", largest error {format_power(max(reached))}" if reached else ""
+    met = sum(step.reached is not None and not step.missed for step in steps)
+    return f"tol {format_power(tol)} reached in {met} of {counted(len(steps), 'stage')}{worst}"
+
+
+def name_problem(step: Step) -> str:
+    """Why a stage has no answer, with the stage's name before it."""
+    return step.problem if step.problem.startswith(step.name) else f"{step.name}: {step.problem}"
 
 
 def reason(validity: ModelValidity) -> str:
@@ -313,7 +362,7 @@ def describe_place(scene: Scene, margin: Margin, one: CriticalValue) -> str:
     """At a motion frequency of 1.37 Hz (now 0.5); both ends of what is known where they differ in what is said of them."""
     low, high = (format_decimal(one.value + side, DIGITS) for side in (-one.error, one.error))
     where = f"of {high}" if low == high else f"between {low} and {high}"
-    words = f"at a {name_number(margin.path)} {where} {show_unit(scene, margin.path)}".strip()
+    words = with_unit_of(scene, margin.path, f"at a {name_number(margin.path)} {where}")
     return f"{words} (now {format_decimal(margin.own, DIGITS)})"
 
 
@@ -321,8 +370,8 @@ def describe_gap(scene: Scene, margin: Margin, one: CriticalValue | None) -> str
     """Shows no change at 9 values of the motion frequency from 0.1 to 2 Hz, of which nothing is known in gaps of up to 0.3 Hz."""
     tried = "no other change" if one is not None else "the same verdict"
     ends = f"{format_decimal(margin.low, DIGITS)} to {format_decimal(margin.high, DIGITS)}"
-    gap = f"{format_decimal(margin.gap, 2)} {show_unit(scene, margin.path)}".strip()
-    where = f"{name_number(margin.path)} from {ends} {show_unit(scene, margin.path)}".strip()
+    gap = with_unit_of(scene, margin.path, format_decimal(margin.gap, 2))
+    where = with_unit_of(scene, margin.path, f"{name_number(margin.path)} from {ends}")
     return f"shows {tried} at the {margin.values} values of {where} that time allowed, which leave gaps of up to {gap}"
 
 
@@ -330,7 +379,7 @@ def describe_range(scene: Scene, margin: Margin) -> str:
     """A motion frequency from 0.1 to 2 Hz: what was searched without gaps."""
     low, high = max(margin.low, margin.searched[0]), min(margin.high, margin.searched[1])
     ends = f"{format_decimal(low, DIGITS)} to {format_decimal(high, DIGITS)}"
-    return f"a {name_number(margin.path)} from {ends} {show_unit(scene, margin.path)}".strip()
+    return with_unit_of(scene, margin.path, f"a {name_number(margin.path)} from {ends}")
 
 
 def describe_nearest(scene: Scene, found: "NearestInstability | None") -> str:
@@ -342,7 +391,7 @@ def describe_nearest(scene: Scene, found: "NearestInstability | None") -> str:
     if not math.isfinite(found.scale):
         return f"{found.status}; {spread}"
     places = (
-        f"a {name_number(path)} of {format_decimal(value, DIGITS)} {show_unit(scene, path)}".strip()
+        with_unit_of(scene, path, f"a {name_number(path)} of {format_decimal(value, DIGITS)}")
         + f" (now {format_decimal(own, DIGITS)})"
         for path, value, own in zip(found.paths, found.values, found.own, strict=True)
     )

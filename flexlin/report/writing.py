@@ -1,15 +1,18 @@
 """From a scene to report.json and report.html."""
 
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from functools import partial
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import flexlin
+from flexlin import answers
 from flexlin.answers.clock import DRAWING, SHARE, Budget, Clock, Progress, Step
 from flexlin.errors import FlexlinError, InputError, NumericalError, TooLarge
 from flexlin.files import results
 from flexlin.resources import SECONDS, Stopwatch
+from flexlin.scene.parameters import need_numbers
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -18,14 +21,6 @@ if TYPE_CHECKING:
     from flexlin.answers.analysis import Analysis
     from flexlin.answers.critical_values import Margin
     from flexlin.report.figures import Picture
-
-
-USUAL = 4.0
-"""Seconds of 60 in which a margin that nobody asked for has to end."""
-STAGES = 15
-"""Of a report without designs, about."""
-CUT_OFF = Step("figures", 0.0, problem="figures: the program was ended before they were drawn")
-"""What stands in a report until its figures do."""
 
 
 def write_report(
@@ -52,40 +47,32 @@ def write_report(
     Raises: InputError as `analyse`; OutputError when the folder cannot be written.
     """
     budget = Budget(watch or Stopwatch())
-    clock = Clock(progress, planned=STAGES + 3 * len(scene.designs) + with_audit + with_sensitivity, budget=budget)
+    clock = Clock(progress, planned=15 + 3 * len(scene.designs) + with_audit + with_sensitivity, budget=budget)
     with clock.step("load the numerical libraries"):
-        from flexlin.answers.analysis import analyse
         from flexlin.report.numbers import record, step_block, to_json
     if scene.uncertainty:
         with clock.step("equations with the uncertain numbers free"):
-            from flexlin.answers.nearest import make_box, search_box
-
-            box = make_box(scene)
-    from flexlin.answers.critical_values import choose_margins
-    from flexlin.scene.parameters import need_numbers
-
+            box = answers.make_box(scene)
     need_numbers(scene, margins or ())
     asked = scene.accuracy
     try:
-        a = analyse(scene, clock, tuple(choose_margins(scene) if margins is None else margins))
+        a: Analysis = answers.analyse(
+            scene, clock, tuple(answers.choose_margins(scene) if margins is None else margins)
+        )
     except (NumericalError, TooLarge) as error:
         return error, write_why(scene, folder, command, clock, error)
     a.margins = find_margins(a, margins)
     if with_audit:
-        from flexlin.answers.audit import audit
-
-        compare = partial(audit, scene, progress=progress, tol=asked.tol)
+        compare = partial(flexlin.audit, scene, progress=progress, tol=asked.tol)
         a.audit = a.attempt("effects audit", "audit of the effects", compare)
     if with_sensitivity:
-        from flexlin.answers.sensitivity import sensitivity
-
-        a.sensitivity = a.attempt("sensitivity", "sensitivities", partial(sensitivity, scene, tol=asked.tol))
+        a.sensitivity = a.attempt("sensitivity", "sensitivities", partial(flexlin.sensitivity, scene, tol=asked.tol))
     if with_loop_margins:
-        from flexlin.answers.analysis import find_loop_margins
-
-        find_loop_margins(a)
+        answers.find_loop_margins(a)
     if scene.uncertainty:
-        a.nearest = a.attempt("uncertainty", "smallest change that makes the loop unstable", partial(search_box, box))
+        a.nearest = a.attempt(
+            "uncertainty", "smallest change that makes the loop unstable", partial(answers.search_box, box)
+        )
     with clock.step("load the drawing library"):
         from flexlin.report.page import render_page
     data = record(a)
@@ -95,7 +82,8 @@ def write_report(
         data["steps"] = [step_block(step) for step in a.steps]
         return a, write_both(folder, render_page(a, data, pictures, command), to_json(data))
 
-    written(write([], CUT_OFF)[1])
+    ended = Step("figures", 0.0, problem="figures: the program was ended before they were drawn")
+    written(write([], ended)[1])
     return write(draw_in_time(a, clock))
 
 
@@ -135,21 +123,18 @@ def write_both(folder: Path, page: str, data: str) -> "list[Path]":
 def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | None") -> "tuple[Margin, ...]":
     """The critical values of some numbers, or what is known of them at the end of their time; none of one that nobody chose and that cannot
     be free."""
-    from flexlin.answers.critical_values import UNASKED, choose_margins, find_margin
-
     scene, asked, watch = a.scene, a.asked, Stopwatch()
-    ranges = choose_margins(scene) if chosen is None else dict(chosen)
-    unasked = UNASKED * max(1.0, asked.seconds / SECONDS)
+    ranges = answers.choose_margins(scene) if chosen is None else dict(chosen)
+    unasked = answers.UNASKED * max(1.0, asked.seconds / SECONDS)
     found: list[Margin | None] = []
     for left, (path, limits) in zip(range(len(ranges), 0, -1), ranges.items(), strict=True):
 
         def work(path: str = path, limits: tuple[float, float] = limits, left: int = left) -> "Margin | None":
-            if chosen is not None:
-                return find_margin(scene, path, limits, a.clock.budget.plan("", asked, SHARE) / left, a.closed)
-            with suppress(InputError):
-                return find_margin(scene, path, limits, (unasked - watch.seconds) / left, a.closed)
+            seconds = unasked - watch.seconds if chosen is None else a.clock.budget.plan("", asked, SHARE)
+            with suppress(InputError) if chosen is None else nullcontext():
+                return answers.find_margin(scene, path, limits, seconds / left, a.closed)
             return None
 
-        at_most = inf if chosen is not None else USUAL
+        at_most = inf if chosen is not None else 4.0
         found.append(a.attempt(f"margin {path}", f"critical values of {path}", work, at_most=at_most))
     return tuple(margin for margin in found if margin is not None)

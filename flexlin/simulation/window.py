@@ -29,7 +29,7 @@ LEAST = 0.01
 """A sweep is not believed to leave less of the last one's change than this."""
 RULE = np.array([SLOW, SHARE, STALLED, LEAST, GROWN, SWEEPS])
 
-FACTOR_STEPS = declare(
+factor_steps = declare(
     "int factor_steps(int m, int stages, int steps, const double *blocks, const double *lengths, const double *tableau, double *kept, "
     "double *by_start, double *Phi)",
     lambda m, s, K, *_: (
@@ -41,7 +41,7 @@ FACTOR_STEPS = declare(
         (K, 2 * m, 2 * m),
     ),
 )
-SWEEP_STEPS = declare(
+sweep_steps = declare(
     "int sweep_steps(int m, int stages, int steps, int inputs, const double *lengths, const double *tableau, double *kept, "
     "const double *by_start, const double *Phi, const double *gain, const double *offset, const double *start, const double *scale, "
     "double tol, const double *rule, int known, int once, long count, const Step *code, const double *const *in, const long *rows, "
@@ -54,17 +54,17 @@ SWEEP_STEPS = declare(
     ),
     optional=("code", "rows", "sizes", "work"),
 )
-FOLLOW_STEPS = declare(
+follow_steps = declare(
     "void follow_steps(int m, int stages, int steps, const double *lengths, const double *tableau, const double *x, const double *w, "
     "double *y, double *v)",
     lambda m, s, K, *_: (K, 2 * s * (s + 1), (K + 1, 2 * m), (K, s, m), (K, s, m), (K, s, m)),
 )
-ESTIMATE_STEPS = declare(
+estimate_steps = declare(
     "int estimate_steps(int m, int stages, int steps, const double *blocks, const double *lengths, const double *l, const double *before, "
     "const double *x, const double *v, const double *w, double *errors)",
     lambda m, s, K, *_: ((K * s, m, 3 * m), K, s, m, (K + 1, 2 * m), (K, s, m), (K, s, m), (K, 2 * m)),
 )
-READ_STEPS = declare(
+read_steps = declare(
     "void read_steps(int m, int stages, int steps, long points, const double *edges, const double *tableau, const double *powers, "
     "const double *x, const double *w, const double *power, const double *t, double *states, double *work)",
     lambda m, s, K, N, *_: (*(K + 1, 2 * s * (s + 1), (s, s), (K + 1, 2 * m), (K, s, m), (K, s), N, (N, 2 * m), N),),
@@ -175,7 +175,7 @@ class Grid:
         v_i = v_0 + h sum_j a_ij w_j,   y_i = y_0 + h c_i v_0 + h^2 sum_j (a^2)_ij w_j
         """
         y, v = np.empty_like(w), np.empty_like(w)
-        FOLLOW_STEPS(w.shape[2], self.stages, self.count, self.h, self.rule.table, x, w, y, v)
+        follow_steps(w.shape[2], self.stages, self.count, self.h, self.rule.table, x, w, y, v)
         return Path(x, y, v, w)
 
     def rest(self, y: Array) -> Path:
@@ -207,7 +207,7 @@ class Window:
         np.concatenate([M, D, K], axis=2, out=self._blocks)
         self.kept = np.empty(kept_numbers(n, s, count))
         self.by_start, self.transition = np.empty((count, s * n, 2 * n)), np.empty((count, 2 * n, 2 * n))
-        found = FACTOR_STEPS(
+        found = factor_steps(
             n, s, count, self._blocks, grid.h, grid.rule.table, self.kept, self.by_start, self.transition
         )
         if found < 0:
@@ -239,7 +239,7 @@ class Window:
         Source: Hairer, Wanner, Solving ODEs II, IV.8, Eq. (8.19).
         """
         grid, errors = self.grid, np.empty((self.grid.count, 2 * self.n))
-        if not ESTIMATE_STEPS(
+        if not estimate_steps(
             *(self.n, grid.stages, grid.count, self._blocks, grid.h, grid.rule.to_start, np.ascontiguousarray(before)),
             *(path.x, path.v, path.w, errors),
         ):
@@ -283,7 +283,7 @@ class Sweeps:
             read = addresses([path.y, path.v, path.w, self.torque, *residual.place])
             written = addresses([self.F, self.power], written=True)
             shared = (len(code.steps), code.steps, read, code.rows, written, code.sizes, residual.work)
-        found = SWEEP_STEPS(
+        found = sweep_steps(
             *(window.n, grid.stages, grid.count, self.offset.shape[1], grid.h, grid.rule.table, window.kept),
             *(window.by_start, window.transition, self.gain, self.offset, self.start, self.scale, tol, RULE),
             *(int(known), int(once), *shared, self.state, self.F, self.torque, path.x, path.y, path.v, path.w),
@@ -300,7 +300,7 @@ def between(grid: Grid, path: Path, power: Array, t: Array) -> tuple[Array, Arra
     """
     n, rule = path.w.shape[-1], grid.rule
     states, work = np.empty((len(t), 2 * n)), np.empty(len(t))
-    READ_STEPS(
+    read_steps(
         *(n, grid.stages, grid.count, len(t), grid.edges, rule.table, rule.powers, path.x, path.w),
         *(np.ascontiguousarray(power), np.ascontiguousarray(t), states, work),
     )

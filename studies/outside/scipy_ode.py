@@ -34,7 +34,7 @@ def prepare_scipy(
     start = np.eye(n).ravel()
     extra: dict[str, Any] = {}
     if method == "Radau":
-        extra["jac"] = partial(arrange_jacobian, symbolic.Pointwise(derive_state_matrix(loop)), values)
+        extra["jac"] = partial(arrange_jacobian, derive_state_matrix(loop), values)
 
     def transition() -> Array:
         return integrate(f, start, np.array([0.0, 1.0]), method, tol, n - 1, **extra)[-1].reshape(n, n).T
@@ -70,9 +70,9 @@ def integrate(
     return np.asarray(found)
 
 
-def arrange_jacobian(A: symbolic.Pointwise, p: Array, phase: float, x: Array) -> csc_array:
+def arrange_jacobian(A: ca.Function, p: Array, phase: float, x: Array) -> csc_array:
     """T A once for each column of X, as one sparse matrix."""
-    block = A(np.array([phase]), p)[0].T
+    block = symbolic.call_at(A, np.array([phase]), p)[0].T
     n = len(block)
     rows = (np.arange(n) + n * np.arange(n)[:, None]).repeat(n, axis=0).ravel()
     return csc_array((np.tile(block.ravel(), n), rows, n * np.arange(n * n + 1)), shape=(n * n, n * n))

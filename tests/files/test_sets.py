@@ -10,7 +10,7 @@ import pytest
 
 from flexlin.errors import OutputError
 from flexlin.files import replacing, results
-from flexlin.files import switch as switching
+from flexlin.files import sets as switching
 from tests.files.reader import leftovers, standing
 from tests.thinned import thin
 

@@ -49,15 +49,6 @@ def test_a_folder_that_refuses_is_named(tmp_path: Path) -> None:
         write_text(tmp_path / "occupied" / "file.txt", "text")
 
 
-def test_an_interrupt_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    def interrupt() -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("flexlin.scene.library.builtin_scenes", interrupt)
-    assert main(["list"]) == program.FAILED
-    assert capsys.readouterr().err.count("\n") == 1
-
-
 def test_a_fault_of_the_program_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     try:
         [][1]

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import flexlin as fl
 from flexlin.mechanics.links import COLUMNS, PLACES
-from flexlin.report.figures.arm import trace_arm
+from flexlin.report.figures.over_period import trace_arm
 from flexlin.scene import parse_scene
 
 from .scenes import value

@@ -25,6 +25,9 @@ def report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., 
         code = main(["report", *arguments, "--out", str(tmp_path)])
         data, page = ((tmp_path / name).read_text(encoding="utf-8") for name in ("report.json", "report.html"))
         printed = capsys.readouterr()
-        return SimpleNamespace(code=code, data=json.loads(data), page=page, out=printed.out, err=printed.err)
+        files = {path.name for path in tmp_path.iterdir()}
+        return SimpleNamespace(
+            files=files, code=code, data=json.loads(data), page=page, out=printed.out, err=printed.err
+        )
 
     return run

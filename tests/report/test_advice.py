@@ -1,5 +1,6 @@
 """Every sentence of advice: a case that calls for it, and one that does not."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.answers import Analysis, Loop
-from flexlin.report import advise, caution, format_quantity, loop_line, record, render_page
+from flexlin.report import advise, format_quantity, loop_line, record, render_page
 
 
 def told(analysis: Analysis) -> str:
@@ -146,9 +147,8 @@ PERIOD = 2.0
 def test_a_decay_that_nobody_feels_is_called_so(single_link: Analysis, rate: float, words: str) -> None:
     assert single_link.plant.period == PERIOD
     a = replace(single_link, own=growing(single_link, rate))
-    assert caution(a.own, PERIOD) == words
-    assert words in loop_line(a.own, PERIOD)
-    assert ("; a disturbance" in loop_line(a.own, PERIOD)) is bool(words)
+    weak = re.match(r"  scene's PD +\w+, (.*); a disturbance", loop_line(a.own, PERIOD, a.validity(a.own)))
+    assert (weak[1] if weak else "") == words
     html = render_page(a, record(a), [], "").replace("\u00a0", " ")
     headline = html[html.index('<section class="verdict') :].split("</p>")[0]
     assert words in headline

@@ -1,7 +1,6 @@
 """Progress: shares of parts of parts add up, nothing is said of short work, lines in a pipe and not too many."""
 
 import io
-import re
 import time
 
 import pytest
@@ -9,7 +8,7 @@ import pytest
 from flexlin.answers import Clock
 from flexlin.cli import Progress
 from flexlin.cli import shared as shown
-from flexlin.progress import advance, listening, part
+from flexlin.resources import advance, listening, part
 from flexlin.scene import Accuracy
 
 
@@ -79,31 +78,20 @@ def test_a_pipe_gets_lines_with_percentage_and_time_left(monkeypatch, patience: 
     assert all(line.startswith("flexlin: 25 %, ") and line.endswith(": first step") for line in lines)
 
 
-def test_the_time_left_never_counts_up() -> None:
+def test_the_time_left_is_that_of_the_rest_and_never_counts_up() -> None:
     """Work that stands still, or is slower than it was, takes longer than was thought: no time is shown until less is left."""
-    progress, left = Progress(), []
+    progress, lines = Progress(), []
     progress("step")
-    for elapsed, share in ((10, 0.5), (12, 0.5), (25, 0.5), (25, 0.6), (40, 0.9), (80, 0.91), (80, 0.99)):
+    done = ((30, 0.0), (10, 0.5), (12, 0.5), (25, 0.5), (25, 0.6), (40, 0.9), (80, 0.91), (80, 0.1), (80, 0.99))
+    for elapsed, share in done:  # what was done once stays done
         progress._start = time.perf_counter() - elapsed
         progress._advance(share)
-        said = re.match(r"\d+ %, (?:about (\d+) s left|\d+ s so far): step", progress.line)
-        assert said is not None
-        left.append(said[1] and int(said[1]))
-    assert left == [10, 10, None, None, 4, None, 1]
-
-
-def test_the_time_left_is_that_of_the_rest() -> None:
-    progress = Progress()
-    progress("half")
-    progress._start = time.perf_counter() - 30.0
-    progress._advance(0.75)
-    assert progress.line == "75 %, about 10 s left: half"
-    progress._advance(0.1)
-    assert progress.share == 0.75  # what was done once stays done
-    early = Progress()
-    early("first")
-    early._start = time.perf_counter() - 30.0
-    assert early.line == "first (30 s so far)"
+        lines.append(progress.line)
+    assert lines == [
+        "step (30 s so far)", "50 %, about 10 s left: step", "50 %, about 10 s left: step", "50 %, 25 s so far: step",
+        "60 %, 25 s so far: step", "90 %, about 4 s left: step", "91 %, 80 s so far: step", "91 %, 80 s so far: step",
+        "99 %, about 1 s left: step",
+    ]  # fmt: skip
 
 
 def test_stages_are_logged(caplog: pytest.LogCaptureFixture) -> None:

@@ -52,21 +52,15 @@ def test_numbers_keep_every_digit() -> None:
 
 
 def test_margins_in_words_and_as_data():
-    found = Margins((0.0, math.inf), math.radians(47.96), 0.00244, (0.0, 0.0, 1e-7, 1e-9))
-    assert describe_endured(found) == "gain 0 to ∞, phase 48°, delay 2.44 ms"
-    assert describe_endured(None) == "–"
-    assert json.loads(to_json(record_endured(found))) == {
-        "gain": [0.0, None], "phase": math.radians(47.96), "delay": 0.00244, "errors": [0.0, 0.0, 1e-7, 1e-9],
-    }  # fmt: skip
-
-
-def test_a_margin_that_is_unknown_is_not_said_to_be_without_limit():
-    found = Margins(
-        (0.1, math.inf), math.pi / 3, math.nan, (1e-9, 0.0, 1e-7, math.nan), "tol 1e-7 needs too many segments"
-    )
-    assert describe_endured(found) == "gain 0.1 to ∞, phase 60°, delay unknown"
-    record = json.loads(to_json(record_endured(found)))
-    assert (record["reason"], record["delay"]) == (found.reason, None)
+    """A margin that is unknown is not said to be without limit."""
+    errors, reason = (0.0, 0.0, 1e-7, 1e-9), "tol 1e-7 needs too many segments"
+    known = Margins((0.0, math.inf), math.radians(47.96), 0.00244, errors)
+    unknown = replace(known, gain=(0.1, math.inf), phase=math.pi / 3, delay=math.nan, reason=reason)
+    said = ["gain 0 to ∞, phase 48°, delay 2.44 ms", "gain 0.1 to ∞, phase 60°, delay unknown", "–"]
+    assert [describe_endured(one) for one in (known, unknown, None)] == said
+    record, lacking = (json.loads(to_json(record_endured(one))) for one in (known, unknown))
+    assert record == {"gain": [0.0, None], "phase": known.phase, "delay": known.delay, "errors": [*errors]}
+    assert (lacking["reason"], lacking["delay"]) == (reason, None)
 
 
 @pytest.mark.slow

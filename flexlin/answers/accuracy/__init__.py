@@ -51,7 +51,7 @@ from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.system import OfPlant, PeriodicSystem
 from flexlin.periodic.transition.setting import Setting, choose_setting, factor_period
-from flexlin.progress import part
+from flexlin.resources import part
 from flexlin.scene.scene import Scene
 from flexlin.series.explicit import taylor
 from flexlin.simulation.run import simulate

@@ -12,7 +12,7 @@ from flexlin.answers.clock import time_limit
 from flexlin.checks import Array
 from flexlin.errors import FlexlinError
 from flexlin.periodic.circle import measure_distances
-from flexlin.progress import advance
+from flexlin.resources import advance
 from flexlin.summary import represent
 
 STAGES = (

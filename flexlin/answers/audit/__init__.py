@@ -21,7 +21,7 @@ from flexlin.arguments import checked
 from flexlin.checks import positive
 from flexlin.errors import TimeLimit
 from flexlin.mechanics import build_manipulator
-from flexlin.progress import advance, part
+from flexlin.resources import advance, part
 from flexlin.scene.scene import Scene
 
 __all__ = ["Audit", "Measure", "Minimal", "Row", "audit", "measure"]

@@ -12,7 +12,7 @@ from flexlin.answers.audit.versions import Version, list_mode_versions
 from flexlin.answers.judging import SMALL
 from flexlin.checks import try_to
 from flexlin.control.drives import Demand
-from flexlin.progress import advance
+from flexlin.resources import advance
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 

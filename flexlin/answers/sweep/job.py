@@ -16,7 +16,7 @@ from flexlin.answers.sweep.found import MISSING, TAKEN, VERDICTS, Found
 from flexlin.answers.sweep.together import Together
 from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.errors import ArgumentError
-from flexlin.progress import advance, part
+from flexlin.resources import advance, part
 from flexlin.scene.loading import check_axes
 from flexlin.scene.scene import Scene
 

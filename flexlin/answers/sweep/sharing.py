@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 from flexlin.answers.sweep.found import FAILED, Found
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NumericalError
-from flexlin.progress import listening
+from flexlin.resources import listening
 
 if TYPE_CHECKING:
     from flexlin.answers.sweep.job import Job

@@ -11,7 +11,7 @@ from flexlin.answers.sweep.found import Found
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.many import MULTIPLES, SIZES, WIDTH, Kernel, Logs, measure_spread
-from flexlin.progress import advance
+from flexlin.resources import advance
 
 if TYPE_CHECKING:
     from flexlin.about.family import PeriodicFamily

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.lapack import complex_schur
 from flexlin.periodic.circle import assign
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.precision import PARTIAL, ROOT
+from flexlin.periodic.product import complex_schur
 
 SLOW_PART = 0.8
 """Harmonics of the coupling below this part of the gap shrink from round to round."""

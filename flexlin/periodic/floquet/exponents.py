@@ -7,7 +7,6 @@ import numpy as np
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import TooManySegments
-from flexlin.lapack import complex_schur
 from flexlin.periodic.circle import assign, match_logs, measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.coupling import Decoupled, Refusal
 from flexlin.periodic.decoupling.decouple import MOST_TRIES
@@ -15,7 +14,7 @@ from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_d
 from flexlin.periodic.floquet.result import FloquetResult, find_coinciding_within, find_reached, judge
 from flexlin.periodic.floquet.segmented import Factoring, solve_by_segments
 from flexlin.periodic.precision import CUBE, EPS, FAINT, SAFETY
-from flexlin.periodic.product import balance_factors, bound_pairs, separate_triangular
+from flexlin.periodic.product import balance_factors, bound_pairs, complex_schur, separate_triangular
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, couple_uncertainty
 from flexlin.periodic.resolved.sampling import BLOCKS, stratified
 from flexlin.periodic.system import PeriodicSystem, as_system

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
+from scipy.linalg import lapack
 
 from flexlin._core import declare
 from flexlin.checks import Array
-from flexlin.lapack import LAPACK
 from flexlin.periodic.coefficients import solve_mass, stack_companion
 from flexlin.periodic.precision import EPS
 from flexlin.periodic.product import Unknown
@@ -42,17 +42,17 @@ def shape_motions(m: int, s: int, K: int, *_: object) -> tuple[object, ...]:
     return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m), (K, s, m), (K,)
 
 
-FACTOR_STATES = declare(
+factor_states_in_core = declare(
     "int factor_states(int n, int stages, int segments, int stiff, const double *A, const double *lengths, const double *tableau, "
     "const double *units, double *Phi, int *good)",
     shape_states,
 )
-FACTOR_ACCELERATIONS = declare(
+factor_accelerations_in_core = declare(
     "int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "double *Phi, int *good)",
     shape_accelerations,
 )
-FOLLOW_ACCELERATIONS = declare(
+follow_accelerations_in_core = declare(
     "int follow_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "const double *x, double *w, int *good)",
     shape_motions,
@@ -157,7 +157,7 @@ def pose_rates(A: Array, m: int, h: Array) -> tuple[Array, Array, Array]:
     r = n - m
     size = np.abs(A[:, 0, m:]).sum(axis=0)
     size[:, m : 2 * m] += h.max() * size[:, :m]
-    units = np.asarray(LAPACK.dgebal(size[:, m:], scale=1, permute=0)[3])
+    units = np.asarray(lapack.dgebal(size[:, m:], scale=1, permute=0)[3])
     turn = -units / units[:, None]
     blocks = np.zeros((K, s, r, 3 * r))
     blocks[..., :r] = np.eye(r)
@@ -172,7 +172,7 @@ def follow_rates(A: Array, h: Array, rule: Tableau, x: Array) -> Array:
     blocks, kept, units = pose_rates(A, m, h)
     q, w, good = np.zeros((K, 2 * (n - m))), np.empty((K, s, n - m)), np.zeros(K, np.intc)
     q[:, kept] = x / units
-    if s * (n - m) <= MOST_UNKNOWNS and not FOLLOW_ACCELERATIONS(
+    if s * (n - m) <= MOST_UNKNOWNS and not follow_accelerations_in_core(
         n - m, s, K, blocks, h, tabulate(rule, True), q, w, good
     ):
         raise MemoryError("the stages of a segment")
@@ -190,7 +190,7 @@ def factor_accelerations(blocks: Array, h: Array, rule: Tableau) -> Array:
     """From [M D K], with the accelerations as unknowns; what needs rows exchanged is left to LAPACK. Raises: SingularMassMatrix."""
     K, s, m = blocks.shape[:3]
     Phi, good = np.empty((K, 2 * m, 2 * m)), np.zeros(K, np.intc)
-    if s * m <= MOST_UNKNOWNS and not FACTOR_ACCELERATIONS(m, s, K, blocks, h, tabulate(rule, True), Phi, good):
+    if s * m <= MOST_UNKNOWNS and not factor_accelerations_in_core(m, s, K, blocks, h, tabulate(rule, True), Phi, good):
         raise MemoryError("the stages of a segment")
     lost = np.flatnonzero(good == 0)
     if len(lost):
@@ -205,10 +205,12 @@ def factor_states(A: Array, h: Array, rule: Tableau) -> Array:
     Raises: NumericalError. Source: Parlett, Reinsch, Balancing a matrix, Numer. Math. 13 (1969), on the sum of |A|.
     """
     K, s, n = A.shape[:3]
-    units = np.asarray(LAPACK.dgebal(np.abs(A).sum(axis=(0, 1)), scale=1, permute=0)[3])
+    units = np.asarray(lapack.dgebal(np.abs(A).sum(axis=(0, 1)), scale=1, permute=0)[3])
     Phi, good = np.empty((K, n, n)), np.zeros(K, np.intc)
     stiff = int(rule.c[-1] == 1.0)
-    if s * n <= MOST_UNKNOWNS and not FACTOR_STATES(n, s, K, stiff, A, h, tabulate(rule, False), units, Phi, good):
+    if s * n <= MOST_UNKNOWNS and not factor_states_in_core(
+        n, s, K, stiff, A, h, tabulate(rule, False), units, Phi, good
+    ):
         raise MemoryError("the stages of a segment")
     lost = np.flatnonzero(good == 0)
     if len(lost):

@@ -13,8 +13,8 @@ from flexlin.plots.scales import Linear
 from flexlin.report.advice import describe_demand
 from flexlin.report.figures import POINTS, Picture, make_period_panel, make_picture, resize
 from flexlin.report.numbers import record_fields
-from flexlin.report.wording import format_decimal, format_duration, format_quantity, in_unit, scale_values
-from flexlin.scene.parameters import get_value, name_number, show_unit
+from flexlin.report.wording import format_decimal, format_duration, format_quantity, in_unit, scale_values, with_unit_of
+from flexlin.scene.parameters import get_value, name_number
 from flexlin.scene.scene import Scene
 
 
@@ -116,10 +116,8 @@ def say_numbers(scene: Scene, found: Identification) -> list[str]:
         before, error = float(get_value(scene, path)), found.errors[path]
         around = f" ± {format_decimal(error, 2)}" if np.isfinite(error) else ""
         around = around or (", at the end of what is possible" if found.settled else "")
-        unit = show_unit(scene, path)
-        said.append(
-            f"{name_number(path)} ({path}): {format_decimal(value, 5)}{around}{unit and f' {unit}'}; it was {format_decimal(before, 5)}"
-        )
+        now = with_unit_of(scene, path, f"{format_decimal(value, 5)}{around}")
+        said.append(f"{name_number(path)} ({path}): {now}; it was {format_decimal(before, 5)}")
     said += [f"{pair}: correlated by {value:.3f}" for pair, value in found.correlations.items()]
     return [*said, "the errors are one standard error each", *found.status.split("; ")]
 
@@ -127,7 +125,7 @@ def say_numbers(scene: Scene, found: Identification) -> list[str]:
 Answer = DisturbanceAnswer | NoiseAnswer
 
 
-def draw(answer: Answer) -> Picture:
+def picture_answer(answer: Answer) -> Picture:
     """The picture of an answer."""
     return draw_noise(answer) if isinstance(answer, NoiseAnswer) else draw_answer(answer)
 

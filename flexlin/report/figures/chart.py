@@ -15,8 +15,8 @@ from flexlin.periodic.circle import assign
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Symlog
 from flexlin.report.figures import GAP, POINTS, SERIES, WIDTH, Picture, make_picture, make_wide_panel, resize
-from flexlin.report.wording import in_unit, page_unit, with_unit, without_units
-from flexlin.scene.parameters import get_value, label_number, name_number, show_unit
+from flexlin.report.wording import in_unit, page_unit, with_unit, with_unit_of, without_units
+from flexlin.scene.parameters import get_value, label_number, name_number
 from flexlin.scene.scene import Scene
 
 LOOPS = {"own": "the scene's own loop", "open": "the arm without feedback"}
@@ -97,11 +97,10 @@ def write_caption(verdict: Array, loop: str) -> str:
 
 def describe_critical(scene: Scene, one: CriticalValue) -> str:
     """One critical value with unit, error, distance and resonance, as a sentence without its full stop."""
-    unit = show_unit(scene, one.path)
     change = "becomes unstable" if one.kind == "onset" else "is stable again"
     if one.touching:
         change = "touches instability"
-    size, resonance = f"{one.value:.8g} {unit}".strip(), without_units(one.resonance)
+    size, resonance = with_unit_of(scene, one.path, f"{one.value:.8g}"), without_units(one.resonance)
     return f"{name_number(one.path)}: {change} at {size} ± {one.error:.0e} ({one.distance:+.4g} from the scene's own); {resonance}"
 
 
@@ -121,16 +120,14 @@ def describe_distance(chart: Chart, nearest: Array) -> str:
     """How far the scene's own numbers are from the boundary."""
     moves, inside = list[str](), True
     for path, value, own in zip(chart.paths, nearest, chart.own, strict=True):
-        moves.append(f"{name_number(path)} {value - own:+.4g} {show_unit(chart.scene, path)}".strip())
+        moves.append(with_unit_of(chart.scene, path, f"{name_number(path)} {value - own:+.4g}"))
         inside &= bool(chart.data[path].min() <= own <= chart.data[path].max())
     where = "diamond" if inside else "outside this range"
     return f"From the scene's own numbers ({where}) to the nearest boundary: {', '.join(moves)}."
 
 
-WIDE = 30.0
-"""Rates whose sizes span more than this are drawn on a scale of decades."""
-NOISE, FLOOR = 20.0, 1e-6
-"""Errors, and 1/s, below which differences of growth rates are not drawn larger."""
+FLOOR = 1e-6
+"""In 1/s, below which differences of growth rates are not drawn larger."""
 
 
 def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[CriticalValue]) -> Panel:
@@ -139,9 +136,8 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
     growth, verdict = data["exponents"].real.to_numpy(), data["verdict"].to_numpy()
     scale = choose_scale(growth, data["error"].to_numpy())
     panel = make_wide_panel(x, scale, in_unit("growth rates", "1/s"), label, 300.0).zero()
-    for begin, end in list_unstable(x, verdict, critical):
-        low, high = scale.ends
-        panel.cells((np.array([begin]), np.array([end])), (np.array([low]), np.array([high])), "unstable", 0.1)
+    for interval in list_unstable(x, verdict, critical):
+        panel.cells(interval, scale.ends, "unstable", 0.1)
     for k in range(1, growth.shape[1]):
         panel.line(x, growth[:, k], "faint", width=0.9, opacity=0.7, label="other exponents" if k == 1 else "")
     panel.line(x, growth[:, 0], "ink", width=0.8)
@@ -160,10 +156,10 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
 def choose_scale(growth: Array, error: Array) -> Linear:
     """Decades where the rates differ much, else equal steps; never finer than the errors of the rates."""
     known = growth[np.isfinite(growth)]
-    noise = max(NOISE * float(error[np.isfinite(error)].max(initial=0.0)), FLOOR)
+    noise = max(20 * float(error[np.isfinite(error)].max(initial=0.0)), FLOOR)
     low, high = float(known.min(initial=0.0)), float(known.max(initial=0.0))
     sizes = np.abs(known[np.abs(known) > noise])
-    if sizes.size and sizes.max() > WIDE * sizes.min():
+    if sizes.size and sizes.max() > 30 * sizes.min():
         near = 10.0 ** np.floor(np.log10(max(sizes.min(), noise, sizes.max() * 1e-6)))
         return Symlog(near=float(near)).fitted(np.array([low, high, -near, near]))
     room = max(0.08 * (high - low), 2 * noise)
@@ -189,16 +185,13 @@ def mark_critical(panel: Panel, critical: Sequence[CriticalValue], scale: Linear
         panel.words(one.value, high, f"{one.value:.5g}", "unstable", halo=True)
 
 
-MOST = {1: POINTS, 2: 300}
-"""Values along an axis of a picture, by the number of axes: in a map, cells of two pixels."""
-
-
 def thin(data: xarray.Dataset) -> xarray.Dataset:
     """The sweep itself where it is small; else blocks of neighbours, each with the numbers of its fastest growing value."""
     dims = [str(dim) for dim in data["verdict"].dims]
-    if max(data["verdict"].shape) <= MOST[len(dims)]:
+    most = POINTS if len(dims) == 1 else 300  # cells of two pixels
+    if max(data["verdict"].shape) <= most:
         return data
-    size = {dim: -(-data.sizes[dim] // MOST[len(dims)]) for dim in dims}
+    size = {dim: -(-data.sizes[dim] // most) for dim in dims}
     growth = data["exponents"].real.max("mode").drop_vars(list(data.coords)).coarsen(size, boundary="pad")
     blocks = growth.construct({dim: (dim, f"{dim} within") for dim in dims}).fillna(-np.inf)
     fastest = blocks.argmax([f"{dim} within" for dim in dims])
@@ -219,8 +212,6 @@ def thin_axis(values: Array, step: int) -> Array:
     return middle
 
 
-MULTIPLES = 12
-"""Multiples of the motion's frequency that are drawn."""
 CAMPBELL = (
     "Frequencies of the Floquet modes, each taken near the mode of the averaged equations that it comes from. Thin lines: multiples of "
     "the motion's frequency, halves dashed; a mode that meets k/2 of it may resonate (order k), two modes where their sum or "
@@ -235,7 +226,7 @@ def draw_campbell(label: str, data: xarray.Dataset, error: float) -> Picture:
     shown = np.isfinite(frequency) & (frequency > 0)
     top = 1.08 * float(frequency[shown].max(initial=float(np.nanmax(motion))))
     panel = make_wide_panel(x, Linear(0.0, top), in_unit("frequencies", "Hz"), label, 320.0)
-    for k in range(1, 2 * MULTIPLES + 1):
+    for k in range(1, 25):  # halves of the motion's frequency
         multiple = np.where(k * motion / 2 <= top, k * motion / 2, np.nan)
         if np.isfinite(multiple).any():
             panel.line(x, multiple, "faint", width=0.7 if k % 2 == 0 else 0.5, dash="" if k % 2 == 0 else "2 3")
@@ -264,15 +255,13 @@ def follow_lines(values: Array) -> Array:
     return found
 
 
-BAR = 104.0
-"""Width of a map's bar of colours."""
 SHADES = 14
 """Strengths of a colour: they follow the square root of the rate, so that slow growth is seen beside fast."""
-FAINTEST = 0.18
-LEVELS = 6
-"""Contours of the growth rate, about."""
-FEWEST = 0.04
-"""Labels of contours keep this share of both ranges from the frame, those of resonances half of it from their point."""
+
+
+def strengthen(shade: float) -> float:
+    """How strong a colour is at one of its shades: the faintest can be seen."""
+    return 0.18 + (1 - 0.18) * shade / SHADES
 
 
 def draw_map(chart: Chart, labels: list[str], data: xarray.Dataset) -> Sequence[Panel]:
@@ -286,10 +275,10 @@ def draw_map(chart: Chart, labels: list[str], data: xarray.Dataset) -> Sequence[
     for curve in chart.curves:
         panel.line(curve.points[:, 0], curve.points[:, 1], "ink", width=1.5)
     for text, (across, up) in {shorten(curve.resonance): curve.inside for curve in reversed(chart.curves)}.items():
-        panel.words(float(across + FEWEST / 2 * np.ptp(x)), float(up), text, "ink", anchor="start", halo=True)
+        panel.words(float(across + 0.02 * np.ptp(x)), float(up), text, "ink", anchor="start", halo=True)
     mark_scene(panel, chart.own, chart.nearest, axes)
     panel.probe(write_probe(labels, axes, growth, verdict))
-    return resize([panel, draw_bar(growth, verdict, levels)], 430.0, (WIDTH - GAP - BAR, BAR))
+    return resize([panel, draw_bar(growth, verdict, levels)], 430.0, (WIDTH - GAP - 104.0, 104.0))
 
 
 def fill_cells(panel: Panel, x: Array, y: Array, growth: Array, verdict: Array) -> None:
@@ -299,7 +288,7 @@ def fill_cells(panel: Panel, x: Array, y: Array, growth: Array, verdict: Array) 
         shade = choose_shades(growth, chosen) if name in ("stable", "unstable") else np.zeros(growth.shape, dtype=int)
         for k in np.unique(shade[chosen]):
             i, j = np.nonzero(chosen & (shade == k))
-            panel.cells((x[i], x[i + 1]), (y[j], y[j + 1]), name, FAINTEST + (1 - FAINTEST) * k / SHADES)
+            panel.cells((x[i], x[i + 1]), (y[j], y[j + 1]), name, strengthen(k))
     i, j = np.nonzero(verdict == "undecided")
     if len(i):
         panel.hatch((x[i], x[i + 1]), (y[j], y[j + 1]), "undecided")
@@ -320,7 +309,7 @@ def draw_contours(panel: Panel, axes: list[Array], growth: Array, verdict: Array
     if not decided.size:
         return []
     scale = Linear(float(min(decided.min(), 0.0)), float(max(decided.max(), 0.0)))
-    ticks = [(level, text) for level, text in scale.ticks(LEVELS) if level != 0] if scale.low != scale.high else []
+    ticks = [(level, text) for level, text in scale.ticks(6) if level != 0] if scale.low != scale.high else []
     low, span = (np.array([measure(axis) for axis in axes]) for measure in (np.min, np.ptp))
     drawn, placed = list[float](), list[Array]()
     for level, text in ticks:
@@ -337,7 +326,7 @@ def draw_contours(panel: Panel, axes: list[Array], growth: Array, verdict: Array
 def choose_place(points: Array, low: Array, span: Array, placed: list[Array]) -> Array:
     """The point of a line, off the frame if it can be, that is farthest from all labels so far; its middle where there is none."""
     known = points[np.isfinite(points).all(axis=1)]
-    inner = known[(np.minimum(known - low, low + span - known) > FEWEST * span).all(axis=1)]
+    inner = known[(np.minimum(known - low, low + span - known) > 0.04 * span).all(axis=1)]
     known = inner if len(inner) else known
     if not placed:
         return np.asarray(known[len(known) // 2])
@@ -367,9 +356,7 @@ def draw_bar(growth: Array, verdict: Array, levels: list[float]) -> Panel:
     for name, end in (("stable", low), ("unstable", high)):
         edges = end * (np.arange(SHADES + 1) / SHADES) ** 2
         for k in range(SHADES if end else 0):
-            pair = sorted((edges[k], edges[k + 1]))
-            shade = FAINTEST + (1 - FAINTEST) * (k + 0.5) / SHADES
-            panel.cells((np.zeros(1), np.ones(1)), (np.array(pair[:1]), np.array(pair[1:])), name, shade)
+            panel.cells([0.0, 1.0], sorted(edges[k : k + 2]), name, strengthen(k + 0.5))
     for level in levels:
         panel.line([0.0, 1.0], [level, level], "ink", width=0.6, opacity=0.55)
     return panel

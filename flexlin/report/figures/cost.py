@@ -12,8 +12,6 @@ from flexlin.plots.scales import Logarithmic, format_power_of_ten
 from flexlin.report.figures import DASHES, PARTS, SERIES, SHAPES, WIDTH, Picture, make_picture, resize, share_width
 from flexlin.scene.scene import Accuracy
 
-CLOSE, ABOVE = 3.0, 1.12
-"""Factors: errors of marks that share a label, and how far above a mark it stands."""
 OWN = ("gauss", "radau", "hill")
 OUTSIDE = ("DOP853", "Radau")
 """Families of methods with a colour of their own in every panel."""
@@ -57,10 +55,10 @@ def draw_choices(panel: Panel, rows: list[Row]) -> Panel:
     panel.dots(x, y, "ink", "diamond", 4.5, "engine's choice, with its tol", texts)
     left = 0
     while left < len(rows):  # marks that lie close together share their label
-        close = [i for i in range(left, len(rows)) if x[left] / x[i] < CLOSE]
+        close = [i for i in range(left, len(rows)) if x[left] / x[i] < 3]
         tols = sorted((float(rows[i].chosen) for i in close), reverse=True)
         text = ", ".join(format_power_of_ten(round(math.log10(tol))) for tol in tols)
-        panel.words(x[left], ABOVE * max(y[i] for i in close), text, colour="ink", halo=True)
+        panel.words(x[left], 1.12 * max(y[i] for i in close), text, colour="ink", halo=True)
         left = close[-1] + 1
     return panel
 
@@ -97,10 +95,6 @@ def write_caption(result: CostResult) -> str:
     )
 
 
-FREE = 1.25
-"""Times that differ by less than this factor are the same."""
-
-
 def summarise_cost(result: CostResult) -> list[str]:
     """What each tol costs, a line for each stage that takes one, and where to change it."""
     lines = []
@@ -116,8 +110,8 @@ def describe_choices(rows: list[Row]) -> str:
     """Tol 1e-06 costs 12 ms, 1e-10 35 ms; or that all cost the same."""
     first, *others = rows
     missed = any(describe_miss(row) for row in rows)
-    if others and not missed and max(row.seconds for row in rows) < FREE * min(row.seconds for row in rows):
-        dearest = max(rows, key=lambda row: row.seconds)
+    dearest = max(rows, key=lambda row: row.seconds)
+    if others and not missed and dearest.seconds < 1.25 * min(row.seconds for row in rows):
         return f"every tol from {first.chosen} to {others[-1].chosen} costs about {describe_time(dearest.seconds)}"
     said = [f"{row.chosen} {describe_time(row.seconds)}{describe_miss(row)}" for row in others]
     return ", ".join([f"tol {first.chosen} costs {describe_time(first.seconds)}{describe_miss(first)}", *said])

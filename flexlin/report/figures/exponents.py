@@ -1,16 +1,25 @@
-"""Floquet exponents and multipliers of all loops, and the natural frequencies of the arm held still at each place of its motion."""
+"""Floquet exponents, multipliers and frozen frequencies of all loops, and how the arm swings about one place of its motion."""
 
 import numpy as np
+from scipy.linalg import helmert
 
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.checks import Array
 from flexlin.periodic.floquet.modes import follow_frozen_modes
-from flexlin.periodic.precision import SLIGHT
+from flexlin.periodic.precision import CUBE, ROOT, SLIGHT
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic, Symlog
 from flexlin.report.figures import SHAPES, Picture, choose_colour, make_period_panel, make_picture, resize, share_width
-from flexlin.report.wording import colour, format_largest_multiplier, format_modulus, in_unit, with_unit
+from flexlin.report.figures.over_period import trace_arm
+from flexlin.report.wording import (
+    colour,
+    format_duration,
+    format_largest_multiplier,
+    format_modulus,
+    in_unit,
+    with_unit,
+)
 
 FROZEN = (
     "the arm held still at each place of its motion (its coefficients frozen), and the frequencies at which it would ring there. A line "
@@ -81,12 +90,6 @@ def draw_frozen(a: Analysis) -> Panel:
     return panel
 
 
-RINGS = (-30, -10, -3, -1)
-"""Powers of ten at which a dashed ring is drawn."""
-MIDDLE = 4.0
-"""The power of ten that lies half-way between the centre and the unit circle."""
-REACH = 1.24
-TURN = np.linspace(0.0, 2 * np.pi, 91)
 CIRCLE = (
     "One dot a Floquet multiplier µ: what a disturbance is multiplied by over one period. Inside the circle it decays. The angle "
     "is that of µ; the distance from the centre follows log |µ| (dashed rings: 0.1, 10⁻³, 10⁻¹⁰, 10⁻³⁰), so that slow and fast modes "
@@ -103,10 +106,9 @@ def draw_multipliers(a: Analysis) -> Picture | None:
 
 
 def scale_radius(log10: Array) -> Array:
-    """A monotone map of log10 |mu| with radius(-inf) = 0, radius(0) = 1, radius(inf) = 2, as smooth at 1 as it is elsewhere."""
-    inside = MIDDLE / (MIDDLE + np.maximum(-log10, 0.0))
-    outside = MIDDLE / (MIDDLE + np.maximum(log10, 0.0))
-    return np.where(log10 <= 0, inside, 2.0 - outside)
+    """A monotone map of log10 |mu| with radius(-inf) = 0, radius(-4) = 1/2, radius(0) = 1, radius(inf) = 2, as smooth at 1 as elsewhere."""
+    inside = 4 / (4 + np.abs(log10))
+    return np.where(log10 <= 0, inside, 2 - inside)
 
 
 def draw_circle(a: Analysis, loop: Loop) -> Panel:
@@ -114,16 +116,92 @@ def draw_circle(a: Analysis, loop: Loop) -> Panel:
     logs = loop.floquet.log_multipliers if loop.floquet is not None else np.zeros(0, dtype=complex)
     footer = "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_largest_multiplier(loop)}"
     r = scale_radius(logs.real / np.log(10))
-    reach = max(REACH, float(r.max(initial=0.0)) + 0.15)
+    reach, turn = max(1.24, float(r.max(initial=0.0)) + 0.15), np.linspace(0.0, 2 * np.pi, 91)
     view = Linear(-reach, reach)
     panel = Panel(loop.name, view, view, equal=True, bare=True, footer=footer)
     if loop.floquet is not None:
         panel.footer_colour = colour(loop, a.plant.period, a.validity(loop))
-    panel.area(np.cos(TURN), np.sin(TURN), "shade")
-    for power in RINGS:
+    panel.area(np.cos(turn), np.sin(turn), "shade")
+    for power in (-30, -10, -3, -1):
         size = float(scale_radius(np.array(power)))
-        panel.line(size * np.cos(TURN), size * np.sin(TURN), "faint", width=0.7, dash="2 3", opacity=0.7)
+        panel.line(size * np.cos(turn), size * np.sin(turn), "faint", width=0.7, dash="2 3", opacity=0.7)
     panel.line([-1.12, 1.12], [0, 0], "grid", width=0.8).line([0, 0], [-1.12, 1.12], "grid", width=0.8)
-    panel.line(np.cos(TURN), np.sin(TURN), "ink", width=1.3)
+    panel.line(np.cos(turn), np.sin(turn), "ink", width=1.3)
     texts = [f"|µ| = {format_modulus(log.real)}, angle {np.degrees(log.imag):.1f}°" for log in logs]
     return panel.dots(r * np.cos(logs.imag), r * np.sin(logs.imag), choose_colour(a, loop), size=4.2, texts=texts)
+
+
+SWING = 0.15
+"""The largest displacement in a picture, against the arm's size."""
+
+
+def draw_modes(a: Analysis) -> Picture | None:
+    """A panel for each mode of the scene's own loop at t = 0, slowest oscillation first; modes that do not oscillate come last."""
+    if a.arm.near.points is None:
+        return None
+    values, vectors = np.linalg.eig(a.closed.A(np.zeros(1))[0])
+    order = order_modes(values)[:48]
+    energy = np.sqrt(np.maximum(np.diagonal(a.coefficients.M[0]), 0.0))
+    leading = [int(np.argmax(np.abs(vectors[: a.plant.n, i]) * energy)) for i in order]
+    # when the leading coordinate is at the end of its swing
+    turned = [np.real(vectors[: a.plant.n, i] / (vectors[k, i] or 1.0)) for i, k in zip(order, leading, strict=True)]
+    rest, swings = bend_arm(a, [shape / (np.abs(shape).max() or 1.0) for shape in turned])
+    modes = zip(values[order].tolist(), leading, swings, strict=True)
+    panels = resize([draw_mode(a, value, k, rest, swing) for value, k, swing in modes], 130.0, (share_width(4),))
+    caption = (
+        "How the arm swings under the scene's loop if it is held still at t = 0 (coefficients frozen there): the shapes behind the "
+        "frequencies above. Strong and faint: the two ends of the swing, magnified. Grey: the arm at rest. Below each: the coordinate that "
+        "moves most, by its share of the kinetic energy, and how fast the mode decays. A mode without frequency creeps back, or grows."
+    )
+    shown, others = panels[:8], panels[8:]
+    return make_picture("modes", "Mode shapes", caption, shown, (), others, f"The {len(others)} other modes")
+
+
+def order_modes(values: Array) -> list[int]:
+    """One of each pair by rising frequency, then those without by falling growth rate."""
+    turning = [i for i in range(len(values)) if values[i].imag > ROOT * abs(values[i])]
+    real = [i for i in range(len(values)) if abs(values[i].imag) <= ROOT * abs(values[i])]
+    return [*sorted(turning, key=lambda i: values[i].imag), *sorted(real, key=lambda i: -values[i].real)]
+
+
+def draw_mode(a: Analysis, value: complex, leading: int, rest: list[Array], swing: list[Array]) -> Panel:
+    """One mode: both ends of its swing over the arm at rest."""
+    frequency = with_unit(f"{value.imag / (2 * np.pi):.4g}", "Hz")
+    panel = Panel(frequency if value.imag > ROOT * abs(value) else "no oscillation", equal=True, bare=True)
+    panel.footer = f"{a.plant.names[leading]}, {describe_decay(value)}"
+    for sign, opacity in ((-1, 0.35), (1, 1.0)):
+        for still, moved in zip(rest, swing, strict=True):
+            line = still + sign * moved
+            panel.line(line[0], line[1], choose_colour(a, a.own), width=1.6, opacity=opacity)
+    for still in rest:
+        panel.line(still[0], still[1], "faint", width=1.0, dash="3 2")
+    return panel.dots([rest[0][0, 0]], [rest[0][1, 0]], "ink", size=2.5)
+
+
+def describe_decay(value: complex) -> str:
+    """Halves in 12 ms, doubles in 2 s, undamped."""
+    if abs(value.real) <= ROOT * abs(value) or value.real == 0:
+        return "undamped" if abs(value) else "drifts"
+    return f"{'halves' if value.real < 0 else 'doubles'} in {format_duration(np.log(2) / abs(value.real))}"
+
+
+def bend_arm(a: Analysis, shapes: list[Array]) -> tuple[list[Array], list[list[Array]]]:
+    """Curves of the links at rest at t = 0, and their displacements along deflections (n,), scaled to be seen.
+
+    They are those of the linear equations: magnified from deflections of `CUBE`, in rad or m.
+    """
+    states = CUBE * np.array([np.zeros(a.plant.n), *shapes])
+    sight = -helmert(3)  # the directions across and up in space, seen from (1, 1, 1) with z upwards
+    seen = [
+        [curve if len(curve) == 2 else sight @ curve for curve in arm]
+        for arm in trace_arm(a.closed, np.zeros(len(states)), states)
+    ]
+    rest, *bent = seen
+    size = float(np.ptp(np.concatenate(rest, axis=1), axis=1).max()) or 1.0
+    swings = []
+    for curves in bent:
+        moved = [(after - before) / CUBE for before, after in zip(rest, curves, strict=True)]
+        largest = max(float(np.linalg.norm(part, axis=0).max()) for part in moved)
+        factor = SWING * size / largest if np.isfinite(largest) and largest > 0 else 0.0
+        swings.append([factor * part for part in moved])
+    return rest, swings

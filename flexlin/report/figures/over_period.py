@@ -1,4 +1,4 @@
-"""Over a period: entries of coefficients and gains, those that matter first, the steady motion, and nonlinear beside linear."""
+"""Over a period: the arm along its motion, the coefficients and gains that matter most, steady motion, nonlinear beside linear."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -6,8 +6,11 @@ from itertools import cycle
 
 import numpy as np
 
+from flexlin.about.linearization import Linearization
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import ROUNDING, Array
+from flexlin.control.tracking import arm_positions
+from flexlin.mechanics.links import COLUMNS
 from flexlin.periodic.precision import ROOT, SLIGHT
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import SUPERSCRIPTS, Linear
@@ -30,15 +33,121 @@ from flexlin.report.wording import (
     format_quantity,
     in_unit,
     name_coordinate_unit,
+    name_joint_unit,
     page_unit,
     scale_values,
     time_label,
 )
 
+
+def trace_arm(lin: Linearization, t: Array, states: Array) -> list[list[Array]]:
+    """The axis of each link at each time, (2, k) or (3, k), for deviations (N, n) or (N, 2n) from the rigid motion.
+
+    Each link begins where the one before it ends. Links of a model that does not say how they bend are straight, from joint to joint.
+    """
+    if lin.arm.near.axes is None:
+        points, _ = arm_positions(lin, t, states)
+        return [[at[:, i : i + 2] for i in range(at.shape[1] - 1)] for at in points]
+    axes = lin.about.of_arm("axes", t, states[:, : lin.n])
+    links = np.split(axes, axes.shape[2] // COLUMNS, axis=2)
+    kept = [find_corners(curves) for curves in links]
+    return [[curves[k][:, own] for curves, own in zip(links, kept, strict=True)] for k in range(len(t))]
+
+
+def find_corners(curves: Array) -> list[int]:
+    """Which points of a link's axis (N, d, COLUMNS) draw it: both ends of a straight one, all of one that bends, and a piece before it.
+
+    Straight is what is off a line by no more than `ROOT`, relative to what it sweeps.
+    """
+    base, tip = curves[:, :, 1:2], curves[:, :, -1:]
+    off = curves[:, :, 1:] - base - (tip - base) * np.linspace(0.0, 1.0, COLUMNS - 1)
+    size = max(float(np.ptp(curves)), 1e-300)
+    own = [1, COLUMNS - 1] if np.abs(off).max() <= ROOT * size else list(range(1, COLUMNS))
+    before = np.abs(curves[:, :, 0] - curves[:, :, 1]).max() > ROOT * size
+    return [0, *own] if before else own
+
+
+PHASES = 12
+"""Pictures of the arm in one period."""
+
+
+def draw_arm(a: Analysis) -> Picture:
+    """The arm at equal steps of a period, and its joints' motion and feedforward torques beside it."""
+    caption, title = "Joint motion and feedforward of the rigid motion over one period.", "The arm along its motion"
+    beside, half = draw_beside(a), (share_width(2),)
+    if a.arm.near.points is None:
+        return make_picture("arm", title, caption, resize(beside, 110.0, half))
+    known = "bent by the steady response under the scene's loop"
+    bent = known if a.response else "rigid, because there is no steady response"
+    caption = (
+        f"The arm at {PHASES} equal steps of a period, {bent}, to scale; later pictures are stronger. Grey: the rigid motion. "
+        f"Red: the path of the tip. Beside it: {caption[0].lower()}{caption[1:]}"
+    )
+    views = draw_stroboscope(a)
+    if len(views) == 1:
+        panels = [*resize(views, 220.0, half), *resize(beside, 220.0, (share_width(4),))]
+    else:
+        panels = [*resize(views, 220.0, (share_width(3),)), *resize(beside, 110.0, half)]
+    return make_picture("arm", title, caption, panels)
+
+
+def draw_beside(a: Analysis) -> list[Panel]:
+    """Joint angles in degrees, or displacements in m, and what the arm would need if its links were rigid: torque, force or voltage."""
+    t, joints = a.t[:-1], range(a.arm.joints)  # at the last sample a turning joint begins anew
+    q, units = a.plant.motion.sample(t)[0], [name_joint_unit(a, joint) for joint in joints]
+    motion = np.where([unit == "rad" for unit in units], np.degrees(q), q)
+    shown, names = ["°" if unit == "rad" else unit for unit in units], [name_joint(a, joint) for joint in joints]
+    given = draw_groups(a, "feedforward", a.plant.driven, a.plant.inputs, a.plant.input_units, a.t, a.coefficients.tau)
+    return [*draw_groups(a, "", joints, names, shown, t, motion), *given]
+
+
+def draw_groups(
+    a: Analysis, what: str, joints: Sequence[int], names: Sequence[str], units: Sequence[str], t: Array, curves: Array
+) -> list[Panel]:
+    """A panel for each unit with the curves (N, k) that have it; what is alone in one, in an arm of several joints, is named."""
+    panels = []
+    for unit in sorted(set(units)):
+        chosen = [i for i, one in enumerate(units) if one == unit]
+        title = f"{what} {names[chosen[0]]}".strip() if len(chosen) == 1 < a.arm.joints else what or "joints"
+        panel = make_period_panel(a.plant.period, in_unit(title, unit))
+        for i in chosen:
+            colour, dash = style_part(joints[i])
+            panel.line(t, curves[:, i], colour, dash=dash, label=names[i] if len(chosen) > 1 else "")
+        panels.append(panel)
+    return panels
+
+
+def name_joint(a: Analysis, joint: int) -> str:
+    """The name of a joint that follows the motion: q1, left q1."""
+    moved = np.abs(np.array(a.arm.reference)[:, joint])
+    named = [i for i in np.flatnonzero(moved) if a.arm.coordinates[i].kind == "joint"]
+    return a.arm.names[named[0] if named else a.arm.drives[joint]]
+
+
+def draw_stroboscope(a: Analysis) -> list[Panel]:
+    """The arm at equal steps of a period, seen along each axis that it is not flat to."""
+    states = a.response.states if a.response else np.zeros((len(a.t), 2 * a.plant.n))
+    bent, _ = arm_positions(a.plant, a.t, states)
+    picked = np.arange(PHASES) * (len(a.t) - 1) // PHASES
+    still, moving = (
+        [np.concatenate(links, axis=1) for links in trace_arm(a.plant, a.t[picked], x[picked])]
+        for x in (np.zeros_like(states), states)
+    )
+    panels = []
+    for across, up in choose_views(bent.shape[1]):
+        title = "the arm" if bent.shape[1] == 2 else f"the arm along {'xyz'[3 - across - up]}"
+        panel = Panel(title, x_label=in_unit("xyz"[across], "m"), y_label=in_unit("xyz"[up], "m"), equal=True)
+        for curve in still:
+            panel.line(curve[across], curve[up], "faint", width=0.8, opacity=0.5)
+        for k, curve in enumerate(moving):
+            panel.line(curve[across], curve[up], "blue", width=2.0, opacity=0.25 + 0.75 * (k + 1) / PHASES)
+        panel.line(bent[:, across, -1], bent[:, up, -1], "rose", width=1.5)
+        panels.append(panel.dots(bent[picked[-1], across, :-1], bent[picked[-1], up, :-1], "ink", size=3.5))
+    return panels
+
+
 UNITS = {"M": ("kg", "kg m", "kg m²"), "D": ("N s/m", "N s", "N m s"), "K": ("N/m", "N", "N m")}
 """Of entries of a matrix, by how many of row and column are rotations."""
-PLAIN = (1e-2, 1e4)
-"""Sizes between which numbers are shown as they are; others as multiples of a power of ten."""
 
 
 def name_entry(a: Analysis, matrix: str, i: int, j: int | None = None) -> str:
@@ -53,15 +162,15 @@ def shift_and_scale(title: str, values: Array, unit: str) -> tuple[str, Array]:
         mean = float(f"{np.mean(values):.5g}")
         title = f"{title} {'−' if mean > 0 else '+'} {format_decimal(abs(mean), 5)}"
         values, largest = values - mean, swing
-    if largest == 0 or not np.isfinite(largest) or PLAIN[0] <= largest < PLAIN[1]:
+    if largest == 0 or not np.isfinite(largest) or 1e-2 <= largest < 1e4:
         return in_unit(title, unit), values
     power = 3 * int(np.floor(np.log10(largest) / 3))
     times = f"10{str(power).translate(SUPERSCRIPTS)}"
     return in_unit(title, unit, times), values / 10.0**power
 
 
-MOST, FOLDED = 12, 240
-"""Panels shown, and folded; other entries stand in the file that `flexlin linearize` writes."""
+MOST = 12
+"""Panels shown."""
 THIN = 4
 """Every so many times are drawn of what is folded."""
 COLOURS = {"M": "teal", "D": "wine", "K": "indigo", "h": "rose"}
@@ -75,7 +184,7 @@ def choose_shown(weights: Array, groups: Sequence[Sequence[int]]) -> tuple[list[
     heaviest = [max(group, key=lambda i: weights[i]) for group in groups if len(group)]
     order = list(dict.fromkeys([*heaviest, *np.argsort(-weights, kind="stable").tolist()]))
     most = max(MOST, len(set(heaviest)))
-    return sorted(order[:most]), sorted(order[most : most + FOLDED])
+    return sorted(order[:most]), sorted(order[most : most + 240])
 
 
 @dataclass(frozen=True)

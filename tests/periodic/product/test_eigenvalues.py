@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
+import scipy.linalg
 
 from flexlin.errors import NumericalError
-from flexlin.periodic import Unknown, find_spectrum, match_logs
+from flexlin.periodic import Unknown, complex_schur, find_spectrum, match_logs
 
 
 def framed(blocks, rng):
@@ -120,3 +121,19 @@ def test_unknown_couplings_are_those_of_the_vectors(rng, count, limit):
             R = F[k] @ R
         order = np.argsort(-np.log(np.abs(values)), kind="stable")
         np.testing.assert_allclose(both[0], noise[order], rtol=1e-4)
+
+
+def test_schur_forms_are_those_of_scipy():
+    rng = np.random.default_rng(3)
+    for n in (1, 2, 6, 70):
+        A = rng.standard_normal((n, n))
+        for given in (A, A + 1j * rng.standard_normal((n, n))):
+            T, Z = complex_schur(given)
+            assert np.abs(Z @ T @ Z.conj().T - given).max() < 1e-13 * n
+            assert not np.tril(T, -1).any()
+            assert np.array_equal(T, scipy.linalg.schur(given, output="complex")[0])
+
+
+def test_what_has_no_answer_is_refused():
+    with pytest.raises(ValueError, match="infs or NaNs"):
+        complex_schur(np.full((2, 2), np.nan))

@@ -1,47 +1,173 @@
 """The doors for results: a set of files, or a single one, appears whole or not at all.
 
 A staged set takes the place of the old one in one rename where the folder is flexlin's own, else file by file. A move that was cut off is
-gone on with by whoever comes next; folders that a killed program left are taken away.
+gone on with by whoever comes next; folders that a killed program left are taken away. `flexlin-results.json` says which files belong to
+which set, with their checksums.
 """
 
+import ctypes
+import fcntl
 import hashlib
+import json
 import os
 import secrets
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
 
-from flexlin.bounds import printable
+from flexlin.bounds import LARGEST_MANIFEST, printable, read_text
 from flexlin.errors import OutputError
-from flexlin.files.manifest import (
-    MANIFEST,
-    Files,
-    Manifest,
-    alone,
-    digest_of,
-    exchange,
-    fcntl,
-    files_below,
-    has_digest,
-    hold,
-    is_folder,
-    let_go,
-    read_manifest,
-    sync,
-    sync_all,
-)
 
+MANIFEST = "flexlin-results.json"
+FORMAT = 1
+Files = Mapping[str, str]
+"""Names below the folder, parted by /, and their SHA-256."""
+PATIENCE = 60.0
+"""Seconds that a writer waits for another one, which holds a place only while it renames."""
 MARK, PART, WHOLE = ".flexlin-", ".part", ".whole"
 """`.NAME.flexlin-UNIQUE.part` is being written; `.whole` holds a whole set, whose files are on their way to their places."""
 INNER = "set"
 """The folder in it that has the files; the outer one is held by its writer."""
 LONGEST = 120
 """Bytes of a name that are kept; the marks need room beside it."""
-OLD = 86_400.0
-"""Seconds after which a folder counts as left behind where the system does not say."""
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """The sets of a folder by name; no file belongs to two."""
+
+    sets: Mapping[str, Files] = field(default_factory=dict)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """All files of all sets."""
+        return {name: digest for files in self.sets.values() for name, digest in files.items()}
+
+    def having(self, name: str, files: Files) -> "Manifest":
+        """The manifest with a set in the place of what bore its name; files of other sets that it replaces become its own."""
+        kept = {one: {path: has[path] for path in has if path not in files} for one, has in self.sets.items()}
+        return Manifest({**{one: has for one, has in kept.items() if has and one != name}, name: files})
+
+    def write(self, folder: Path) -> None:
+        """Write it into a folder; it can be checked with sha256sum."""
+        sets = {name: {"sha256": dict(sorted(files.items()))} for name, files in sorted(self.sets.items())}
+        text = json.dumps({"format": FORMAT, "sets": sets}, indent=1)
+        (folder / MANIFEST).write_text(text + "\n", encoding="utf-8")
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """The manifest of a folder; an empty one where there is none, or none that flexlin could have written."""
+    try:
+        data = json.loads(read_text(folder / MANIFEST, LARGEST_MANIFEST))
+        known = Manifest({str(name): dict(one["sha256"]) for name, one in data["sets"].items()})
+        sane = all(isinstance(digest, str) and stays_below(path) for path, digest in known.files.items())
+        return known if sane and data["format"] == FORMAT else Manifest()
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return Manifest()
+
+
+def stays_below(name: str) -> bool:
+    """Whether a name of a manifest leads to a place below its folder, whoever wrote it."""
+    path = PurePosixPath(name)
+    return bool(path.parts) and not path.is_absolute() and ".." not in path.parts and not set("\\:\0") & set(name)
+
+
+def files_below(folder: Path) -> dict[str, Path]:
+    """All that is no folder below a folder, by its name parted by /; the manifest is left out."""
+    found = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if not is_folder(path)}
+    found.pop(MANIFEST, None)
+    return found
+
+
+def is_folder(path: Path) -> bool:
+    """Whether it is a folder and no link to one."""
+    return path.is_dir() and not path.is_symlink()
+
+
+def has_digest(path: Path, digest: str | None) -> bool:
+    """Whether a regular file has this content."""
+    return path.is_file() and not path.is_symlink() and digest_of(path) == digest
+
+
+def digest_of(path: Path) -> str:
+    """The SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def sync(path: Path) -> None:
+    """Have a file, or the entries of a folder, on the disk before anything else is done.
+
+    Raises: OSError, also where the disk is full only now.
+    """
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def sync_all(folder: Path) -> None:
+    """Have a folder with all that is in it on the disk."""
+    for path in folder.rglob("*"):
+        sync(path)
+    sync(folder)
+
+
+def exchange(one: Path, other: Path) -> bool:
+    """Let two folders change their names in one step; False where the system or the file system has no such step.
+
+    Source: renameat2(2) of Linux with AT_FDCWD = -100 and RENAME_EXCHANGE = 2.
+    """
+    rename = getattr(ctypes.CDLL(None), "renameat2", None)
+    return rename is not None and rename(-100, os.fsencode(one), -100, os.fsencode(other), 2) == 0
+
+
+def hold(folder: Path) -> int | None:
+    """Mark a folder as in use, until the handle that is returned is closed or its process ends; None where that cannot be marked.
+
+    Raises: BlockingIOError where somebody else holds it.
+    """
+    handle = None
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:  # a file system without locks, or another's lock
+        let_go(handle)
+        if isinstance(error, BlockingIOError):
+            raise
+        return None
+    return handle
+
+
+def let_go(handle: int | None) -> None:
+    """Take the mark off."""
+    if handle is not None:
+        os.close(handle)
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Be the only writer of flexlin's in a folder, among threads and processes.
+
+    Raises: OSError where another one does not let go.
+    """
+    until = time.monotonic() + PATIENCE
+    while True:
+        try:
+            handle = hold(folder)
+            break
+        except BlockingIOError:
+            if time.monotonic() > until:
+                raise OSError(f"another program has held {folder} for {PATIENCE:g} s") from None
+            time.sleep(0.005)
+    try:
+        yield
+    finally:
+        let_go(handle)
 
 
 def prefix_for(name: str) -> str:
@@ -55,14 +181,9 @@ def staged(place: Path, name: str, ending: str) -> list[Path]:
     prefix = prefix_for(name)
     try:
         found = [one for one in place.iterdir() if one.name.startswith(prefix) and one.name.endswith(ending)]
-        return sorted(one for one in found if is_folder(one) and one.lstat().st_uid == user())
+        return sorted(one for one in found if is_folder(one) and one.lstat().st_uid == os.geteuid())
     except OSError:
         return []
-
-
-def user() -> int:
-    """The user that owns what this process writes; 0 for all where there are none."""
-    return os.geteuid() if hasattr(os, "geteuid") else 0
 
 
 @contextmanager
@@ -92,8 +213,7 @@ def take_away_left(place: Path, target: Path) -> None:
     for left in staged(place, target.name, PART):
         with suppress(OSError):  # BlockingIOError where somebody writes to it
             let_go(hold(left))
-            if fcntl is not None or time.time() - left.stat().st_mtime > OLD:
-                discard(left, target)
+            discard(left, target)
 
 
 def discard(folder: Path, target: Path) -> None:
@@ -171,7 +291,7 @@ def may_be_missed(folder: Path) -> bool:
         here, about = Path.cwd(), folder.stat()
     except OSError:
         return True
-    owned = about.st_uid == user() and about.st_gid == folder.parent.stat().st_gid
+    owned = about.st_uid == os.geteuid() and about.st_gid == folder.parent.stat().st_gid
     return folder in (here, *here.parents) or os.path.ismount(folder) or not owned
 
 
