@@ -9,19 +9,26 @@ from flexlin.checks import Array
 from flexlin.errors import IllPosedSegment, NumericalError, ToleranceNotReached
 from flexlin.periodic.coefficients import assemble_hamiltonian
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SAFETY, SLIGHT
-from flexlin.periodic.quadratic.blocked import bound_sizes, name_blocked_mode
-from flexlin.periodic.quadratic.linear_quadratic import SAMPLES, LinearQuadratic, RiccatiSolution
-from flexlin.periodic.quadratic.lyapunov import LoopLyapunov, step_exactly, twice
+from flexlin.periodic.quadratic.linear_quadratic import (
+    SAMPLES,
+    LinearQuadratic,
+    RiccatiSolution,
+    bound_sizes,
+    name_blocked_mode,
+)
 from flexlin.periodic.quadratic.nodes import Nodes
 from flexlin.periodic.quadratic.scattering import (
     MAX_DOUBLINGS,
+    LoopLyapunov,
     Segment,
     carry_costs_down,
     combine_in_tree,
     scatter_exponentials,
     star_product,
+    step_exactly,
     symmetrize,
     transpose,
+    twice,
 )
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.transition.gauss import CHUNK_BYTES
