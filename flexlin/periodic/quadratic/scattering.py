@@ -34,7 +34,7 @@ class Segment:
     G: Array
     H: Array
 
-    def __getitem__(self, index: slice | int) -> "Segment":
+    def __getitem__(self, index: slice | int | tuple[slice, int]) -> "Segment":
         return Segment(self.F[index], self.G[index], self.H[index])
 
     def __len__(self) -> int:
