@@ -37,8 +37,8 @@ MOST = 8192
 """Nodes at the most."""
 ROUNDS = 24
 """Corrections on a grid."""
-EASIER, EASED = 100.0, 5
-"""The factor on R, and how often it is taken."""
+EASIER = 100.0
+"""The factor on R, taken ROUNDS // 4 times at the most."""
 
 
 def solve_by_newton(
@@ -68,13 +68,13 @@ def solve_by_newton(
             if begun.idle:
                 break
             begin(problem, begun.nodes, end, exact=True)
-            if best is not None or eased == EASED:
+            if best is not None or eased == ROUNDS // 4:
                 break
             try:
                 X = solve_by_newton(problem.ease(EASIER), nodes, end, SLIGHT, eased + 1).X(nodes.places)
             except NumericalError:
                 break
-            eased = EASED
+            eased = ROUNDS // 4
             continue
         finer = nodes.refine(corrected.X, seen)
         if finer is None:
