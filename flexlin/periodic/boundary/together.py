@@ -111,9 +111,8 @@ class Interpolant:
                 return None
             more = products_at(cls.place(low, high, count, inverse)[1::2], known.enough)
             both, every = ((one.P, one.moved, one.periods) for one in (known, more)), np.arange(1, len(known.P))
-            known = Products(
-                *(np.insert(even, every, odd, axis=0) for even, odd in zip(*both, strict=True)), more.enough
-            )
+            P, moved, periods = (np.insert(even, every, odd, axis=0) for even, odd in zip(*both, strict=True))
+            known = Products(P, moved, periods, more.enough)
 
     @staticmethod
     def place(low: float, high: float, count: int, inverse: bool) -> Array:
