@@ -19,9 +19,7 @@ from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss, place_nodes
 STAGES = 5
 """Gauss stages of the rule that shows how wrong the one with a stage more may be."""
 SEGMENTS = tuple(NODES // 4 << k for k in range(6))
-"""Of a period; systems that miss tol on the first are tried on the next."""
-FEWEST_POINTS, MOST_POINTS = SEGMENTS[1] + 1, SEGMENTS[-1] + 1
-"""Of an interpolant, which is checked at so many values between as it has at the least."""
+"""Of a period; systems that miss tol on the first are tried on the next. Interpolants have a point more than the second to the last."""
 
 
 @dataclass(frozen=True)
@@ -89,15 +87,16 @@ class Interpolant:
     def fit(
         cls, products_at: Callable[[Array, int], Products], low: float, high: float, tol: float
     ) -> "Interpolant | None":
-        """The interpolant on as few points as serve, none where MOST_POINTS do not; `products_at` values, from a number of segments on."""
-        between = low + (high - low) * golden(np.arange(1, FEWEST_POINTS + 1))
+        """The interpolant on as few points as serve, none where the most do not; `products_at` values, from a number of segments on."""
+        fewest = SEGMENTS[1] + 1
+        between = low + (high - low) * golden(np.arange(1, fewest + 1))
         sure = products_at(between, 0)
         if not sure.meets(tol).all():  # none does where even these do not: growth hides the other multipliers
             return None
         scaled = sure.periods * between
         inverse = bool(low > 0 and np.ptp(scaled) < ROOT * scaled[0])
         missed = np.zeros(sure.P.shape[1:])
-        known = products_at(cls.place(low, high, FEWEST_POINTS, inverse), sure.enough)
+        known = products_at(cls.place(low, high, fewest, inverse), sure.enough)
         while True:
             found = cls(low, high, known, missed, inverse)
             here = found.at(between)
@@ -107,7 +106,7 @@ class Interpolant:
             if found.at(between).meets(tol).all():
                 return found
             count = 2 * len(known.P) - 1
-            if count > MOST_POINTS:
+            if count > SEGMENTS[-1] + 1:
                 return None
             more = products_at(cls.place(low, high, count, inverse)[1::2], known.enough)
             both, every = ((one.P, one.moved, one.periods) for one in (known, more)), np.arange(1, len(known.P))
