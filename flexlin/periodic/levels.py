@@ -29,10 +29,8 @@ from flexlin.periodic.transition.setting import (
     place_segments,
 )
 
-WIDER = 4.0
-"""The least factor on the distance to the largest gain that was found, from a level whose side is hidden to the next."""
-WAVES, STARTS, CLIMBS = 8, 3, 3
-"""Harmonics of inputs that are tried, modes about whose frequencies the largest gain is sought, and steps to it."""
+WAVES, STARTS = 8, 3
+"""Harmonics of inputs that are tried; modes about whose frequencies the largest gain is sought, and as many steps to it."""
 
 
 @dataclass(frozen=True)
@@ -251,7 +249,7 @@ class PeakSearch:
     def climb(self, omega: float) -> None:
         """Go to the largest gain near a frequency: about a resonance 1 / gain^2 is a parabola, as wide as the mode is damped."""
         step, top = PARTIAL * abs(float(self.exponents[np.abs(np.abs(self.exponents.imag) - omega).argmin()].real)), 0.0
-        for _ in range(CLIMBS):
+        for _ in range(STARTS):
             middle = self.gain(omega) ** -2.0
             if abs(middle - top) <= MODES_TOL * middle:
                 return
@@ -279,14 +277,14 @@ class PeakSearch:
         return self.problem.judge(level, self.exponents[unseen]), 2 * float(self.shares[unseen].sum())
 
     def go_aside(self, aside: float, hidden: float) -> float:
-        """How far beside the norm the next level is tried, as a part of it.
+        """How far beside the norm the next level is tried, as a part of it: SAFETY times as far as that whose side is hidden, or farther.
 
         Multipliers part by width sqrt(2 aside), and their errors are as large as those of a nearly double root.
         """
         apart = self.width * np.sqrt(2 * aside)
         known = hidden < self.width  # else the errors at this level say nothing of the next
-        wanted = SAFETY * hidden * max(hidden, apart) / (2 * self.width**2) if known else WIDER**2 * aside
-        return WIDER * max(aside, min(wanted, MINOR / WIDER))
+        wanted = SAFETY * hidden * max(hidden, apart) / (2 * self.width**2) if known else SAFETY**2 * aside
+        return SAFETY * max(aside, min(wanted, MINOR / SAFETY))
 
     def least(self) -> float:
         """A little more than the least gain that was found, by two orders."""

@@ -23,7 +23,7 @@ DEGREES = (12, 18)
 """Of the polynomials of exponential.h."""
 SIZES = [(2 * n, n) for n in range(1, 7)] + [(n, n) for n in range(2, 9)]
 """States and rows for which there is a kernel: second-order systems of 1 to 6 coordinates, first-order ones of 2 to 8 states."""
-find_exponents_in_core = declare_sized(
+FIND_EXPONENTS = declare_sized(
     "int SIZED(find_exponents)(const void *model, const void *grids, long values, const double *points, double accuracy, double spread, "
     "double tol, double complex *logs, double *errors, char *sounds, double *periods, int *work)",
     SIZES,

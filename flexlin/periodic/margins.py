@@ -23,8 +23,8 @@ LARGEST_GAIN, STEP = 1e3, 1.4
 """Factors on the gain that are tried, and the ratio from one gain or delay to the next."""
 LONGEST_DELAY = 20.0
 """In times of the slowest exponent of A(t), or periods; the first delay is this part of the time of the fastest."""
-SHORTEST_LINE, LINE = 2, 8
-"""Orders of the delay line, [1/2] to [7/8] Pade, as short as tol allows for the fastest mode; the next order shows the error."""
+LINE = 8
+"""Order of the delay line at the most, [7/8] Pade, as short as tol allows for the fastest mode; the next order shows the error."""
 
 Perturbed = Callable[[float], PeriodicSystem]
 Found = tuple[float, float]
@@ -141,7 +141,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
         partial(find_first, with_phase, (0.0, decay), angles, tol),
         partial(find_first, with_delay, (0.0, decay), delays, tol, partial(with_delay, more=1)),
     ]
-    (low, below), (high, above), (phase, turned), (longest, late), reasons = find_known(searches)
+    ((low, below), (high, above), (phase, turned), (longest, late)), reasons = find_known(searches)
     gain = 0.0 if np.isinf(low) else low, high
     return Margins(gain, phase, longest, (below, above, turned, late), "; ".join(dict.fromkeys(reasons)))
 
@@ -167,7 +167,7 @@ def delay(A: Array, B: Array, K: Array, tau: float, order: int) -> Array:
     return out
 
 
-def find_known(searches: list[Callable[[], Found]]) -> tuple[Found, Found, Found, Found, list[str]]:
+def find_known(searches: list[Callable[[], Found]]) -> tuple[list[Found], list[str]]:
     """The four margins and their errors, not a number where a loop on the way has no verdict or the time is over; and the reasons.
 
     Raises: TimeLimit where it is over before the first is known.
@@ -182,8 +182,7 @@ def find_known(searches: list[Callable[[], Found]]) -> tuple[Found, Found, Found
             reasons.append(str(error))
             if isinstance(error, TimeLimit):
                 break
-    first, second, third, last = found
-    return first, second, third, last, reasons
+    return found, reasons
 
 
 def measure_rates(loop: PeriodicSystem, with_phase: Perturbed, angles: Array) -> tuple[Array, float]:
@@ -209,7 +208,7 @@ def choose_order(z: float, tol: float) -> int:
     It misses exp(-i z) by z^(2 q) q! (q - 1)! / ((2 q)! (2 q - 1)!), which is z times the share.
     """
     f = factorial
-    for q in range(SHORTEST_LINE, LINE):
+    for q in range(1, LINE):
         if z ** (2 * q - 1) * f(q) * f(q - 1) <= tol * f(2 * q) * f(2 * q - 1):
             return q
     return LINE

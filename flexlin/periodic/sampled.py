@@ -17,7 +17,7 @@ from flexlin.periodic.interpolation import NODES, divide_segments, edges_of_shor
 from flexlin.periodic.precision import EPS, SLIGHT
 from flexlin.periodic.product import find_spectrum
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.response.transient import STAGES
+from flexlin.periodic.response.forced import STAGES
 from flexlin.periodic.system import PeriodicSystem, input_of
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, choose_gauss_step, measure_pace
@@ -62,16 +62,19 @@ def hold_plant(
     n, m, T = system.n, system.m, system.period
     h = T * periods / samples
     t = T * periods * np.arange(samples) / samples
-    first = sections(system, t, t + delay * h, tol, stages) if delay else None
-    second = sections(system, t + delay * h, t + h, tol, stages) if delay < 1 else None
-    eye = np.broadcast_to(np.eye(n + m), (samples, n + m, n + m))
-    P0, P1 = (eye if part is None else part for part in (first, second))
+    P0, P1 = (sections(system, *ends, tol, stages) for ends in ((t, t + delay * h), (t + delay * h, t + h)))
+    return HeldPlant(*step_inputs(P0, P1, n, delay), t, n, m)
+
+
+def step_inputs(P0: Array, P1: Array, n: int, delay: float) -> tuple[Array, Array]:
+    """F and G from the transition matrices (N, n + m, n + m) before an input changes and behind that, without a state for the one that was
+    held where none comes late."""
     if not delay:
-        return HeldPlant(P1[:, :n, :n], P1[:, :n, n:], t, n, m)
-    F, G = np.zeros((samples, n + m, n + m)), np.zeros((samples, n + m, m))
+        return P1[:, :n, :n], P1[:, :n, n:]
+    F, G = np.zeros_like(P1), np.zeros_like(P1[:, :, n:])
     F[:, :n] = P1[:, :n, :n] @ P0[:, :n]
-    G[:, :n], G[:, n:] = P1[:, :n, n:], np.eye(m)
-    return HeldPlant(F, G, t, n, m)
+    G[:, :n], G[:, n:] = P1[:, :n, n:], np.eye(P1.shape[1] - n)
+    return F, G
 
 
 def hold_controller(rates: Array, step: float) -> Array:
@@ -100,6 +103,8 @@ def with_controller_states(plant: HeldPlant, rates: Array, step: float) -> HeldP
 
 def sections(system: PeriodicSystem, begin: Array, end: Array, tol: float, stages: int) -> Array:
     """Transition matrices (N, n + m, n + m) of the augmented system from begin (N,) to end (N,), all of one length."""
+    if not np.any(end > begin):
+        return np.broadcast_to(np.eye(system.n + system.m), (len(begin), *2 * [system.n + system.m]))
     held = Combined(hold_input, (system.resolved, system.resolved_input))
     parts = step_sections(held, divide(system, begin, end, tol), stages)
     whole = parts[:, 0]

@@ -1,6 +1,7 @@
 """The cost of a held input, exact from sample to sample, and the periodic Riccati equation of the sampled problem by doubling."""
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from flexlin.periodic.quadratic.scattering import (
 )
 from flexlin.periodic.related import beside
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.sampled import divide, step_sections
+from flexlin.periodic.sampled import divide, step_inputs, step_sections
 from flexlin.periodic.system import PeriodicSystem
 
 LARGEST = 1e13
@@ -78,12 +79,13 @@ def weigh_samples(
     def section(begin: Array, end: Array) -> tuple[Array, Array]:
         if not np.any(end > begin):
             return np.broadcast_to(np.eye(n + m), (samples, n + m, n + m)), np.zeros((samples, n + m, n + m))
-        return add_costs(step_sections(weighed, divide(system, begin, end, tol, (Q, R)), stages))
+        whole = join_steps(step_sections(weighed, divide(system, begin, end, tol, (Q, R)), stages))
+        return whole.F, whole.H
 
     (P0, S0), (P1, S1) = section(t, t + delay * h), section(t + delay * h, t + h)
+    F, G = step_inputs(P0, P1, n, delay)
     if not delay:
-        nothing = np.zeros((samples, m, m))
-        return SampledProblem(P1[:, :n, :n], P1[:, :n, n:], S1[:, :n, :n], S1[:, :n, n:], S1[:, n:, n:], nothing)
+        return SampledProblem(F, G, S1[:, :n, :n], S1[:, :n, n:], S1[:, n:, n:], np.zeros((samples, m, m)))
     late = integrate_weight(R, divide(system, t, t + delay * h, tol, (Q, R)))
     through = np.zeros((samples, n + m, n + 2 * m))
     through[:, :n, : n + m], through[:, n:, n + m :] = P0[:, :n], np.eye(m)
@@ -91,20 +93,14 @@ def weigh_samples(
     whole[:, : n + m, : n + m] += S0
     whole[:, n : n + m, n : n + m] -= late
     whole[:, n + m :, n + m :] += np.roll(late, -1, axis=0)
-    F, G = np.zeros((samples, n + m, n + m)), np.zeros((samples, n + m, m))
-    F[:, :n], G[:, :n], G[:, n:] = P1[:, :n, :n] @ P0[:, :n], P1[:, :n, n:], np.eye(m)
     r = n + m
     return SampledProblem(F, G, whole[:, :r, :r], whole[:, :r, r:], whole[:, r:, r:], late)
 
 
-def add_costs(steps: Array) -> tuple[Array, Array]:
-    """P and S (N, s, s) over all steps (N, c, 2 s, 2 s) of the Hamiltonian: S = S_1 + P_1' S_2 P_1."""
+def join_steps(steps: Array) -> Segment:
+    """Sections (N, s, s) of all their steps (N, c, 2 s, 2 s) by transition matrices of a Hamiltonian."""
     parts = scatter_hamiltonian(steps)
-    P, S = parts.F[:, 0], parts.H[:, 0]
-    for k in range(1, steps.shape[1]):
-        S = S + transpose(P) @ parts.H[:, k] @ P
-        P = parts.F[:, k] @ P
-    return P, S
+    return reduce(star_product, (parts[:, k] for k in range(steps.shape[1])))
 
 
 def integrate_weight(R: ResolvedMatrix, edges: Array) -> Array:
@@ -123,11 +119,8 @@ def spread_noise(
     span = system.period * periods
     t, h = span * np.arange(samples) / samples, span / samples
     steps = step_sections(Combined(excite, (system.resolved, W)), divide(system, t, t + h, tol, (W,)), stages)
-    parts = scatter_hamiltonian(steps)
-    F, G = parts.F[:, 0], parts.G[:, 0]
-    for k in range(1, parts.F.shape[1]):
-        F, G = parts.F[:, k] @ F, parts.G[:, k] + parts.F[:, k] @ G @ transpose(parts.F[:, k])
-    return F, G
+    whole = join_steps(steps)
+    return whole.F, whole.G
 
 
 def solve_samples(problem: SampledProblem) -> tuple[Array, Array]:
@@ -142,7 +135,11 @@ def solve_samples(problem: SampledProblem) -> tuple[Array, Array]:
     Systems (2009), ch. 6.
     """
     try:
-        return solve_by_tree(problem)
+        by_effort = np.linalg.solve(problem.R, np.concatenate([transpose(problem.G), transpose(problem.N)], axis=2))
+        to_input, cross = np.split(by_effort, 2, axis=2)
+        steps = Segment(problem.F - problem.G @ cross, problem.G @ to_input, problem.Q - problem.N @ cross)
+        X = cost_gains(problem, gain_samples(problem, repeat_round(steps)))
+        return X, gain_samples(problem, X)
     except (np.linalg.LinAlgError, IllPosedSegment, NotStabilizable) as reason:
         grown = float(np.abs(problem.F).max())
         if not isinstance(reason, np.linalg.LinAlgError) and grown * ROOT < MINOR:
@@ -150,16 +147,6 @@ def solve_samples(problem: SampledProblem) -> tuple[Array, Array]:
         raise NumericalError(
             "the gains are lost to rounding", got=f"growth by {grown:.1g} within a sample", todo="sample faster"
         ) from None
-
-
-def solve_by_tree(problem: SampledProblem) -> tuple[Array, Array]:
-    """What `solve_samples` finds."""
-    by_effort = np.linalg.solve(problem.R, np.concatenate([transpose(problem.G), transpose(problem.N)], axis=2))
-    r = problem.F.shape[1]
-    to_input, cross = by_effort[:, :, :r], by_effort[:, :, r:]
-    steps = Segment(problem.F - problem.G @ cross, problem.G @ to_input, problem.Q - problem.N @ cross)
-    X = cost_gains(problem, gain_samples(problem, repeat_round(steps)))
-    return X, gain_samples(problem, X)
 
 
 def cost_gains(problem: SampledProblem, K: Array) -> Array:

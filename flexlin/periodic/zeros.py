@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import Array, positive
+from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import NumericalError, counted
 from flexlin.periodic.circle import assign
 from flexlin.periodic.coefficients import MatrixFunction, combine
@@ -15,14 +15,9 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.precision import FAINT, SAFETY, SLIGHT, TINY
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.resolved.sampling import stratified
+from flexlin.periodic.resolved.sampling import RESOLVED, stratified
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
 from flexlin.summary import represent
-
-TIMES = 1024
-"""Times of the period at which the input's way to the output is looked at."""
-DERIVED = 1e-11
-"""Agreement that is asked for of an output's derivatives, whose rounding grows with each: narrower panels would chase it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +150,7 @@ def differentiate(row: ResolvedMatrix, A: MatrixFunction) -> MatrixFunction:
 
 def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) -> list[Chain]:
     """Each output's derivatives until the input appears. Raises: NumericalError where it never does, or a derivative jumps before."""
-    t, B, chains = system.period * stratified(TIMES), system.resolved_input, []
+    t, B, chains = system.period * stratified(4 * SAMPLES), system.resolved_input, []
     for i in range(system.m):
         of_output = itemgetter((slice(None), slice(i, i + 1)))
         row = take(system, combine(of_output, C), C.breaks)
@@ -181,9 +176,9 @@ def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) ->
 
 
 def take(system: PeriodicSystem, function: MatrixFunction, breaks: tuple[float, ...]) -> ResolvedMatrix:
-    """What is made of series, as a series: smooth between the edges of their panels."""
+    """What is made of series, as a series: smooth between the edges of their panels, which shall not chase a derivative's rounding."""
     corners = sorted({*breaks, *edges_between(system.resolved, system.resolved_input)})
-    return resolve(function, system.period, corners, complete=True, tol=DERIVED)
+    return resolve(function, system.period, corners, complete=True, tol=100 * RESOLVED)
 
 
 def jumps(row: ResolvedMatrix) -> bool:
@@ -223,7 +218,7 @@ class ZeroedOutput:
 
     def check(self) -> None:
         """Raises: NumericalError where E is singular at some time."""
-        t = self.system.period * stratified(TIMES)
+        t = self.system.period * stratified(4 * SAMPLES)
         E = self._gain(t)[0]
         E = E / (np.abs(E).max(axis=(0, 2)) + TINY)[:, None]
         E = E / (np.abs(E).max(axis=(0, 1)) + TINY)

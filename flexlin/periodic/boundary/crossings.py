@@ -1,36 +1,38 @@
-"""All values of one parameter at which a periodic system becomes unstable or stable again; over two parameters, on a lattice."""
+"""All values of one parameter at which a periodic system becomes unstable or stable again: scans along one line or many."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.follow import Vertices
-from flexlin.periodic.boundary.lines import (
-    LinesFunction,
-    Peaks,
-    Scan,
-    add_quiet_strips,
-    add_tongues,
-    divide_unsettled,
-    list_changes,
-    settles,
-    solve_changes,
+from flexlin.periodic.boundary.spectra import (
+    SCAN,
+    Effort,
+    Spectra,
+    SpectraFunction,
+    count_resting,
+    drop_resting,
+    measure_margins,
+    measure_meetings,
 )
-from flexlin.periodic.boundary.spectra import SCAN, Effort, Spectra, SpectraFunction, count_resting, drop_resting
-from flexlin.periodic.precision import ROOT, TINY
+from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.precision import MINOR, PARTIAL, ROOT, SAFETY, TINY
+from flexlin.periodic.roots import MOST, SignedEnds, solve_brackets, solve_uncertain
 
 SAMPLES = 1025
 """Values of the scan: no interval of instability wider than 1/1024 of the range lies between two of them."""
-FINE = 4
-"""Spectra that the last digits of a place take."""
 COARSE, CELLS = 8, 32
-"""Cells of a scan at the least, of one with the time for it, and of the lattice on either side."""
-AT_ONCE = 0.25
-"""Part of the values that time allows which are computed before it is looked where the next ones lie."""
-ROUNDS = 4
-"""How often a peak is looked at more closely, at nine points of a square a third as large each time."""
+"""Cells of a scan at the least, of one with the time for it, and of a lattice on either side."""
+REACH = 2.0
+"""A pair whose decay over a period exceeds its motion across a cell by this factor is not lifted to growth inside the cell alone."""
+CLOSER = 4
+"""How often, at the most, cells of a lattice's lines are halved, and a peak on it is looked at more closely; and cells of a cell's side."""
+UNLIKE = 0.5
+"""Angles of multipliers that differ by more belong to different tongues."""
+
+LinesFunction = Callable[[Array, Array], Spectra]
+"""Lines (W,) and values (W,) along them -> spectra."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,63 @@ class Crossing:
     slope: float
     undamped: bool
     touching: bool = False
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Spectra at values (V,) along lines (V,), line by line and in rising order along each; `at` computes more of them."""
+
+    line: Array
+    values: Array
+    spectra: Spectra
+    at: LinesFunction
+
+    @property
+    def joined(self) -> Array:
+        """Which values lie on one line with the next, (V - 1,)."""
+        return self.line[1:] == self.line[:-1]
+
+    def with_values(self, line: Array, values: Array) -> "Scan":
+        """The scan with further values in their places."""
+        if not len(values):
+            return self
+        line, values = np.unique(np.stack([line.astype(float), values]), axis=1)
+        line = line.astype(int)
+        lines, every = np.concatenate([self.line, line]), np.concatenate([self.values, values])
+        order = np.lexsort((every, lines))
+        spectra = self.spectra.beside(self.at(line, values)).at(order)
+        return Scan(lines[order], every[order], spectra, self.at)
+
+
+@dataclass(frozen=True)
+class Peaks:
+    """Highest places of functions between two neighbours (V,): line and value, and whether it is unstable there.
+
+    gap: distance of the logs of the two multipliers that meet, as small as it gets; bend: -D''/2 there, >= 0; conjugate: whether
+    a multiplier meets its own conjugate, at angle 0 or pi; error: of the logs there.
+    """
+
+    line: Array
+    values: Array
+    unstable: Array
+    gap: Array
+    bend: Array
+    conjugate: Array
+    error: Array
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Values on a line (V,) with unlike verdicts: the quiet and the unstable end, a place between the two neighbours among whose cells
+    the verdict changes, angle of the growing multiplier, kind of margin; the spectra at both ends."""
+
+    line: Array
+    quiet: Array
+    unstable: Array
+    between: Array
+    angles: Array
+    undamped: Array
+    known: tuple[Spectra, Spectra]
 
 
 def find_crossings(
@@ -89,21 +148,14 @@ def find_crossings(
     if not len(changes.line):
         return touching
     near = max(tol / 4, ROOT * (high - low))
-    zeros = solve_changes(changes, scan.at, near, effort)
-    if effort.affords(FINE * len(changes.line)) and not effort.unfinished:
-        zeros = solve_changes(changes, without_rest(fine), tol / 4, effort, zeros.values, 4 * near)
+    values, errors, slopes = solve_changes(changes, scan.at, near, effort)
+    if effort.affords(4 * len(changes.line)) and not effort.unfinished:  # what the last digits of a place take
+        values, errors, slopes = solve_changes(changes, without_rest(fine), tol / 4, effort, values, 4 * near)
     else:
         effort.unfinished = True
-    rows = zip(
-        zeros.values.tolist(),
-        zeros.errors.tolist(),
-        (changes.unstable > changes.quiet).tolist(),
-        changes.unstable.tolist(),
-        zeros.slopes.tolist(),
-        changes.undamped.tolist(),
-        strict=True,
-    )
-    return sorted([*(Crossing(*row) for row in rows), *touching], key=lambda one: (one.value, not one.onset))
+    columns = values, errors, changes.unstable > changes.quiet, changes.unstable, slopes, changes.undamped
+    found = (Crossing(*row) for row in zip(*(one.tolist() for one in columns), strict=True))
+    return sorted([*found, *touching], key=lambda one: (one.value, not one.onset))
 
 
 def scan_line(function: SpectraFunction, grid: Array, effort: Effort) -> tuple[Array, Spectra]:
@@ -134,7 +186,7 @@ def scan_line(function: SpectraFunction, grid: Array, effort: Effort) -> tuple[A
             effort.leave(*ends[:, ~settled])
             return grid[chosen], found
         nearest = np.argsort(np.abs(ends[:, open_].mean(axis=0) - effort.about), kind="stable")
-        open_ = open_[nearest[: int(min(np.ceil(AT_ONCE * count), len(open_)))]]
+        open_ = open_[nearest[: int(min(np.ceil(PARTIAL * count), len(open_)))]]
         middles = (chosen[open_] + chosen[open_ + 1]) // 2
         chosen = np.concatenate([chosen, middles])
         order = np.argsort(chosen)
@@ -143,7 +195,9 @@ def scan_line(function: SpectraFunction, grid: Array, effort: Effort) -> tuple[A
 
 def list_touching(peaks: Peaks, scan: Spectra) -> list[Crossing]:
     """Tongues closed to within rounding: an undamped multiplier meets its conjugate and no growth is seen."""
-    closed = peaks.conjugate & ~peaks.unstable & (peaks.bend > 0) & (peaks.gap <= 4 * np.maximum(peaks.error, ROOT))
+    closed = (
+        peaks.conjugate & ~peaks.unstable & (peaks.bend > 0) & (peaks.gap <= SAFETY * np.maximum(peaks.error, ROOT))
+    )
     if (scan.verdicts < 0).any():
         return []
     found = np.flatnonzero(closed)
@@ -155,104 +209,232 @@ def list_touching(peaks: Peaks, scan: Spectra) -> list[Crossing]:
     ]
 
 
-def spread(xs: Array, ys: Array) -> Array:
-    """The points (V, 2) of a lattice, x running slower."""
-    return np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+def settles(scan: Spectra, turning: bool = False) -> Array:
+    """Between which neighbours of a scan (V,) the verdict cannot change, (V - 1,).
 
+    Where both are stable: every log of a multiplier is further from the axis than it moves across the cell, by the factor REACH, as for
+    peaks of a scan, and by MINOR, since one that decays less may meet others anywhere. Where both are unstable: one that grows is so.
+    Where neither has an answer there is nothing to find.
 
-def find_islands(xs: Array, ys: Array, spectra: Spectra, function: SpectraFunction) -> tuple[Array, Array, Spectra]:
-    """The lattice with a line through each island that no point of it met.
-
-    Each local maximum of the growth rate among stable points, and each local minimum among unstable ones, is climbed by
-    the best of nine points on a shrinking square.
+    Parameters: turning: multipliers may have turned by any angle across a cell, which a wide one does not show.
     """
-    shape = (len(xs), len(ys))
-    growth, verdicts = spectra.logs.real.max(axis=1).reshape(shape), spectra.verdicts.reshape(shape)
-    at = np.argwhere(find_peaks(growth, verdicts))
-    if not len(at):
-        return xs, ys, spectra
-    way, places = -verdicts[tuple(at.T)], np.stack([xs[at[:, 0]], ys[at[:, 1]]], axis=1)
-    step = np.array([xs[1] - xs[0], ys[1] - ys[0]])
-    square = spread(*2 * [np.array([-1.0, 0.0, 1.0])])
-    found, every = np.zeros(len(at), dtype=bool), np.arange(len(at))
-    for _ in range(ROUNDS):
-        step = step / 3
-        tried = np.clip(places[:, None] + square * step, 0.0, 1.0)
-        result = function(tried.reshape(-1, 2))
-        best = np.nanargmax(way[:, None] * result.logs.real.max(axis=1).reshape(len(at), -1), axis=1)
-        places = np.where(found[:, None], places, tried[every, best])
-        found |= result.verdicts.reshape(len(at), -1)[every, best] == way
-    if not found.any():
-        return xs, ys, spectra
-    wide, tall = np.union1d(xs, places[found, 0]), np.union1d(ys, places[found, 1])
-    known = (np.isin(wide, xs)[:, None] & np.isin(tall, ys)).ravel()
-    every = np.empty(len(known), dtype=int)
-    every[known], every[~known] = np.arange(known.sum()), known.sum() + np.arange((~known).sum())
-    return wide, tall, spectra.beside(function(spread(wide, tall)[~known])).at(every)
+    verdicts, known = scan.verdicts, scan.known
+    logs = np.where(known[:, None], scan.felt, 0.0)
+    seen, turn = (logs.real + 0j, np.pi) if turning else (logs, 0.0)
+    apart = np.hypot(measure_distances(seen[:-1].T, seen[1:].T), turn)  # (n, n, V - 1)
+    there, back = REACH * apart.min(axis=1).T, REACH * apart.min(axis=0).T
+    a, b = logs[:-1].real, logs[1:].real
+    decays = np.all((-a > there + MINOR) & (-b > back + MINOR), axis=1)
+    grows = np.any(a > there + MINOR, axis=1) & np.any(b > back + MINOR, axis=1)
+    stable, unstable = (verdicts[1:] < 0) & (verdicts[:-1] < 0), (verdicts[1:] > 0) & (verdicts[:-1] > 0)
+    return np.asarray((stable & decays) | (unstable & grows) | (~known[1:] & ~known[:-1]))
 
 
-def find_peaks(growth: Array, verdicts: Array) -> Array:
-    """Which points decay while all around decays faster, or grow while all around grows faster, by half as much as they do or more."""
-    slide = np.lib.stride_tricks.sliding_window_view
-    around = [slide(np.pad(one, 1, mode="edge"), (3, 3)) for one in (growth, verdicts)]
-    least, most = around[0].min(axis=(2, 3)), around[0].max(axis=(2, 3))
-    alike = (around[1] == verdicts[..., None, None]).all(axis=(2, 3))
-    lifted = np.abs(growth) <= 2 * np.maximum(most - growth, growth - least)
-    return alike & lifted & np.where(verdicts < 0, growth >= most, (verdicts > 0) & (growth <= least))
+def add_tongues(scan: Scan, accuracy: float, effort: Effort) -> tuple[Scan, Peaks]:
+    """The scan with further values in tongues between two of its own, and all peaks that were climbed; accuracy: of the place of a peak."""
+    scan = scan.with_values(*list_end_peaks(scan, settles(scan.spectra)))
+    peaks = climb_peaks(scan, accuracy, settles(scan.spectra), effort)
+    return scan.with_values(peaks.line[peaks.unstable], peaks.values[peaks.unstable]), peaks
 
 
-def find_nodes(
-    xs: Array, ys: Array, spectra: Spectra, function: SpectraFunction, accuracy: float, narrow: bool
-) -> tuple[Vertices, Array, Array]:
-    """Every crossing of the boundary with the lines of a lattice, still without directions; the cell (V, 2) that the boundary enters at
-    each one, and the cell that it leaves, -1 outside the lattice.
+def divide_unsettled(scan: Scan) -> Scan:
+    """The scan with its unsettled cells halved, and again where multipliers turn so far that tongues inside may not show beside them."""
+    cell = np.flatnonzero(scan.joined & ~settles(scan.spectra))
+    for _ in range(CLOSER):
+        scan = scan.with_values(scan.line[cell], (scan.values[cell] + scan.values[cell + 1]) / 2)
+        first = cell + np.arange(len(cell))
+        first = first[turns_unevenly(*(scan.spectra.at(first + k).logs for k in range(3)))]
+        halves = np.sort(np.concatenate([first, first + 1]))
+        cell = halves[~settles(scan.spectra)[halves]]
+    return scan
 
-    With the unstable side on the left, a crossing of a line along x whose unstable side is at larger x runs towards smaller y,
-    one of a line along y whose unstable side is at larger y towards larger x.
-    Parameters: narrow: whether to look for tongues between lattice points.
+
+def turns_unevenly(left: Array, middle: Array, right: Array) -> Array:
+    """Where logs (V, n) do not come half as far to the middle as to the right: they turned farther than both ends show."""
+    near, far = (measure_distances(left.T, other.T).min(axis=1) for other in (middle, right))
+    return np.asarray((np.abs(near - far / 2) > MINOR).any(axis=0))
+
+
+def measure_heights(spectra: Spectra) -> Array:
+    """Functions that peak where a tongue may hide, (V, J + 1): D of each pair of neighbours, and the largest growth."""
+    meetings, _ = measure_meetings(spectra)
+    return np.concatenate([meetings, spectra.logs.real.max(axis=1, keepdims=True)], axis=1)
+
+
+def list_end_peaks(scan: Scan, settled: Array) -> tuple[Array, Array]:
+    """Line and value inside the first and the last cell of each, where that is not settled and a parabola through three values has its top
+    there."""
+    first = np.flatnonzero(np.append(True, ~scan.joined))
+    last = np.append(first[1:], len(scan.line)) - 1
+    lines, values = [], []
+    for three, cell in ((first + np.arange(3)[:, None], 0), (last + np.arange(-2, 1)[:, None], 1)):
+        x = scan.values[three][..., None]
+        top = fit_parabola(x, measure_heights(scan.spectra.at(three.ravel())).reshape(*three.shape, -1))[0]
+        step = ROOT * (x[2] - x[0])
+        inside = (top > x[cell] + step) & (top < x[cell + 1] - step)
+        owner, column = np.nonzero(inside & ~settled[three[cell]][:, None])
+        lines.append(scan.line[first[owner]])
+        values.append(top[owner, column])
+    return np.concatenate(lines), np.concatenate(values)
+
+
+def list_peaks(scan: Scan, heights: Array, settled: Array) -> tuple[Array, Array]:
+    """Index and column of each inner maximum between quiet neighbours that could rise to growth, in a cell that is not settled."""
+    quiet, open_ = scan.spectra.verdicts <= 0, scan.joined & ~settled
+    inner = quiet[1:-1] & quiet[:-2] & quiet[2:] & scan.joined[1:] & scan.joined[:-1] & (open_[1:] | open_[:-1])
+    before, here, after = heights[:-2], heights[1:-1], heights[2:]
+    top = (here >= before) & (here >= after) & ((here > before) | (here > after))
+    columns = np.broadcast_to(np.arange(heights.shape[1]), here.shape)
+    may = may_grow(scan.spectra.at(np.arange(1, len(heights) - 1)), np.stack([before, here, after]), columns)
+    index, column = np.nonzero(inner[:, None] & top & may)
+    return index + 1, column
+
+
+def may_grow(spectra: Spectra, heights: Array, column: Array) -> Array:
+    """Whether what drops from spectra (V,) to its sides, heights (3, V, ...) of columns (V, ...), could rise as much again to growth."""
+    drop = np.maximum(heights[1] - np.minimum(heights[0], heights[2]), 0.0)
+    largest = spectra.logs.real.max(axis=1, keepdims=True)
+    growth = np.concatenate([measure_meetings(spectra)[1], largest], axis=1)
+    decay = -np.take_along_axis(growth, column.reshape(len(growth), -1), axis=1).reshape(column.shape)
+    return np.asarray(decay <= REACH * np.where(column < growth.shape[1] - 1, np.sqrt(drop), drop))
+
+
+def climb_peaks(scan: Scan, accuracy: float, settled: Array, effort: Effort) -> Peaks:
+    """Climb by parabolas through three values, until a system is unstable, two multipliers have met, or none can grow between the three.
+
+    Source: Brent, Algorithms for Minimization without Derivatives (1973), ch. 5: successive parabolic interpolation.
     """
-    shape = np.array([len(xs), len(ys)])
+    heights = measure_heights(scan.spectra)
+    index, column = list_peaks(scan, heights, settled)
+    three, line = index + np.arange(-1, 2)[:, None], scan.line[index]
+    x, f, error = scan.values[three], heights[three, column], widest_error(scan.spectra)[index]
+    unstable, climbing = np.zeros(len(index), dtype=bool), np.ones(len(index), dtype=bool)
+    bend, slow = np.maximum(-fit_parabola(x, f)[1], 0.0), np.zeros(len(index), dtype=bool)
+    for _ in range(MOST):
+        which = np.flatnonzero(climbing)
+        if not len(which):
+            break
+        if not effort.affords(len(which), (1 + SCAN) / 2):
+            effort.leave(x[:, which].min(axis=0), x[:, which].max(axis=0))
+            break
+        new, width = place_top(x[:, which], f[:, which], slow[which]), np.ptp(x[:, which], axis=0)
+        found = scan.at(line[which], new)
+        value = measure_heights(found)[np.arange(len(which)), column[which]]
+        error[which], unstable[which] = widest_error(found), found.verdicts > 0
+        moved = np.abs(new - x[1, which])
+        x[:, which], f[:, which] = enclose_peak(x[:, which], f[:, which], new, value)
+        slow[which] = ~slow[which] & (np.ptp(x[:, which], axis=0) > width / 2)
+        x[1, which] = np.where(unstable[which], new, x[1, which])
+        met = np.abs(f[1, which]) <= error[which] ** 2
+        may = may_grow(found, f[:, which], column[which])
+        climbing[which] = ~unstable[which] & (moved > accuracy) & ~met & may
+    conjugate = (column == 0) | (column == heights.shape[1] - 2)
+    return Peaks(line, x[1], unstable, 2 * np.sqrt(np.maximum(-f[1], 0.0)), bend, conjugate, error)
 
-    def place(line: Array, values: Array) -> Array:
-        """Lines along x, one for each y, and then those along y."""
-        along, other = line < shape[1], np.concatenate([ys, xs])[line]
-        return np.stack([np.where(along, values, other), np.where(along, other, values)], axis=1)
 
-    index = np.arange(shape.prod()).reshape(shape)
-    across, along = (np.repeat(np.arange(k), other) for k, other in (shape[::-1], shape))
-    line = np.concatenate([across, shape[1] + along])
-    known = spectra.at(np.concatenate([index.T.ravel(), index.ravel()]))
-    values = np.concatenate([np.tile(xs, shape[1]), np.tile(ys, shape[0])])
-    scan = Scan(line, values, known, lambda k, x: function(place(k, x)))
-    scan = add_quiet_strips(divide_unsettled(scan) if narrow else scan, accuracy)
-    found = list_changes(add_tongues(scan, accuracy)[0] if narrow else scan)
-    zeros = solve_changes(found, scan.at, accuracy)
-    points, inside = place(found.line, zeros.values), place(found.line, found.unstable)
-    nodes = Vertices(points, np.zeros(points.shape), zeros.errors, found.angles, found.undamped, inside)
-    along, middle = found.line < shape[1], place(found.line, found.between)
-    cell = np.stack([np.searchsorted(xs, middle[:, 0]), np.searchsorted(ys, middle[:, 1])], axis=1)
-    ahead = cell - np.stack([along, ~along], axis=1)
-    behind = cell - 1
-    forward = (along != (found.unstable > found.quiet))[:, None]
-    cells = [np.where(forward, ahead, behind), np.where(forward, behind, ahead)]
-    entered, left = (np.where(np.all((one >= 0) & (one < shape - 1), axis=1)[:, None], one, -1) for one in cells)
-    return nodes, entered, left
+def widest_error(spectra: Spectra) -> Array:
+    """The largest finite error of each spectrum, (V,)."""
+    return np.asarray(np.max(np.where(np.isfinite(spectra.errors), spectra.errors, 0.0), axis=1))
 
 
-def link_nodes(nodes: Vertices, entered: Array, left: Array) -> Array:
-    """The node that follows each one (V,), -1 where the boundary leaves the range.
+def fit_parabola(x: Array, f: Array) -> tuple[Array, Array]:
+    """Where the parabola through three points (3, V) has its extremum, not finite for a straight line; and its square's coefficient."""
+    first, second = (f[1] - f[0]) / (x[1] - x[0]), (f[2] - f[1]) / (x[2] - x[1])
+    bend = (second - first) / (x[2] - x[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(x[1] - (first + bend * (x[1] - x[0])) / (2 * bend)), np.asarray(bend)
 
-    Where several pieces of the boundary pass through one cell, those links are taken that bend least, by turning times length.
-    Parameters: entered, left (V, 2): cells.
+
+def place_top(x: Array, f: Array, slow: Array) -> Array:
+    """The top of the parabola through three points (3, V) about a peak; inside them, and off the middle one; by the golden section where
+    the parabola was slow: where multipliers change partners heights jump."""
+    left, right, top = x[1] - x[0], x[2] - x[1], fit_parabola(x, f)[0]
+    golden = (3 - np.sqrt(5)) / 2
+    wide = np.where(left > right, x[1] - golden * left, x[1] + golden * right)
+    inside = np.isfinite(top) & (top > x[0]) & (top < x[2]) & (top != x[1]) & ~slow
+    return np.where(inside, top, wide)
+
+
+def enclose_peak(x: Array, f: Array, new: Array, value: Array) -> tuple[Array, Array]:
+    """The three of four points (3, V) about the highest."""
+    four, heights = np.concatenate([x, new[None]]), np.concatenate([f, value[None]])
+    order = np.argsort(four, axis=0, kind="stable")
+    four, heights = np.take_along_axis(four, order, axis=0), np.take_along_axis(heights, order, axis=0)
+    rows = np.clip(heights.argmax(axis=0), 1, 2) + np.arange(-1, 2)[:, None]
+    return np.take_along_axis(four, rows, axis=0), np.take_along_axis(heights, rows, axis=0)
+
+
+def add_quiet_strips(scan: Scan, accuracy: float) -> Scan:
+    """The scan with a quiet value between two unstable neighbours whose growing multipliers stand at unlike angles, where there is one.
+
+    Zero of the squared growth, taken as positive where the growing multiplier stands nearer to the first one's angle; none where one
+    tongue goes over into the next.
     """
-    follower = np.full(len(entered), -1)
-    for cell in np.unique(entered[entered[:, 0] >= 0], axis=0):
-        coming, going = (np.flatnonzero((cells == cell).all(axis=1)) for cells in (entered, left))
-        chord = nodes.points[going][None] - nodes.points[coming][:, None]
-        length = np.linalg.norm(chord, axis=2)
-        unit = chord / np.maximum(length, TINY)[..., None]
-        ahead = np.einsum("ik,ijk->ij", nodes.directions[coming], unit)
-        after = np.einsum("jk,ijk->ij", nodes.directions[going], unit)
-        rows, columns = linear_sum_assignment(length * (2 - ahead - after))
-        follower[coming[rows]] = going[columns]
-    return follower
+    angle = np.abs(scan.spectra.logs.imag[np.arange(len(scan.line)), scan.spectra.leading])
+    unstable = scan.spectra.verdicts > 0
+    index = np.flatnonzero(unstable[1:] & unstable[:-1] & scan.joined & (np.abs(np.diff(angle)) > UNLIKE))
+
+    def signed(which: Array, values: Array) -> Array:
+        found, cell = scan.at(scan.line[index[which]], values), index[which]
+        lead = found.logs[np.arange(len(which)), found.leading]
+        place = np.abs(lead.imag)
+        nearer = np.abs(place - angle[cell]) <= np.abs(place - angle[cell + 1])
+        return np.where(found.verdicts > 0, np.where(nearer, 1.0, -1.0) * lead.real**2, 0.0)
+
+    every, a, b = np.arange(len(index)), scan.values[index], scan.values[index + 1]
+    ends = solve_brackets(signed, SignedEnds(a, b, signed(every, a), signed(every, b)), accuracy)
+    quiet = (ends.at_a == 0) | (ends.at_b == 0)
+    return scan.with_values(scan.line[index[quiet]], np.where(ends.at_a == 0, ends.a, ends.b)[quiet])
+
+
+def list_changes(scan: Scan) -> Changes:
+    """The pairs of neighbours between which instability begins or ends; an undecided value beside a stable one is stepped over."""
+    verdicts, known = scan.spectra.verdicts, scan.spectra.known
+    edges = np.flatnonzero(scan.joined & ((verdicts[1:] > 0) != (verdicts[:-1] > 0)) & known[1:] & known[:-1])
+    rising = verdicts[edges + 1] > 0
+    quiet, unstable = np.where(rising, edges, edges + 1), np.where(rising, edges + 1, edges)
+    stable, between = verdicts[quiet] < 0, (scan.values[edges] + scan.values[edges + 1]) / 2
+    beyond = np.clip(quiet + np.where(rising, -1, 1), 0, len(verdicts) - 1)
+    move = (verdicts[quiet] == 0) & (verdicts[beyond] < 0) & (scan.line[beyond] == scan.line[quiet])
+    quiet, stable = np.where(move, beyond, quiet), stable | move
+    angles = scan.spectra.logs.imag[np.arange(len(verdicts)), scan.spectra.leading][unstable]
+    ends = scan.spectra.at(quiet), scan.spectra.at(unstable)
+    return Changes(scan.line[unstable], scan.values[quiet], scan.values[unstable], between, angles, ~stable, ends)
+
+
+def solve_changes(
+    found: Changes,
+    at: LinesFunction,
+    accuracy: float,
+    effort: Effort,
+    guess: Array | None = None,
+    reach: float = 0.0,
+) -> tuple[Array, Array, Array]:
+    """Narrow every change to `accuracy` by a function that is smooth through the boundary: its zeros, their errors, its slopes, (V,).
+
+    The slope is the smaller one from the zero to both ends of a bracket, as a narrow tongue bends the margin inside.
+    Parameters: guess, reach: zeros by cheaper spectra, and how far beside them the signs are asked for first.
+    """
+
+    def margin(which: Array, values: Array) -> tuple[Array, Array]:
+        return measure_margins(at(found.line[which], values), found.undamped[which], found.angles[which])
+
+    every = np.arange(len(found.line))
+    a, b = found.quiet, found.unstable
+    at_a, at_b = (measure_margins(known, found.undamped, found.angles)[0] for known in found.known)
+    if guess is not None:
+        step = np.sign(b - a) * np.minimum(reach, np.minimum(np.abs(guess - a), np.abs(guess - b)))
+        near = margin(every, guess - step)[0], margin(every, guess + step)[0]
+        met = (near[0] < 0) & (near[1] > 0)
+        a, b = np.where(met, guess - step, a), np.where(met, guess + step, b)
+        at_a, at_b = np.where(met, near[0], at_a), np.where(met, near[1], at_b)
+    start = SignedEnds(a, b, np.minimum(at_a, -TINY), np.maximum(at_b, TINY))
+    ends, left = solve_uncertain(margin, start, accuracy, effort.affords)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slopes = np.array([at_a / (a - ends.best), at_b / (b - ends.best)]) * np.sign(b - a)
+    slope = np.nanmin(np.where(slopes > 0, slopes, np.inf), axis=0)
+    error = np.minimum(left / slope, np.abs(found.unstable - found.quiet))
+    early = (ends.width > accuracy) & (ends.at_a != 0) & (ends.at_b != 0)
+    effort.unfinished |= bool(early.any())
+    error = np.where(early, ends.width, error)
+    return ends.best, error + 2 * np.spacing(np.abs(ends.best)), slope

@@ -6,8 +6,19 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.crossings import CELLS, find_islands, find_nodes, link_nodes, spread
-from flexlin.periodic.boundary.follow import EXACT, STEP, Vertices, find_directions, place_cubic, refine_pieces
+from flexlin.periodic.boundary.crossings import CELLS, CLOSER
+from flexlin.periodic.boundary.follow import (
+    EXACT,
+    STEP,
+    Vertices,
+    find_directions,
+    find_islands,
+    find_nodes,
+    link_nodes,
+    place_cubic,
+    refine_pieces,
+    spread,
+)
 from flexlin.periodic.boundary.spectra import (
     Effort,
     Spectra,
@@ -16,11 +27,9 @@ from flexlin.periodic.boundary.spectra import (
     drop_resting,
     measure_margins,
 )
-from flexlin.periodic.interpolation import NODES, chebyshev_nodes
+from flexlin.periodic.interpolation import NODES, chebyshev_nodes, divide_evenly
 from flexlin.periodic.precision import CUBE, TINY
 
-INNER = 4
-"""Cells on either side of a cell that is divided again."""
 SMALLEST = 2e-3
 """Boxes smaller than this part of the ranges are searched for a tongue's tip before they are divided."""
 DEGREE = 5
@@ -122,7 +131,7 @@ class Tracer:
             tip = find_tip(low, high, first.angles, first.undamped, self.function, self.tol)
             if tip is not None:
                 return join_through(trace, pairs, tip)
-        return join_traces(trace, self.trace(low, high, INNER), pairs, self.tol)
+        return join_traces(trace, self.trace(low, high, CLOSER), pairs, self.tol)
 
 
 def find_curves(
@@ -218,15 +227,14 @@ def draw_curve(chain: Array, trace: Trace, tol: float) -> Curve:
     """Points on the cubics, as close as the wanted error asks of a polyline; errors of the vertices and of the cubics together."""
     first, second = trace.vertices.at(chain[:-1]), trace.vertices.at(chain[1:])
     counts = count_points(first, second, tol)
-    points, errors = [], []
-    for k, count in enumerate(counts):
-        one = np.array([k])
-        points.append(place_cubic(first.at(one), second.at(one), np.arange(count) / count)[0])
-        between = np.where(np.arange(count) > 0, 2 * trace.off[chain[k]] + tol / 4, 0.0)
-        errors.append(np.maximum(first.errors[k], second.errors[k]) + between)
-    corners = np.concatenate([*points, second.points[-1:]]), np.concatenate([*errors, second.errors[-1:]])
+    piece = np.repeat(np.arange(len(counts)), counts)
+    share = divide_evenly(np.arange(len(counts) + 1.0), counts)[:-1] - piece
+    points = place_cubic(first.at(piece), second.at(piece), share[:, None])[:, 0]
+    between = np.where(share > 0, 2 * trace.off[chain[piece]] + tol / 4, 0.0)
+    errors = np.maximum(first.errors, second.errors)[piece] + between
     inside = trace.vertices.inside[chain[len(chain) // 2]]
-    return Curve(np.clip(corners[0], 0.0, 1.0), corners[1], bool(chain[0] == chain[-1]), inside)
+    points, errors = np.append(points, second.points[-1:], axis=0), np.append(errors, second.errors[-1])
+    return Curve(np.clip(points, 0.0, 1.0), errors, bool(chain[0] == chain[-1]), inside)
 
 
 def count_points(first: Vertices, second: Vertices, tol: float) -> Array:

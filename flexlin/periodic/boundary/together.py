@@ -18,9 +18,7 @@ from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss, place_nodes
 STAGES = 5
 """Gauss stages of the rule that shows how wrong the one with a stage more may be."""
 SEGMENTS = tuple(NODES // 4 << k for k in range(6))
-"""Of a period; systems that miss tol on the first are tried on the next."""
-CHECKS, FEWEST_POINTS, MOST_POINTS = 15, 17, 257
-"""Values between the points of an interpolant at which it is checked, and its points."""
+"""Of a period; systems that miss tol on the first are tried on the next. Interpolants have a point more than the second to the last."""
 
 
 @dataclass(frozen=True)
@@ -88,15 +86,16 @@ class Interpolant:
     def fit(
         cls, products_at: Callable[[Array, int], Products], low: float, high: float, tol: float
     ) -> "Interpolant | None":
-        """The interpolant on as few points as serve, none where MOST_POINTS do not; `products_at` values, from a number of segments on."""
-        between = low + (high - low) * golden(np.arange(1, CHECKS + 1))
+        """The interpolant on as few points as serve, none where the most do not; `products_at` values, from a number of segments on."""
+        fewest = SEGMENTS[1] + 1
+        between = low + (high - low) * golden(np.arange(1, fewest + 1))
         sure = products_at(between, 0)
         if not sure.meets(tol).all():  # none does where even these do not: growth hides the other multipliers
             return None
         scaled = sure.periods * between
         inverse = bool(low > 0 and np.ptp(scaled) < ROOT * scaled[0])
         missed = np.zeros(sure.P.shape[1:])
-        known = products_at(cls.place(low, high, FEWEST_POINTS, inverse), sure.enough)
+        known = products_at(cls.place(low, high, fewest, inverse), sure.enough)
         while True:
             found = cls(low, high, known, missed, inverse)
             here = found.at(between)
@@ -106,10 +105,11 @@ class Interpolant:
             if found.at(between).meets(tol).all():
                 return found
             count = 2 * len(known.P) - 1
-            if count > MOST_POINTS:
+            if count > SEGMENTS[-1] + 1:
                 return None
             more = products_at(cls.place(low, high, count, inverse)[1::2], known.enough)
-            P, moved, periods = (weave(getattr(known, name), getattr(more, name)) for name in ("P", "moved", "periods"))
+            both, every = ((one.P, one.moved, one.periods) for one in (known, more)), np.arange(1, len(known.P))
+            P, moved, periods = (np.insert(even, every, odd, axis=0) for even, odd in zip(*both, strict=True))
             known = Products(P, moved, periods, more.enough)
 
     @staticmethod
@@ -133,13 +133,6 @@ class Interpolant:
         return Products(np.tensordot(lagrange, self.known.P, 1), moved, lagrange @ self.known.periods)
 
 
-def weave(even: Array, odd: Array) -> Array:
-    """Rows in turn from both, the first one's first."""
-    both = np.empty((len(even) + len(odd), *even.shape[1:]))
-    both[::2], both[1::2] = even, odd
-    return both
-
-
 def multiply_on(
     systems: Sequence[PeriodicSystem], periods: Array, segments: int, phases: Sequence[float]
 ) -> tuple[Array, Array]:
@@ -151,8 +144,10 @@ def multiply_on(
     grids = np.union1d(corners, shifted), even  # where an unnamed jump seems to lie for one rule, it does for no other
     rules = gauss(STAGES), gauss(STAGES + 1)
     shares = [place_nodes(grid, rule.c).ravel() for grid, rule in zip(grids, rules, strict=True)]
-    times, twice = np.concatenate(shares), all(one.second_order is not None for one in systems)
-    sampled = [sample_either(one, one.period * times, twice) for one in systems]
+    times, second = np.concatenate(shares), [one.second_order for one in systems]
+    given = [one.stacked for one in second if one is not None]
+    functions = given if len(given) == count else [one.A for one in systems]
+    sampled = [A(one.period * times) for A, one in zip(functions, systems, strict=True)]
     products = []
     with np.errstate(over="ignore", invalid="ignore"):
         for grid, rule, first in zip(grids, rules, (0, len(shares[0])), strict=True):
@@ -187,13 +182,6 @@ def solve_products(P: Array, moved: Array) -> Spectra:
         logs[known] = np.log(values.astype(complex))
         errors[known] = np.where(share < 0.5, -np.log1p(-np.minimum(share, 0.5)), np.inf)
     return Spectra(logs, errors)
-
-
-def sample_either(system: PeriodicSystem, t: Array, twice: bool) -> Array:
-    """[M D K] of a second-order system at times (N,), else A."""
-    if twice and system.second_order is not None:
-        return np.concatenate(system.second_order.sample(t), axis=2)
-    return system.A(t)
 
 
 def multiply_up(factors: Array) -> tuple[Array, Array]:

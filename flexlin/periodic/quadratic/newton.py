@@ -9,33 +9,36 @@ from flexlin.checks import Array
 from flexlin.errors import IllPosedSegment, NumericalError, ToleranceNotReached
 from flexlin.periodic.coefficients import assemble_hamiltonian
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SAFETY, SLIGHT
-from flexlin.periodic.quadratic.blocked import bound_sizes, name_blocked_mode
-from flexlin.periodic.quadratic.linear_quadratic import SAMPLES, LinearQuadratic, RiccatiSolution
-from flexlin.periodic.quadratic.lyapunov import LoopLyapunov, step_exactly, twice
+from flexlin.periodic.quadratic.linear_quadratic import (
+    SAMPLES,
+    LinearQuadratic,
+    RiccatiSolution,
+    bound_sizes,
+    name_blocked_mode,
+)
 from flexlin.periodic.quadratic.nodes import Nodes
 from flexlin.periodic.quadratic.scattering import (
     MAX_DOUBLINGS,
+    LoopLyapunov,
     Segment,
     carry_costs_down,
     combine_in_tree,
     scatter_exponentials,
     star_product,
+    step_exactly,
     symmetrize,
     transpose,
+    twice,
 )
 from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.transition.gauss import CHUNK_BYTES
 
 MOST = 8192
 """Nodes at the most."""
-ROUNDS, CLOSEST = 24, 1e-14
-"""Corrections on a grid, and the change of X that ends them however small tol is."""
-ROUNDING = 2 * EPS
-"""Of a sum of products, relative to the sum of their sizes."""
-BETTER = 0.5
-"""Factor by which more nodes have to lower the error to be worth it."""
-EASIER, EASED = 100.0, 5
-"""The factor on R, and how often it is taken."""
+ROUNDS = 24
+"""Corrections on a grid."""
+EASIER = 100.0
+"""The factor on R, taken ROUNDS // 4 times at the most."""
 
 
 def solve_by_newton(
@@ -55,7 +58,7 @@ def solve_by_newton(
     nodes = begun.nodes if begun.nodes.count > coarse.count else nodes
     X, seen = begun.nodes.series(begun.X)(nodes.places), MINOR * tol
     while nodes.count <= most_nodes(X.shape[1]):
-        corrected = correct_until_closed(problem, nodes, X, max(SLIGHT * tol, CLOSEST))
+        corrected = correct_until_closed(problem, nodes, X, SLIGHT * tol)
         if corrected is None and begun.nodes.count < MOST // (4 if begun.idle else 8):
             begun = begin(problem, begun.nodes.resize(4 * begun.nodes.count), end)
             nodes = nodes.resize(max(nodes.count, begun.nodes.count))
@@ -65,13 +68,13 @@ def solve_by_newton(
             if begun.idle:
                 break
             begin(problem, begun.nodes, end, exact=True)
-            if best is not None or eased == EASED:
+            if best is not None or eased == ROUNDS // 4:
                 break
             try:
                 X = solve_by_newton(problem.ease(EASIER), nodes, end, SLIGHT, eased + 1).X(nodes.places)
             except NumericalError:
                 break
-            eased = EASED
+            eased = ROUNDS // 4
             continue
         finer = nodes.refine(corrected.X, seen)
         if finer is None:
@@ -80,9 +83,9 @@ def solve_by_newton(
                 finer = nodes.resize(2 * nodes.count)
             else:
                 missed = max(found.error, found.gain_error) / tol
-                worse = best is not None and found.error > BETTER * best.error
+                worse = best is not None and 2 * found.error > best.error  # more nodes are not worth it
                 best = best if worse else replace(found, doublings=begun.doublings)
-                if worse or missed <= 1 or found.method_error <= BETTER * found.error:
+                if worse or missed <= 1 or 2 * found.method_error <= found.error:
                     break
                 seen *= MINOR / min(missed, 1 / MINOR)
                 finer = nodes.refine(corrected.X, seen) or nodes.resize(2 * nodes.count)
@@ -201,7 +204,7 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     samples = Samples.of(problem, between, units)
     X_between, slopes = nodes.look_between(X)
     F, M = samples.compare(X_between, slopes)
-    noise = ROUNDING * samples.sum_sizes(X_between, slopes)
+    noise = samples.rounding(X_between, slopes)
     doubt = samples.doubt(problem, between, X_between)
     rows = [np.abs(part).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for part in (F, noise + doubt)]
     short = np.diff(nodes.edges) <= ROOT * nodes.edges[-1]
@@ -248,13 +251,13 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
             errors = np.minimum(errors, SAFETY * np.array(sizes) / [height, gain, height])
     if not np.isfinite(errors).all():
         return None
-    product = ROUNDING * float((np.abs(to_gain) @ np.abs(X * both)).max())
+    product = 2 * EPS * float((np.abs(to_gain) @ np.abs(X * both)).max())
     return RiccatiSolution(
         problem=problem,
         horizon=float(nodes.edges[-1]),
         periodic=nodes.wraps,
         series=nodes.series(X * both),
-        error=float(errors[0] + ROUNDING),
+        error=float(errors[0] + 2 * EPS),
         gain_error=float(errors[1] + product / gain),
         method_error=float(errors[2]),
         doublings=0,
@@ -272,7 +275,7 @@ def carry_residual(problem: LinearQuadratic, nodes: Nodes, X: Array, units: Arra
     samples = Samples.of(problem, nodes.t, units)
     slopes = nodes.slopes(X)
     F, M = samples.compare(X, slopes)
-    noise = MINOR * ROUNDING * samples.sum_sizes(X, slopes) + samples.doubt(problem, nodes.t, X) / SAFETY
+    noise = MINOR * samples.rounding(X, slopes) + samples.doubt(problem, nodes.t, X) / SAFETY
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (2, *F.shape))
     signs[0] = signs[0, 0]
     exact = samples.step(problem, nodes)
@@ -370,11 +373,11 @@ class Samples:
             missed += problem.Q.error_near(t) / both
         return missed
 
-    def sum_sizes(self, X: Array, slopes: Array) -> Array:
-        """The sizes of all that is added in the residual; what is lost in G' X is multiplied by G' X."""
+    def rounding(self, X: Array, slopes: Array) -> Array:
+        """Of the residual, by the sizes of all that is added in it; what is lost in G' X is multiplied by G' X."""
         pull = transpose(self.G) @ X
         by_pull = transpose(np.abs(pull)) @ (transpose(np.abs(self.G)) @ np.abs(X))
-        return np.abs(slopes) + twice(np.abs(X) @ np.abs(self.A) + by_pull) + np.abs(self.Q)
+        return 2 * EPS * (np.abs(slopes) + twice(np.abs(X) @ np.abs(self.A) + by_pull) + np.abs(self.Q))
 
 
 def measure_states(X: Array, A: Array) -> Array:

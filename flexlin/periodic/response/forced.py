@@ -40,8 +40,10 @@ if TYPE_CHECKING:
 VectorFunction = Callable[[Array], Array]
 RESONANT = 100.0
 """A response that loses this factor beyond tol to rounding is resonant."""
-STIFF, SMOOTH = 1024, 6
-"""Segments of Gauss collocation beyond which Radau IIA with so many stages is tried first: it does not feel fast modes that are damped."""
+STAGES = 6
+"""Of a step, where two more show the error; of Radau IIA, and of Gauss collocation at the least, where finer steps do."""
+STIFF = 1024
+"""Segments of Gauss collocation beyond which Radau IIA is tried first: it does not feel fast modes that are damped."""
 
 
 @dataclass(frozen=True)
@@ -261,18 +263,18 @@ def follow_response(
     """
     enough, found = setting.segments, None
     if enough > STIFF:
-        rule = radau(SMOOTH)
+        rule = radau(STAGES)
         with suppress(TooManySegments):
             found = refine_response(system, force, corners, tol, rule, (STIFF // 4, min(enough, most)))
         if found is not None and found[2] <= tol * found[3]:
             return rule, found
     try:
-        rule = gauss(max(SMOOTH, setting.order // 2))
+        rule = gauss(max(STAGES, setting.order // 2))
         return rule, refine_response(system, force, corners, tol, rule, (enough, most), at_once=enough > STIFF)
     except TooManySegments:
         if found is None:
             raise
-        return radau(SMOOTH), found
+        return radau(STAGES), found
 
 
 def refine_response(

@@ -20,6 +20,7 @@ from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
+    STAGES,
     Tableau,
     place_nodes,
     radau,
@@ -34,8 +35,8 @@ from flexlin.summary import represent
 if TYPE_CHECKING:
     import xarray
 
-STAGES, FARTHEST_ORDER = 8, 64
-"""Radau stages of a segment, and segments that are tried first; and harmonics of an answer at the most."""
+FARTHEST_ORDER = 64
+"""Harmonics of an answer at the most."""
 NOISY_STEPS, MOST_STEPS = 2, 24
 """Steps to the largest gain from noise, and in all."""
 

@@ -14,6 +14,7 @@ from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
 from flexlin.periodic.interpolation import divide_evenly
 from flexlin.periodic.precision import EPS, SAFETY, TINY
+from flexlin.periodic.response.forced import STAGES
 from flexlin.periodic.system import PeriodicSystem, as_system, edges_between, input_of
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, choose_gauss_step, measure_pace
@@ -23,8 +24,6 @@ from flexlin.summary import represent
 if TYPE_CHECKING:
     import xarray
 
-STAGES = 6
-"""Gauss stages of a step; two more show the error."""
 Input = Callable[[Array], Array] | ArrayLike
 
 
