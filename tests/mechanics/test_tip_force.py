@@ -15,7 +15,6 @@ from scipy.special import jv
 
 import flexlin as fl
 from flexlin.checks import Array
-from flexlin.errors import SceneError
 from flexlin.motion import SampledMotion
 
 from .scenes import arm_of, scene_of, value
@@ -110,11 +109,6 @@ def test_a_force_in_the_world_is_the_gradient_of_its_potential() -> None:
     np.testing.assert_allclose(value(arm, "damping", s, np.zeros(arm.n))[:, 0], -slopes.T @ force, atol=1e-12)
 
 
-def test_a_frame_that_is_not_known_is_refused() -> None:
-    with pytest.raises(SceneError, match=r"effects\.tip_force\.frame: got 'base'"):
-        scene_of({}, effects={"tip_force": {"frame": "base"}})
-
-
 SHAKEN = {
     "schema": 1,
     "title": "a unit column with one mode, its joint held, under a harmonic of a motion of 0.4 s",
@@ -155,11 +149,6 @@ def test_a_periodic_force_along_a_motion_of_numbers() -> None:
     np.testing.assert_allclose(by_phase.h(t)[:, 0], 2e-3 * np.cos(6 * np.pi * t / 0.4 + 0.4), rtol=1e-10)
     whole = by_phase.about.of_arm("residual", t, *np.zeros((3, 3, 1)))
     np.testing.assert_allclose(whole[:, 1, 0], -by_phase.h(t)[:, 0], rtol=1e-12)
-
-
-def test_a_phase_needs_a_harmonic() -> None:
-    with pytest.raises(SceneError, match="harmonic of at least 1 beside phase"):
-        scene_of({}, effects={"tip_force": {"phase": 0.4}})
 
 
 def test_a_force_across_a_cantilever_bends_it_into_the_elastica() -> None:
