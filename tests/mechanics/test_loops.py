@@ -96,12 +96,21 @@ def flexible():
     return scene, arm, fl.linearize(arm, scene.motion, scene.control)
 
 
-def test_both_routes_agree(flexible):
+def test_both_routes_agree_and_are_slopes_of_the_nonlinear_equations(flexible):
     scene, arm, lin = flexible
-    t = np.linspace(0, lin.period, 5)
+    t, h = np.linspace(0, lin.period, 5), 1e-5
     one, two = (fl.linearize(arm, scene.motion, route=route).sample(t) for route in ("jacobian", "kronecker"))
     assert_allclose(one.K, two.K, rtol=0, atol=1e-10 * np.abs(one.K).max())
     assert_allclose(one.D, two.D, rtol=0, atol=1e-10 * np.abs(one.D).max())
+    q, rate, more = (np.append(part[1], [0.0, 0.0]) for part in lin.motion.sample(t))
+
+    def residual(dq, dv):
+        return np.array(arm.functions["residual"](q + dq, rate + dv, more, []))[:, 0]
+
+    for k, e in enumerate(h * np.eye(3)):
+        slopes = residual(e, 0 * e) - residual(-e, 0 * e), residual(0 * e, e) - residual(0 * e, -e)
+        for slope, exact in zip(slopes, (one.K[1], one.D[1]), strict=True):
+            assert_allclose(slope / (2 * h), exact[:, k], rtol=0, atol=1e-6 * np.abs(exact).max())
 
 
 @pytest.mark.slow
