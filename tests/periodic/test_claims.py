@@ -163,8 +163,7 @@ def test_wrong_period_is_refused(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("segments", [1, 3, 10])
-@pytest.mark.parametrize("method", ["gauss", "radau"])
+@pytest.mark.parametrize(("method", "segments"), [("gauss", 1), ("radau", 3), ("gauss", 10)])
 @pytest.mark.parametrize("kind", ["rotation", "jumps not named", "multipliers 1e-300 to 1e300"])
 def test_fixed_settings_keep_their_claims_or_are_refused(kind, method, segments):
     case = draw(kind, 7)

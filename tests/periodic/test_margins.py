@@ -1,15 +1,14 @@
 """Margins of constant loops against python-control, of periodic ones against integrations of the perturbed loop by other means."""
 
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NotStable, TimeLimit, TooManySegments
 from flexlin.periodic import margins as search
+from tests.periodic.dense import transition
 
 T = 2.0
 B = np.array([[0.0], [1.0]])
@@ -37,15 +36,12 @@ def found():
 
 
 def radius(factor, A=A, K=K, edges=(0, T)):
-    """Spectral radius of the monodromy matrix under the feedback factor * K, by DOP853 from edge to edge."""
-    Phi = np.eye(2, dtype=complex)
+    """Spectral radius of the monodromy matrix under the feedback factor * K."""
 
-    def rate(t, x):
-        return ((A(t) - factor * B @ K(t)) @ x.reshape(2, 2)).ravel()
+    def loop(t):
+        return A(t) - factor * B @ K(t)
 
-    for ends in pairwise(edges):
-        Phi = solve_ivp(rate, ends, Phi.ravel(), "DOP853", rtol=1e-10, atol=1e-12).y[:, -1].reshape(2, 2)
-    return np.abs(np.linalg.eigvals(Phi)).max()
+    return np.abs(np.linalg.eigvals(transition(loop, np.eye(2, dtype=complex), edges, rtol=1e-10, atol=1e-12))).max()
 
 
 def growth_with_delay(tau, periods=60):

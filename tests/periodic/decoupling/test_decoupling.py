@@ -1,24 +1,19 @@
 """Decoupling: exponents of systems with very fast modes, against exact ones, and refusals where nothing stands apart."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 import flexlin as fl
-from flexlin.errors import TooManySegments
-from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.decoupling.coupling import Coupled, Decoupled, Refusal, residual_effect
+from flexlin.periodic.decoupling.coupling import Decoupled, Refusal
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.frames import Group
-from flexlin.periodic.floquet import exponents as routes
-from flexlin.periodic.floquet.decoupled import bound_growth, decoupled_exponents, hide_enclosed
-from flexlin.periodic.floquet.segmented import SegmentedSpectrum
+from flexlin.periodic.floquet.decoupled import decoupled_exponents
 from studies import scaling
+from tests.periodic.chains import Wave
 from tests.periodic.random_systems import draw
-from tests.periodic.rotated import KINDS, Rotated, Turn, Wave, random_system, wave
+from tests.periodic.rotated import KINDS, Rotated, random_system, turn, wave
 
 LINKS = {(2, 2): -1.877841128, (3, 2): -0.4336677909}
 """Leading real parts of chains, from Magnus integration on tens of thousands of segments."""
@@ -34,15 +29,11 @@ def misses(answer, exponents, period):
     return size[row, column]
 
 
-def steady(value):
-    return Wave(value, np.zeros(1), np.zeros(1))
-
-
 def fast_and_slow(fast, period=2.0):
     """A lightly damped fast pair and a slow one, mixed by three waving rotations and a shear."""
     rng = np.random.default_rng(3)
-    modes = [(steady(-0.01 * fast), wave(rng, fast, 0.1 * fast, 2)), (steady(-0.5), steady(1.1))]
-    turns = [Turn(i, j, k < 3, wave(rng, 0.3, 0.3, 2)) for k, (i, j) in enumerate([(0, 2), (1, 3), (0, 3), (2, 1)])]
+    modes = [(Wave(-0.01 * fast), wave(rng, fast, 0.1 * fast, 2)), (Wave(-0.5), Wave(1.1))]
+    turns = [turn(i, j, k < 3, wave(rng, 0.3, 0.3, 2)) for k, (i, j) in enumerate([(0, 2), (1, 3), (0, 3), (2, 1)])]
     return Rotated(period, modes, turns)
 
 
@@ -95,28 +86,9 @@ def test_all_exponents_of_a_stiff_chain_are_known(monkeypatch):
     assert (np.abs(found.exponents[[0, -4]].real - truth) <= found.errors[[0, -4]] + 1e-9 * np.abs(truth)).all()
 
 
-def test_the_worse_of_two_answers_is_not_given(monkeypatch):
-    """Decoupling that misses tol in one mode stands beside segments that miss it in all, and beside segments that do not end."""
-    system = fl.PeriodicSystem(fast_and_slow(1e4), 2.0)
-    good = fl.floquet(system, 1e-8)
-    half = replace(good, errors=np.append(good.errors[:-1], 1e3))
-    monkeypatch.setattr(routes, "try_decoupling", lambda *_: half)
-    monkeypatch.setattr(routes, "is_worth_trying", lambda *_: True)
-    blind = SegmentedSpectrum(good.log_multipliers, np.full(4, 1e3), np.zeros(4), good.setting, np.eye(4))
-    for endless in (False, True):
-
-        def by_segments(*_, endless=endless, **__):
-            if endless:
-                raise TooManySegments("too many")
-            return blind
-
-        monkeypatch.setattr(routes, "solve_by_segments", by_segments)
-        assert routes.find_exponents(system, 1e-8, "auto", None, None, 10**6) is half
-
-
 def test_a_mode_whose_vector_turns_over_within_the_period():
-    turns = [Turn(0, 1, True, steady(0.0))]
-    modes = [(steady(-1.0), None), (steady(-900.0), None)]
+    turns = [turn(0, 1, True, Wave(0.0))]
+    modes = [(Wave(-1.0), None), (Wave(-900.0), None)]
     half = Rotated(2.0, modes, turns)
 
     def A(t):
@@ -228,13 +200,6 @@ def test_stiff_links_between_points_are_followed_or_bounded():
     assert abs(apart[1]) < abs(apart[0]) / 100
 
 
-def test_what_is_hidden_lies_below_all_that_is_known():
-    """An enclosure between known exponents is said as it is: inf promises that an exponent lies below the others."""
-    exponents = np.array([300.0, 60.0, -80.0, -80.0, -250.0, -5000.0])
-    errors = np.array([1e-9, 1e-9, 30.0, 30.0, 1e-9, 600.0])
-    assert hide_enclosed(exponents, errors).tolist() == [1e-9, 1e-9, 30.0, 30.0, 1e-9, np.inf]
-
-
 def group_of(values, size, period):
     """A decoupled system that is one real group, or a complex one beside its conjugates, and what is not known of it."""
     p, real = len(size), not np.iscomplexobj(values)
@@ -269,61 +234,3 @@ def test_a_group_claims_what_the_worst_signs_of_the_unknown_do(seed):
         apart = np.abs(gap - 1j * w * np.round(gap.imag / w))
         found = apart.argmin(axis=0)
         assert (apart.min(axis=0) <= answer.errors[found]).all()
-
-
-def test_resonances_move_exponents_by_no_more_than_is_bounded():
-    """Two modes that a harmonic brings into resonance, against their multipliers: at first order where they beat slowly, else at second."""
-    rng, t, steps = np.random.default_rng(7), 2 * np.pi * np.arange(64) / 64, 2 * np.pi * (np.arange(400) + 0.5) / 400
-    softer = []
-    for _ in range(20):
-        gap, c = rng.integers(6, 20), 10 ** rng.uniform(-5, -2)
-        mean = np.array([0, 1j * gap + rng.choice([0.0, 0.3]) * (rng.standard_normal(2) @ [1, 1j])])
-        swing, size = 0.3 * rng.standard_normal((2, 2)) @ [1, 1j], c * rng.uniform(0.5, 1, 2)
-
-        def B(t, mean=mean, gap=gap, swing=swing, size=size):
-            values = np.zeros((len(t), 2, 2), complex)
-            values[:, [0, 1], [0, 1]] = mean + swing * np.cos(t)[:, None]
-            values[:, 0, 1], values[:, 1, 0] = size[0] * np.exp(-1j * gap * t), size[1] * np.exp(1j * gap * t)
-            return values
-
-        coupled = Coupled(B(t), 2 * np.pi, (Group(0, 1, 0), Group(1, 2, 1)))
-        phases = np.exp(
-            1j * gap * np.outer(steps, [0, 1])
-        )  # turns with the second mode, so that one factor serves a long step
-        slow = phases.conj()[:, :, None] * B(steps) * phases[:, None, :] - 1j * gap * np.diag([0, 1])
-        whole = np.eye(2)
-        for factor in expm(2 * np.pi / 400 * slow):
-            whole = factor @ whole
-        logs = np.log(np.linalg.eigvals(whole))
-        moved = measure_distances(2 * np.pi * (mean - [0, 1j * gap]), logs).min(axis=1) / (2 * np.pi)
-        bound = np.diagonal(residual_effect(coupled))
-        assert np.all(moved <= 1.05 * bound + 1e-7 * c)
-        softer.append(bound.max() / c)
-    assert min(softer) < 0.02
-    assert max(softer) > 0.3
-
-
-def test_modes_that_part_on_more_nodes_only_are_not_put_together(monkeypatch):
-    """Two fast pairs of a stiff chain turn too fast for 32 nodes: there they would be one group, enclosed by what its modes part by."""
-    monkeypatch.setitem(scaling.LINK, "bending_stiffness", 2000.0)
-    scene = scaling.scene_of(2, 3)
-    system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
-    done = decouple(system.resolved, system.period, tol=1e-8)
-    assert sorted(group.size for group in done.groups) == [1] * 12 + [4]
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_growth_is_bounded_from_both_sides(seed):
-    """A group that decays at every time is known to decay, however unlike its modes are: the bounds are not symmetric about its mean."""
-    rng = np.random.default_rng(seed)
-    mean, waves = -np.diag([1.0, 3.0, 40.0]) + 0.3 * rng.standard_normal((3, 3)), 0.2 * rng.standard_normal((2, 3, 3))
-
-    def B(t):
-        return mean + np.cos(t)[:, None, None] * waves[0] + np.sin(2 * t)[:, None, None] * waves[1]
-
-    low, high = bound_growth(B(2 * np.pi * np.arange(128) / 128))
-    real = fl.floquet(fl.PeriodicSystem(B, 2 * np.pi)).exponents.real
-    assert low <= real.min()
-    assert real.max() <= high
-    assert high < real.max() + 2
-    assert low > real.min() - 4
