@@ -6,7 +6,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.mechanics import clamped_free
 from flexlin.scene import builtin_scenes, parse_scene
 from tests.thinned import thin
 
@@ -43,38 +42,6 @@ def segment_form(length, mass, payload):
     return a + a.T + np.diag(length**2 * (mass / 3 + beyond))
 
 
-def swing_segments(link, size, payload, count, t):
-    """The tip of rigid segments, cut at springs EI / h, half a segment at both ends, let go from the first mode's slopes."""
-    h = 1.0 / count
-    own = np.array([h / 2, *[h] * (count - 1), h / 2])
-    a, between = segment_form(own, own * link["mass_per_length"], payload), np.diff(np.eye(len(own)), axis=0)
-    centres = np.cumsum(own) - own / 2
-    phi = size * clamped_free(1).values(centres, 1)[0] / clamped_free(1).values(np.ones(1))[0, 0]
-    K, n = link["bending_stiffness"] / h * between.T @ between, len(own)
-
-    def rates(_, x):
-        phi, rate = x[:n], x[n:]
-        apart = phi[:, None] - phi
-        return np.r_[rate, np.linalg.solve(a * np.cos(apart), -K @ phi - a * np.sin(apart) @ rate**2)]
-
-    run = solve_ivp(rates, (0.0, t[-1]), np.r_[phi, np.zeros(n)], "LSODA", t, rtol=1e-7, atol=1e-9)
-    return np.stack([own @ np.cos(run.y[:n]), own @ np.sin(run.y[:n])], axis=1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [0.1, 0.25])
-def test_a_free_link_swings_as_an_inextensible_curve(size):
-    """No hub, a payload of half the mass: against segments by Richardson's rule."""
-    payload, t = 0.08, np.linspace(0.0, 0.3, 31)
-    arm = arm_of({**THIN, "modes": 4}, effects={**STIFFENED, "payload": {"mass": payload}})
-    first = size / clamped_free(1).values(np.ones(1))[0, 0]
-    tip, energy = swing(arm, np.r_[0.0, first, np.zeros(3)], t)
-    coarse, fine = (swing_segments(THIN, size, payload, count, t) for count in (6, 12))
-    exact = fine + (fine - coarse) / 3
-    assert np.abs(tip - exact).max() < {0.1: 0.005, 0.25: 0.02}[size] * size
-    assert np.ptp(energy) < 1e-8 * energy[0]
-
-
 def light_arm(seed):
     """A thin link without a hub, on any axis in space or in the plane, that carries another; sections up to a fifth as high as long."""
     rng = np.random.default_rng(seed)
@@ -93,7 +60,7 @@ def light_arm(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", thin(range(30), quick=4))
+@pytest.mark.parametrize("seed", thin(range(16), quick=4))
 def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed):
     """Random light links in the plane and in space, 1 to 6 modes, no hub, tips bent by 2 to 30 % of the length."""
     arm, rng = light_arm(seed)
@@ -108,7 +75,7 @@ def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4, 7))
+@pytest.mark.parametrize("seed", [4, 5])
 def test_light_links_swing_to_the_end_and_keep_their_energy(seed):
     """The same links, bent in all their shapes and let go without damping."""
     arm, rng = light_arm(seed)
@@ -138,7 +105,7 @@ def test_a_payload_that_may_vanish_and_a_link_that_bends_upward_alone(mass):
 
 
 OPEN = [name for name in builtin_scenes() if "geometric_stiffening" in fl.load_scene(name).effects.on()]
-TREES = (0, 2, 3, 6, 7, 19, 20, 25, 26, 36, 39, 42, 45, 46, 50, 51, 57, 58)
+TREES = (0, 3, 7, 20, 26, 39, 45, 46, 51, 57)
 """Random scenes with the effect: tapered links, shear, and sections with inertia are among them."""
 
 

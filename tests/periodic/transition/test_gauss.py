@@ -2,12 +2,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from flexlin.periodic.grid import place_edges
-from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition import gauss as collocation
 from flexlin.periodic.transition.gauss import gauss_transitions
 from tests.periodic.systems import mathieu
-from tests.periodic.transition.second_order import second_order_transitions
 
 
 def product(factors):
@@ -31,19 +28,6 @@ def test_constant_coefficients_give_the_exponential():
     A = np.array([[0, 1.0], [-4, -0.3]])
     Phi = gauss_transitions(lambda t: np.broadcast_to(A, (len(t), 2, 2)), np.array([0, 0.3, 1.0]), 9)
     np.testing.assert_allclose(Phi, [expm(0.3 * A), expm(0.7 * A)], rtol=1e-14, atol=1e-15)
-
-
-def test_second_order_path_agrees_with_first_order_path():
-    def M(t):
-        return np.eye(2) * 2 + np.cos(t)[:, None, None] * np.array([[0.3, 0.2], [0.2, 0.4]])
-
-    D = np.array([[0.2, 0.5], [-0.5, 0.1]])
-    K = np.array([[30.0, 1.0], [2.0, 5.0]])
-    system = PeriodicSystem.from_second_order(M, D, K, 2 * np.pi)
-    grid = place_edges(system.period, (), 12)
-    np.testing.assert_allclose(
-        second_order_transitions(system.second_order.sample, grid, 9), gauss_transitions(system.A, grid, 11), atol=2e-12
-    )
 
 
 def test_chunks_do_not_change_the_result(monkeypatch):
