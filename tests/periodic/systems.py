@@ -50,9 +50,9 @@ def turned(A, B, C, speed=2.0):
     return system, lambda t: C @ back(t)
 
 
-def mathieu_second_order(a, q):
+def mathieu_second_order(a, q, damping=0.0):
     return PeriodicSystem.from_second_order(
-        np.eye(1), np.zeros((1, 1)), lambda t: (a - 2 * q * np.cos(2 * t))[:, None, None], np.pi
+        np.eye(1), [[2 * damping]], lambda t: (a - 2 * q * np.cos(2 * t))[:, None, None], np.pi
     )
 
 

@@ -5,14 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.periodic import find_together, match_logs
-from tests.periodic.systems import lyapunov_transformed
-
-
-def mathieu(a, q, damping=0.0):
-    def stiffness(t):
-        return (a - 2 * q * np.cos(2 * t))[:, None, None]
-
-    return fl.PeriodicSystem.from_second_order([[1.0]], [[2 * damping]], stiffness, np.pi)
+from tests.periodic.systems import lyapunov_transformed, mathieu_second_order
 
 
 def agree(systems, tol):
@@ -38,8 +31,10 @@ def test_tongues_of_mathieus_equation():
     q = 10 ** rng.uniform(-3, 0.5, 12)
     edges = [float(one(int(rng.integers(1, 5)), value)) for value in q for one in (mathieu_a, mathieu_b)]
     beside = [edge + rng.choice([-1, 1]) * 10 ** rng.uniform(-9, -3) for edge in edges]
-    systems = [mathieu(a, value) for a, value in zip([*edges, *beside], np.tile(np.repeat(q, 2), 2), strict=True)]
-    systems += [mathieu(a, 0.4, 0.02) for a in rng.uniform(0.1, 12, 12)]
+    systems = [
+        mathieu_second_order(a, value) for a, value in zip([*edges, *beside], np.tile(np.repeat(q, 2), 2), strict=True)
+    ]
+    systems += [mathieu_second_order(a, 0.4, 0.02) for a in rng.uniform(0.1, 12, 12)]
     assert agree(systems, 1e-5) > 50
 
 

@@ -14,6 +14,7 @@ from studies import scaling
 from tests.periodic.chains import Wave
 from tests.periodic.random_systems import draw
 from tests.periodic.rotated import KINDS, Rotated, random_system, turn, wave
+from tests.periodic.truths import apart
 
 LINKS = {(2, 2): -1.877841128, (3, 2): -0.4336677909}
 """Leading real parts of chains, from Magnus integration on tens of thousands of segments."""
@@ -21,9 +22,7 @@ LINKS = {(2, 2): -1.877841128, (3, 2): -0.4336677909}
 
 def misses(answer, exponents, period):
     """For each exponent found its distance to the known one that fits its claim best, modulo 2 pi i / T."""
-    apart = answer.exponents[:, None] - exponents
-    w = 2 * np.pi / period
-    size = np.hypot(apart.real, np.remainder(apart.imag + w / 2, w) - w / 2)
+    size = apart(answer.exponents, exponents, period)
     row, column = linear_sum_assignment(np.minimum(size / answer.errors[:, None], 1e6))
     assert (row == np.arange(len(row))).all()
     return size[row, column]
@@ -196,8 +195,8 @@ def test_stiff_links_between_points_are_followed_or_bounded():
     assert [one.verdict for one in found] == 3 * ["stable"]
     assert [one.setting.method for one in found] == ["gauss", "radau", "radau"]
     assert max(one.errors[0] for one in found) < 1e-9
-    apart = np.diff([one.exponents[0].real for one in found])
-    assert abs(apart[1]) < abs(apart[0]) / 100
+    moved = np.diff([one.exponents[0].real for one in found])
+    assert abs(moved[1]) < abs(moved[0]) / 100
 
 
 def group_of(values, size, period):
@@ -229,8 +228,5 @@ def test_a_group_claims_what_the_worst_signs_of_the_unknown_do(seed):
         slope = np.outer(left[k], right[:, k])
         E = size * (slope.conj() / np.abs(slope) if seed % 2 else np.sign(slope.real))
         moved = np.linalg.eigvals(B + E)
-        w = 2 * np.pi / period
-        gap = answer.exponents[:, None] - moved
-        apart = np.abs(gap - 1j * w * np.round(gap.imag / w))
-        found = apart.argmin(axis=0)
-        assert (apart.min(axis=0) <= answer.errors[found]).all()
+        distance = apart(answer.exponents, moved, period)
+        assert (distance.min(axis=0) <= answer.errors[distance.argmin(axis=0)]).all()
