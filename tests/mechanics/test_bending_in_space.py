@@ -83,13 +83,3 @@ def test_lateral_buckling():
     load = 4.0126 * np.sqrt(weak * twist) / length**2
     assert lowest(0.9 * load / 9.81) > 0 > lowest(1.1 * load / 9.81)
     assert 9.81 * brentq(lowest, 0.9 * load / 9.81, 1.1 * load / 9.81) == pytest.approx(load, rel=1e-3)
-
-
-def test_a_flat_blade_turns_back_into_the_plane_of_rotation():
-    """The propeller moment: omega^2 = omega_0^2 + Omega^2 (J_z - J_y) / J_x for the twist of a blade."""
-    polar, radius, rate = 0.02, 0.12, 5.0
-    link = {**BEAM, "modes": {"torsion": 4}, "torsional_stiffness": 3.0, "polar_inertia": polar}
-    found, _ = frequencies(scene_of(link, {"rotary_inertia": {"radius_of_gyration": radius}}, rate))
-    about_z = radius**2
-    expected = (np.pi / 2) ** 2 * 3.0 / polar + rate**2 * (2 * about_z - polar) / polar
-    assert found[0] ** 2 == pytest.approx(expected, rel=3e-6)  # the root is to 1e-6

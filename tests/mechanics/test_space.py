@@ -5,34 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import flexlin as fl
-from flexlin.scene import parse_scene
 
 from .scenes import value
-from .spatial import scene_table
-
-LINK = {"length": 0.6, "mass_per_length": 0.5, "bending_stiffness": 9.0, "modes": 2}
-EFFECTS = {"payload": {"mass": 0.2, "inertia": 0.01}, "geometric_stiffening": {}, "modal_damping": {"ratio": 0.01}}
-
-
-def test_turning_and_moving_a_whole_scene_changes_nothing():
-    """Gravity with it: the same exponents, gains and all. A planar arm is then one in space."""
-    control = {"feedback": {"kind": "pd", "kp": [30.0, 10.0], "kd": [3.0, 1.0]}}
-    link = {**LINK, "modes": 1, "joint": "revolute"}
-    raw = scene_table([link, {**link, "mount_angle": 0.4}], **EFFECTS)
-    raw |= {"control": control, "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}] * 2}}
-    turn = Rotation.from_rotvec([0.3, -1.1, 0.7])
-
-    def exponents(links, direction):
-        table = {**raw, "links": links, "effects": raw["effects"] | {"gravity": {"direction": list(direction)}}}
-        scene = parse_scene(table)
-        lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-        return fl.floquet(lin.periodic_system(), 1e-10).exponents
-
-    base = {"xyz": [0.4, 2.0, -0.7], "rpy": turn.as_euler("xyz").tolist()}
-    plain = exponents(raw["links"], [0.0, -1.0, 0.0])
-    turned = exponents([{**raw["links"][0], "mount": base}, raw["links"][1]], turn.apply([0.0, -1.0, 0.0]))
-    distance = np.abs(plain[:, None] - turned).min(axis=1)
-    assert distance.max() <= 1e-9 * np.abs(plain).max()
 
 
 def test_the_puma_is_the_published_one():

@@ -6,7 +6,7 @@ from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 import flexlin as fl
-from flexlin.periodic.decoupling.coupling import Decoupled, Refusal
+from flexlin.periodic.decoupling.coupling import Coupled, Decoupled, Refusal, residual_effect
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.frames import Group
 from flexlin.periodic.floquet.decoupled import decoupled_exponents
@@ -230,3 +230,35 @@ def test_a_group_claims_what_the_worst_signs_of_the_unknown_do(seed):
         moved = np.linalg.eigvals(B + E)
         distance = apart(answer.exponents, moved, period)
         assert (distance.min(axis=0) <= answer.errors[distance.argmin(axis=0)]).all()
+
+
+def test_resonances_move_exponents_by_no_more_than_is_bounded():
+    """Two modes that a harmonic brings into resonance, against their multipliers: at first order where they beat slowly, else at second."""
+    rng, t, steps = np.random.default_rng(7), 2 * np.pi * np.arange(64) / 64, 2 * np.pi * (np.arange(400) + 0.5) / 400
+    softer = []
+    for _ in range(20):
+        gap, c = rng.integers(6, 20), 10 ** rng.uniform(-5, -2)
+        mean = np.array([0, 1j * gap + rng.choice([0.0, 0.3]) * (rng.standard_normal(2) @ [1, 1j])])
+        swing, size = 0.3 * rng.standard_normal((2, 2)) @ [1, 1j], c * rng.uniform(0.5, 1, 2)
+
+        def B(t, mean=mean, gap=gap, swing=swing, size=size):
+            values = np.zeros((len(t), 2, 2), complex)
+            values[:, [0, 1], [0, 1]] = mean + swing * np.cos(t)[:, None]
+            values[:, 0, 1], values[:, 1, 0] = size[0] * np.exp(-1j * gap * t), size[1] * np.exp(1j * gap * t)
+            return values
+
+        coupled = Coupled(B(t), 2 * np.pi, (Group(0, 1, 0), Group(1, 2, 1)))
+        phases = np.exp(
+            1j * gap * np.outer(steps, [0, 1])
+        )  # turns with the second mode, so that one factor serves a long step
+        slow = phases.conj()[:, :, None] * B(steps) * phases[:, None, :] - 1j * gap * np.diag([0, 1])
+        whole = np.eye(2)
+        for factor in expm(2 * np.pi / 400 * slow):
+            whole = factor @ whole
+        logs = np.log(np.linalg.eigvals(whole)) / (2 * np.pi)
+        moved = apart(mean - [0, 1j * gap], logs, 2 * np.pi).min(axis=1)
+        bound = np.diagonal(residual_effect(coupled))
+        assert np.all(moved <= 1.05 * bound + 1e-7 * c)
+        softer.append(bound.max() / c)
+    assert min(softer) < 0.02
+    assert max(softer) > 0.3

@@ -69,7 +69,7 @@ def made_up(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 4, 5, 8, 10, 11, 14, 16, 17, 21, 23, 25])
+@pytest.mark.parametrize("seed", [0, 5, 8, 11, 14, 17, 21, 25])
 def test_errors_of_made_up_solutions_are_covered(seed):
     system, Q, R, X = made_up(seed)
     t = np.random.default_rng(seed).uniform(0, system.period, 400)
