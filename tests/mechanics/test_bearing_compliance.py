@@ -1,4 +1,4 @@
-"""Bearings that give across their joint: energies by finite rotations, whirling rotors, drooping arms, what a scene may say."""
+"""Bearings that give across their joint: whirling rotors, and what a scene may say."""
 
 import numpy as np
 import pytest
@@ -7,9 +7,8 @@ import flexlin as fl
 from flexlin.errors import SceneError
 from flexlin.scene import parse_scene
 
+from .scenes import held, linear, plain_scene
 from .spatial import scene_table
-
-HARMONIC = {"kind": "harmonic", "frequency": 1.0}
 
 
 @pytest.mark.parametrize("spin", [0.0, 3.0, 40.0])
@@ -17,14 +16,9 @@ def test_a_rotor_on_a_soft_bearing_whirls(spin):
     """J_t b'' + i J_p Omega b' + d b' + k b = 0 with b = beta_1 + i beta_2: forward and backward whirl (Genta, section 4.6)."""
     k, d, across_axis, along = 30.0, 0.02, 0.05, 0.08
     body = {"mass": 2.0, "inertia": {"xx": across_axis, "yy": across_axis, "zz": along}}
-    motion = {"kind": "rotation", "drive": "prescribed", "joints": [{"rate": spin}]}
-    if not spin:
-        motion = {**HARMONIC, "joints": [{"amplitude": 0.0, "drive": "prescribed"}]}
-    scene = {"schema": 1, "title": "rotor", "links": [{"body": body}], "motion": motion}
-    scene["effects"] = {"bearing_compliance": {"stiffness": k, "damping": d}}
-    checked = parse_scene(scene)
-    lin = fl.linearize(fl.build_manipulator(checked), checked.motion)
-    A = lin.A(np.zeros(1))[0]
+    motion = {"kind": "rotation", "drive": "prescribed", "joints": [{"rate": spin}]} if spin else held()
+    scene = plain_scene([{"body": body}], motion, effects={"bearing_compliance": {"stiffness": k, "damping": d}})
+    A = linear(scene).A(np.zeros(1))[0]
     whirl = np.roots([across_axis, d - 1j * along * spin, k])
     expected = np.concatenate([whirl, whirl.conj()])
     found = np.linalg.eigvals(A)

@@ -7,30 +7,22 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 import flexlin as fl
-from flexlin.scene import parse_scene
+
+from .scenes import held, linear, plain_scene
 
 BEAM = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0}
 
 
 def scene_of(link, effects, rate=0.0):
     """One link that turns about z at a rate, or stands still."""
-    still = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.0}]}
-    motion = {"kind": "rotation", "joints": [{"rate": rate}]} if rate else still
-    motion["drive"] = "prescribed"
-    return parse_scene({"schema": 1, "title": "beam", "links": [link], "effects": effects, "motion": motion})
-
-
-def frequencies(scene):
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
-    assert np.abs(lin.D(0.0)).max() < 1e-9
-    return np.sqrt(eigh(lin.K(0.0), lin.M(0.0), eigvals_only=True)), lin
+    turning = {"kind": "rotation", "joints": [{"rate": rate}], "drive": "prescribed"}
+    return plain_scene([link], turning if rate else held(), effects=effects)
 
 
 @pytest.mark.parametrize(("rate", "flap"), [(0.0, 3.5160), (2.0, 4.1373), (6.0, 7.3604), (12.0, 13.170)])
 def test_rotating_blade(rate, flap):
     """Flap across the plane of rotation (Wright et al. 1982), lag in it: lag^2 = flap^2 - Omega^2; from one scene."""
-    scene = scene_of({**BEAM, "modes": {"y": 10, "z": 10}}, {"geometric_stiffening": {}}, rate)
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    lin = linear(scene_of({**BEAM, "modes": {"y": 10, "z": 10}}, {"geometric_stiffening": {}}, rate))
     M, K = lin.M(0.0), lin.K(0.0)
     np.testing.assert_allclose(K[:10, 10:], 0, atol=1e-9)
     lag, flapping = (
@@ -47,7 +39,8 @@ def test_torsion_of_a_shaft_with_a_disc(disc, shapes):
     length, stiffness, polar = 0.7, 3.0, 0.02
     link = {**BEAM, "length": length, "modes": {"torsion": 4}, "torsional_stiffness": stiffness, "polar_inertia": polar}
     tensor = {"payload": {"mass": 0.0, "tensor": {"xx": disc * polar * length}}} if disc else {}
-    found, _ = frequencies(scene_of({**link, "mode_shapes": shapes}, tensor))
+    lin = linear(scene_of({**link, "mode_shapes": shapes}, tensor))
+    found = np.sqrt(eigh(lin.K(0.0), lin.M(0.0), eigvals_only=True))
     c = np.sqrt(stiffness / polar)
     root = brentq(lambda x: x * np.sin(x) * disc - np.cos(x), 1e-6, np.pi / 2) if disc else np.pi / 2
     assert found[0] == pytest.approx(root * c / length, rel=1e-6)

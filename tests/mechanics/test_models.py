@@ -6,15 +6,14 @@ from scipy.linalg import eigh
 
 import flexlin as fl
 from flexlin.mechanics import make_shapes, sum_carried
+from tests.closed_arm import closed
 
 from .scenes import matrices_at_rest
 
 
 @pytest.mark.parametrize("name", ["de-luca-siciliano-1991", "flexible-joint-link", "rigid-flexible-forearm"])
 def test_their_own_loops_are_stable(name):
-    scene = fl.load_scene(name)
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    assert fl.floquet(lin.periodic_system(), tol=1e-6).verdict == "stable"
+    assert fl.floquet(closed(name).periodic_system(), tol=1e-6).verdict == "stable"
 
 
 def test_forearm_has_its_measured_frequencies_and_inertias():

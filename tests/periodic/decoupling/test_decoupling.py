@@ -11,6 +11,7 @@ from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.frames import Group
 from flexlin.periodic.floquet.decoupled import decoupled_exponents
 from studies import scaling
+from tests.closed_arm import closed
 from tests.periodic.chains import Wave
 from tests.periodic.random_systems import draw
 from tests.periodic.rotated import KINDS, Rotated, random_system, turn, wave
@@ -188,10 +189,7 @@ def test_stiff_links_between_points_are_followed_or_bounded():
             "links.0.bending_stiffness": 671.0 * stiffer,
             "links.1.bending_stiffness": 189.0 * stiffer,
         }
-        scene = fl.load_scene("pick-and-place", changed)
-        found.append(
-            fl.floquet(fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system())
-        )
+        found.append(fl.floquet(closed("pick-and-place", changed).periodic_system()))
     assert [one.verdict for one in found] == 3 * ["stable"]
     assert [one.setting.method for one in found] == ["gauss", "radau", "radau"]
     assert max(one.errors[0] for one in found) < 1e-9

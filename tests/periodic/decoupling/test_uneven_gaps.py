@@ -5,6 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.periodic import Refusal, decouple, decoupled_exponents, match_logs
+from tests.closed_arm import closed
 from tests.periodic.chains import Wave
 from tests.periodic.gentle import gentle_system
 from tests.periodic.rotated import Rotated, mix
@@ -87,18 +88,16 @@ HARD_DRIVE = {
 """Eigenvectors of the mean, in metres and metres per second, of a joint mode that decays within a millisecond: their inverse needs care."""
 
 
-def arm(changes):
-    scene = fl.load_scene("single-link", {"designs": [], **changes})
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+SYSTEMS = {
+    "integral action": lambda: fl.PeriodicSystem(loop_with_integral_action(), T),
+    "near resonance": lambda: closed(changes=NEAR_RESONANCE).periodic_system(),
+    "hard drive": lambda: closed(changes=HARD_DRIVE).periodic_system(),
+}
 
 
-@pytest.mark.parametrize(
-    "system",
-    [lambda: fl.PeriodicSystem(loop_with_integral_action(), T), lambda: arm(NEAR_RESONANCE), lambda: arm(HARD_DRIVE)],
-    ids=["integral action", "near resonance", "hard drive"],
-)
-def test_segments_give_the_same_exponents(system):
-    system = system()
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_segments_give_the_same_exponents(name):
+    system = SYSTEMS[name]()
     exact = fl.floquet(system, 1e-10, method="gauss")
     for one in (decouple(system.resolved, system.period, tol=1e-8), fl.floquet(system, 1e-8)):
         if isinstance(one, Refusal):

@@ -12,6 +12,7 @@ from flexlin.periodic import (
     solve_modes_at_nodes,
     wrap_log,
 )
+from tests.closed_arm import closed
 from tests.periodic.gentle import gentle_system
 
 
@@ -128,8 +129,7 @@ def test_modes_that_coincide_are_right_or_left_to_others(apart, coupling):
 @pytest.mark.slow
 def test_modes_of_an_arm_whose_slow_modes_part_by_much_are_those_of_its_frame():
     """They say how damping moves the exponents, as exponents with a little more and less damping do; segments took them five seconds."""
-    scene = fl.load_scene("de-luca-siciliano-1991")
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    lin = closed("de-luca-siciliano-1991")
 
     def damped(factor):
         return fl.PeriodicSystem.from_second_order(lin.M, lambda t: factor * lin.D(t), lin.K, lin.period)

@@ -1,13 +1,12 @@
 """The error that floquet reports against the true error, over random systems with known exponents."""
 
-import mpmath
 import numpy as np
 import pytest
 
 import flexlin as fl
 from flexlin.periodic import match_logs
-
-EPS = float(np.finfo(float).eps)
+from tests.periodic.jumping_systems import Piecewise
+from tests.periodic.truths import switched_exponents
 
 
 def switched_triangular(seed):
@@ -20,13 +19,8 @@ def switched_triangular(seed):
         U = np.triu(10 ** rng.uniform(1.5, 6) * rng.standard_normal((3, 3)), 1) - np.diag(10 ** rng.uniform(-1, 1, 3))
         Q = np.linalg.qr(rng.standard_normal((3, 3)))[0]
         parts.append(Q @ U @ Q.T / (10 * T))
-    with mpmath.workdps(60):
-        product = mpmath.eye(3)
-        for A, begin, end in zip(parts, starts, [*starts[1:], T], strict=True):
-            product = mpmath.expm(mpmath.matrix(A.tolist()) * (mpmath.mpf(end) - mpmath.mpf(begin))) * product
-        known = np.array([complex(mpmath.log(z) / mpmath.mpf(T)) for z in mpmath.eig(product, left=False, right=False)])
-    system = fl.PeriodicSystem(lambda t: np.array(parts)[np.searchsorted(starts, t % T, side="right") - 1], T)
-    return system, known
+    system = fl.PeriodicSystem(Piecewise(starts, T, np.array(parts)), T)
+    return system, switched_exponents(parts, [*starts, T])
 
 
 @pytest.mark.parametrize(
