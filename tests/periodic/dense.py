@@ -14,10 +14,10 @@ def integrate(rate, start, stops, rtol=1e-12, atol=1e-13):
     x = np.multiply(start, 1.0)
     found = [x]
     for a, b in pairwise(stops):
-        inside = np.sort(np.nextafter([a, b], [b, a]))
+        low, high = sorted((float(np.nextafter(a, b)), float(np.nextafter(b, a))))
 
-        def flat(t, y, inside=inside, shape=x.shape):
-            return np.ravel(rate(float(np.clip(t, *inside)), y.reshape(shape)))
+        def flat(t, y, low=low, high=high, shape=x.shape):
+            return np.ravel(rate(min(max(t, low), high), y.reshape(shape)))
 
         run = solve_ivp(flat, (a, b), x.ravel(), "DOP853", rtol=rtol, atol=atol)
         assert run.success

@@ -5,6 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.periodic import find_together, match_logs
+from flexlin.periodic.boundary.together import multiply_up
 from tests.periodic.systems import lyapunov_transformed, mathieu_second_order
 
 
@@ -59,6 +60,22 @@ def test_what_the_segments_do_not_follow_is_not_called_accurate():
         lambda t: np.array([[1.0, 5.0], [0.0, -90.0]]) + 0.1 * np.sin(2 * np.pi * t)[:, None, None], 1.0
     )
     assert not find_together([fast, fl.PeriodicSystem(jump, 1.0), apart], 1e-8).meets(1e-8).any()
+
+
+@pytest.mark.parametrize("seed", [0, 3, 6, 9])
+def test_products_are_no_farther_off_than_their_bound(seed):
+    """Of turning, shearing, decaying factors, against the same product with 11 more bits; the bound is not much too large."""
+    rng, n = np.random.default_rng(seed), 2 + seed
+    noise = rng.standard_normal((100, n, n))
+    turning, shear = np.linalg.qr(noise)[0], np.eye(n) + 0.3 * np.triu(noise, 1)
+    factors = np.array([turning, shear, 0.9 * turning @ shear])
+    made, bound = multiply_up(factors)
+    exact = np.broadcast_to(np.eye(n, dtype=np.longdouble), made.shape)
+    for k in range(100):
+        exact = factors[:, k].astype(np.longdouble) @ exact
+    off = np.abs(made - exact)
+    assert np.all(off <= bound)
+    assert np.all(bound.max(axis=(1, 2)) < 1e4 * off.max(axis=(1, 2)))
 
 
 def test_a_frequency_is_searched_on_few_systems():

@@ -9,10 +9,10 @@ import flexlin as fl
 from flexlin.periodic.decoupling.coupling import Coupled, Decoupled, Refusal, residual_effect
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.frames import Group
-from flexlin.periodic.floquet.decoupled import decoupled_exponents
+from flexlin.periodic.floquet.decoupled import bound_growth, decoupled_exponents, hide_enclosed
 from studies import scaling
 from tests.closed_arm import closed
-from tests.periodic.chains import Wave
+from tests.periodic.chains import Rotation, Wave
 from tests.periodic.random_systems import draw
 from tests.periodic.rotated import KINDS, Rotated, random_system, turn, wave
 from tests.periodic.truths import apart
@@ -87,20 +87,10 @@ def test_all_exponents_of_a_stiff_chain_are_known(monkeypatch):
 
 
 def test_a_mode_whose_vector_turns_over_within_the_period():
-    turns = [turn(0, 1, True, Wave(0.0))]
-    modes = [(Wave(-1.0), None), (Wave(-900.0), None)]
-    half = Rotated(2.0, modes, turns)
-
-    def A(t):
-        angle = np.pi / 2 * np.asarray(t)  # half a turn in a period of 2
-        c, s = np.cos(angle), np.sin(angle)
-        R = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-        J = np.pi / 2 * np.array([[0, -1.0], [1, 0]])
-        return R @ np.diag([-1.0, -900.0]) @ np.swapaxes(R, 1, 2) + J
-
-    answer = decoupled_exponents(decouple(A, 2.0, tol=1e-8))
-    shifted_by_half = half.exponents + 1j * np.pi / 2
-    assert (misses(answer, shifted_by_half, 2.0) <= 3 * answer.errors).all()
+    """Half a turn in a period of 2: A(t) is the same again, the vectors point the other way."""
+    half = Rotated(4.0, [(Wave(-1.0), None), (Wave(-900.0), None)], [Rotation(0, 1, Wave(0.0, 1))])
+    answer = decoupled_exponents(decouple(half, 2.0, tol=1e-8))
+    assert (misses(answer, half.exponents + 1j * np.pi / 2, 2.0) <= 3 * answer.errors).all()
     assert answer.errors.max() < 1e-7
 
 
@@ -114,16 +104,8 @@ def test_a_group_that_turns_over_claims_what_it_is_known_by():
 
 def turning(turns):
     """A plane that turns so many times in a period, beside a third state: exponents -0.5, -1.2, -3."""
-    w, spin = 2 * np.pi * turns, np.array([[0.0, -1.0], [1.0, 0.0]])
-
-    def A(t):
-        R = np.cos(w * t)[:, None, None] * np.eye(2) + np.sin(w * t)[:, None, None] * spin
-        values = np.zeros((len(t), 3, 3))
-        values[:, :2, :2] = w * spin + R @ np.array([[-0.5, 2.0], [0.0, -3.0]]) @ np.swapaxes(R, 1, 2)
-        values[:, 2, 2] = -1.2
-        return values
-
-    return A
+    modes = [(Wave(-0.5), None), (Wave(-3.0), None), (Wave(-1.2), None)]
+    return Rotated(1.0, modes, [Rotation(0, 1, Wave(0.0, turns))], [(0, 1, 2.0)])
 
 
 @pytest.mark.parametrize("turns", [128, 129, 247, 654])
@@ -260,3 +242,27 @@ def test_resonances_move_exponents_by_no_more_than_is_bounded():
         softer.append(bound.max() / c)
     assert min(softer) < 0.02
     assert max(softer) > 0.3
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_growth_is_bounded_from_both_sides(seed):
+    """A group that decays at every time is known to decay, however unlike its modes are: the bounds are not symmetric about its mean."""
+    rng = np.random.default_rng(seed)
+    mean, waves = -np.diag([1.0, 3.0, 40.0]) + 0.3 * rng.standard_normal((3, 3)), 0.2 * rng.standard_normal((2, 3, 3))
+
+    def B(t):
+        return mean + np.cos(t)[:, None, None] * waves[0] + np.sin(2 * t)[:, None, None] * waves[1]
+
+    low, high = bound_growth(B(2 * np.pi * np.arange(128) / 128))
+    real = fl.floquet(fl.PeriodicSystem(B, 2 * np.pi)).exponents.real
+    assert low <= real.min()
+    assert real.max() <= high
+    assert high < real.max() + 2
+    assert low > real.min() - 4
+
+
+def test_what_is_hidden_lies_below_all_that_is_known():
+    """An enclosure between known exponents is said as it is: inf promises that an exponent lies below the others."""
+    exponents = np.array([300.0, 60.0, -80.0, -80.0, -250.0, -5000.0])
+    errors = np.array([1e-9, 1e-9, 30.0, 30.0, 1e-9, 600.0])
+    assert hide_enclosed(exponents, errors).tolist() == [1e-9, 1e-9, 30.0, 30.0, 1e-9, np.inf]

@@ -56,13 +56,3 @@ def test_only_what_is_damped_or_driven_is_not_taken_for_undamped():
     assert not any(map(is_hamiltonian, (weak, *others)))
     assert is_hamiltonian(VARYING_SPIN)
     assert fl.floquet(weak).verdict == "stable"
-
-
-def test_long_product_keeps_the_pairing():
-    """An undamped oscillator over 1000 modulation periods: exponents stay on the axis to rounding."""
-    system = fl.PeriodicSystem.from_second_order(
-        np.eye(1), np.zeros((1, 1)), lambda t: (7.0 + np.cos(2 * t))[:, None, None], 1000 * np.pi
-    )
-    result = fl.floquet(system, tol=1e-10)
-    assert np.abs(result.exponents.real).max() < 1e-13
-    assert result.error < 1e-6
