@@ -81,3 +81,22 @@ def lyapunov_transformed(constant, frequency, harmonics, rng, size=0.3):
         return np.swapaxes(np.linalg.solve(np.swapaxes(P, 1, 2), right), 1, 2)
 
     return A
+
+
+def random_waves(rng, rows, columns, harmonics, decay, period):
+    """A random trigonometric polynomial and its derivative."""
+    size = decay ** np.arange(harmonics + 1)[:, None, None]
+    cosines, sines = (size * rng.normal(size=(harmonics + 1, rows, columns)) for _ in range(2))
+    rate = 2 * np.pi / period * np.arange(harmonics + 1)
+
+    def value(t):
+        angle = np.outer(t, rate)
+        return np.einsum("tk,kij->tij", np.cos(angle), cosines) + np.einsum("tk,kij->tij", np.sin(angle), sines)
+
+    def slope(t):
+        angle = np.outer(t, rate)
+        return np.einsum("tk,kij->tij", np.cos(angle) * rate, sines) - np.einsum(
+            "tk,kij->tij", np.sin(angle) * rate, cosines
+        )
+
+    return value, slope

@@ -6,9 +6,10 @@ import pytest
 from flexlin import PeriodicSystem
 from flexlin.periodic import periodic_riccati
 from tests.periodic.dense import at, integrate
+from tests.periodic.systems import random_waves
 
 PERIOD, JUMP = 2.0, 0.7
-KINDS = ("smooth", "jumps", "unnamed jumps", "semidefinite", "units", "cheap", "fast")
+KINDS = ("smooth", "jumps", "unnamed jumps", "semidefinite", "cheap", "fast")
 INTEGRATED = 2e-11
 """What DOP853 leaves at rtol 1e-12, relative to the largest entry."""
 
@@ -19,14 +20,8 @@ def flip(M):
 
 def waves(rng, rows, columns, size):
     """A random trigonometric polynomial with two harmonics."""
-    parts = size * rng.normal(size=(5, rows * columns))
-
-    def value(t):
-        angle = 2 * np.pi / PERIOD * np.outer(t, [1, 2])
-        waves = parts[0] + np.cos(angle) @ parts[1:3] + np.sin(angle) @ parts[3:]
-        return waves.reshape(-1, rows, columns)
-
-    return value
+    value, _ = random_waves(rng, rows, columns, 2, 1.0, PERIOD)
+    return lambda t: size * value(t)
 
 
 def oscillators(rng, n):
@@ -44,13 +39,12 @@ def oscillators(rng, n):
 
 
 class Problem:
-    """Random coefficients in units that may lie far apart; B, R, Q, N may jump at 0 and JUMP; `constant` holds those that do not vary."""
+    """Random coefficients, of which B, R, Q, N may jump at 0 and JUMP; `constant` holds those that do not vary."""
 
     def __init__(self, kind, seed):
         rng = np.random.default_rng([KINDS.index(kind), seed])
         n, m = (6, 2) if kind == "fast" else (int(rng.integers(2, 9)), int(rng.integers(1, 4)))
         self.kind, self.jumps, self.constant = kind, "jumps" in kind, {}
-        self.units = 10.0 ** (rng.uniform(-1.5, 1.5, n) * (2 if kind == "units" else 0))
         self.A0, self.B0 = waves(rng, n, n, 1 / np.sqrt(n)), waves(rng, n, m, 1.0)
         if kind == "fast":
             self.A0, self.B0 = oscillators(rng, n)
@@ -58,7 +52,7 @@ class Problem:
         self.R0 = (effort @ effort.T + np.eye(m)) * 10.0 ** (rng.uniform(-3, -1) if kind in ("cheap", "fast") else 0)
         self.root = waves(rng, n, int(rng.integers(1, n)) if kind == "semidefinite" else n, 0.5)
         self.least = (0.0 if kind == "semidefinite" else 0.3) * np.eye(n)
-        self.N0 = 0.1 * rng.normal(size=(n, m)) * (kind in ("smooth", "jumps", "unnamed jumps", "units"))
+        self.N0 = 0.1 * rng.normal(size=(n, m)) * (kind in ("smooth", "jumps", "unnamed jumps"))
         self.times = np.sort(rng.uniform(0, PERIOD, 6))
 
     def step(self, t):
@@ -66,20 +60,20 @@ class Problem:
         return (1.0 + wave + (self.jumps & (np.mod(t, PERIOD) >= JUMP)))[:, None, None]
 
     def A(self, t):
-        return self.units[:, None] * (self.A0(t) + self.shift) / self.units
+        return self.A0(t) + self.shift
 
     def B(self, t):
-        return self.units[:, None] * self.B0(t) * self.step(t)
+        return self.B0(t) * self.step(t)
 
     def Q(self, t):
         root = self.root(t)
-        return (root @ flip(root) + self.least) * self.step(t) / np.outer(self.units, self.units)
+        return (root @ flip(root) + self.least) * self.step(t)
 
     def R(self, t):
         return self.R0 * self.step(t)
 
     def N(self, t):
-        return self.N0 / self.units[:, None] * self.step(t)
+        return self.N0 * self.step(t)
 
     def value(self, name, t):
         return self.constant[name] if name in self.constant else at(getattr(self, name), t)

@@ -8,29 +8,11 @@ from scipy.special import erf
 from flexlin import PeriodicSystem, periodic_lyapunov
 from flexlin.errors import NotStable
 from flexlin.periodic import periodic_riccati
+from tests.periodic.systems import random_waves
 
 
 def flip(M):
     return np.swapaxes(M, -1, -2)
-
-
-def random_waves(rng, rows, columns, harmonics, decay, period):
-    """A random trigonometric polynomial and its derivative."""
-    size = decay ** np.arange(harmonics + 1)[:, None, None]
-    cosines, sines = (size * rng.normal(size=(harmonics + 1, rows, columns)) for _ in range(2))
-    rate = 2 * np.pi / period * np.arange(harmonics + 1)
-
-    def value(t):
-        angle = np.outer(t, rate)
-        return np.einsum("tk,kij->tij", np.cos(angle), cosines) + np.einsum("tk,kij->tij", np.sin(angle), sines)
-
-    def slope(t):
-        angle = np.outer(t, rate)
-        return np.einsum("tk,kij->tij", np.cos(angle) * rate, sines) - np.einsum(
-            "tk,kij->tij", np.sin(angle) * rate, cosines
-        )
-
-    return value, slope
 
 
 def made_up(seed):
