@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from flexlin.periodic import resolve
+from tests.periodic.resolved.functions import background
 from tests.thinned import thin
 
 T = 2.0
@@ -12,13 +13,8 @@ T = 2.0
 def waving(rng, n, spread):
     """Entries of n x n with a few harmonics each, of sizes that are `spread` decades apart, some of them constant and some zero."""
     size = 10.0 ** rng.uniform(-spread / 2, spread / 2, (n, n)) * (rng.random((n, n)) < 0.8)
-    mean, waves = rng.standard_normal((n, n)), rng.standard_normal((2, 3, n, n)) * (rng.random((n, n)) < 0.7)
-
-    def A(t):
-        angle = 2 * np.pi / T * np.outer(t, np.arange(1, 4))
-        return size * (mean + np.tensordot(np.cos(angle), waves[0], 1) + np.tensordot(np.sin(angle), waves[1], 1))
-
-    return A, size
+    smooth = background(rng, T, n, 3)
+    return (lambda t: size * smooth(t)), size
 
 
 def box(t, begin, width):
