@@ -1,6 +1,6 @@
 """Is anything lost, endless or let in? Mutated scenes, kills, full disks, several writers, little memory, misuse.
 
-Scenes are drawn by hypothesis from the JSON schema, or are built-in ones with some places changed; each run is a process of its own. A run
+Scenes are drawn from the JSON schema, or are built-in ones with some places changed; each run is a process of its own. A run
 is uncaught when an exception or a signal ends it; without a key when it refuses a scene and names none of its keys. After a kill or on
 a full disk a reader who knows nothing but docs/results.md looks for sets that are mixed or half, and for leftovers after the next run.
 

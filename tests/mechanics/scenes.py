@@ -5,6 +5,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from flexlin import Linearization, linearize
 from flexlin.checks import Array
 from flexlin.mechanics import Manipulator, build_manipulator
 from flexlin.scene import Scene, parse_scene
@@ -12,14 +13,30 @@ from flexlin.scene import Scene, parse_scene
 LINK = {"length": 0.5, "mass_per_length": 0.2, "bending_stiffness": 1.0, "modes": 2}
 
 
+def swinging(*joints: dict[str, Any], frequency: float = 1.0, **more: Any) -> dict[str, Any]:
+    """The table of a harmonic motion."""
+    return {"kind": "harmonic", "frequency": frequency, "joints": list(joints), **more}
+
+
+def held(angle: float = 0.0, frequency: float = 1.0) -> dict[str, Any]:
+    """The motion of one joint that stands still whatever acts on it."""
+    return swinging({"mean": angle, "amplitude": 0.0}, frequency=frequency, drive="prescribed")
+
+
+def plain_scene(links: list[dict[str, Any]], motion: dict[str, Any], **more: Any) -> Scene:
+    """A scene of tables as they are."""
+    return parse_scene({"schema": 1, "title": "test", "links": links, "motion": motion, **more})
+
+
+def linear(scene: Scene) -> Linearization:
+    """The linearization of a scene's arm without a loop."""
+    return linearize(build_manipulator(scene), scene.motion)
+
+
 def scene_of(*links: dict[str, Any], effects: dict[str, Any] | None = None, **more: Any) -> Scene:
     """A scene of these links (each on top of LINK), swinging harmonically."""
-    joints = [{"mean": 0.1, "amplitude": 0.2} for _ in links]
-    motion = {"kind": "harmonic", "frequency": 1.0, "joints": joints}
-    tables = [{**LINK, **link} for link in links]
-    return parse_scene(
-        {"schema": 1, "title": "test", "links": tables, "effects": effects or {}, "motion": motion, **more}
-    )
+    motion = swinging(*[{"mean": 0.1, "amplitude": 0.2} for _ in links])
+    return plain_scene([{**LINK, **link} for link in links], **{"effects": effects or {}, "motion": motion, **more})
 
 
 def arm_of(*links: dict[str, Any], effects: dict[str, Any] | None = None) -> Manipulator:

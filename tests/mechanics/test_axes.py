@@ -7,9 +7,8 @@ from scipy.spatial.transform import Rotation
 import flexlin as fl
 from flexlin.mechanics.links import COLUMNS, PLACES
 from flexlin.report.figures.over_period import trace_arm
-from flexlin.scene import parse_scene
 
-from .scenes import value
+from .scenes import linear, plain_scene, swinging, value
 
 BEAM = {"length": 0.8, "mass_per_length": 0.3, "bending_stiffness": [5.0, 9.0], "modes": {"y": 1, "z": 1}}
 MOUNT = {"xyz": [0.1, -0.2, 0.3], "rpy": [0.4, -0.7, 1.1]}
@@ -17,9 +16,7 @@ AXIS = [0.3, -1.0, 0.5]
 
 
 def scene_of(*links, **effects):
-    swings = [{"mean": 0.3, "amplitude": 0.4}] * len(links)
-    motion = {"kind": "harmonic", "frequency": 1.0, "joints": swings}
-    return parse_scene({"schema": 1, "title": "axes", "links": list(links), "effects": effects, "motion": motion})
+    return plain_scene(list(links), swinging(*[{"mean": 0.3, "amplitude": 0.4}] * len(links)), effects=effects)
 
 
 def clamped_free(xi):
@@ -50,8 +47,7 @@ def test_a_bent_link_lies_where_its_shapes_say():
 @pytest.mark.parametrize("effects", [{}, {"geometric_stiffening": {}, "bending_torsion_coupling": {}}])
 def test_curves_end_at_the_tip_and_a_straight_link_has_two_points(effects):
     """The tip that effects shorten too; the links of a plane stay in it."""
-    scene = scene_of(BEAM, {"length": 0.5, "mass_per_length": 1.0, "axis": [0, 1, 0]}, **effects)
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    lin = linear(scene_of(BEAM, {"length": 0.5, "mass_per_length": 1.0, "axis": [0, 1, 0]}, **effects))
     t, states = np.array([0.0, 0.3]), 0.05 * np.random.default_rng(0).normal(size=(2, lin.n))
     tips = lin.about.of_arm("points", t, states)[:, :, -1]
     for (first, second), tip in zip(trace_arm(lin, t, states), tips, strict=True):
@@ -59,5 +55,5 @@ def test_curves_end_at_the_tip_and_a_straight_link_has_two_points(effects):
         np.testing.assert_allclose(second[:, -1], tip, rtol=0, atol=1e-14)
         chord = first[:, -1] - first[:, 0]
         assert np.linalg.norm(np.cross(first[:, 8] - first[:, 0], chord)) > 1e-3
-    flat = fl.linearize(fl.build_manipulator(scene_of({**BEAM, "modes": 2})), scene_of(BEAM).motion)
+    flat = linear(scene_of({**BEAM, "modes": 2}))
     assert trace_arm(flat, t, states[:, :3])[0][0].shape == (2, COLUMNS - 1)

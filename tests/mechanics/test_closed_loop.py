@@ -1,9 +1,6 @@
-"""The 5-bar scene: closed along its motion, its forces, designs and limits; its equations by multipliers: `test_loops`."""
+"""The 5-bar scene: its designs and limits; its equations by multipliers: `test_loops`."""
 
-import casadi as ca
-import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 
 import flexlin as fl
 from flexlin.control import physical_weights
@@ -11,9 +8,6 @@ from flexlin.errors import FlexlinError, ModelError, ToleranceNotReached
 from flexlin.mechanics import close_loop
 
 from .scenes import arm_of
-
-U = np.array([2.3, 1.05, 2e-3, -1e-3])
-U_DOT = np.array([1.5, -2.0, 0.05, 0.1])
 
 
 @pytest.fixture(scope="module")
@@ -26,20 +20,6 @@ def arm(scene):
     return fl.build_manipulator(scene)
 
 
-def test_rate_of_M_minus_twice_C_is_skew(arm):
-    rate = ca.reshape(ca.jtimes(ca.vec(arm.M), arm.s, arm.s_dot), 4, 4)
-    S = np.array(ca.Function("S", [arm.s, arm.s_dot], [rate - 2 * arm.C])(U, U_DOT))
-    assert_allclose(S, -S.T, atol=1e-9 * np.abs(S).max())
-
-
-def test_loop_stays_closed_along_the_motion(arm, scene):
-    """The left arm's way ends in the last link's tip, where the right one's does: the two tips are one."""
-    lin = fl.linearize(arm, scene.motion)
-    for q in lin.motion.sample(np.linspace(0, lin.period, 25))[0]:
-        points = np.array(arm.functions["points"]([*q, 0, 0], []))
-        assert np.abs(points[:, 2] - points[:, -1]).max() < 1e-12
-
-
 @pytest.mark.slow
 def test_floquet_and_lqr_as_for_any_arm(arm, scene):
     lin = fl.linearize(arm, scene.motion)
@@ -49,26 +29,6 @@ def test_floquet_and_lqr_as_for_any_arm(arm, scene):
     assert fl.floquet(lin.periodic_system(), tol=1e-6).exponents.real.max() > -1e-3
     assert closed.verdict == "stable"
     assert closed.exponents.real.max() < -1
-
-
-@pytest.mark.slow
-def test_second_order_terms_by_the_series(arm):
-    """r''[z, z] at a place of the motion, by fl.taylor in one variable and by CasADi."""
-    z, t = np.array([0.3, -0.2, 1.0, 0.4]), ca.SX.sym("t")
-    moved = ca.substitute(arm.residual, ca.vertcat(arm.s, arm.s_dot, arm.s_ddot), ca.vertcat(U + t * z, U_DOT, 0 * U))
-    twice = ca.Function("twice", [t], [ca.jacobian(ca.jacobian(moved, t), t)])(0).full()
-    assert_allclose(fl.taylor(moved, t, [0.0], 2).derivative(2), twice, rtol=1e-9)
-
-
-def test_stiff_links_tend_to_rigid_ones(scene):
-    """Statically, elastic coordinates follow w = K_ww^-1 h_w: the deflection falls like 1/EI."""
-    deflections = []
-    for stiffness in (3e2, 3e3, 3e4):
-        changes = {f"links.{link}.bending_stiffness": stiffness for link in (1, 3)}
-        stiff = fl.load_scene("five-bar", changes)
-        c = fl.linearize(fl.build_manipulator(stiff), stiff.motion).sample(np.array([0.1]))
-        deflections.append(np.abs(np.linalg.solve(c.K[0][2:, 2:], c.h[0][2:])).max())
-    assert np.log10(np.divide(deflections[:-1], deflections[1:])) == pytest.approx([1, 1], abs=0.02)
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from flexlin.about import parametric_loop
 from flexlin.mechanics import CoulombFriction
 from flexlin.motion import build_motion, read_table_motion
 from flexlin.scene import Fourier, Harmonic, PointToPoint, Rotation, TableMotion
+from tests.closed_arm import opened
 
 RIGID = {
     "links": [{"length": 0.5, "mass_per_length": 0.4, "modes": 0}],
@@ -135,8 +136,7 @@ def test_the_linearization_says_it_and_the_present_values_count():
 
 def test_without_friction_nothing_is_named():
     for name in ("single-link", "three-link", "rotating-beam", "pick-and-place"):
-        scene = fl.load_scene(name, {"designs": []})
-        lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+        lin = opened(name)[1]
         assert lin.features == ()
         assert lin.complete
 
@@ -153,8 +153,7 @@ def test_angles_that_turn_fast_promise_nothing():
 
 
 def test_equations_of_unknown_make_promise_nothing():
-    scene = fl.load_scene("khang-2019", {"designs": []})
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    lin = opened("khang-2019")[1]
     assert not lin.complete
     own = replace(lin, about=replace(lin.about, arm=replace(lin.arm, effects=None)))
     assert (own.features, own.complete) == ((), False)

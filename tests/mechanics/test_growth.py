@@ -3,7 +3,6 @@
 import pytest
 
 import flexlin as fl
-from flexlin.mechanics.beam import uniform
 from flexlin.scene import builtin_scenes
 from studies.scaling import scene_of as chain_of
 
@@ -52,13 +51,3 @@ def test_a_curve_costs_the_square_of_its_places(modes):
     """2 n + 6 places: fewer instructions than the second order of many modes with its Coriolis terms, and square in n."""
     arm = fl.build_manipulator(scene_of({"modes": modes}, effects=EFFECTS))
     assert arm.functions["residual"].n_instructions() < CURVED[modes]
-
-
-def test_modes_are_solved_once_where_a_link_deflects(monkeypatch):
-    solved = []
-    true = uniform.normalised
-    monkeypatch.setattr(uniform, "normalised", lambda shapes: solved.append(shapes.n) or true(shapes))
-    fl.build_manipulator(scene_of({"modes": 2}, {"modes": 0}, {"modes": 3}))
-    assert solved == [2, 3]
-    fl.build_manipulator(scene_of({"modes": {"y": 1, "z": 2}, "bending_stiffness": [2.0, 1.0]}))
-    assert solved == [2, 3, 1, 2]

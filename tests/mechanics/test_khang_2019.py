@@ -93,16 +93,3 @@ def test_several_modes_by_hand_are_those_of_the_chain(modes):
     for name, state in (("M", [s]), ("C", [s, s_dot]), ("g", [s]), ("residual", [s, s_dot, s_ddot]), ("points", [s])):
         ours, theirs = (np.array(arm.functions[name](*state, [])) for arm in (own, chain))
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max(), err_msg=name)
-
-
-def test_feedforward_is_the_rigid_torque():
-    """Row 1 of (71) vanishes with the feedforward of the rigid motion; row 2 does not: the rigid motion does not satisfy it."""
-    scene = from_effects()
-    arm = fl.build_manipulator(scene)
-    open_loop = fl.linearize(arm, scene.motion)
-    loop = fl.linearize(arm, scene.motion, scene.control)
-    t = np.linspace(0.0, loop.period, 7)
-    np.testing.assert_allclose(loop.h(t)[:, 0], 0.0, atol=1e-13)
-    np.testing.assert_allclose(loop.h(t)[:, 1], open_loop.h(t)[:, 1], rtol=1e-14)
-    np.testing.assert_allclose(open_loop.feedforward(t)[:, 0], -open_loop.h(t)[:, 0], rtol=1e-13)
-    assert np.abs(loop.h(t)[:, 1]).max() > 0.1

@@ -6,12 +6,10 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import flexlin as fl
 from flexlin.errors import ModelError, SceneError, SingularClosure
-from flexlin.periodic import gauss_transitions
 from tests.mechanics.loop_scenes import ENDS, Arms, Z, accelerations, nearest, random_rssr, raw, rssr_angles
 from tests.thinned import thin
 
@@ -89,36 +87,6 @@ def test_flexible_loops_obey_multipliers_on_the_open_tree(name):
     )
 
 
-@pytest.mark.slow
-def test_monodromy_by_differences_of_the_nonlinear_flow_is_floquets(flexible):
-    """Held to its rigid motion by the forces that this takes, the arm under its PD has y = 0 as a motion: the flow's slope there."""
-    scene, arm, lin = flexible
-    kp, kd = scene.control.feedback.kp[0], scene.control.feedback.kd[0]
-    f, n, h = arm.functions, arm.n, 3e-5
-    starts = h * np.vstack([np.eye(2 * n), -np.eye(2 * n)])
-    count = len(starts)
-    M, residual = f["M"].map(count), f["residual"].map(count)
-
-    def flow(t, state):
-        y, rate = np.split(state.reshape(count, 2 * n), 2, axis=1)
-        q = [np.concatenate([part[0], np.zeros(n - 1)]) for part in lin.motion.sample(np.array([t]))]
-        force = np.array(f["residual"](*q, []))[:, 0]
-        push = np.zeros((count, n))
-        push[:, 0] = kp * y[:, 0] + kd * rate[:, 0]
-        s, s_dot = (q[0] + y).T, (q[1] + rate).T
-        left = np.array(residual(s, s_dot, np.zeros((n, count)), np.zeros((0, count)))).T
-        masses = np.array(M(s, np.zeros((0, count)))).reshape(n, count, n).transpose(1, 0, 2)
-        there = np.linalg.solve(masses, (force - push - left)[..., None])[..., 0]
-        return np.hstack([rate, there - q[2]]).ravel()
-
-    end = solve_ivp(flow, (0, lin.period), starts.ravel(), method="DOP853", rtol=1e-9, atol=1e-13).y[:, -1]
-    ends = end.reshape(2, 2 * n, 2 * n)
-    by_differences = (ends[0] - ends[1]).T / (2 * h)
-    factors = gauss_transitions(lin.periodic_system().A, np.linspace(0, lin.period, 129), 6)
-    product = np.linalg.multi_dot([np.eye(2 * n), *factors[::-1]])
-    assert_allclose(by_differences, product, rtol=0, atol=1e-6 * np.abs(product).max())
-
-
 @pytest.fixture(scope="module")
 def flexible():
     """The spatial four-bar with one mode in each direction."""
@@ -128,12 +96,21 @@ def flexible():
     return scene, arm, fl.linearize(arm, scene.motion, scene.control)
 
 
-def test_both_routes_agree(flexible):
+def test_both_routes_agree_and_are_slopes_of_the_nonlinear_equations(flexible):
     scene, arm, lin = flexible
-    t = np.linspace(0, lin.period, 5)
+    t, h = np.linspace(0, lin.period, 5), 1e-5
     one, two = (fl.linearize(arm, scene.motion, route=route).sample(t) for route in ("jacobian", "kronecker"))
     assert_allclose(one.K, two.K, rtol=0, atol=1e-10 * np.abs(one.K).max())
     assert_allclose(one.D, two.D, rtol=0, atol=1e-10 * np.abs(one.D).max())
+    q, rate, more = (np.append(part[1], [0.0, 0.0]) for part in lin.motion.sample(t))
+
+    def residual(dq, dv):
+        return np.array(arm.functions["residual"](q + dq, rate + dv, more, []))[:, 0]
+
+    for k, e in enumerate(h * np.eye(3)):
+        slopes = residual(e, 0 * e) - residual(-e, 0 * e), residual(0 * e, e) - residual(0 * e, -e)
+        for slope, exact in zip(slopes, (one.K[1], one.D[1]), strict=True):
+            assert_allclose(slope / (2 * h), exact[:, k], rtol=0, atol=1e-6 * np.abs(exact).max())
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 
 import flexlin as fl
 from tests.periodic.cases import Case, kind, known, tol_of
-from tests.periodic.rotated import Rotated, Turn, wave
+from tests.periodic.rotated import Rotated, mix, turn, wave
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def uneven_gaps(rng):
         damping = rate * w * 10 ** rng.uniform(-3, -1)
         modes.append([wave(rng, -damping, 0.3 * damping, 2), wave(rng, rate * w, share * rate * w, 1)])
     turns = [
-        Turn(*map(int, rng.choice(6, 2, replace=False)), rng.random() < 0.6, wave(rng, rng.uniform(-1, 1), 0.03, 1))
+        turn(*map(int, rng.choice(6, 2, replace=False)), rng.random() < 0.6, wave(rng, rng.uniform(-1, 1), 0.03, 1))
         for _ in range(6)
     ]
     system = Rotated(period, modes, turns)
@@ -71,12 +71,7 @@ def draw_gentle(rng, near_resonance):
         else:
             modes.append([wave(rng, sign * rate, rate * rng.choice([0, 0.02, 0.2]), 2), None])
         states += 1 if modes[-1][1] is None else 2
-    turns = []
-    for _ in range(int(rng.integers(1, 2 * states))):
-        i, j = rng.choice(states, 2, replace=False)
-        size = 10 ** rng.uniform(-4, -0.7)
-        turns.append(Turn(i, j, rng.random() < 0.6, wave(rng, rng.uniform(-1, 1), size, int(rng.integers(1, 7)))))
-    return Rotated(period, modes, turns)
+    return Rotated(period, modes, mix(rng, states, -4, -0.7))
 
 
 def draw_lively(rng):
@@ -98,9 +93,4 @@ def draw_lively(rng):
         else:
             modes.append([wave(rng, sign * rate, rate * part, 2), None])
         states += 1 if modes[-1][1] is None else 2
-    turns = []
-    for _ in range(int(rng.integers(1, 2 * states))):
-        i, j = rng.choice(states, 2, replace=False)
-        size = 10 ** rng.uniform(-3, -0.4)
-        turns.append(Turn(i, j, rng.random() < 0.6, wave(rng, rng.uniform(-1, 1), size, int(rng.integers(1, 7)))))
-    return Rotated(period, modes, turns)
+    return Rotated(period, modes, mix(rng, states, -3, -0.4))

@@ -38,7 +38,7 @@ class HardCase:
     name: str
     why: str
     build: Callable[[], fl.PeriodicSystem]
-    known: Callable[[], np.ndarray]
+    known: Callable[[fl.PeriodicSystem], np.ndarray]
     near: float
     verdict: str
     source: str
@@ -51,7 +51,7 @@ CASES = [
         "exponents far apart",
         "exp(-48 pi) is lost beside 1 in one monodromy matrix",
         lambda: fl.PeriodicSystem(colaneri, 2 * np.pi),
-        lambda: np.array([0, -24.0]),
+        lambda _: np.array([0, -24.0]),
         1e-8,
         "undecided",
         "Colaneri's example, exact",
@@ -60,7 +60,7 @@ CASES = [
         "exponents of both signs",
         "multipliers from exp(-1885) to exp(+1885) leave the range of floating-point numbers",
         lambda: transformed([60.0, 1.0, -2.0, -60.0], 5),
-        lambda: np.array([60.0, 1.0, -2.0, -60.0]),
+        lambda _: np.array([60.0, 1.0, -2.0, -60.0]),
         1e-9,
         "unstable",
         "Lyapunov transformation of a constant system, exact",
@@ -69,7 +69,7 @@ CASES = [
         "strongly unstable",
         "the slow exponents drown in exp(200 T)",
         lambda: transformed([200.0, 5.0, -3.0]),
-        lambda: np.array([200.0, 5.0, -3.0]),
+        lambda _: np.array([200.0, 5.0, -3.0]),
         1e-8,
         "unstable",
         "Lyapunov transformation, exact",
@@ -78,7 +78,7 @@ CASES = [
         "damped too fast to resolve",
         "exponent -1e7 with a turning direction: 1e7 segments, or an L-stable method and a bound",
         lambda: transformed([-1e7, -0.2], seed=3),
-        lambda: np.array([-0.2]),
+        lambda _: np.array([-0.2]),
         1e-6,
         "stable",
         "Lyapunov transformation, exact",
@@ -88,7 +88,7 @@ CASES = [
         "jump in A(t)",
         "a step across the jump has order 1",
         lambda: fl.PeriodicSystem(meissner, np.pi, breaks=(np.pi / 3,)),
-        lambda: np.array([1, -1]) * 0.04137974466122074514 + 1j,
+        lambda _: np.array([1, -1]) * 0.04137974466122074514 + 1j,
         1e-13,
         "unstable",
         "Meissner's equation, closed form",
@@ -97,7 +97,7 @@ CASES = [
         "tongue as narrow as rounding",
         "the fifth Ince-Strutt tongue at q = 0.02 is 4e-14 wide",
         lambda: mathieu_second_order(float(mathieu_a(5, 0.02)), 0.02),
-        lambda: np.array([1j, 1j]),
+        lambda _: np.array([1j, 1j]),
         1e-7,
         "undecided",
         "scipy.special.mathieu_a",
@@ -106,7 +106,7 @@ CASES = [
         "double multiplier +1",
         "rounding eps moves a defective double multiplier by sqrt(eps)",
         lambda: fl.PeriodicSystem(mathieu(float(mathieu_a(2, 0.8)), 0.8), np.pi),
-        lambda: np.zeros(2),
+        lambda _: np.zeros(2),
         1e-6,
         "undecided",
         "scipy.special.mathieu_a",
@@ -115,7 +115,7 @@ CASES = [
         "double multiplier -1",
         "the same at the principal resonance's boundary",
         lambda: fl.PeriodicSystem(mathieu(float(mathieu_a(1, 0.8)), 0.8), np.pi),
-        lambda: np.array([1j, 1j]),
+        lambda _: np.array([1j, 1j]),
         1e-6,
         "undecided",
         "scipy.special.mathieu_a",
@@ -125,7 +125,7 @@ CASES = [
         "Krein collision",
         "two pairs of opposite signature meet on the axis",
         lambda: gyroscopic(2.0, np.sqrt(2.0)),
-        lambda: np.array([1j, -1j]) * np.sqrt(2.0),
+        lambda _: np.array([1j, -1j]) * np.sqrt(2.0),
         1e-6,
         "undecided",
         "gyroscopic stabilization, closed form",
@@ -134,7 +134,7 @@ CASES = [
         "just past a Krein collision",
         "growth 1e-4 out of a double exponent",
         lambda: gyroscopic(2.0, np.sqrt(2.0) * (1 - 2.5e-9)),
-        lambda: gyroscopic_exponents(2.0, np.sqrt(2.0) * (1 - 2.5e-9)),
+        lambda _: gyroscopic_exponents(2.0, np.sqrt(2.0) * (1 - 2.5e-9)),
         1e-6,
         "unstable",
         "gyroscopic stabilization, closed form",
@@ -143,7 +143,7 @@ CASES = [
         "nearly rigid link (EI x 1e8)",
         "bending modes a million times faster than the motion, damped as fast",
         lambda: link(links__0__bending_stiffness=3.7e8, links__0__modes=2),
-        lambda: fl.floquet(link(links__0__modes=0), tol=1e-11).exponents,
+        lambda _: fl.floquet(link(links__0__modes=0), tol=1e-11).exponents,
         1e-7,
         "stable",
         "the rigid link, the limit of EI to infinity",
@@ -152,7 +152,7 @@ CASES = [
         "40 modes",
         "frequencies from 1 to 1600 rad/s, damped up to 2560 1/s, in mixed coordinates",
         forty_modes,
-        forty_modes_one_by_one,
+        lambda _: forty_modes_one_by_one(),
         1e-8,
         "stable",
         "each oscillator alone",
@@ -163,7 +163,7 @@ CASES = [
         "payload of 1e-6 times the link",
         "must pass smoothly to no payload",
         lambda: link(effects__payload__mass=1.6e-7, links__0__modes=1),
-        lambda: hill_exponents(link(effects__payload__mass=1.6e-7, links__0__modes=1)),
+        hill_exponents,
         1e-6,
         "stable",
         "Hill's matrix",
@@ -172,11 +172,7 @@ CASES = [
         "payload of 1e6 times the link",
         "the mass matrix has nearly rank 1",
         lambda: link(effects__payload__mass=1.6e5, links__0__modes=1),
-        lambda: (
-            fl.floquet(
-                link(effects__payload__mass=1.6e5, links__0__modes=1), method="gauss", order=12, segments=12_000
-            ).exponents
-        ),
+        lambda system: fl.floquet(system, method="gauss", order=12, segments=12_000).exponents,
         1e-4,
         "unstable",
         "Gauss collocation on 12,000 segments; exponents of 1e3",
@@ -186,7 +182,7 @@ CASES = [
         "hub without inertia",
         "the joint's inertia comes from the link alone",
         lambda: link(effects__hub__inertia=0.0, links__0__modes=1),
-        lambda: hill_exponents(link(effects__hub__inertia=0.0, links__0__modes=1)),
+        hill_exponents,
         1e-6,
         "stable",
         "Hill's matrix",
@@ -195,7 +191,7 @@ CASES = [
         "mass matrix near singular",
         "a mass of 1e-10 in one direction: 1e5 rad/s beside 0.7 rad/s",
         near_singular_mass,
-        near_singular_mass_exponents,
+        lambda _: near_singular_mass_exponents(),
         1e-2,
         "stable",
         "two quadratics",
@@ -205,7 +201,7 @@ CASES = [
         "long period, damped",
         "omega T = 1e4",
         lambda: long_oscillator(0.02),
-        lambda: short_oscillator_exponents(0.02),
+        lambda _: short_oscillator_exponents(0.02),
         1e-11,
         "stable",
         "the period divided by 1200",
@@ -214,7 +210,7 @@ CASES = [
         "long period, undamped",
         "the symplectic form must survive 1200 periods",
         lambda: long_oscillator(0.0),
-        lambda: short_oscillator_exponents(0.0),
+        lambda _: short_oscillator_exponents(0.0),
         1e-11,
         "undecided",
         "the period divided by 1200",
@@ -223,9 +219,7 @@ CASES = [
         "zero motion",
         "the constant system must come out, not only nearly",
         lambda: link(motion__joints=[{"mean": 0.0, "amplitude": 0.0}], links__0__modes=1),
-        lambda: np.linalg.eigvals(
-            link(motion__joints=[{"mean": 0.0, "amplitude": 0.0}], links__0__modes=1).A(np.zeros(1))[0]
-        ),
+        lambda system: np.linalg.eigvals(system.A(np.zeros(1))[0]),
         1e-8,
         "stable",
         "eigenvalues of A",
@@ -234,7 +228,7 @@ CASES = [
         "narrow pulse",
         "a pulse of 2e-4 of the period between the samples: all that grows is in it",
         lambda: reference_pulse().system(),
-        lambda: reference_pulse().exponents,
+        lambda _: reference_pulse().exponents,
         1e-8,
         "unstable",
         "integration with the pulse as an interval of its own",
@@ -243,7 +237,7 @@ CASES = [
         "friction at a turn-around",
         "Coulomb's tanh(q'/eps) is a pulse of 1e-4 of the period at each turn-around",
         turning_link,
-        turning_link_exponents,
+        lambda _: turning_link_exponents(),
         1e-7,
         "stable",
         "integration with the pulses as intervals of their own",
@@ -252,7 +246,7 @@ CASES = [
         "jump that nobody named",
         "A jumps at 1.0002 of 2, where a comparison of resolutions sees nothing",
         lambda: reference_jump().system(),
-        lambda: reference_jump().exponents,
+        lambda _: reference_jump().exponents,
         1e-9,
         "stable",
         "product of two exponentials",
@@ -261,7 +255,7 @@ CASES = [
         "non-normal",
         "exact eigenvalues -1 to -4 under shears of 4000: rounding moves them by as much as they are",
         lambda: reference_non_normal().system(),
-        lambda: np.array([-1.0, -2, -3, -4]),
+        lambda _: np.array([-1.0, -2, -3, -4]),
         0.1,
         "undecided",
         "construction, exact in binary",
@@ -281,7 +275,8 @@ def table():
     ]
     lines.append("|---|---|---|---|---|---|---|---|")
     for case in CASES:
-        system, known = case.build(), case.known()
+        system = case.build()
+        known = case.known(system)
         result = fl.floquet(system, **case.options)
         naive = worst_miss(naive_exponents(system, case.steps), known, system.period)
         miss = worst_miss(result.exponents, known, system.period)

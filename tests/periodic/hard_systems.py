@@ -3,6 +3,7 @@
 import numpy as np
 
 import flexlin as fl
+from tests.closed_arm import closed
 from tests.periodic.chains import TWO_PI, Real
 from tests.periodic.systems import lyapunov_transformed
 from tests.periodic.truths import integrated, panels_of
@@ -27,8 +28,7 @@ def gyroscopic_exponents(stiffness, spin):
 def link(**changes):
     """The closed loop of the built-in single link, with changed numbers."""
     paths = {path.replace("__", "."): value for path, value in changes.items()}
-    scene = fl.load_scene("single-link", {"designs": [], **paths})
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+    return closed(changes={"designs": [], **paths}).periodic_system()
 
 
 def hill_exponents(system):

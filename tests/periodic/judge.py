@@ -11,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from flexlin.errors import FlexlinError
 from tests.periodic.cases import Case
+from tests.periodic.truths import apart
 
 ROUNDING = 1e-15
 """True errors below this (relative beyond 1/s) say nothing of an overestimate."""
@@ -91,9 +92,7 @@ def true_errors(case, found, claims):
     """
     order = np.argsort(-case.exponents.real, kind="stable")[: len(found)]
     truth, doubt = case.exponents[order], case.doubt[order]
-    w = 2 * np.pi / case.period
-    apart = np.where(np.isfinite(found), found, 1e30)[:, None] - truth
-    distance = np.abs(apart - 1j * w * np.round(apart.imag / w))
+    distance = apart(np.where(np.isfinite(found), found, 1e30), truth, case.period)
     ratio = np.minimum(distance / np.maximum(np.asarray(claims)[:, None] + doubt, 1e-300), 1e15)
     matchings = [linear_sum_assignment(cost) for cost in (distance, ratio)]
     rows, columns = min(matchings, key=lambda match: ratio[match].max(initial=0.0))

@@ -3,6 +3,7 @@
 import numpy as np
 
 from flexlin.periodic import place_edges
+from tests.periodic.truths import apart
 
 STEPS = 2000
 """Runge-Kutta steps a period of the naive code."""
@@ -31,6 +32,4 @@ def worst_miss(exponents, known, period):
     """The largest distance of a known exponent to the nearest one found, imaginary parts modulo 2 pi / T."""
     if not np.isfinite(exponents).all():
         return np.inf
-    apart = known[:, None] - exponents[None, :]
-    turns = np.round(apart.imag * period / (2 * np.pi))
-    return float(np.abs(apart - 2j * np.pi / period * turns).min(axis=1).max())
+    return float(apart(known, exponents, period).min(axis=1).max())

@@ -26,9 +26,33 @@ def mathieu(a, q):
     return A
 
 
-def mathieu_second_order(a, q):
+def turn(n, speed):
+    """P(t): n coordinates that turn in the plane of the first two."""
+
+    def P(t):
+        out = np.tile(np.eye(n), (len(t), 1, 1))
+        c, s = np.cos(speed * t), np.sin(speed * t)
+        out[:, 0, 0], out[:, 0, 1], out[:, 1, 0], out[:, 1, 1] = c, s, -s, c
+        return out
+
+    return P
+
+
+def turned(A, B, C, speed=2.0):
+    """A constant system in such coordinates, x = P z: exponents, gains, norms and zeros are those of the constant one; and its output."""
+    J, P = np.zeros(np.shape(A)), turn(len(A), speed)
+    J[0, 1], J[1, 0] = speed, -speed
+
+    def back(t):
+        return np.swapaxes(P(t), 1, 2)
+
+    system = PeriodicSystem(lambda t: J + P(t) @ A @ back(t), 2 * np.pi / speed, B=lambda t: P(t) @ B)
+    return system, lambda t: C @ back(t)
+
+
+def mathieu_second_order(a, q, damping=0.0):
     return PeriodicSystem.from_second_order(
-        np.eye(1), np.zeros((1, 1)), lambda t: (a - 2 * q * np.cos(2 * t))[:, None, None], np.pi
+        np.eye(1), [[2 * damping]], lambda t: (a - 2 * q * np.cos(2 * t))[:, None, None], np.pi
     )
 
 
@@ -57,3 +81,22 @@ def lyapunov_transformed(constant, frequency, harmonics, rng, size=0.3):
         return np.swapaxes(np.linalg.solve(np.swapaxes(P, 1, 2), right), 1, 2)
 
     return A
+
+
+def random_waves(rng, rows, columns, harmonics, decay, period):
+    """A random trigonometric polynomial and its derivative."""
+    size = decay ** np.arange(harmonics + 1)[:, None, None]
+    cosines, sines = (size * rng.normal(size=(harmonics + 1, rows, columns)) for _ in range(2))
+    rate = 2 * np.pi / period * np.arange(harmonics + 1)
+
+    def value(t):
+        angle = np.outer(t, rate)
+        return np.einsum("tk,kij->tij", np.cos(angle), cosines) + np.einsum("tk,kij->tij", np.sin(angle), sines)
+
+    def slope(t):
+        angle = np.outer(t, rate)
+        return np.einsum("tk,kij->tij", np.cos(angle) * rate, sines) - np.einsum(
+            "tk,kij->tij", np.sin(angle) * rate, cosines
+        )
+
+    return value, slope

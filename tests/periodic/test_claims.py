@@ -17,50 +17,34 @@ from tests.periodic.random_systems import COUNTS, draw
 from tests.thinned import thin
 
 SAMPLE = [(kind, 5_000_000 + k) for kind in COUNTS for k in range(2)]
-FOUND = [
-    ("non-normal switched", 28),
-    ("pulses", 26),
-    ("pulses", 74),
-    ("pulses", 113),
-    ("jumps not named", 39),
-    ("jumps not named", 35),
-    ("jumps not named", 9),
-    ("jumps not named, smooth between", 47),
-    ("jumps not named, smooth between", 9),
-    ("Meissner not named", 20),
-    ("Meissner not named", 15),
-    ("jumps named", 17),
-    ("kinks not named", 59),
-    ("fixed settings", 108),
-    ("fixed settings", 83),
-    ("fixed settings", 115),
-    ("rotation", 143),
-    ("exponential", 167),
-    ("non-normal constant", 18),
-    ("non-normal, f(t) C", 18),
-    ("non-normal, f(t) C", 13),
-    ("multipliers 1e-300 to 1e300", 7707000584),
-    ("kept shapes", 13),
-    ("pulses", 9909000648),
-    ("kept shapes", 777000016),
-    ("kept shapes", 251123000079),
-    ("waving shapes", 616162027),
-    ("waving shapes", 616164793),
-    ("stiff", 991000006),
-    ("stiff", 991000017),
-]
-BOUNDED = [
-    ("rotation", 910000019),
-    ("shear", 910000012),
-    ("jordan", 910000014),
-    ("jordan", 910000064),
-    ("kept shapes", 910000006),
-    ("kept shapes", 910000030),
-    ("waving shapes", 910000056),
-    ("non-normal constant", 910000058),
-    ("non-normal rotated", 910000020),
-    ("undamped oscillators", 910000036),
-]
+FOUND = {
+    "non-normal switched": (28,),
+    "pulses": (26, 74, 113, 9909000648),
+    "jumps not named": (39, 35, 9),
+    "jumps not named, smooth between": (47, 9),
+    "Meissner not named": (20, 15),
+    "jumps named": (17,),
+    "kinks not named": (59,),
+    "fixed settings": (108, 83, 115),
+    "rotation": (143,),
+    "exponential": (167,),
+    "non-normal constant": (18,),
+    "non-normal, f(t) C": (18, 13),
+    "multipliers 1e-300 to 1e300": (7707000584,),
+    "kept shapes": (13, 777000016, 251123000079),
+    "waving shapes": (616162027, 616164793),
+    "stiff": (991000006, 991000017),
+}
+BOUNDED = {
+    "rotation": (910000019,),
+    "shear": (910000012,),
+    "jordan": (910000014, 910000064),
+    "kept shapes": (910000006, 910000030),
+    "waving shapes": (910000056,),
+    "non-normal constant": (910000058,),
+    "non-normal rotated": (910000020,),
+    "undamped oscillators": (910000036,),
+}
 """Cases in which Radau's method hid a mode that was known, since it lay near the slowest one."""
 MUST_ANSWER = (
     "rotation",
@@ -76,13 +60,17 @@ MUST_ANSWER = (
 """Kinds in which nothing is hidden from the engine: it has no reason to refuse."""
 
 
+def listed(seeds):
+    return [(kind, seed) for kind, some in seeds.items() for seed in some]
+
+
 def check(outcome, factor=1.0):
     assert not outcome.crash
     assert not outcome.wrong
     assert outcome.worst <= factor
 
 
-@pytest.mark.parametrize(("kind", "seed"), BOUNDED)
+@pytest.mark.parametrize(("kind", "seed"), listed(BOUNDED))
 def test_claims_hold_where_fast_modes_are_only_bounded(kind, seed):
     case = draw(kind, seed)
     check(judged(replace(case, options={**case.options, "method": "radau"})))
@@ -109,7 +97,7 @@ def test_modes_near_the_fastest_growth_are_known_beside_one_that_decays_at_once(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "seed"), FOUND)
+@pytest.mark.parametrize(("kind", "seed"), listed(FOUND))
 def test_claims_hold_where_an_engine_has_failed(kind, seed):
     check(judged(draw(kind, seed)), factor=3.0)
 
@@ -117,9 +105,11 @@ def test_claims_hold_where_an_engine_has_failed(kind, seed):
 @pytest.mark.slow
 def test_claims_do_not_exaggerate():
     kinds = ("rotation", "shear", "mixed", "multipliers 1e-300 to 1e300", "reparametrised")
-    ratios = [r for kind in kinds for seed in range(3) for r in judged(draw(kind, seed)).overestimates]
+    outcomes = [judged(draw(kind, seed)) for kind in kinds for seed in range(3)]
+    ratios = [ratio for one in outcomes for ratio in one.overestimates]
     assert len(ratios) > 50
     assert np.median(ratios) < 30
+    assert np.mean([one.reached for one in outcomes]) > 0.8  # tol, in all exponents
 
 
 @pytest.mark.slow
@@ -163,8 +153,7 @@ def test_wrong_period_is_refused(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("segments", [1, 3, 10])
-@pytest.mark.parametrize("method", ["gauss", "radau"])
+@pytest.mark.parametrize(("method", "segments"), [("gauss", 1), ("radau", 3), ("gauss", 10)])
 @pytest.mark.parametrize("kind", ["rotation", "jumps not named", "multipliers 1e-300 to 1e300"])
 def test_fixed_settings_keep_their_claims_or_are_refused(kind, method, segments):
     case = draw(kind, 7)

@@ -3,10 +3,10 @@
 import control
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
+from tests.periodic.dense import at, integrate
 
 
 def plant(seed, n, m, p, through):
@@ -46,21 +46,21 @@ def test_varying_systems_move_as_their_parts_do():
     H = fl.PeriodicStateSpace(fl.PeriodicSystem(wave(-0.5), 1.0, B=[[1.0]]), wave(1.0), [[0.4]])
     whole = G.feedback(H) * H + G
 
-    def at(f, t):
-        return f(np.array([t]))[0].item()
+    def one(f, t):
+        return at(f, t).item()
 
     def direct(t, x):
         u, (g, h, before, alone) = np.sin(3 * t), x
-        r = at(H.C, t) * before + 0.4 * u  # H, then G in feedback with another H, and G alone beside them
-        g_in = (r - at(H.C, t) * h - 0.4 * at(G.C, t) * g) / (1 + 0.4 * at(G.D, t))
-        y = at(G.C, t) * g + at(G.D, t) * g_in
-        a, b = at(G.system.A, t), at(G.system.B, t)
-        return [a * g + b * g_in, at(H.system.A, t) * h + y, at(H.system.A, t) * before + u, a * alone + b * u]
+        r = one(H.C, t) * before + 0.4 * u  # H, then G in feedback with another H, and G alone beside them
+        g_in = (r - one(H.C, t) * h - 0.4 * one(G.C, t) * g) / (1 + 0.4 * one(G.D, t))
+        y = one(G.C, t) * g + one(G.D, t) * g_in
+        a, b = one(G.system.A, t), one(G.system.B, t)
+        return [a * g + b * g_in, one(H.system.A, t) * h + y, one(H.system.A, t) * before + u, a * alone + b * u]
 
     def joined(t, x):
-        return whole.system.A(np.array([t]))[0] @ x + whole.system.B(np.array([t]))[0] @ [np.sin(3 * t)]
+        return at(whole.system.A, t) @ x + at(whole.system.B, t) @ [np.sin(3 * t)]
 
-    ends = [solve_ivp(f, (0.0, 3.0), np.zeros(4), "DOP853", rtol=1e-10, atol=1e-12).y[:, -1] for f in (direct, joined)]
+    ends = [integrate(f, np.zeros(4), [0.0, 3.0], rtol=1e-10)[-1] for f in (direct, joined)]
     np.testing.assert_allclose(*ends, atol=1e-8)
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
-from scipy.integrate import quad
 from scipy.interpolate import BarycentricInterpolator
 
 from flexlin.periodic import (
@@ -27,15 +26,10 @@ def rate(t):
     return 2 * np.pi / T * np.cos(2 * np.pi * t / T + 0.3) * waves(t)
 
 
-@pytest.mark.parametrize("count", [40, 41, 64])
-def test_fourier_matrix_and_series_give_the_same_derivative_as_calculus(count):
+@pytest.mark.parametrize("count", [40, 41])
+def test_the_fourier_matrix_gives_the_derivative_of_calculus(count):
     t = fourier_nodes(count, T)
     assert fourier_differentiation(count, T) @ waves(t) == pytest.approx(rate(t), abs=1e-11)
-    series = FourierSeries.through(waves(t)[:, None, None], T)
-    other = np.random.default_rng(0).uniform(-5, 5, 200)
-    assert series(other)[:, 0, 0] == pytest.approx(waves(other), abs=1e-13)
-    assert series.derivative()(other)[:, 0, 0] == pytest.approx(rate(other), abs=1e-11)
-    assert series.mean()[0, 0] == pytest.approx(quad(waves, 0, T, epsabs=1e-14)[0] / T, abs=1e-13)
 
 
 @pytest.mark.parametrize("value", [0.1, 1 / 3, 1e300, 1e-300])

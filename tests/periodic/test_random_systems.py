@@ -1,12 +1,9 @@
 """The jury itself: truths found in two ways agree within their doubts, and the judge catches a liar."""
 
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from tests.periodic.chains import Real
 from tests.periodic.judge import judged, true_errors
@@ -50,50 +47,6 @@ def test_products_of_exponentials_are_those_of_panels(kind):
         panels = panels_of(case.period, rate, case.A.edges)
         truth = integrated(case.A, panels, case.period)
         assert miss(case, truth.exponents) <= 1e-16 + case.doubt.max() + truth.doubt.max()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", thin(["undamped oscillators", "jumps not named, smooth between", "pulses"]))
-def test_panels_agree_with_a_runge_kutta_method(kind):
-    """DOP853 from one corner or narrow place to the next."""
-    for seed in range(4):
-        case = draw(kind, seed)
-        n, P = len(case.exponents), np.eye(len(case.exponents))
-        for a, b in pairwise(stops(case)):
-            inside = partial(slope, case.A, n, a, b)
-            P = solve_ivp(inside, (a, b), P.ravel(), "DOP853", rtol=1e-13, atol=1e-14).y[:, -1].reshape(n, n)
-        found = np.log(np.linalg.eigvals(P).astype(complex)) / case.period
-        leading = found[found.real > found.real.max() - 7 / case.period]  # a monodromy matrix loses the others
-        assert miss(case, leading) <= 1e-10
-
-
-def slope(A, n, a, b, t, x):
-    """A x on [a, b): at b the value of this side."""
-    return (A(np.array([min(t, np.nextafter(b, a))]))[0] @ x.reshape(n, n)).ravel()
-
-
-def stops(case, count=4001):
-    """Where A jumps, to the last double, and where it is narrow: edges of the cells of a grid in which it changes by a hundredth."""
-    t = np.linspace(0, np.nextafter(case.period, 0), count)
-    values = case.A(t)
-    changed = np.abs(np.diff(values, axis=0)).max(axis=(1, 2)) > 0.01 * np.abs(values).max()
-    found = [0.0, case.period, *np.linspace(0, case.period, 17)]
-    for k in np.flatnonzero(changed):
-        found += [t[k], t[k + 1], jump(case.A, t[k], t[k + 1])]
-    return np.unique(found)
-
-
-def jump(A, a, b):
-    """The place of the greater change, by bisection to the last double."""
-    left, right = A(np.array([a])), A(np.array([b]))
-    while np.nextafter(a, b) < b:
-        c = a + (b - a) / 2
-        middle = A(np.array([c]))
-        if np.abs(middle - left).max() > np.abs(right - middle).max():
-            b, right = c, middle
-        else:
-            a, left = c, middle
-    return b
 
 
 def test_known_answers():

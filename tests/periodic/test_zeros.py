@@ -6,6 +6,8 @@ from scipy.linalg import eigvals
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NumericalError
+from tests.periodic.systems import turned
+from tests.periodic.truths import apart
 
 
 def zhou(t):
@@ -42,30 +44,16 @@ def test_turned_constant_systems_have_the_zeros_of_rosenbrocks_pencil(seed):
     A0, B0, C0 = rng.standard_normal((n, n)), rng.standard_normal((n, m)), rng.standard_normal((m, n))
     if seed % 2:  # relative degree 2
         C0 -= C0 @ B0 @ np.linalg.pinv(B0)
-    w, J = 2.0, np.zeros((n, n))
-    J[0, 1], J[1, 0] = w, -w
-
-    def P(t):
-        turn = np.tile(np.eye(n), (len(t), 1, 1))
-        turn[:, 0, 0] = turn[:, 1, 1] = np.cos(w * t)
-        turn[:, 0, 1] = np.sin(w * t)
-        turn[:, 1, 0] = -turn[:, 0, 1]
-        return turn
-
-    def back(t):
-        return np.swapaxes(P(t), 1, 2)
-
+    system, output = turned(A0, B0, C0)
     pencil = np.block([[A0, B0], [C0, np.zeros((m, m))]])
     zeros = eigvals(pencil, np.diag([1.0] * n + [0.0] * m))
     zeros = zeros[np.abs(zeros) < 1e4]
-    system = fl.PeriodicSystem(lambda t: J + P(t) @ A0 @ back(t), 2 * np.pi / w, B=lambda t: P(t) @ B0)
-    found = fl.invariant_zeros(system, lambda t: C0 @ back(t))
+    found = fl.invariant_zeros(system, output)
     assert found.relative_degree == (1 + seed % 2,) * m
     assert len(found.exponents) == len(zeros) == n - sum(found.relative_degree)
-    for zero in zeros:
-        turns = np.round((found.exponents - zero).imag / w)
-        k = int(np.argmin(np.abs(found.exponents - zero - 1j * w * turns)))
-        assert abs(found.exponents[k] - zero - 1j * w * turns[k]) <= found.errors[k] + 1e-9 * (1 + abs(zero))
+    for zero, distance in zip(zeros, apart(zeros, found.exponents, system.period), strict=True):
+        k = distance.argmin()
+        assert distance[k] <= found.errors[k] + 1e-9 * (1 + abs(zero))
     assert found.errors.max(initial=0.0) < 1e-6
 
 

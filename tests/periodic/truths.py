@@ -21,6 +21,12 @@ def folded(exponents, period):
     return exponents - 1j * w * np.ceil(exponents.imag / w - 0.5)
 
 
+def apart(found, known, period):
+    """Distances (n, m) of exponents found from those that are known, modulo 2 pi i / T."""
+    gap, w = np.subtract.outer(found, known), 2 * np.pi / period
+    return np.abs(gap - 1j * w * np.round(gap.imag / w))
+
+
 def eigenvalues(matrix, digits=60):
     """Eigenvalues of a matrix of doubles as it stands."""
     with mp.workdps(digits):
@@ -170,10 +176,7 @@ def near_double(exponents, doubt, period):
     """Where two exponents are g apart and first order gives d > g / 4: sqrt(delta + d g) with delta = (g / 2)^2 instead."""
     if len(exponents) == 1:
         return doubt
-    apart = exponents[:, None] - exponents
-    w = 2 * np.pi / period
-    gap = np.abs(apart - 1j * w * np.round(apart.imag / w)) + np.diag(np.full(len(exponents), np.inf))
-    nearest = gap.min(axis=1)
+    nearest = (apart(exponents, exponents, period) + np.diag(np.full(len(exponents), np.inf))).min(axis=1)
     root = 2 * np.sqrt(2 * doubt * nearest) + 1e-15 * (1 + np.abs(exponents) + 1 / period)
     return np.where(doubt > nearest / 4, root, doubt)
 

@@ -48,7 +48,7 @@ def arm_of(scene):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_same_mechanics(seed, tmp_path):
-    """Fixed joints merged: Newton and Euler on the chain as the file has it."""
+    """Fixed joints merged: an independent program on the chain as the file has it."""
     rng = np.random.default_rng(seed)
     links = random_chain(rng, 4, fixed=0.4)
     path = tmp_path / "robot.urdf"

@@ -2,13 +2,13 @@
 
 import json
 import math
+import random
 import tomllib
 from collections.abc import Iterator
 from copy import deepcopy
+from functools import cache
 from pathlib import Path
 from typing import Any
-
-from hypothesis import strategies as st
 
 from flexlin import Scene
 from flexlin.scene import builtin_scenes, effects_table
@@ -126,6 +126,7 @@ NONSENSE = (
 DEEPEST = 6
 
 
+@cache
 def schema() -> Raw:
     """The JSON schema of a scene, with the tables of all effects."""
     whole, effects = Scene.model_json_schema(), effects_table().model_json_schema()
@@ -133,58 +134,40 @@ def schema() -> Raw:
     return {**whole, "$defs": definitions}
 
 
-def valid(node: Raw, top: Raw, depth: int = 0) -> st.SearchStrategy[Any]:
-    """Values that a node of the schema allows."""
+def valid(chance: random.Random, node: Raw, top: Raw, depth: int = 0) -> Any:
+    """A value that a node of the schema allows: of tables some of the keys that need not be there; tuples are stated by prefixItems."""
     if "$ref" in node:
-        return valid(top["$defs"][node["$ref"].rpartition("/")[2]], top, depth)
+        return valid(chance, top["$defs"][node["$ref"].rpartition("/")[2]], top, depth)
     for choice in ("oneOf", "anyOf"):
         if choice in node:
-            return st.one_of([valid(one, top, depth) for one in node[choice] if one.get("type") != "null"])
+            return valid(chance, chance.choice([one for one in node[choice] if one.get("type") != "null"]), top, depth)
     if "const" in node or "enum" in node:
-        return st.sampled_from(node.get("enum", [node.get("const")]))
-    kind = node.get("type")
+        return chance.choice(node.get("enum", [node.get("const")]))
+    kind, must = node.get("type"), node.get("required", ())
     if kind == "object":
-        return tables(node, top, depth)
+        has = node.get("properties", {}) if depth < DEEPEST else {}
+        keys = [key for key in has if key in must or chance.random() < 0.5]
+        return {key: valid(chance, has[key], top, depth + 1) for key in keys}
     if kind == "array":
-        return arrays(node, top, depth)
+        least = node.get("minItems", 0)
+        count = chance.randint(least, min(node.get("maxItems", 4), max(4, least)))
+        items = node.get("prefixItems", [node.get("items", {})] * count)
+        return [valid(chance, one, top, depth + 1) for one in items]
     if kind in ("number", "integer"):
-        return numbers(node)
-    return {"string": st.sampled_from(("a", "Ω", "arm 1", "x" * 60)), "boolean": st.booleans()}.get(kind, st.just(1.0))
+        return number(chance, node)
+    return {"string": chance.choice(("a", "Ω", "arm 1", "x" * 60)), "boolean": chance.random() < 0.5}.get(kind, 1.0)
 
 
-def tables(node: Raw, top: Raw, depth: int) -> st.SearchStrategy[Raw]:
-    """Tables with all keys that must be there and some of the others."""
-    has = {key: valid(one, top, depth + 1) for key, one in node.get("properties", {}).items() if depth < DEEPEST}
-    must = set(node.get("required", ()))
-    return st.fixed_dictionaries(
-        {key: one for key, one in has.items() if key in must},
-        optional={key: one for key, one in has.items() if key not in must},
-    )
-
-
-def arrays(node: Raw, top: Raw, depth: int) -> st.SearchStrategy[list]:
-    """Lists of a few items; pydantic states tuples of fixed length by prefixItems."""
-    if "prefixItems" in node:
-        return st.tuples(*[valid(one, top, depth + 1) for one in node["prefixItems"]]).map(list)
-    least = node.get("minItems", 0)
-    return st.lists(
-        valid(node.get("items", {}), top, depth + 1),
-        min_size=least,
-        max_size=min(node.get("maxItems", 4), max(4, least)),
-    )
-
-
-def numbers(node: Raw) -> st.SearchStrategy[float]:
-    """Numbers within the bounds: mostly of the size that arms have, some at the ends."""
+def number(chance: random.Random, node: Raw) -> float:
+    """A number within the bounds: mostly of the size that arms have, some at the ends."""
     low = node.get("minimum", node.get("exclusiveMinimum", -1e30))
     high = node.get("maximum", node.get("exclusiveMaximum", 1e30))
     if node["type"] == "integer":
-        return st.integers(int(low), int(min(high, low + 12)))
-    usual = st.floats(-3, 2).map(lambda power: 10.0**power).filter(lambda x: low <= x <= high)
-    ends = [
-        x for x in (low, high, 1e-30, 1e-6, 1e6) if low <= x <= high and not (x == low and "exclusiveMinimum" in node)
-    ]
-    return st.one_of(usual, usual, usual, st.sampled_from(ends or [1.0]))
+        return chance.randint(int(low), int(min(high, low + 12)))
+    usual = [10.0 ** chance.uniform(-3, 2) for _ in range(9)]
+    drawn = chance.choice((*usual, low, high, 1e-30, 1e-6, 1e6))
+    inside = low <= drawn <= high and not (drawn == low and "exclusiveMinimum" in node)
+    return drawn if inside else (low + min(high, low + 2.0)) / 2
 
 
 def places(raw: Any, path: tuple = ()) -> Iterator[tuple]:
@@ -196,39 +179,34 @@ def places(raw: Any, path: tuple = ()) -> Iterator[tuple]:
         yield from places(value, (*path, key))
 
 
-@st.composite
-def mutated(draw: st.DrawFn, most: int = 4, wild: bool = True) -> tuple[str, Raw]:
+def mutated(chance: random.Random, most: int = 4, wild: bool = True) -> tuple[str, Raw]:
     """A scene with 1 to `most` places changed; with `wild`, by nonsense too. Gives the scene's name and its tables."""
-    name = draw(st.sampled_from(sorted(BASES)))
+    name = chance.choice(sorted(BASES))
     raw = deepcopy(BASES[name])
-    for _ in range(draw(st.integers(1, most))):
-        path = draw(st.sampled_from(list(places(raw))))
+    changes = ("value", "value", "scale", "drop", "add", "repeat") if wild else ("scale", "scale", "drop", "repeat")
+    for _ in range(chance.randint(1, most)):
+        path, change = chance.choice(list(places(raw))), chance.choice(changes)
         holder, key = at(raw, path[:-1]), path[-1]
-        change = draw(
-            st.sampled_from(
-                ("value", "value", "scale", "drop", "add", "repeat") if wild else ("scale", "scale", "drop", "repeat")
-            )
-        )
         if change == "value":
-            holder[key] = deepcopy(draw(st.sampled_from(NONSENSE)))
+            holder[key] = deepcopy(chance.choice(NONSENSE))
         elif change == "scale" and isinstance(holder[key], float | int) and not isinstance(holder[key], bool):
-            factor = draw(st.sampled_from((-1.0, 0.0, 1e-6, 0.01, 0.5, 2.0, 10.0, 1e3, 1e8)))
+            factor = chance.choice((-1.0, 0.0, 1e-6, 0.01, 0.5, 2.0, 10.0, 1e3, 1e8))
             holder[key] = type(holder[key])(holder[key] * factor)
         elif change == "drop":
             del holder[key]
         elif change == "add" and isinstance(holder, dict):
-            key = draw(st.sampled_from(("extra", "mass", "kind", "", "a.b", "\u00e9")))
-            holder[key] = deepcopy(draw(st.sampled_from(NONSENSE)))
+            key = chance.choice(("extra", "mass", "kind", "", "a.b", "\u00e9"))
+            holder[key] = deepcopy(chance.choice(NONSENSE))
         elif change == "repeat" and isinstance(holder, list):
-            for _ in range(draw(st.sampled_from((1, 1, 2, 5, 40) if wild else (1, 1, 2, 5)))):
+            for _ in range(chance.choice((1, 1, 2, 5, 40) if wild else (1, 1, 2, 5))):
                 holder.insert(key, deepcopy(holder[key]))
     return name, raw
 
 
-def from_schema() -> st.SearchStrategy[tuple[str, Raw]]:
-    """Whole scenes that the schema allows, most of which contradict themselves."""
+def from_schema(chance: random.Random) -> tuple[str, Raw]:
+    """A whole scene that the schema allows; most contradict themselves."""
     whole = schema()
-    return valid(whole, whole).map(lambda raw: ("schema", raw))
+    return "schema", valid(chance, whole, whole)
 
 
 def at(raw: Any, path: tuple) -> Any:

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 from flexlin.errors import ArgumentError
 from flexlin.mechanics import Profile, clamped_free, clamped_with_tip, pinned_with_hub, shape_integrals
@@ -41,36 +40,6 @@ def test_modes_with_bodies_are_orthogonal_in_the_whole_mass():
     np.testing.assert_allclose(whole / size, np.eye(5), atol=1e-12)
     hub = shape_integrals(pinned_with_hub(5, 0.3))
     np.testing.assert_allclose(hub.mode_moment + 0.3 * hub.base_slope, 0, atol=1e-13)
-
-
-def test_tapered_profiles_against_adaptive_quadrature():
-    mu, eps = Profile.table([0, 0.4, 1], [1.5, 1.2, 0.3]), Profile.table([0, 0.7, 1], [2, 1, 0.5])
-    shapes = clamped_free(2)
-    i = shape_integrals(shapes, mu, eps)
-
-    def integral(f, start=0.0):
-        return quad(f, start, 1, points=[0.4, 0.7], epsabs=1e-12, epsrel=1e-12)[0]
-
-    def mode(xi, d=0, k=1):
-        return shapes.values(np.array([xi]), d)[k, 0]
-
-    assert i.mass == pytest.approx(integral(mu), rel=1e-11)
-    assert i.second == pytest.approx(integral(lambda x: mu(x) * x**2), rel=1e-11)
-    assert i.mode_moment[1] == pytest.approx(integral(lambda x: mu(x) * x * mode(x)), rel=1e-11)
-    assert i.bending[0, 1] == pytest.approx(integral(lambda x: eps(x) * mode(x, 2) * mode(x, 2, 0)), rel=1e-11)
-
-    def gamma(xi):
-        return quad(lambda s: mode(s, 1) ** 2, 0, xi, epsabs=1e-12, epsrel=1e-12)[0]
-
-    assert i.tip_shortening[1, 1] == pytest.approx(gamma(1), rel=1e-11)
-    assert i.shortening[1, 1] == pytest.approx(integral(lambda x: mu(x) * gamma(x)), rel=1e-10)
-    assert i.shortening_moment[1, 1] == pytest.approx(integral(lambda x: mu(x) * x * gamma(x)), rel=1e-10)
-
-
-def test_no_modes():
-    integrals = shape_integrals(clamped_free(0))
-    assert (integrals.mode.shape, integrals.gram.shape, integrals.n) == ((0,), (0, 0), 0)
-    assert integrals.mass == pytest.approx(1)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ Where roots of q lie inside the unit circle, their means are others.
 import numpy as np
 import pytest
 
-from flexlin.periodic import Coupled, Group, Refusal, as_real, decouple, decoupled_exponents
+from flexlin.periodic import Refusal, as_real, decouple, decoupled_exponents
 from tests.periodic.decoupling.test_decoupling import misses
 
 PERIOD = 2 * np.pi
@@ -41,14 +41,3 @@ def test_means_of_followed_modes_are_not_claimed_where_others_may_be_followed(ro
     answer = decoupled_exponents(decoupled)
     assert (misses(answer, exponents, PERIOD) <= answer.errors).all()
     assert (answer.exponents.real + answer.errors < 0).all()  # enclosed well enough for a verdict
-
-
-def test_modes_catch_up_by_what_they_fell_behind():
-    """The difference of damping is 1 + 3 cos t: it stays negative while cos t < -1 / 3."""
-    t = PERIOD * np.arange(512) / 512
-    B = np.zeros((512, 2, 2), complex)
-    B[:, 1, 1] = -1 - 3 * np.cos(t)
-    turn = np.arccos(-1 / 3)
-    behind = 2 * (3 * np.sin(turn) - (np.pi - turn))
-    found = Coupled(B, PERIOD, (Group(0, 1, 0), Group(1, 2, 1))).catch_up
-    assert found[0, 1] == found[1, 0] == pytest.approx(np.expm1(behind / 2), rel=1e-2)

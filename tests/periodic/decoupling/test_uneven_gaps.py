@@ -1,95 +1,39 @@
-"""Fast modes whose gap varies by much, states in unlike units, and what rounding hides: known exponents by a change of coordinates."""
+"""Fast modes that rounding hides, that hide behind others, or that stand close for the motion: known exponents, and segments."""
 
 import numpy as np
 import pytest
 
 import flexlin as fl
 from flexlin.periodic import Refusal, decouple, decoupled_exponents, match_logs
+from tests.closed_arm import closed
+from tests.periodic.chains import Wave
 from tests.periodic.gentle import gentle_system
+from tests.periodic.rotated import Rotated, mix
 
 T = 2.0
 
 
-class Turned:
-    """x = P(t) y, y' = D(t) y: D with blocks [[a, b], [-b, a]] of given rates, P = exp of a small wave of a random matrix."""
-
-    def __init__(self, growth, turning, size=0.02, seed=0, units=1.0):
-        self.growth, self.turning = growth, turning
-        self.n = 2 * len(growth)
-        self.wave = size * np.random.default_rng(seed).standard_normal((self.n, self.n))
-        self.units = np.asarray(units) * np.ones(self.n)
-
-    def __call__(self, t):
-        s, w = np.sin(2 * np.pi * t / T), 2 * np.pi / T * np.cos(2 * np.pi * t / T)
-        values, vectors = np.linalg.eig(self.wave)
-        P, inverse = (
-            ((vectors * np.exp(sign * values * s[:, None])[:, None]) @ np.linalg.inv(vectors)).real for sign in (1, -1)
-        )
-        D = np.zeros((len(t), self.n, self.n))
-        for k, (a, b) in enumerate(zip(self.growth, self.turning, strict=True)):
-            i = 2 * k
-            D[:, i, i] = D[:, i + 1, i + 1] = a(t)
-            D[:, i, i + 1] = b(t)
-            D[:, i + 1, i] = -b(t)
-        A = P @ D @ inverse + w[:, None, None] * self.wave
-        return A * (self.units[:, None] / self.units)
-
-    @property
-    def exponents(self):
-        t = T / 4096 * np.arange(4096)
-        means = [a(t).mean() + 1j * b(t).mean() for a, b in zip(self.growth, self.turning, strict=True)]
-        return np.ravel([[mean, np.conj(mean)] for mean in means])
-
-
-def wave(mean, share, phase=0.0):
-    return lambda t: mean * (1 + share * np.cos(2 * np.pi * t / T + phase))
-
-
-UNEVEN = [wave(-1.0, 0.0), wave(-3.0, 0.0), wave(-5.0, 0.0)], [wave(2.0, 0.0), wave(700.0, 0.1), wave(1500.0, 0.35)]
-"""The gap of the fast modes goes from 300 to 1300 1/s while the motion has 3 1/s."""
-
-
-def check_claim(found, exact):
-    partner, apart = match_logs(found.exponents * T, exact * T)
-    assert (apart / T <= found.errors).all()
-    assert sorted(partner) == list(range(len(exact)))
-
-
-def decoupled(system, tol):
-    done = decouple(system, T, tol=tol)
-    assert not isinstance(done, Refusal)
-    return done, decoupled_exponents(done, tol)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_a_fast_gap_may_vary_by_much(seed):
-    """Few rounds: each leaves the rate of change over the gap, not what the gap differs from its mean by (12 rounds and more)."""
-    system = Turned(*UNEVEN, seed=seed)
-    done, found = decoupled(system, 1e-9)
-    assert done.rounds <= 6
-    assert (found.errors <= 1e-9 * np.maximum(1, np.abs(found.exponents) * 50)).all()
-    check_claim(found, system.exponents)
-
-
-def test_units_of_the_states_do_not_matter():
-    units = 10.0 ** np.array([0, 5, -3, 2, 4, -1])
-    for system in (Turned(*UNEVEN, units=each) for each in (1.0, units)):
-        check_claim(decoupled(system, 1e-8)[1], system.exponents)
+def wave(mean, share=0.0):
+    return Wave(mean, 0, (mean * share,), (0.0,))
 
 
 def test_what_rounding_hides_is_stated():
     """Two modes that take turns in damping by exp(25): nobody can make their exponents surer, and the slow ones stand."""
-    taking_turns = (
-        [wave(-1.0, 0.0), wave(-90.0, 0.35), wave(-90.0, -0.35)],
-        [wave(2.0, 0.0), wave(9e3, 0.01), wave(3e4, 0.0)],
-    )
-    system = Turned(*taking_turns, size=0.005)
+    modes = [
+        (wave(-1.0), wave(2.0)),
+        (wave(-90.0, 0.35), wave(9e3, 0.01)),
+        (wave(-90.0, -0.35), wave(3e4)),
+    ]
+    rng = np.random.default_rng(0)
+    system = Rotated(T, modes, mix(rng, 6, -2.5, -2.0))
     found = fl.floquet(fl.PeriodicSystem(system, T), 1e-9, max_segments=100)
     assert found.setting.method == "decoupling"
     assert found.verdict == "stable"
     assert found.errors[:2].max() < 1e-9
     assert found.errors[2:].min() > 1e-6
-    check_claim(found, system.exponents)
+    partner, apart = match_logs(found.log_multipliers, system.exponents * T)
+    assert (apart / T <= found.errors).all()
+    assert sorted(partner) == list(range(6))
 
 
 def test_leading_modes_that_are_hidden_are_enclosed():
@@ -144,18 +88,16 @@ HARD_DRIVE = {
 """Eigenvectors of the mean, in metres and metres per second, of a joint mode that decays within a millisecond: their inverse needs care."""
 
 
-def arm(changes):
-    scene = fl.load_scene("single-link", {"designs": [], **changes})
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+SYSTEMS = {
+    "integral action": lambda: fl.PeriodicSystem(loop_with_integral_action(), T),
+    "near resonance": lambda: closed(changes=NEAR_RESONANCE).periodic_system(),
+    "hard drive": lambda: closed(changes=HARD_DRIVE).periodic_system(),
+}
 
 
-@pytest.mark.parametrize(
-    "system",
-    [lambda: fl.PeriodicSystem(loop_with_integral_action(), T), lambda: arm(NEAR_RESONANCE), lambda: arm(HARD_DRIVE)],
-    ids=["integral action", "near resonance", "hard drive"],
-)
-def test_segments_give_the_same_exponents(system):
-    system = system()
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_segments_give_the_same_exponents(name):
+    system = SYSTEMS[name]()
     exact = fl.floquet(system, 1e-10, method="gauss")
     for one in (decouple(system.resolved, system.period, tol=1e-8), fl.floquet(system, 1e-8)):
         if isinstance(one, Refusal):

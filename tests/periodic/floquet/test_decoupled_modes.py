@@ -12,7 +12,10 @@ from flexlin.periodic import (
     solve_modes_at_nodes,
     wrap_log,
 )
+from tests.closed_arm import closed
+from tests.periodic.chains import Rotation, Wave
 from tests.periodic.gentle import gentle_system
+from tests.periodic.rotated import Rotated
 
 
 def waves(count, period):
@@ -69,18 +72,8 @@ def test_columns_of_the_frame_solve_the_equation_and_its_adjoint(near_resonance)
 
 def stiff(period):
     """A fast decay, a fast oscillation and a slow one, mixed by a turn of the first state into the last."""
-    D = np.zeros((5, 5))
-    D[0, 0], D[1:3, 1:3], D[3:, 3:] = -2600.0, [[-1.0, 100.0], [-100.0, -1.0]], [[-0.2, 1.9], [-1.9, -0.2]]
-
-    def A(t):
-        angle, slope = 0.3 * np.sin(2 * np.pi * t / period), 0.6 * np.pi / period * np.cos(2 * np.pi * t / period)
-        U, J = np.broadcast_to(np.eye(5), (len(t), 5, 5)).copy(), np.zeros((5, 5))
-        U[:, 0, 0] = U[:, 4, 4] = np.cos(angle)
-        U[:, 0, 4], U[:, 4, 0] = -np.sin(angle), np.sin(angle)
-        J[0, 4], J[4, 0] = -1.0, 1.0
-        return U @ D @ np.swapaxes(U, 1, 2) + slope[:, None, None] * J
-
-    return A
+    modes = [(Wave(-2600.0), None), (Wave(-1.0), Wave(100.0)), (Wave(-0.2), Wave(1.9))]
+    return Rotated(period, modes, [Rotation(0, 4, Wave(0.0, 0, (0.0,), (0.3,)))])
 
 
 def test_modes_of_a_slow_motion_are_right_or_called_unknown():
@@ -128,8 +121,7 @@ def test_modes_that_coincide_are_right_or_left_to_others(apart, coupling):
 @pytest.mark.slow
 def test_modes_of_an_arm_whose_slow_modes_part_by_much_are_those_of_its_frame():
     """They say how damping moves the exponents, as exponents with a little more and less damping do; segments took them five seconds."""
-    scene = fl.load_scene("de-luca-siciliano-1991")
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    lin = closed("de-luca-siciliano-1991")
 
     def damped(factor):
         return fl.PeriodicSystem.from_second_order(lin.M, lambda t: factor * lin.D(t), lin.K, lin.period)

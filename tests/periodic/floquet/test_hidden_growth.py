@@ -6,25 +6,18 @@ import pytest
 import flexlin as fl
 from flexlin.errors import TooManySegments
 from flexlin.periodic import hidden_growth
+from tests.periodic.chains import Rotation, Wave
 from tests.periodic.judge import judged
 from tests.periodic.random_systems import draw
+from tests.periodic.rotated import Rotated
 
 T = 2.0
 
 
 def turned(growth: float, turning: float) -> fl.PeriodicSystem:
-    """A pair growth +- i turning beside -5 and -30000, in axes that turn to and fro once a period: A = S L S' + S_t S', S = exp(w(t) J)."""
-    L = np.diag([growth, growth, -5.0, -3e4])
-    L[0, 1], L[1, 0] = -turning, turning
-    J = np.zeros((4, 4))
-    J[0, 2], J[1, 3], J[2, 0], J[3, 1] = 1.0, 1.0, -1.0, -1.0
-
-    def A(t: np.ndarray) -> np.ndarray:
-        w, rate = 0.3 * np.sin(2 * np.pi * t / T), 0.6 * np.pi / T * np.cos(2 * np.pi * t / T)
-        S = np.cos(w)[:, None, None] * np.eye(4) + np.sin(w)[:, None, None] * J
-        return S @ L @ np.swapaxes(S, 1, 2) + rate[:, None, None] * J
-
-    return fl.PeriodicSystem(A, T)
+    """A pair growth +- i turning beside -5 and -30000, in axes that turn to and fro once a period."""
+    modes, angle = [(Wave(growth), Wave(turning)), (Wave(-5.0), None), (Wave(-3e4), None)], Wave(0.0, 0, (0.0,), (0.3,))
+    return fl.PeriodicSystem(Rotated(T, modes, [Rotation(0, 2, angle), Rotation(1, 3, angle)]), T)
 
 
 @pytest.mark.parametrize(("growth", "turning"), [(50.0, 1000.0), (-1.0, 800.0)])

@@ -1,54 +1,12 @@
 """The error that floquet reports against the true error, over random systems with known exponents."""
 
-import mpmath
 import numpy as np
 import pytest
-from scipy.linalg import block_diag
 
 import flexlin as fl
 from flexlin.periodic import match_logs
-from tests.periodic.systems import lyapunov_transformed
-
-SYSTEMS = 120
-EPS = float(np.finfo(float).eps)
-
-
-def random_constant(rng, n):
-    """A real matrix with eigenvalues from -30 to about 3, complex pairs among them, in a random basis."""
-    blocks, size = [], 0
-    while size < n:
-        real = rng.choice([rng.normal(), -(10 ** rng.uniform(-2, 1.5))])
-        pair = n - size >= 2 and rng.random() < 0.6
-        turn = 10 ** rng.uniform(-1, 1)
-        blocks.append(np.array([[real, turn], [-turn, real]]) if pair else np.array([[real]]))
-        size += len(blocks[-1])
-    D, S = block_diag(*blocks), rng.standard_normal((n, n))
-    return S @ D @ np.linalg.inv(S), np.linalg.eigvals(D)
-
-
-def errors_of(seed, tol):
-    rng = np.random.default_rng(seed)
-    constant, exponents = random_constant(rng, int(rng.integers(1, 7)))
-    frequency = 10 ** rng.uniform(-0.3, 0.7)
-    A = lyapunov_transformed(constant, frequency, int(rng.integers(1, 4)), rng, size=rng.uniform(0, 0.4))
-    period = 2 * np.pi / frequency
-    result = fl.floquet(fl.PeriodicSystem(A, period), tol=tol)
-    true = match_logs(result.log_multipliers, exponents * period)[1] / period
-    growth = exponents.real.max()
-    verdicts = {"undecided", "unstable" if growth > 0 else "stable"}
-    allowed = (true <= tol * np.maximum(1, np.abs(result.exponents))).all()
-    return true.max(), result.error, np.mean(true <= result.errors), result.verdict in verdicts, allowed
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-12])
-def test_own_error_covers_the_true_error_without_exaggeration(tol):
-    true, own, covered, verdict, reached = np.transpose([errors_of(seed, tol) for seed in range(SYSTEMS)])
-    assert np.mean(true <= own) >= 0.999
-    assert np.mean(covered) >= 0.999
-    assert np.median(own / np.maximum(true, 10 * EPS)) < 30  # true errors below rounding are luck
-    assert verdict.all()
-    assert np.mean(reached) > (0.99 if tol > 1e-11 else 0.9)
+from tests.periodic.jumping_systems import Piecewise
+from tests.periodic.truths import switched_exponents
 
 
 def switched_triangular(seed):
@@ -61,13 +19,8 @@ def switched_triangular(seed):
         U = np.triu(10 ** rng.uniform(1.5, 6) * rng.standard_normal((3, 3)), 1) - np.diag(10 ** rng.uniform(-1, 1, 3))
         Q = np.linalg.qr(rng.standard_normal((3, 3)))[0]
         parts.append(Q @ U @ Q.T / (10 * T))
-    with mpmath.workdps(60):
-        product = mpmath.eye(3)
-        for A, begin, end in zip(parts, starts, [*starts[1:], T], strict=True):
-            product = mpmath.expm(mpmath.matrix(A.tolist()) * (mpmath.mpf(end) - mpmath.mpf(begin))) * product
-        known = np.array([complex(mpmath.log(z) / mpmath.mpf(T)) for z in mpmath.eig(product, left=False, right=False)])
-    system = fl.PeriodicSystem(lambda t: np.array(parts)[np.searchsorted(starts, t % T, side="right") - 1], T)
-    return system, known
+    system = fl.PeriodicSystem(Piecewise(starts, T, np.array(parts)), T)
+    return system, switched_exponents(parts, [*starts, T])
 
 
 @pytest.mark.parametrize(

@@ -11,17 +11,12 @@ import flexlin as fl
 from flexlin import floquet as floquet_of
 from flexlin.errors import TooManySegments
 from flexlin.periodic import METHODS, match_logs
+from tests.periodic.systems import random_waves
 
 
 def random_system(seed, n):
-    """A trigonometric polynomial of degree 2 with entries of order one, T = 2 pi."""
-    C = np.random.default_rng(seed).standard_normal((5, n, n))
-
-    def A(t):
-        basis = np.stack([np.ones_like(t), np.cos(t), np.sin(t), np.cos(2 * t), np.sin(2 * t)])
-        return np.einsum("kt,kij->tij", basis, C)
-
-    return fl.PeriodicSystem(A, 2 * np.pi)
+    """Two harmonics with entries of order one, T = 2 pi."""
+    return fl.PeriodicSystem(random_waves(np.random.default_rng(seed), n, n, 2, 1.0, 2 * np.pi)[0], 2 * np.pi)
 
 
 def apart(first, second, period):
@@ -63,7 +58,7 @@ def test_all_methods_agree(seed, n):
 
 def test_the_memory_of_the_factors_is_bounded(monkeypatch):
     module = import_module("flexlin.periodic.floquet.exponents")  # the function has the same name
-    monkeypatch.setattr(module, "FACTOR_BYTES", 8 * 9 * 6)
+    monkeypatch.setattr(module, "FACTOR_BYTES", 8 * 9)
     with pytest.raises(TooManySegments, match="segments"):
         floquet_of(random_system(1, 3))
 

@@ -5,23 +5,13 @@ import pytest
 
 import flexlin as fl
 from flexlin.periodic import match_logs
-
-
-def wavy(rng, shape, decay):
-    """A random function of the period 1 with a few harmonics."""
-    mean, waves = rng.normal(size=shape), rng.normal(size=(2, 4, *shape)) * decay ** np.arange(4)[:, None, None]
-
-    def values(t):
-        angle = 2 * np.pi * np.outer(t, np.arange(1, 5))
-        return mean + np.tensordot(np.cos(angle), waves[0], 1) + np.tensordot(np.sin(angle), waves[1], 1)
-
-    return values
+from tests.periodic.systems import random_waves
 
 
 def second_order(seed):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 4))
-    parts, units = [wavy(rng, (n, n), 0.4) for _ in range(3)], 10.0 ** rng.integers(-4, 4, n)
+    parts, units = [random_waves(rng, n, n, 4, 0.4, 1.0)[0] for _ in range(3)], 10.0 ** rng.integers(-4, 4, n)
     fixed = np.array([5 * np.eye(n), np.eye(n), 30 * np.eye(n)])
 
     def part(k):

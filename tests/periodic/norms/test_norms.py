@@ -8,30 +8,12 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import ortho_group
 
 import flexlin as fl
-from flexlin import linearize
 from flexlin.errors import ArgumentError, NotStable
 from flexlin.periodic import find_largest_gain, resolve
+from tests.periodic.systems import turned
 from tests.thinned import thin
 
 A0, B0, C0 = np.array([[-1.0, -0.5], [-3.0, -5.0]]), np.array([[3.0], [1.0]]), np.array([[1.0, 2.0]])
-
-
-def rotated(A, B, C, speed=2.0):
-    """The system in coordinates that turn in the plane of the first two states."""
-    n, J = len(A), np.zeros((len(A), len(A)))
-    J[0, 1], J[1, 0] = speed, -speed
-
-    def P(t):
-        turn = np.tile(np.eye(n), (len(t), 1, 1))
-        c, s = np.cos(speed * t), np.sin(speed * t)
-        turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = c, s, -s, c
-        return turn
-
-    def back(t):
-        return np.swapaxes(P(t), 1, 2)
-
-    system = fl.PeriodicSystem(lambda t: J + P(t) @ A @ back(t), 2 * np.pi / speed, B=lambda t: P(t) @ B)
-    return system, lambda t: C @ back(t)
 
 
 def gain(A, B, C, D, w):
@@ -54,83 +36,17 @@ def folded(w, period):
 
 
 def test_published_numbers():
-    system, C = rotated(A0, B0, C0)
+    system, C = turned(A0, B0, C0)
     assert abs(fl.h2_norm(system, C).value - 1.46181557) < 1e-8
     assert abs(fl.hinf_norm(system, C).value - 0.844765) < 1e-6
     assert abs(fl.hinf_norm(system, C, [[1.0]]).value - 1.839303) < 1e-6
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
-def test_rotated_constant_systems(seed):
-    rng = np.random.default_rng(seed)
-    n, m, p = rng.integers(2, 5), rng.integers(1, 3), rng.integers(1, 3)
-    A = rng.standard_normal((n, n))
-    A -= (np.linalg.eigvals(A).real.max() + 10 ** rng.uniform(-1.5, 0)) * np.eye(n)
-    B, C = rng.standard_normal((n, m)), rng.standard_normal((p, n))
-    D = rng.standard_normal((p, m)) if seed % 2 else np.zeros((p, m))
-    system, output = rotated(A, B, C, speed=float(rng.uniform(0.7, 4)))
-    exact = np.sqrt(np.trace(C @ solve_continuous_lyapunov(A, -B @ B.T) @ C.T))
-    two = fl.h2_norm(system, output)
-    assert abs(two.value - exact) <= 1e-8 * exact
-    assert abs(two.value - exact) <= two.error + 1e-13 * exact
-    peak, where = constant_peak(A, B, C, D)
-    largest = fl.hinf_norm(system, output, D)
-    assert abs(largest.value - peak) <= 1e-8 * peak
-    assert abs(largest.value - peak) <= largest.error + 1e-9 * peak
-    assert abs(largest.frequency - folded(where, system.period)) < 1e-3 * (1 + where) or where > 900
-
-
-def hill_blocks(system, C, harmonics):
-    """Hill's block Toeplitz matrices of A, B, C and the frequencies of their rows."""
-    N, T = 8 * harmonics, system.period
-    t = T * np.arange(N) / N
-    blocks = []
-    for values in (system.A(t), system.B(t), C(t)):
-        waves = np.fft.fft(values, axis=0) / N
-        k = np.arange(-harmonics, harmonics + 1)
-        blocks.append(waves[(k[:, None] - k) % N].swapaxes(1, 2).reshape(len(k) * values.shape[1], -1))
-    return *blocks, np.repeat(2j * np.pi / T * np.arange(-harmonics, harmonics + 1), system.n)
-
-
-def hill_gain(system, C, w, harmonics):
-    """The norm of the truncated harmonic transfer function at a frequency."""
-    A, B, C, shift = hill_blocks(system, C, harmonics)
-    return np.linalg.norm(C @ np.linalg.solve(np.diag(1j * w + shift) - A, B), 2)
-
-
-def hill_power(system, C, harmonics):
-    """The H2 norm from the truncated harmonic Lyapunov equation: Zhou, Hagiwara, Araki, Automatica 38 (2002) 1.
-
-    (A - N) V + V (A - N)^H + B B^H = 0, N the rows' frequencies; the middle block of C V C^H is the mean covariance of the output.
-    """
-    A, B, C, shift = hill_blocks(system, C, harmonics)
-    V = solve_continuous_lyapunov(A - np.diag(shift), -B @ B.conj().T)
-    outputs = len(C) // (2 * harmonics + 1)
-    middle = slice(harmonics * outputs, (harmonics + 1) * outputs)
-    return np.sqrt(np.trace((C @ V @ C.conj().T)[middle, middle]).real)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["flexible-joint-link", "khang-2019", "quanser-flexible-link"])
-def test_arms_against_hills_truncated_equations(name):
-    scene = fl.load_scene(name, {"links.0.modes": 1} if name == "quanser-flexible-link" else None)
-    lin = linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    system = lin.periodic_system()
-    row = np.zeros((1, system.n))
-    row[0, 0] = 1.0  # the joint's angle
-
-    def C(t):
-        return np.tile(row, (len(t), 1, 1))
-
-    largest = fl.hinf_norm(system, C)
-    assert 0 <= largest.frequency <= np.pi / system.period * (1 + 1e-12)
-    assert hill_gain(system, C, largest.frequency, 24) == pytest.approx(largest.value, rel=1e-6)
-    grid = np.pi / system.period * np.linspace(0, 1, 9)
-    assert max(hill_gain(system, C, w, 12) for w in grid) <= largest.value * (1 + 1e-6)
-    two = fl.h2_norm(system, C)
-    assert hill_power(system, C, 20) == pytest.approx(two.value, rel=1e-8)
-    assert 0 < two.error < 1e-8 * two.value
+def test_several_inputs_and_outputs():
+    B, C = np.array([[3.0, 0.2], [1.0, -1.0]]), np.array([[1.0, 2.0], [0.0, 1.0], [0.5, 0.0]])
+    exact = np.sqrt(np.trace(C @ solve_continuous_lyapunov(A0, -B @ B.T) @ C.T))
+    assert fl.h2_norm(*turned(A0, B, C)).value == pytest.approx(exact, rel=1e-9)
+    assert fl.hinf_norm(*turned(A0, B, C)).value == pytest.approx(constant_peak(A0, B, C, 0.0)[0], rel=1e-8)
 
 
 def test_wrong_and_unstable_systems_are_refused():
@@ -197,35 +113,37 @@ def test_a_level_just_above_the_norm_is_found_there():
     A = -np.diag(10 ** rng.uniform(-1.5, 0, 3))
     A[0, 1], A[1, 0] = -0.5, 30.0
     B, C = rng.normal(size=(3, 2)), rng.normal(size=(1, 3))
-    system, output = rotated(A, B, C, 1.2566)
+    system, output = turned(A, B, C, 1.2566)
     known = constant_peak(A, B, C, 0.0)[0]
     norm = fl.hinf_norm(system, output)
     assert abs(norm.value - known) <= norm.error <= 1e-8 * known
 
 
 def unseen(k):
-    """Coordinates that turn, of two oscillators or two relaxations of which the output sees the first one alone."""
+    """Coordinates that turn, of two oscillators or two relaxations of which the output sees the first one alone; norm and frequency."""
     if k:
         A = np.zeros((4, 4))
         A[:2, :2], A[2:, 2:] = [[0.0, 1.0], [-1.0, -0.1]], [[0.0, 1.0], [-3.0, -0.2]]
-        return A, np.array([[0.0, 1.0, 0.0, 1.0]]).T, np.array([[1.0, 0.0, 0.0, 0.0]]), 1 / (0.1 * (1 - 0.0025) ** 0.5)
-    return np.diag([-1.0, -2.0]), np.ones((2, 1)), np.array([[1.0, 0.0]]), 1.0
+        B, C = np.array([[0.0, 1.0, 0.0, 1.0]]).T, np.array([[1.0, 0.0, 0.0, 0.0]])
+        return A, B, C, 1 / (0.1 * (1 - 0.0025) ** 0.5), 0.995**0.5
+    return np.diag([-1.0, -2.0]), np.ones((2, 1)), np.array([[1.0, 0.0]]), 1.0, 0.0
 
 
 def lightly_damped(c):
     """s / (s^2 + c s + 2), whose norm is 1 / c."""
-    return np.array([[0.0, 1.0], [-2.0, -c]]), np.array([[0.0], [1.0]]), np.array([[0.0, 1.0]]), 1 / c
+    return np.array([[0.0, 1.0], [-2.0, -c]]), np.array([[0.0], [1.0]]), np.array([[0.0, 1.0]]), 1 / c, 2**0.5
 
 
 @pytest.mark.parametrize("period", [0.05, 1.0, 7.0])
 @pytest.mark.parametrize("case", [unseen(0), unseen(1), *map(lightly_damped, (1e-2, 1e-4, 1e-6))])
 def test_no_norm_misses_by_more_than_its_error(case, period):
     """Where modes lie so near the circle that they cannot be told from their counterparts, the error says so."""
-    A, B, C, exact = case
+    A, B, C, exact, where = case
     found = fl.hinf_norm(fl.PeriodicSystem(A, period, B=B), C)
     assert abs(found.value - exact) <= found.error + 1e-9 * exact
     damping = -np.linalg.eigvals(A).real.max()
     assert found.error < 1e-6 * exact or damping * period < 1e-4
+    assert abs(found.frequency - folded(where, period)) < 2e-3
 
 
 def test_a_mode_that_turns_more_often_in_a_period_than_inputs_that_are_tried():
@@ -233,7 +151,7 @@ def test_a_mode_that_turns_more_often_in_a_period_than_inputs_that_are_tried():
     A = np.zeros((4, 4))
     A[:2, :2], A[2:, 2:] = [[0.0, 1.0], [-1.0, -0.2]], [[0.0, 80.0], [-80.0, -0.016]]
     B, C = np.array([[0.0, 1.0, 0.0, 1.0]]).T, np.array([[1.0, 0.0, 1.0, 0.0]])
-    found, exact = fl.hinf_norm(*rotated(A, B, C, speed=1.0)), constant_peak(A, B, C, 0.0)[0]
+    found, exact = fl.hinf_norm(*turned(A, B, C, speed=1.0)), constant_peak(A, B, C, 0.0)[0]
     assert abs(found.value - exact) <= found.error <= 1e-6 * exact
 
 
@@ -242,7 +160,7 @@ def test_a_mode_that_is_reached_beside_one_that_is_seen(through):
     """The gain is that of the feedthrough; rounding, of which levels were tried in vain for 20 s, is all that the modes add."""
     A, mix = np.array([[-1e-7, 0.3, 0.0], [-0.3, -1e-7, 0.0], [0.0, 0.0, -1.0]]), ortho_group(3, seed=1).rvs()
     B, C = mix @ np.array([[1.0], [2.0], [0.0]]), np.array([[0.0, 0.0, 3.0]]) @ mix.T
-    found = fl.hinf_norm(*rotated(mix @ A @ mix.T, B, C, speed=1.0), [[through]])
+    found = fl.hinf_norm(*turned(mix @ A @ mix.T, B, C, speed=1.0), [[through]])
     assert abs(found.value - through) <= found.error <= 1e-3
 
 
@@ -269,7 +187,7 @@ def test_systems_that_are_hardly_damped(seed):
         square = mpmath.matrix(B.tolist()) * mpmath.matrix(B.tolist()).T
         P = mpmath.lu_solve(operator, -mpmath.matrix(list(square)))
         exact = float(mpmath.sqrt(sum(C[0, i] * P[i * n + j] * C[0, j] for i in range(n) for j in range(n))))
-    system, output = rotated(A, B, C, speed=float(10 ** rng.uniform(-1, 1)))
+    system, output = turned(A, B, C, speed=float(10 ** rng.uniform(-1, 1)))
     found = fl.h2_norm(system, output)
     assert abs(found.value - exact) <= found.error <= 1e-2 * exact
 
@@ -287,7 +205,7 @@ def test_an_oscillator_that_is_hardly_seen_beside_what_it_turns_with(weak):
     A = np.diag([-0.4, 0.0, -0.02, -1e-5])
     A[1, 2], A[2, 1] = 1.0, -10.0
     B, C = np.ones((4, 1)), np.array([[1.0, weak, weak, 0.5]])
-    found = fl.h2_norm(*rotated(A, B, C, speed=4.3))
+    found = fl.h2_norm(*turned(A, B, C, speed=4.3))
     exact = np.sqrt((C @ solve_continuous_lyapunov(A, -B @ B.T) @ C.T).item())
     assert abs(found.value - exact) <= found.error + 1e-11 * exact
     assert found.error <= 1e-9 * exact

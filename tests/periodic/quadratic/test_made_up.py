@@ -1,40 +1,18 @@
 """Riccati equations whose solutions are made up first, and the linear algebra of collocated Lyapunov equations."""
 
-import control
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.special import erf
 
 from flexlin import PeriodicSystem, periodic_lyapunov
-from flexlin.control import periodic_lqr
 from flexlin.errors import NotStable
 from flexlin.periodic import periodic_riccati
-from tests.periodic.quadratic.test_riccati import A0, B0, rotated, rotation
-from tests.thinned import thin
+from tests.periodic.systems import random_waves
 
 
 def flip(M):
     return np.swapaxes(M, -1, -2)
-
-
-def random_waves(rng, rows, columns, harmonics, decay, period):
-    """A random trigonometric polynomial and its derivative."""
-    size = decay ** np.arange(harmonics + 1)[:, None, None]
-    cosines, sines = (size * rng.normal(size=(harmonics + 1, rows, columns)) for _ in range(2))
-    rate = 2 * np.pi / period * np.arange(harmonics + 1)
-
-    def value(t):
-        angle = np.outer(t, rate)
-        return np.einsum("tk,kij->tij", np.cos(angle), cosines) + np.einsum("tk,kij->tij", np.sin(angle), sines)
-
-    def slope(t):
-        angle = np.outer(t, rate)
-        return np.einsum("tk,kij->tij", np.cos(angle) * rate, sines) - np.einsum(
-            "tk,kij->tij", np.sin(angle) * rate, cosines
-        )
-
-    return value, slope
 
 
 def made_up(seed):
@@ -73,7 +51,7 @@ def made_up(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 4, 5, 8, 10, 11, 14, 16, 17, 21, 23, 25])
+@pytest.mark.parametrize("seed", [0, 5, 8, 11, 14, 17, 21, 25])
 def test_errors_of_made_up_solutions_are_covered(seed):
     system, Q, R, X = made_up(seed)
     t = np.random.default_rng(seed).uniform(0, system.period, 400)
@@ -84,20 +62,6 @@ def test_errors_of_made_up_solutions_are_covered(seed):
         assert np.abs(found.X(t) - exact).max() <= found.error * np.abs(exact).max()
         assert np.abs(found.K(t) - gain).max() <= found.gain_error * np.abs(gain).max()
         assert found.error <= tol
-
-
-@pytest.mark.parametrize("effort", thin([1e-2, 1e-6, 1e4]))
-def test_design_knows_the_error_of_its_gain(effort):
-    """The rotated problem of Johansson et al. (2007), from cheap to dear control: K is known exactly."""
-    system, turn = rotated(), rotation
-    gain, X, _ = control.lqr(A0, B0, np.eye(2), effort * np.eye(1))
-    made = periodic_lqr(system, np.eye(2), effort * np.eye(1))
-    t = np.random.default_rng(1).uniform(0, 9, 300)
-    assert (
-        np.abs(made.K(t) - gain @ flip(turn(t))).max() <= made.error * np.abs(gain).max() + 1e-11 * np.abs(gain).max()
-    )
-    assert np.abs(made.X(t) - turn(t) @ X @ flip(turn(t))).max() <= (made.solution.error + 1e-11) * np.abs(X).max()
-    assert made.error < 1e-6
 
 
 def test_nothing_to_weigh_gives_zero():

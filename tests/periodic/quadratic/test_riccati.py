@@ -6,61 +6,23 @@ from functools import partial
 import control
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from flexlin.errors import ArgumentError, IllPosedSegment, NotDetectable, NotStabilizable
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_riccati
-from flexlin.periodic.quadratic.scattering import (
-    scatter_hamiltonian,
-)
+from flexlin.periodic.quadratic.scattering import scatter_hamiltonian
 from flexlin.periodic.system import PeriodicSystem
+from tests.periodic.dense import integrate
+from tests.periodic.systems import turn, turned
 
 A0, B0 = np.array([[1.0, 0.5], [3.0, 5.0]]), np.array([[3.0], [1.0]])
 
 
-def rotation(t):
-    c, s = np.cos(2 * t), np.sin(2 * t)
-    return np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], -2)
-
-
-def rotation_rate(t):
-    c, s = np.cos(2 * t), np.sin(2 * t)
-    return 2 * np.stack([np.stack([-s, c], -1), np.stack([-c, -s], -1)], -2)
+rotation = turn(2, 2.0)
 
 
 def rotated():
     """Johansson, Kagstrom, Shiriaev, Varga (2007): x = P z with a constant problem for z; A = P' P^-1 + P A0 P^-1, B = P B0."""
-
-    def A(t):
-        P = rotation(t)
-        return (rotation_rate(t) + P @ A0) @ np.swapaxes(P, 1, 2)
-
-    return PeriodicSystem(A, np.pi, lambda t: rotation(t) @ B0)
-
-
-def square_wave():
-    """A pendulum-like system whose stiffness jumps twice in a period."""
-
-    def A(t):
-        out = np.zeros((len(t), 2, 2))
-        out[:, 0, 1] = 1.0
-        out[:, 1, 0] = np.where(np.mod(t, 2.0) < 0.7, 3.0, -5.0) + np.sin(np.pi * t)
-        return out
-
-    return PeriodicSystem(A, 2.0, np.array([[0.0], [1.0]]), breaks=(0.0, 0.7))
-
-
-def backward(problem, end, begin_time, end_time, at):
-    """Integrate the Riccati equation backwards with SciPy."""
-
-    def rate(t, x):
-        (A,), (S,), (Q,) = problem.reduced(np.array([t]))
-        X = x.reshape(end.shape)
-        return -(A.T @ X + X @ A - X @ S @ X + Q).ravel()
-
-    stops = np.sort(np.asarray(at))[::-1]
-    run = solve_ivp(rate, (end_time, begin_time), end.ravel(), "DOP853", stops, rtol=1e-12, atol=1e-13, max_step=0.05)
-    return stops, run.y.T.reshape(-1, *end.shape)
+    return turned(A0, B0, np.eye(2))[0]
 
 
 def test_rotated_example_at_random_times():
@@ -74,34 +36,16 @@ def test_rotated_example_at_random_times():
     assert max(found.error, found.gain_error) < 1e-10
 
 
-def test_constant_system_is_lqr_with_cross_term():
-    rng = np.random.default_rng(3)
-    A, B, N = rng.normal(size=(5, 5)), rng.normal(size=(5, 2)), 0.1 * rng.normal(size=(5, 2))
-    K, X, _ = control.lqr(A, B, np.eye(5), 0.3 * np.eye(2), N)
-    found = periodic_riccati(PeriodicSystem(A, 0.8, B), np.eye(5), 0.3 * np.eye(2), N, tol=1e-11)
-    t = np.array([0.0, 0.123, 0.5])
-    assert np.abs(found.X(t) - X).max() < 1e-10 * np.abs(X).max()
-    assert np.abs(found.K(t) - K).max() < 1e-10 * np.abs(K).max()
-
-
-@pytest.mark.slow
-def test_varying_weights_and_breaks_against_scipy():
-    def Q(t):
-        return (2 + np.cos(np.pi * t))[:, None, None] * np.eye(2)
-
-    def R(t):
-        return (0.1 + 0.05 * np.sin(np.pi * t))[:, None, None] * np.eye(1)
-
-    found = periodic_riccati(square_wave(), Q, R, tol=1e-10)
-    stops, X = backward(found.problem, np.eye(2), 0.0, 10.0, [0.1, 0.69, 0.71, 1.3, 1.999])
-    assert np.abs(found.X(stops) - X).max() < 1e-8 * np.abs(X).max()
-
-
 @pytest.mark.slow
 def test_finite_horizon_against_scipy():
-    end = np.array([[2.0, 0.3], [0.3, 1.0]])
+    end, stops = np.array([[2.0, 0.3], [0.3, 1.0]]), np.array([np.pi, 3.0, 2.0, 0.5, 0.0])
     found = finite_horizon_riccati(rotated(), np.eye(2), np.eye(1), end, tol=1e-10)
-    stops, X = backward(found.problem, end, 0.0, np.pi, [0.0, 0.5, 2.0, 3.0, np.pi])
+
+    def rate(t, X):
+        A, S, Q = (part[0] for part in found.problem.reduced(np.array([t])))
+        return -(A.T @ X + X @ A - X @ S @ X + Q)
+
+    X = integrate(rate, end, stops)
     assert np.abs(found.X(stops) - X).max() < 1e-9 * np.abs(X).max()
 
 
@@ -194,14 +138,7 @@ def test_unreachable_mode_hidden_by_a_rotating_frame_is_found(rate):
     """Uncontrollable only up to rounding: the third mode is mixed with the others by similarity and rotation."""
     V = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
     A, B = V @ np.diag([1.0, -2.0, rate]) @ V.T, V @ np.array([[1.0], [1.0], [0.0]])
-    spin = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-
-    def P(t):
-        out = np.tile(np.eye(3), (len(t), 1, 1))
-        out[:, :2, :2] = rotation(t / 2)
-        return out
-
-    system = PeriodicSystem(lambda t: spin + P(t) @ A @ np.swapaxes(P(t), 1, 2), 2 * np.pi, lambda t: P(t) @ B)
+    system, _ = turned(A, B, np.eye(3), 1.0)
     with pytest.raises(NotStabilizable) as caught:
         periodic_riccati(system, np.eye(3), np.eye(1))
     assert abs(float(str(caught.value).split("about ")[1].split("/s")[0]) - rate) < 0.1 * rate

@@ -53,23 +53,6 @@ def test_functions_written_for_one_period_are_taken(f, period):
     assert np.all(np.abs(series(t)[:, 0, 0] - f(t)) <= series.error[0, 0])
 
 
-@pytest.mark.parametrize(
-    ("A", "match"),
-    [
-        (scalar(lambda t: np.where(np.abs(t - 0.5) < 1e-3, np.nan, 1.0)), r"not finite at t = 0\.5"),
-        (scalar(lambda t: np.where((t > 0.701) & (t < 0.702), np.inf, 1.0)), r"not finite at t = 0\.701"),
-        (lambda t: np.exp(1j * t)[:, None, None], "not real"),
-        (lambda t: np.where(t < 0.4, 1, 9)[:, None, None], "whole numbers"),
-        (lambda t: np.ones((len(t), 2, 2 + (len(t) > 64))), "wrong shape"),
-        (lambda t: np.ones((2, 2)), "wrong shape"),
-        (lambda t: np.ones((3, 2, 2)), "wrong shape"),
-    ],
-)
-def test_what_is_no_matrix_function_is_refused(A, match):
-    with pytest.raises(ArgumentError, match=match):
-        resolve(A, 1.0)
-
-
 def test_arguments_are_checked():
     one = scalar(np.ones_like)
     for wrong in ({"breaks": (1.0,)}, {"features": [(0.2, 0.0)]}, {"features": [(-0.2, 0.1)]}):

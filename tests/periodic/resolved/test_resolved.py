@@ -1,8 +1,6 @@
 """Resolved coefficients against the functions they stand for: smooth, narrow, broken, noisy, badly scaled."""
 
-import doctest
 import pickle
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -220,12 +218,6 @@ def test_derivative_and_mean(breaks):
     assert f"samples={series.samples}" in repr(series)
     again = pickle.loads(pickle.dumps(series))
     assert np.all(again(t) == series(t))
-
-
-def test_examples():
-    result = doctest.testmod(import_module("flexlin.periodic.resolved.resolve"))
-    assert result.attempted > 0
-    assert result.failed == 0
 
 
 def test_features_beside_breaks_make_no_slivers():

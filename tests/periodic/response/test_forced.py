@@ -41,16 +41,6 @@ def test_manufactured_solution_of_a_stiff_or_unstable_system(exponents, rng):
     assert error <= response.error <= 2e-10 + 1e-15 * np.abs(exponents).max()  # A itself is known to rounding only
 
 
-def test_square_wave_on_a_relaxation():
-    """x' = -x + s, s = +1 then -1 on halves of T: x = 1 - 2 exp(-t) / (1 + exp(-T/2)) on the first half."""
-    T = 3.0
-    system = fl.PeriodicSystem(np.array([[-1.0]]), T)
-    response = fl.forced_response(system, lambda t: np.where(t < T / 2, 1.0, -1.0)[:, None], tol=1e-12, breaks=(T / 2,))
-    t = np.linspace(0, T / 2, 50)
-    np.testing.assert_allclose(response(t)[:, 0], 1 - 2 * np.exp(-t) / (1 + np.exp(-T / 2)), atol=1e-12)
-    np.testing.assert_allclose(response(t + T / 2), -response(t), atol=1e-12)
-
-
 def test_a_mode_that_rings_behind_each_jump_of_the_force_is_followed():
     """x'' + 2 z w x' + w^2 x = w^2 f, f = 1, then 0: exponentials from jump to jump, too fast for Radau's method to reach tol."""
     w, z, T, jump = 3000.0, 1e-4, 4.0, 1.3

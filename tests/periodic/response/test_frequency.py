@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NotStable
-from tests.periodic.norms.test_norms import rotated
+from tests.periodic.dense import at, integrate
+from tests.periodic.systems import turned
 
 A0, B0, C0 = np.array([[-0.2, 1.5], [-1.5, -0.3]]), np.array([[1.0], [0.4]]), np.array([[1.0, 2.0]])
 
 
 def test_a_plant_in_turning_coordinates_answers_in_two_sidebands():
     """x = exp(J t) z, y = C0 x: with P+- = (I -+ i J) / 2 the answer at w + k is C0 P_k (i w - A0)^-1 B0."""
-    J, (system, _) = np.array([[0.0, 1.0], [-1.0, 0.0]]), rotated(A0, B0, C0, speed=1.0)
+    J, (system, _) = np.array([[0.0, 1.0], [-1.0, 0.0]]), turned(A0, B0, C0, speed=1.0)
     omega = np.array([0.0, 0.7, 3.0])
     found = fl.frequency_response(system, C0, omega)
     for w, H in zip(omega, found.H[:, :, 0, 0], strict=True):
@@ -33,13 +33,10 @@ def test_the_answer_of_mathieus_equation_is_what_a_simulation_ends_in():
     system, w = fl.PeriodicSystem(A, np.pi, B=[[0.0], [1.0]]), 0.9
     found = fl.frequency_response(system, [[1.0, 0.0]], [w])
 
-    def rate(t, x):
-        return A(np.array([t]))[0] @ x + [0.0, np.cos(w * t)]
-
     t = np.linspace(120.0, 130.0, 50)
-    run = solve_ivp(rate, (0.0, 130.0), [0.0, 0.0], "DOP853", t_eval=t, rtol=1e-11, atol=1e-12)
+    exact = integrate(lambda t, x: at(A, t) @ x + [0.0, np.cos(w * t)], [0.0, 0.0], [0.0, *t])[1:, 0]
     waves = np.exp(1j * np.outer(t, w + 2 * found.orders))
-    np.testing.assert_allclose((waves @ found.H[0, :, 0, 0]).real, run.y[0], atol=1e-8)
+    np.testing.assert_allclose((waves @ found.H[0, :, 0, 0]).real, exact, atol=1e-8)
 
 
 def test_what_has_no_answer_is_refused():
@@ -62,9 +59,9 @@ def test_inputs_and_outputs_that_jump():
     waves = np.where(k % 2 == 1, 2 / (1j * np.pi * np.where(k, k, 1)), 0.0)
     seen = fl.frequency_response(lag, square, w)
     driven = fl.frequency_response(fl.PeriodicSystem([[-1.0]], 1.0, B=square, breaks=(0.0, 0.5)), [[1.0]], w)
-    for found, at in ((seen, w[:, None]), (driven, w[:, None] + 2 * np.pi * k)):
+    for found, shift in ((seen, w[:, None]), (driven, w[:, None] + 2 * np.pi * k)):
         near = found.H[:, np.abs(found.orders) <= 9, 0, 0]
-        np.testing.assert_allclose(near, waves / (1j * at + 1), atol=1e-8, rtol=0)
+        np.testing.assert_allclose(near, waves / (1j * shift + 1), atol=1e-8, rtol=0)
 
 
 @pytest.mark.parametrize("fast", [9.0, 1e4])

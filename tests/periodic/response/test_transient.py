@@ -1,13 +1,11 @@
 """Transients against SciPy's DOP853 and closed forms."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
+from tests.periodic.dense import at, integrate
 
 T_END = np.linspace(0.3, 11.0, 23)
 
@@ -26,16 +24,11 @@ def B(t):
 SYSTEM = fl.PeriodicSystem(A, 2.0, B=B, breaks=(0.0, 0.7))
 
 
-def integrate(rate, start):
-    """Between all jumps, by DOP853."""
-    stops = np.unique(np.concatenate([T_END, *[2.0 * k + np.array([0.0, 0.7]) for k in range(6)]]))
-    stops = stops[(stops >= T_END[0]) & (stops <= T_END[-1])]
-    y, found = np.asarray(start, float), {T_END[0]: start}
-    for a, b in pairwise(stops):
-        middle = 1e-12 * (b - a)
-        y = solve_ivp(rate, (a + middle, b - middle), y, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-        found[b] = y
-    return np.array([found[t] for t in T_END])
+def integrated(rate, start):
+    """At T_END, between all jumps."""
+    jumps = np.add.outer(2.0 * np.arange(6), [0.0, 0.7]).ravel()
+    stops = np.unique([*T_END, *jumps[(jumps > T_END[0]) & (jumps < T_END[-1])]])
+    return integrate(rate, start, stops)[np.isin(stops, T_END)]
 
 
 def test_states_from_a_state_a_push_and_an_input():
@@ -43,25 +36,23 @@ def test_states_from_a_state_a_push_and_an_input():
         return np.sin(1.7 * t)[:, None]
 
     def rate(t, x):
-        now = np.array([t])
-        return A(now)[0] @ x + B(now)[0] @ u(now)[0]
+        return at(A, t) @ x + at(B, t) @ at(u, t)
 
     start = np.array([0.4, -0.2])
     found = fl.respond(SYSTEM, T_END, x0=start, u=u, push=[0.3])
-    exact = integrate(rate, start + 0.3 * B(T_END[:1])[0, :, 0])
+    exact = integrated(rate, start + 0.3 * B(T_END[:1])[0, :, 0])
     np.testing.assert_allclose(found.x, exact, atol=1e-8)
     assert np.abs(found.x - exact).max() <= found.error * np.abs(exact).max() + 1e-10
     assert not found.covariance.any()
 
 
 def test_noise_spreads_the_states():
-    def rate(t, y):
-        now, P = np.array([t]), y.reshape(2, 2)
-        whole = A(now)[0] @ P
-        return (whole + whole.T + 0.5 * B(now)[0] @ B(now)[0].T).ravel()
+    def rate(t, P):
+        whole = at(A, t) @ P
+        return whole + whole.T + 0.5 * at(B, t) @ at(B, t).T
 
     found = fl.respond(SYSTEM, T_END, noise=[[0.5]])
-    np.testing.assert_allclose(found.covariance.reshape(-1, 4), integrate(rate, np.zeros(4)), atol=1e-8)
+    np.testing.assert_allclose(found.covariance, integrated(rate, np.zeros((2, 2))), atol=1e-8)
     assert not found.x.any()
 
 

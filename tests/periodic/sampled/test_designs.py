@@ -3,11 +3,11 @@
 import control
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
+from tests.periodic.dense import integrate
 from tests.periodic.sampled.test_sampled import matrices
 
 T, SAMPLES = np.pi, 5
@@ -34,14 +34,11 @@ def span(begin, end):
     """Transition matrix and cost of [x; u] over a span, u held, by DOP853."""
 
     def rate(t, y):
-        P = y[:9].reshape(3, 3)
-        whole, W = np.zeros((3, 3)), np.zeros((3, 3))
+        whole, W = np.zeros((2, 3, 3))
         whole[:2, :2], whole[:2, 2:], W[:2, :2], W[2:, 2:] = A(t), B(t), weight(t), R
-        return np.concatenate([(whole @ P).ravel(), (P.T @ W @ P).ravel()])
+        return np.array([whole @ y[0], y[0].T @ W @ y[0]])
 
-    start = np.concatenate([np.eye(3).ravel(), np.zeros(9)])
-    y = solve_ivp(rate, (begin, end), start, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-    return y[:9].reshape(3, 3), y[9:].reshape(3, 3)
+    return integrate(rate, [np.eye(3), np.zeros((3, 3))], [begin, end])[-1]
 
 
 def lifted_problem(delay):
@@ -119,11 +116,11 @@ def test_the_covariance_of_a_varying_plant_repeats():
         np.testing.assert_allclose(made.P[k], P, rtol=0, atol=1e-8 * np.abs(P).max())
         P = P - P @ C.T @ np.linalg.solve(C @ P @ C.T + V, C @ P)
 
-        def rate(t, y):
-            Y = A(t) @ y.reshape(2, 2)
-            return (Y + Y.T + weight(t)).ravel()
+        def rate(t, P):
+            Y = A(t) @ P
+            return Y + Y.T + weight(t)
 
-        P = solve_ivp(rate, (k * H, (k + 1) * H), P.ravel(), "DOP853", rtol=1e-12, atol=1e-13).y[:, -1].reshape(2, 2)
+        P = integrate(rate, P, [k * H, (k + 1) * H])[-1]
     np.testing.assert_allclose(made.P[0], P, rtol=0, atol=1e-8 * np.abs(P).max())
 
 

@@ -8,7 +8,6 @@ from scipy.linalg import expm
 import flexlin as fl
 from flexlin.control import lifted_model, sampled_floquet
 from flexlin.errors import ArgumentError, NumericalError
-from flexlin.periodic.sampled import MOST, find_rounds
 
 T = np.pi
 LOOPS = 16
@@ -124,18 +123,6 @@ def test_the_lifted_model_is_the_sampled_plant():
     assert np.abs(poles).max() == pytest.approx(np.abs(found.multipliers).max(), rel=1e-9)
     with pytest.raises(ArgumentError, match="such as sample_time"):
         lifted_model(system, 0.5)
-
-
-def test_rounds_are_the_nearest_fractions():
-    rng = np.random.default_rng(2)
-    for ratio in (*rng.uniform(1e-3, 3, 40), np.sqrt(2) / 50, 1 / 7, 3 / 8, 1.0, 2.0):
-        rounds = find_rounds(1.0, ratio)
-        exact = [turn for turn in rounds if turn.off == 0]
-        assert exact or len(rounds) == 2 or ratio > 1
-        assert rounds[0].off <= 1 / MOST
-        for turn in rounds:
-            assert abs(turn.periods / turn.samples / ratio - 1) == pytest.approx(turn.off, abs=1e-11)
-    assert find_rounds(2.0, 0.75) == (find_rounds(1.0, 3 / 8)[0],)
 
 
 def test_what_does_not_fit_is_refused():

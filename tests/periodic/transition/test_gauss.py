@@ -2,48 +2,30 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from flexlin.periodic.interpolation import place_edges
-from flexlin.periodic.system import PeriodicSystem
+import flexlin as fl
+from flexlin.periodic import factor_by
 from flexlin.periodic.transition import gauss as collocation
 from flexlin.periodic.transition.gauss import gauss_transitions
 from tests.periodic.systems import mathieu
-from tests.periodic.transition.second_order import second_order_transitions
 
 
-def product(factors):
-    total = np.eye(factors.shape[-1])
-    for factor in factors:
-        total = factor @ total
-    return total
+@pytest.mark.parametrize(("method", "order"), [("gauss", k) for k in (2, 4, 6)] + [("radau", k) for k in (1, 3, 5)])
+def test_order_of_convergence(method, order):
+    A, count = mathieu(1.3, 0.7), np.array([16, 32, 64])
 
+    def product(factors):
+        return np.linalg.multi_dot(factors[::-1])
 
-@pytest.mark.parametrize("stages", [1, 2, 3])
-def test_order_of_convergence_is_twice_the_stages(stages):
-    A = mathieu(1.3, 0.7)
-    exact = product(gauss_transitions(A, np.linspace(0, np.pi, 41), 10))
-    count = np.array([8, 16, 32])
-    error = [np.abs(product(gauss_transitions(A, np.linspace(0, np.pi, k + 1), stages)) - exact).max() for k in count]
-    slope = -np.polyfit(np.log(count), np.log(error), 1)[0]
-    assert abs(slope - 2 * stages) < 0.25
+    exact, system = product(gauss_transitions(A, np.linspace(0, np.pi, 41), 10)), fl.PeriodicSystem(A, np.pi)
+    found = [product(factor_by(system, np.linspace(0, np.pi, k + 1), method, order)) for k in count]
+    slope = -np.polyfit(np.log(count), np.log(np.abs(found - exact).max(axis=(1, 2))), 1)[0]
+    assert abs(slope - order) < 0.3
 
 
 def test_constant_coefficients_give_the_exponential():
     A = np.array([[0, 1.0], [-4, -0.3]])
     Phi = gauss_transitions(lambda t: np.broadcast_to(A, (len(t), 2, 2)), np.array([0, 0.3, 1.0]), 9)
     np.testing.assert_allclose(Phi, [expm(0.3 * A), expm(0.7 * A)], rtol=1e-14, atol=1e-15)
-
-
-def test_second_order_path_agrees_with_first_order_path():
-    def M(t):
-        return np.eye(2) * 2 + np.cos(t)[:, None, None] * np.array([[0.3, 0.2], [0.2, 0.4]])
-
-    D = np.array([[0.2, 0.5], [-0.5, 0.1]])
-    K = np.array([[30.0, 1.0], [2.0, 5.0]])
-    system = PeriodicSystem.from_second_order(M, D, K, 2 * np.pi)
-    grid = place_edges(system.period, (), 12)
-    np.testing.assert_allclose(
-        second_order_transitions(system.second_order.sample, grid, 9), gauss_transitions(system.A, grid, 11), atol=2e-12
-    )
 
 
 def test_chunks_do_not_change_the_result(monkeypatch):
