@@ -6,14 +6,15 @@ from scipy.linalg import eigh
 
 import flexlin as fl
 from flexlin.mechanics import make_shapes, sum_carried
-from tests.closed_arm import closed
 
 from .scenes import matrices_at_rest
 
 
 @pytest.mark.parametrize("name", ["de-luca-siciliano-1991", "flexible-joint-link", "rigid-flexible-forearm"])
 def test_their_own_loops_are_stable(name):
-    assert fl.floquet(closed(name).periodic_system(), tol=1e-6).verdict == "stable"
+    scene = fl.load_scene(name)
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    assert fl.floquet(lin.periodic_system(), tol=1e-6).verdict == "stable"
 
 
 def test_forearm_has_its_measured_frequencies_and_inertias():
@@ -31,6 +32,15 @@ def test_flexible_joint_has_its_frequency():
     """Motor locked: sqrt(k / J) with k = 1.3 N m/rad, J = 0.064 kg (0.298 m)^2 / 3."""
     M, K = matrices_at_rest(fl.build_manipulator(fl.load_scene("flexible-joint-link")))
     assert np.sqrt(K[0, 0] / M[0, 0]) == pytest.approx(np.sqrt(1.3 * 3 / 0.064) / 0.298, rel=1e-5)
+
+
+@pytest.mark.parametrize(("rate", "modes", "frequency"), [(2.0, 8, 3.6218), (6.0, 8, 4.2632), (10.0, 12, 5.0490)])
+def test_rotating_beam_has_its_published_frequencies(rate, modes, frequency):
+    """Wright et al. (1982), in the plane of rotation; the flap frequencies squared are larger by the rate squared."""
+    scene = fl.load_scene("rotating-beam", {"motion.joints.0.rate": rate, "links.0.modes": modes})
+    c = fl.linearize(fl.build_manipulator(scene), scene.motion).sample(np.zeros(1))
+    lowest = np.sqrt(eigh(c.K[0], c.M[0], eigvals_only=True)[0])
+    assert lowest == pytest.approx(frequency, rel=1e-4)
 
 
 LENGTH, DENSITY = 0.5, 0.2

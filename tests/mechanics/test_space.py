@@ -1,12 +1,69 @@
 """Rigid chains in space: against Newton and Euler by finite rotations, and unchanged when the whole scene is turned and moved."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import flexlin as fl
+from flexlin.scene import parse_scene
 
-from .scenes import value
+from .scenes import random_state, value
+from .spatial import inverse_dynamics, random_chain, scene_table
+
+
+def chain_of(seed, joints, **effects):
+    links = random_chain(np.random.default_rng(seed), joints)
+    return links, fl.build_manipulator(parse_scene(scene_table(links, **effects)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("joints", range(1, 8))
+def test_inverse_dynamics(joints):
+    for seed in range(3):
+        links, arm = chain_of(100 * joints + seed, joints)
+        state = random_state(arm, seed)
+        expected = inverse_dynamics(links, *state)
+        got = value(arm, "residual", *state)[:, 0]
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+LINK = {"length": 0.6, "mass_per_length": 0.5, "bending_stiffness": 9.0, "modes": 2}
+EFFECTS = {"payload": {"mass": 0.2, "inertia": 0.01}, "geometric_stiffening": {}, "modal_damping": {"ratio": 0.01}}
+
+
+def test_turning_and_moving_a_whole_scene_changes_nothing():
+    """Gravity with it: the same exponents, gains and all. A planar arm is then one in space."""
+    control = {"feedback": {"kind": "pd", "kp": [30.0, 10.0], "kd": [3.0, 1.0]}}
+    link = {**LINK, "modes": 1, "joint": "revolute"}
+    raw = scene_table([link, {**link, "mount_angle": 0.4}], **EFFECTS)
+    raw |= {"control": control, "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}] * 2}}
+    turn = Rotation.from_rotvec([0.3, -1.1, 0.7])
+
+    def exponents(links, direction):
+        table = {**raw, "links": links, "effects": raw["effects"] | {"gravity": {"direction": list(direction)}}}
+        scene = parse_scene(table)
+        lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+        return fl.floquet(lin.periodic_system(), 1e-10).exponents
+
+    base = {"xyz": [0.4, 2.0, -0.7], "rpy": turn.as_euler("xyz").tolist()}
+    plain = exponents(raw["links"], [0.0, -1.0, 0.0])
+    turned = exponents([{**raw["links"][0], "mount": base}, raw["links"][1]], turn.apply([0.0, -1.0, 0.0]))
+    distance = np.abs(plain[:, None] - turned).min(axis=1)
+    assert distance.max() <= 1e-9 * np.abs(plain).max()
+
+
+def test_the_axis_may_stay_a_symbol():
+    """Its derivative is that of the forces by finite differences of the axis."""
+    scene = parse_scene(scene_table(random_chain(np.random.default_rng(2), 2, fixed=0.0)))
+    path = "links.1.axis.0"
+    arm = fl.build_manipulator(scene, [path])
+    p, state = arm.parameters, random_state(arm, 1)
+    slope = ca.Function("f", [arm.s, arm.s_dot, arm.s_ddot, p.symbols], [ca.jacobian(arm.residual, p.symbols)])
+    forces = [
+        np.array(arm.functions["residual"](*state, p.values + sign * 1e-6 * np.ones(1)))[:, 0] for sign in (1, -1)
+    ]
+    np.testing.assert_allclose(np.array(slope(*state, p.values))[:, 0], (forces[0] - forces[1]) / 2e-6, rtol=1e-6)
 
 
 def test_the_puma_is_the_published_one():

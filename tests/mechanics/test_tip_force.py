@@ -3,6 +3,7 @@
 A unit column l = EI = rhoA = 1, clamped at its base; eight clamped-free modes come from above to within 1.3e-4 of its buckling load.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -14,17 +15,24 @@ from scipy.special import jv
 
 import flexlin as fl
 from flexlin.checks import Array
+from flexlin.errors import SceneError
 from flexlin.motion import SampledMotion
 
-from .scenes import arm_of, held, linear, plain_scene, scene_of, value
-
-COLUMN = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0}
+from .scenes import arm_of, scene_of, value
 
 
 def column(effects: dict[str, Any], angle: float = 0.0) -> tuple[Array, Array]:
     """M and K of the unit column with eight modes, its joint held at an angle."""
+    motion = {
+        "kind": "harmonic",
+        "frequency": 1.0,
+        "drive": "prescribed",
+        "joints": [{"mean": angle, "amplitude": 0.0}],
+    }
+    links = [{"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0, "modes": 8}]
     tables = {"geometric_stiffening": {}, **effects}
-    lin = linear(plain_scene([{**COLUMN, "modes": 8}], held(angle), effects=tables))
+    scene = fl.parse_scene({"schema": 1, "title": "column", "links": links, "effects": tables, "motion": motion})
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
     return lin.M(0.0), lin.K(0.0)
 
 
@@ -70,6 +78,27 @@ def test_beck_column() -> None:
     assert all(np.linalg.det(bare + load * (unit - bare)) > 0 for load in np.linspace(0.0, 20.0, 9))
 
 
+def characteristic(load: float, follows: bool) -> Callable[[float], float]:
+    """Determinant of EI w'''' + P w'' = rhoA omega^2 w, w = w' = 0 at the base, w'' = 0 and w''' + P w' (follower: w''') = 0 at the tip."""
+
+    def determinant(omega: float) -> float:
+        roots = np.roots([1.0, 0.0, load, 0.0, -(omega**2)]).astype(complex)
+        tip = np.exp(roots)
+        shear = roots**3 + (0 if follows else load * roots)
+        found = np.linalg.det(np.array([np.ones(4), roots, roots**2 * tip, shear * tip]))
+        return float((found / np.linalg.det(np.vander(roots))).real)
+
+    return determinant
+
+
+@pytest.mark.parametrize(("load", "frame"), [(2.0, "world"), (-5.0, "world"), (8.0, "tip"), (-5.0, "tip")])
+def test_prestressed_frequencies(load: float, frame: str) -> None:
+    M, K = column(push(load, frame))
+    exact = characteristic(load, frame == "tip")
+    for omega in np.sqrt(np.sort(eigvals(K, M).real)[:2]):
+        assert brentq(exact, 0.97 * omega, 1.03 * omega) == pytest.approx(omega, rel=2e-3)
+
+
 def test_a_force_in_the_world_is_the_gradient_of_its_potential() -> None:
     """-F . r, in space too, where links bend both ways and twist."""
     spatial = {"modes": {"y": 1, "z": 1, "torsion": 1}, "torsional_stiffness": 0.8, "polar_inertia": 1e-3}
@@ -81,16 +110,32 @@ def test_a_force_in_the_world_is_the_gradient_of_its_potential() -> None:
     np.testing.assert_allclose(value(arm, "damping", s, np.zeros(arm.n))[:, 0], -slopes.T @ force, atol=1e-12)
 
 
-LOAD = {"force": [0.0, 1e-3, 0.0], "harmonic": 3, "phase": 0.4}
-SHAKEN = plain_scene(
-    [{**COLUMN, "modes": 1}], held(frequency=2.5), effects={"tip_force": LOAD, "modal_damping": {"ratio": 0.1}}
-)
-"""A column with one mode, its joint held, under a harmonic of a motion of 0.4 s."""
+def test_a_frame_that_is_not_known_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"effects\.tip_force\.frame: got 'base'"):
+        scene_of({}, effects={"tip_force": {"frame": "base"}})
+
+
+SHAKEN = {
+    "schema": 1,
+    "title": "a unit column with one mode, its joint held, under a harmonic of a motion of 0.4 s",
+    "links": [{"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0, "modes": 1}],
+    "effects": {
+        "tip_force": {"force": [0.0, 1e-3, 0.0], "harmonic": 3, "phase": 0.4},
+        "modal_damping": {"ratio": 0.1},
+    },
+    "motion": {
+        "kind": "harmonic",
+        "frequency": 2.5,
+        "drive": "prescribed",
+        "joints": [{"mean": 0.0, "amplitude": 0.0}],
+    },
+}
 
 
 def test_a_periodic_force_shakes_a_beam() -> None:
     """w = Re(X(l) F e^(i (3 W t + phase)) / (w1^2 - (3 W)^2 + 2 i z w1 3 W)), X(l) = 2, w1 = 1.8751^2; simulated, too."""
-    lin, t = linear(SHAKEN), np.linspace(0.0, 0.4, 9)
+    scene = fl.parse_scene(SHAKEN)
+    lin, t = fl.linearize(fl.build_manipulator(scene), scene.motion), np.linspace(0.0, 0.4, 9)
     W, w1 = 3 * 2 * np.pi * 2.5, 1.8751040687119611**2
     phasor = 2e-3 * np.exp(1j * (W * t + 0.4)) / (w1**2 - W**2 + 0.2j * w1 * W)
     expected = np.stack([phasor.real, (1j * W * phasor).real], axis=1)
@@ -102,19 +147,26 @@ def test_a_periodic_force_shakes_a_beam() -> None:
 
 def test_a_periodic_force_along_a_motion_of_numbers() -> None:
     """What the place on the motion is passed by, a phase or angles, makes no difference; nor does one equation or all."""
-    arm, t = fl.build_manipulator(SHAKEN), np.array([0.0, 0.05, 0.31])
+    scene = fl.parse_scene(SHAKEN)
+    arm, t = fl.build_manipulator(scene), np.array([0.0, 0.05, 0.31])
     still = SampledMotion(1, 0.4, (True,), sampler=lambda t: (np.zeros((len(t), 1)),) * 3)
-    by_phase, by_angles = fl.linearize(arm, SHAKEN.motion), fl.linearize(arm, still)
+    by_phase, by_angles = fl.linearize(arm, scene.motion), fl.linearize(arm, still)
     np.testing.assert_allclose(by_angles.h(t), by_phase.h(t), atol=1e-15)
     np.testing.assert_allclose(by_phase.h(t)[:, 0], 2e-3 * np.cos(6 * np.pi * t / 0.4 + 0.4), rtol=1e-10)
     whole = by_phase.about.of_arm("residual", t, *np.zeros((3, 3, 1)))
     np.testing.assert_allclose(whole[:, 1, 0], -by_phase.h(t)[:, 0], rtol=1e-12)
 
 
+def test_a_phase_needs_a_harmonic() -> None:
+    with pytest.raises(SceneError, match="harmonic of at least 1 beside phase"):
+        scene_of({}, effects={"tip_force": {"phase": 0.4}})
+
+
 def test_a_force_across_a_cantilever_bends_it_into_the_elastica() -> None:
     """Both components of the tip's way at P l^2/EI = 1, 2, 5, 10 (Bisshopp, Drucker 1945; Mattiasson 1981)."""
     load = {"geometric_stiffening": {}, "tip_force": {"force": [0.0, 1.0, 0.0]}}
-    arm = fl.build_manipulator(scene_of({**COLUMN, "modes": 6}, effects=load), ["effects.tip_force.force.1"])
+    link = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0, "modes": 6}
+    arm = fl.build_manipulator(scene_of(link, effects=load), ["effects.tip_force.force.1"])
     residual, points, still = arm.functions["residual"], arm.functions["points"], np.zeros(arm.n)
     found = []
     for P in (1.0, 2.0, 5.0, 10.0):
