@@ -1,5 +1,6 @@
 """Limits of time and memory: what they stop, what they leave alone, that nothing of them stays behind."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -329,3 +330,21 @@ def test_memory_that_gives_out_inside_a_library_is_named(words: str) -> None:
         Clock().stage("map", Accuracy(), work)
     with pytest.raises(RuntimeError, match="other"):
         Clock().stage("map", Accuracy(), other)
+
+
+@pytest.mark.slow
+def test_a_request_to_end_the_program_acts_as_ctrl_c(tmp_path: Path) -> None:
+    """SIGTERM in the middle of the work: one line, exit code 1, no file."""
+    code = "from flexlin.cli.program import entry; print('ready', flush=True); entry()"
+    command = [sys.executable, "-c", code, "simulate", "single-link", "--periods", "3000", "--out", str(tmp_path)]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert run.stdout is not None
+    assert run.stdout.readline() == "ready\n"
+    time.sleep(2.0)
+    os.kill(run.pid, signal.SIGTERM)
+    out, err = run.communicate(timeout=300)
+    *progress, last = err.splitlines()
+    assert (out, last, run.returncode) == ("", "flexlin: interrupted; no file was left half-written", 1)
+    assert all(line.endswith("so far)") or " left: " in line for line in progress), progress
+    assert list(tmp_path.iterdir()) == []
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL

@@ -1,10 +1,11 @@
-"""Families of systems from expressions: against Mathieu's functions, `floquet` at each value; what does not fit."""
+"""Families of systems from expressions: against Mathieu's functions, `floquet` at each value, SciPy; what does not fit."""
 
 import pickle
 
 import casadi as ca
 import numpy as np
 import pytest
+import scipy.integrate
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
@@ -57,6 +58,19 @@ def test_sweeps_of_random_families_agree_with_floquet(n):
         assert np.all(apart.min(axis=1) <= float(found.error[i]) + exact.error)
         assert np.all(apart.min(axis=0) <= float(found.error[i]) + exact.error)
         assert str(found.verdict.values[i]) == exact.verdict
+
+
+def test_a_system_at_a_point_is_that_of_an_independent_integrator():
+    family = random_family(3, 3)
+    system = family.at([0.7, -0.4])
+    made = scipy.integrate.solve_ivp(
+        lambda s, x: (system.A(np.array([s]))[0] @ x.reshape(3, 3)).ravel(), (0, 1.7), np.eye(3).ravel(), "DOP853",
+        rtol=1e-12, atol=1e-13,
+    )  # fmt: skip
+    multipliers = np.linalg.eigvals(made.y[:, -1].reshape(3, 3))
+    found = fl.sweep(family, {"a": [0.7], "q": [-0.4]}, tol=1e-10)
+    assert np.abs(np.exp(found.exponents.values[0] * 1.7)[:, None] - multipliers).min(axis=1).max() < 1e-9
+    assert system.m == 1
 
 
 def test_periods_and_breaks_that_are_expressions():

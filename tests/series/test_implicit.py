@@ -1,4 +1,6 @@
-"""Taylor maps of closed loops against the dense recursion from screws and closed forms."""
+"""Taylor maps of closed loops against the dense recursion, CasADi's repeated implicit differentiation and closed forms."""
+
+from itertools import combinations_with_replacement, product
 
 import casadi as ca
 import numpy as np
@@ -31,12 +33,56 @@ def inverse():
     return expand("5-bar inverse", 5)
 
 
+def implicit_derivatives(f, u, v, u0, v0, order):
+    """D_(i_1) ... D_(i_k) v with D_i = d/du_i + C_1 e_i . d/dv, each by CasADi's directional derivative of the one before.
+
+    Mixed derivatives commute, so only those with i_1 <= ... <= i_k are made and the others are copies.
+    """
+    first = -ca.solve(ca.jacobian(f, v), ca.jacobian(f, u))
+    n = u.numel()
+    flow = [ca.vertcat(ca.DM.eye(n)[:, i], first[:, i]) for i in range(n)]
+    found = {(i,): first[:, i] for i in range(n)}
+    for k in range(1, order):
+        for last in combinations_with_replacement(range(n), k):
+            for i in range(last[-1], n):
+                found[*last, i] = ca.jtimes(found[last], ca.vertcat(u, v), flow[i])
+    values = dict(zip(found, ca.Function("D", [u, v], list(found.values())).call([u0, v0]), strict=True))
+    return [
+        np.column_stack([values[tuple(sorted(index))].full()[:, 0] for index in product(range(n), repeat=k)])
+        for k in range(1, order + 1)
+    ]
+
+
+def slope(errors, steps):
+    return np.polyfit(np.log(steps), np.log(errors), 1)[0]
+
+
 @pytest.mark.parametrize("name", LOOPS)
 def test_engine_against_the_recursion_from_screws(name):
     closure, guess, independent = LOOPS[name]
     c = expand(name, 6)
     for k, judge in enumerate(closure.jacobians(closure.close(guess, independent), independent, 6), start=1):
         assert_allclose(c.jacobian(k), judge, rtol=0, atol=1e-12 * np.abs(judge).max())
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_engine_against_repeated_implicit_differentiation(name):
+    closure, _, independent = LOOPS[name]
+    c = expand(name, 6)
+    order = 6
+    f, u, v = closure.equations(independent)
+    for k, judge in enumerate(implicit_derivatives(f, u, v, c.u0, c.v0, order), start=1):
+        assert_allclose(c.jacobian(k), judge, rtol=0, atol=1e-12 * np.abs(judge).max())
+
+
+@pytest.mark.parametrize("order", range(9))
+def test_error_falls_with_order(order):
+    c = expand("5-bar inverse", order)
+    steps = np.geomspace(0.025, 0.05, 4)
+    angles = np.linspace(0, 2 * np.pi, 9)[:-1]
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    errors = [np.linalg.norm(c(h * circle) - c.refined(h * circle)) for h in steps]
+    assert abs(slope(errors, steps) - (order + 1)) < 0.25
 
 
 def reach_circle_distances(point, d):
@@ -108,13 +154,12 @@ def test_a_fold_on_either_side_of_a_stationary_point_is_found():
     assert (float(radius), radius.kind) == (pytest.approx(1.0, abs=1e-9), "real singularity")
 
 
-def test_a_straight_solution_is_linear_everywhere_and_has_no_radius():
+def test_entire_solution_has_no_radius():
     u, v = ca.SX.sym("u"), ca.SX.sym("v")
-    line = fl.implicit_taylor(v - 3 * u, u, v, [0.2], [0.6], 4)
-    assert (line.linear_range(1e-3, [1.0]), line.radius([1.0]).kind) == (np.inf, "not found")
-    assert (np.isnan(line.radius([1.0])), line.radius([1.0]).estimate) == (True, np.inf)
-    cubic = fl.implicit_taylor(v - 3 * u - 8 * u**3, u, v, [0.0], [0.0], 4)
-    assert cubic.linear_range(1e-3, [1.0]) == pytest.approx(0.05, rel=1e-12)
+    line = fl.implicit_taylor(v - 3 * u, u, v, [0.2], [0.6], 4).radius([1.0])
+    assert line.kind == "not found"
+    assert np.isnan(line)
+    assert line.estimate == np.inf
 
 
 def test_pole_is_not_called_a_fold():
@@ -145,6 +190,13 @@ def test_linear_range(inverse, angle):
     assert reach == pytest.approx(np.sqrt(2 * tol / np.linalg.norm(C2 @ np.kron(d, d))), rel=1e-12)
     linear = inverse.v0 + inverse.jacobian(1) @ (reach * d)
     assert np.linalg.norm(inverse.refined(reach * d) - linear) == pytest.approx(tol, rel=0.06)
+
+
+def test_straight_solution_is_linear_everywhere():
+    u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    assert fl.implicit_taylor(v - 3 * u, u, v, [0.2], [0.6], 4).linear_range(1e-3, [1.0]) == np.inf
+    cubic = fl.implicit_taylor(v - 3 * u - 8 * u**3, u, v, [0.0], [0.0], 4)
+    assert cubic.linear_range(1e-3, [1.0]) == pytest.approx(0.05, rel=1e-12)
 
 
 def test_matrix_symbols_of_mx_kind():

@@ -162,3 +162,13 @@ def test_bad_weights_are_refused(Q, R, N, message):
 def test_singular_segment_is_named():
     with pytest.raises(IllPosedSegment, match="P22 of segment 1 of 2"):
         scatter_hamiltonian(np.stack([np.eye(2), np.zeros((2, 2))]))
+
+
+def test_constant_system_is_lqr_with_cross_term():
+    rng = np.random.default_rng(3)
+    A, B, N = rng.normal(size=(5, 5)), rng.normal(size=(5, 2)), 0.1 * rng.normal(size=(5, 2))
+    K, X, _ = control.lqr(A, B, np.eye(5), 0.3 * np.eye(2), N)
+    found = periodic_riccati(PeriodicSystem(A, 0.8, B), np.eye(5), 0.3 * np.eye(2), N, tol=1e-11)
+    t = np.array([0.0, 0.123, 0.5])
+    assert np.abs(found.X(t) - X).max() < 1e-10 * np.abs(X).max()
+    assert np.abs(found.K(t) - K).max() < 1e-10 * np.abs(K).max()
