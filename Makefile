@@ -13,7 +13,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 STAMP := .venv/installed
-CHECKED = tests/test_core.py tests/test_program.py tests/test_simulation_collocation.py $(addprefix tests/periodic/,product transition resolved decoupling quadratic many)
+CHECKED = tests/test_core.py tests/test_program.py tests/test_simulation_collocation.py $(addprefix tests/periodic/,product transition coefficient_series decoupling riccati many)
 CHECKERS = $(foreach name,libasan.so libstdc++.so.6,$(shell $(or $(CC),cc) -print-file-name=$(name)))
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1

@@ -20,7 +20,7 @@ PACKAGE, PICTURE = ROOT / "flexlin", DOCS / "house.svg"
 WIDTH, MARGIN, TOP, ROW, HEIGHT = 1160, 40, 92, 108, 62
 """Pixels: of the picture, its margin, the first row's top, from row to row, of a room."""
 CENTRES = {
-    "cli": 600, "report": 400, "answers": 560, "simulation": 760, "control": 900, "about": 600,
+    "cli": 600, "report": 400, "analyses": 560, "simulation": 760, "control": 900, "linearization": 600,
     "motion": 400, "mechanics": 230, "scene": 150, "series": 400, "kronecker": 560, "periodic": 905,
 }  # fmt: skip
 """Where each room stands across; its row is its layer in the import contract."""
@@ -28,7 +28,7 @@ COLOURS = {"bridge": "#5b6b3a", "above": "#4a4a55", "symbolic": "#a8522f", "nume
 WINGS = {
     **dict.fromkeys(["motion", "mechanics", "scene", "series"], "symbolic"),
     **dict.fromkeys(["kronecker", "periodic"], "numeric"),
-    "about": "bridge",
+    "linearization": "bridge",
 }
 
 

@@ -289,7 +289,7 @@ class TimeLimit(NumericalError):
     Examples
     --------
     >>> import flexlin as fl
-    >>> from flexlin.answers.clock import time_limit
+    >>> from flexlin.analyses.clock import time_limit
     >>> oscillator = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -0.1]], 1.0)
     >>> with time_limit("exponents", 0.2):
     ...     while True:

@@ -26,12 +26,12 @@ from outside.heyoka_taylor import HeyokaTransitions
 from outside.jax_batch import prepare_jax
 
 import flexlin as fl
-from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.answers.sweep.job import compute_here, prepare_job
-from flexlin.answers.sweep.sharing import share_among_processes, share_among_threads, share_on_cluster
-from flexlin.answers.sweep.together import Together
+from flexlin.analyses.sweep.job import compute_here, prepare_job
+from flexlin.analyses.sweep.sharing import share_among_processes, share_among_threads, share_on_cluster
+from flexlin.analyses.sweep.together import Together
+from flexlin.linearization.free import ParametricLoop, parametric_loop
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.transition.setting import Setting, factor_period
+from flexlin.periodic.transition.choose_segments import Setting, factor_period
 
 TOL = 1e-8
 PAYLOAD, FREQUENCY = "effects.payload.mass", "motion.frequency"

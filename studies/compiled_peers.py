@@ -33,7 +33,7 @@ from scipy.integrate._ivp import dop853_coefficients as dop
 from scipy.optimize import linear_sum_assignment
 
 import flexlin as fl
-from flexlin.about.free import ParametricLoop, parametric_loop
+from flexlin.linearization.free import ParametricLoop, parametric_loop
 
 NUMBA = find_spec("numba") is not None
 TOL, FAMILY_TOL = 1e-9, 1e-8

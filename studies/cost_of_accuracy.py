@@ -24,12 +24,12 @@ from outside.heyoka_taylor import HeyokaTransitions, import_heyoka
 from outside.scipy_ode import prepare_scipy
 
 import flexlin as fl
-from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.answers.accuracy.result import compare_exponents
-from flexlin.answers.accuracy.scipy_methods import FastRate
-from flexlin.answers.sweep import sweep
+from flexlin.analyses.accuracy.result import compare_exponents
+from flexlin.analyses.accuracy.scipy_methods import FastRate
+from flexlin.analyses.sweep import sweep
 from flexlin.checks import Array
-from flexlin.periodic.transition.setting import Setting, factor_period
+from flexlin.linearization.free import ParametricLoop, parametric_loop
+from flexlin.periodic.transition.choose_segments import Setting, factor_period
 
 HEYOKA = find_spec("heyoka") is not None
 ACCURACY = 1e-10

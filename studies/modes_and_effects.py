@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 import flexlin as fl
-from flexlin.answers.audit import Measure, measure
-from flexlin.answers.audit.versions import read_scale
+from flexlin.analyses.audit import Measure, measure
+from flexlin.analyses.audit.versions import read_scale
 from flexlin.scene.effects import known_effects
 
 SIZES = {

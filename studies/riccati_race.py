@@ -25,11 +25,11 @@ from outside.compiled import compile_function
 from scipy.integrate import odeint, solve_ivp
 
 import flexlin as fl
-from flexlin.answers.accuracy.scipy_methods import FastRate
-from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
-from flexlin.periodic.quadratic.newton import solve_by_newton
-from flexlin.periodic.quadratic.riccati import choose_nodes, periodic_riccati, resolve_problem
-from flexlin.periodic.resolved.resolve import resolve
+from flexlin.analyses.accuracy.scipy_methods import FastRate
+from flexlin.periodic.coefficient_series.resolve import resolve
+from flexlin.periodic.riccati.linear_quadratic import linear_quadratic
+from flexlin.periodic.riccati.newton import solve_by_newton
+from flexlin.periodic.riccati.riccati import choose_nodes, periodic_riccati, resolve_problem
 from flexlin.symbolic import selected
 
 METHODS = ("DOP853", "LSODA", "Radau")

@@ -24,8 +24,8 @@ from outside.compiled import compile_function
 from outside.scipy_ode import integrate, integrate_loop
 
 import flexlin as fl
-from flexlin.answers.accuracy.result import compare_arrays
-from flexlin.answers.accuracy.scipy_methods import FastRate, Rate, derive_loop_rate
+from flexlin.analyses.accuracy.result import compare_arrays
+from flexlin.analyses.accuracy.scipy_methods import FastRate, Rate, derive_loop_rate
 from flexlin.checks import SAMPLES, Array
 
 ARMS = ("single-link", "three-link")

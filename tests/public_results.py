@@ -9,7 +9,7 @@ import numpy as np
 
 import flexlin as fl
 from flexlin import control, periodic_lyapunov
-from flexlin.about import parametric_loop
+from flexlin.linearization import parametric_loop
 from flexlin.periodic import find_resonances, finite_horizon_riccati, periodic_riccati
 from flexlin.scene import EstimatorTable
 from flexlin.series import solve_implicit

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import examine
+from flexlin.analyses import examine
 from flexlin.cli import main
 
 from .mechanics.scenes import scene_of

@@ -112,7 +112,7 @@ def test_a_bad_override_is_named(kind: str, tmp_path: Path, capsys: pytest.Captu
 def test_a_design_that_does_not_fit_is_refused_before_any_loop_is_judged(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("flexlin.answers.analysis.judge_own_loops", lambda _: pytest.fail("too late"))
+    monkeypatch.setattr("flexlin.analyses.analysis.judge_own_loops", lambda _: pytest.fail("too late"))
     key, _, value = kind.partition("=")
     change = ["--set", f"designs.1.{key}={value}"]
     assert main(["report", "single-link", *change, "--out", str(tmp_path)]) == 2

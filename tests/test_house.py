@@ -33,7 +33,7 @@ def named(layers: list[str]) -> list[str]:
     [
         ("imports point downward only", "."),
         ("inside the numeric wing", "periodic"),
-        ("answers build on each other without a circle", "answers"),
+        ("analyses build on each other without a circle", "analyses"),
     ],
 )
 def test_every_module_stands_in_a_layer(name: str, folder: str) -> None:

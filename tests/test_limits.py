@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexlin.answers import Budget, Clock, limited, time_limit
-from flexlin.answers.clock import Allowance
+from flexlin.analyses import Budget, Clock, limited, time_limit
+from flexlin.analyses.clock import Allowance
 from flexlin.bounds import LIMIT
 from flexlin.checks import check_size, memory_limit
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
@@ -145,7 +145,7 @@ def test_an_alarm_amid_an_import_waits_until_the_module_is_whole(
         load_and_spin()
     assert sys.modules.pop("slow_package").second.value == 2
     (tmp_path / "study.py").write_text(
-        "import time\nfrom flexlin.answers import time_limit\nwith time_limit('the study', 0.1):\n    while True: pass\n"
+        "import time\nfrom flexlin.analyses import time_limit\nwith time_limit('the study', 0.1):\n    while True: pass\n"
     )
     with pytest.raises(TimeLimit, match="the study"):
         import_module("study")

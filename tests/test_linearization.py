@@ -6,8 +6,8 @@ import pytest
 from scipy.integrate import quad
 
 import flexlin as fl
-from flexlin.about import by_jacobian, by_kronecker
 from flexlin.errors import ArgumentError, InputError, MotionError
+from flexlin.linearization import by_jacobian, by_kronecker
 from flexlin.scene import parse_scene
 
 LINK = {"length": 0.7, "mass_per_length": 0.4, "bending_stiffness": 3.0, "modes": 2}

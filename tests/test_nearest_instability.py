@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import make_box
+from flexlin.analyses import make_box
 from flexlin.errors import ArgumentError, NotStable, SceneError
 from flexlin.report import write_report
 
@@ -119,7 +119,7 @@ def test_numbers_of_no_loop_are_not_swept_and_a_report_refuses_them_before_any_w
     scene = fl.load_scene("single-link", {"links.0.modes": 1, "uncertainty": RANGES})
     with pytest.raises(ArgumentError):
         fl.sweep(scene, {path: [1e-9, 1e-3]})
-    monkeypatch.setattr("flexlin.answers.analysis.analyse", lambda *_: pytest.fail("analysed"))
+    monkeypatch.setattr("flexlin.analyses.analysis.analyse", lambda *_: pytest.fail("analysed"))
     if path.startswith("accuracy"):
         scene = fl.load_scene(
             "pick-and-place", {"uncertainty": {path: {"low": 1e-12, "high": 1e-3 if path.endswith("tol") else 90.0}}}

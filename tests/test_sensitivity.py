@@ -5,7 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin import sensitivity
-from flexlin.answers import choose_paths
+from flexlin.analyses import choose_paths
 from flexlin.scene import get_value, replace_value
 
 from .closed_arm import control_loop
@@ -81,5 +81,5 @@ def test_every_number_of_the_scene_by_default(scene):
 def test_small_chunks_give_the_same_derivatives(scene, monkeypatch):
     paths = ["effects.payload.mass", "motion.frequency"]
     whole = sensitivity(scene, paths)
-    monkeypatch.setattr("flexlin.answers.sensitivity.CHUNK_BYTES", 20_000)
+    monkeypatch.setattr("flexlin.analyses.sensitivity.CHUNK_BYTES", 20_000)
     assert np.allclose(sensitivity(scene, paths).derivative, whole.derivative, rtol=1e-12)

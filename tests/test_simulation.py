@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.about import Law
 from flexlin.errors import ArgumentError, FlexlinError
+from flexlin.linearization import Law
 from flexlin.scene import parse_scene
 from flexlin.simulation import simulate
 from tests.closed_arm import closed

@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.about import Layers, Solver, balance, by_law, miss_between, saturating_arguments
 from flexlin.errors import NumericalError, SimulationStopped
+from flexlin.linearization import Layers, Solver, balance, by_law, miss_between, saturating_arguments
 from flexlin.periodic import FourierSeries
 from flexlin.simulation import Drive
 from tests.closed_arm import closed

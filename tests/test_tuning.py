@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import gain_search
-from flexlin.answers.gain_search import LEVELS, Problem, follow_levels, lay_scenarios, smooth_growth
-from flexlin.answers.spectra import Family, make_family
+from flexlin.analyses import gain_search
+from flexlin.analyses.gain_search import LEVELS, Problem, follow_levels, lay_scenarios, smooth_growth
+from flexlin.analyses.spectra import Family, make_family
 from flexlin.errors import ArgumentError, NotStable
 from flexlin.periodic.boundary.spectra import Spectra
 

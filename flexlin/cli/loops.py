@@ -5,7 +5,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import flexlin.scene
-from flexlin import answers, control, report, simulation
+from flexlin import analyses, control, report, simulation
 from flexlin.cli.shared import COMPUTED, LIMITS, LONG, SCENE, Work, command, meets, print_paths, say_loop
 from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def linearize_scene(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
-        made = answers.derive_equations(work.scene, clock)
+        made = analyses.derive_equations(work.scene, clock)
         sample = partial(report.coefficients_dataset, work.scene, made.plant, made.closed, options.points)
         data = clock.stage("coefficients", made.asked, sample)
     return print_paths(work.write_files("coefficients", {}, data))
@@ -32,8 +32,8 @@ def design(options: argparse.Namespace) -> int:
         raise ArgumentError("nothing to design", got="no [[designs]] table", expected="at least one in the scene")
     with work.clock(3 + 3 * len(scene.designs)) as clock:
         report.check_gains(scene, options.points)
-        plant, loops = answers.plant_and_designs(scene, clock)
-    models = [answers.judge_model(answers.arm_length(plant), loop.steady) for loop in loops]
+        plant, loops = analyses.plant_and_designs(scene, clock)
+    models = [analyses.judge_model(analyses.arm_length(plant), loop.steady) for loop in loops]
     for loop, model in zip(loops, models, strict=True):
         say_loop(loop, plant.period, model)
         if model.verdict == "invalid":
@@ -58,7 +58,7 @@ def simulate_loop(options: argparse.Namespace) -> int:
     scene, asked, tol = work.scene, work.scene.accuracy, work.scene.accuracy.tol
     problems, said = dict[str, str](), list[str]()
     with work.clock(4 + 2 * options.attraction + options.animate) as clock:
-        closed = answers.derive_equations(scene, clock).closed
+        closed = analyses.derive_equations(scene, clock).closed
         clock.stage("size of the result", asked, lambda: simulation.check_duration(closed, options.periods))
         forward = None
         if options.feedforward != "scene":
@@ -125,7 +125,7 @@ def export(options: argparse.Namespace) -> int:
     with work.clock(4 + 3 * len(scene.designs)) as clock:
         report.design_folders([table.name for table in scene.designs])  # clashing names are refused before any work
         report.check_gains(scene, options.points)
-        plant, loops = answers.plant_and_designs(scene, clock)
+        plant, loops = analyses.plant_and_designs(scene, clock)
         write = partial(report.export_all, plant, loops, options.out, options.points, scene)
         paths = clock.stage("files", scene.accuracy, write, last=True)
     work.say_accuracy()

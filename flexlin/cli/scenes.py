@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import flexlin.scene
-from flexlin import answers, files, report
+from flexlin import analyses, files, report
 from flexlin.cli.shared import COMPUTED, LIMITS, SCENE, Work, command, meets, print_paths, refuse_existing, say_loop
 from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError, FlexlinError, NumericalError, TooLarge
 
 if TYPE_CHECKING:
-    from flexlin.answers.analysis import Analysis
-    from flexlin.answers.at_rest import AtRest
+    from flexlin.analyses.analysis import Analysis
+    from flexlin.analyses.at_rest import AtRest
     from flexlin.checks import Array
     from flexlin.report.figures import Picture
     from flexlin.scene.links import Link
@@ -86,9 +86,9 @@ def check(options: argparse.Namespace) -> int:
     with work.clock() as clock:
         from numpy import array
 
-        scene, plant = work.scene, answers.derive_equations(work.scene, clock).closed
+        scene, plant = work.scene, analyses.derive_equations(work.scene, clock).closed
         lengths = array([link.length for link in scene.links])
-        rest = clock.stage("arm at rest", scene.accuracy, lambda: answers.examine(plant, lengths))
+        rest = clock.stage("arm at rest", scene.accuracy, lambda: analyses.examine(plant, lengths))
     print(f"{scene.title}: usable")
     if scene.source:
         print(f"  source       {scene.source}")
@@ -132,7 +132,7 @@ def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
         said = " and ".join(f"{say(f'{size:.3g}', 'm')} {where}" for size, where in sides if size > 0)
         if said:
             further = BEYOND + ("" if stiffened else ", with effects.geometric_stiffening")
-            beyond = "" if share <= answers.SMALL else MISTAKEN if share > 10 else further
+            beyond = "" if share <= analyses.SMALL else MISTAKEN if share > 10 else further
             yield f"link {i + 1}", f"bends by {said}, {100 * share:.2g} % of its length{beyond}"
 
 
@@ -192,7 +192,7 @@ def chart(options: argparse.Namespace) -> int:
         def values() -> "dict[str, Array]":
             from numpy import linspace
 
-            answers.check_values(math.prod(counts))
+            analyses.check_values(math.prod(counts))
             return {key: linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
 
         how = {name: getattr(options, name) for name in ("loop", "workers", "scheduler", "store")}
@@ -211,7 +211,7 @@ def chart(options: argparse.Namespace) -> int:
         send_written(write(without("the program ended before")))
         try:
             draw = partial(report.draw_charts, made)
-            pictures = clock.stage("figures", scene.accuracy, draw, share=answers.DRAWING, last=True)
+            pictures = clock.stage("figures", scene.accuracy, draw, share=analyses.DRAWING, last=True)
         except (NumericalError, TooLarge) as error:  # the numbers stand without a picture
             pictures, problem = without(error), problem or str(error)
         paths = write(pictures)
@@ -238,7 +238,7 @@ def respond(options: argparse.Namespace) -> int:
     work = Work(options)
     with work.clock() as clock:
         kind, words = asked[0]
-        answer = answers.answer_in_scene(work.scene, kind, words, options.of, options.lasting, clock)
+        answer = analyses.answer_in_scene(work.scene, kind, words, options.of, options.lasting, clock)
     with report.units_of_scene(work.scene):
         lines, drawn = report.answer_lines(answer), report.picture_answer(answer)
     for line in lines:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import flexlin.scene
-from flexlin import answers, files, report
+from flexlin import analyses, files, report
 from flexlin.bounds import read_number
 from flexlin.cli.supervised import DONE, TICK, send_limits
 from flexlin.errors import ArgumentError, OutputError
@@ -22,8 +22,8 @@ from flexlin.resources import BYTES, SECONDS, listening
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.answers.clock import Clock
-    from flexlin.answers.judging import Loop, ModelValidity
+    from flexlin.analyses.clock import Clock
+    from flexlin.analyses.judging import Loop, ModelValidity
     from flexlin.report.figures import Picture
     from flexlin.scene.scene import Scene
 
@@ -294,7 +294,7 @@ class Work:
         """The clock of the stages within; `planned`: how many there will be, where that is known."""
         with Progress() as self.progress:
             self.progress("load the numerical libraries")
-            self.kept = answers.Clock(self.progress, planned=planned, budget=answers.Budget(self.options.watch))
+            self.kept = analyses.Clock(self.progress, planned=planned, budget=analyses.Budget(self.options.watch))
             yield self.kept
 
     def say_accuracy(self) -> None:

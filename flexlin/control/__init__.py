@@ -8,7 +8,7 @@ from flexlin.lazy import load_lazily
 __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {
-        "about.periodic_motion": "linearize_about periodic_motion PeriodicMotion",
+        "linearization.periodic_motion": "linearize_about periodic_motion PeriodicMotion",
         "control.catalogue": "design physical_weights",
         "control.designed_loop": "Design pd_feedback scene_feedback",
         "control.drives": "drive_load",

@@ -6,8 +6,6 @@ from functools import partial
 
 import numpy as np
 
-from flexlin.about.law import INTEGRAL, Controller
-from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
 from flexlin.control.designed_loop import Design
@@ -16,6 +14,8 @@ from flexlin.control.lqr import finite_horizon_lqr, horizon_system, periodic_lqr
 from flexlin.control.sampled import find_round, sampled_lqr
 from flexlin.control.sensors import joint_angles, tip_position
 from flexlin.errors import ArgumentError, counted
+from flexlin.linearization.law import INTEGRAL, Controller
+from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficients import Combined, Constant, combine
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, extend_system
 from flexlin.scene.control import RATE, DesignTable, Weights

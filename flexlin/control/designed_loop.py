@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.law import Controller, Law
-from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array, at_times, real_array, whole
 from flexlin.errors import ArgumentError, DesignError, NotStable, counted
 from flexlin.lazy import lazy
+from flexlin.linearization.law import Controller, Law
+from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficients import Constant, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, RiccatiSolution
-from flexlin.periodic.quadratic.riccati import periodic_lyapunov
-from flexlin.periodic.quadratic.scattering import symmetrize, transpose
 from flexlin.periodic.response.forced import label_states
+from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, RiccatiSolution
+from flexlin.periodic.riccati.riccati import periodic_lyapunov
+from flexlin.periodic.riccati.scattering import symmetrize, transpose
 from flexlin.periodic.sampled import sampled_floquet
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 from flexlin.plots.view import Series, Shown, View

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from flexlin.about.law import Law
-from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
+from flexlin.linearization.law import Law
+from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.effects import effects_of
 from flexlin.scene.control import Drives
 from flexlin.scene.units import spread

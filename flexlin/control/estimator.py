@@ -8,14 +8,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.law import Law
 from flexlin.arguments import checked
 from flexlin.checks import Array, at_times
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, counted
+from flexlin.linearization.law import Law
 from flexlin.periodic.coefficients import Combined
-from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
-from flexlin.periodic.quadratic.riccati import periodic_riccati
+from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution
+from flexlin.periodic.riccati.riccati import periodic_riccati
 from flexlin.periodic.system import (
     Backward,
     MatrixFunction,

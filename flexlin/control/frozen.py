@@ -11,10 +11,10 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, check_size
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, NumericalError
+from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.coefficients import Constant
-from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
-from flexlin.periodic.quadratic.riccati import resolve_problem
-from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
+from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, linear_quadratic
+from flexlin.periodic.riccati.riccati import resolve_problem
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
 MARGIN = 1e-13

@@ -5,18 +5,18 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
 from flexlin.control.designed_loop import Design
 from flexlin.control.frozen import constant_lqr
 from flexlin.errors import ArgumentError, ToleranceNotReached
+from flexlin.linearization.linearization import Linearization
+from flexlin.periodic.coefficient_series.matrix import Series
+from flexlin.periodic.coefficient_series.resolve import resolve
+from flexlin.periodic.coefficient_series.sampling import RESOLVED
 from flexlin.periodic.coefficients import MatrixFunction
-from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution, linear_quadratic
-from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_riccati, rough_places
-from flexlin.periodic.resolved.matrix import Series
-from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.resolved.sampling import RESOLVED
+from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution, linear_quadratic
+from flexlin.periodic.riccati.riccati import finite_horizon_riccati, periodic_riccati, rough_places
 from flexlin.periodic.system import PeriodicSystem, as_system, extend_system
 
 SMOOTH = 64

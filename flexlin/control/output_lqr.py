@@ -15,9 +15,9 @@ from flexlin.errors import NotStabilizable, NotStable
 from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.interpolation import fourier_nodes
 from flexlin.periodic.precision import FARTHEST, ROOT, SLIGHT
-from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
-from flexlin.periodic.quadratic.riccati import periodic_lyapunov
-from flexlin.periodic.quadratic.scattering import transpose
+from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, linear_quadratic
+from flexlin.periodic.riccati.riccati import periodic_lyapunov
+from flexlin.periodic.riccati.scattering import transpose
 from flexlin.periodic.system import PeriodicSystem, as_system, dual_system
 from flexlin.summary import represent
 

@@ -5,18 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.law import Law
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.control.designed_loop import Design
 from flexlin.control.estimator import as_measurement, said_of_a_filter
 from flexlin.errors import ArgumentError, counted
+from flexlin.linearization.law import Law
 from flexlin.periodic.coefficients import Constant, MatrixFunction
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.interpolation import ChebyshevPanels
 from flexlin.periodic.precision import SAFETY
-from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
-from flexlin.periodic.quadratic.scattering import transpose
+from flexlin.periodic.riccati.linear_quadratic import linear_quadratic
+from flexlin.periodic.riccati.scattering import transpose
 from flexlin.periodic.sampled import STAGES, HeldPlant, Round, find_rounds, hold_plant, judge_samples, sampled_floquet
 from flexlin.periodic.sampled_cost import SampledProblem, bound_rounding, solve_samples, spread_noise, weigh_samples
 from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside, with_matrices

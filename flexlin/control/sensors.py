@@ -6,12 +6,12 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
-from flexlin.about.deviation import Deviation
-from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.control.estimator import Estimator, kalman_filter
 from flexlin.errors import ArgumentError
+from flexlin.linearization.deviation import Deviation
+from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, solve_mass

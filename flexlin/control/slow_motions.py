@@ -12,7 +12,7 @@ from flexlin.periodic.floquet.modes import find_coinciding
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.setting import METHODS, choose_setting, factor_by, place_segments
+from flexlin.periodic.transition.choose_segments import METHODS, choose_setting, factor_by, place_segments
 
 SLOW_TOL = 1e-6
 """Accuracy that is enough for a direction: of the exponents, in 1/s, of the segments where the exponents came without any (an L-stable

@@ -7,20 +7,20 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.deviation import Deviation
-from flexlin.about.law import Law
-from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, at_times, whole
 from flexlin.control.sensors import points_of
 from flexlin.errors import ArgumentError
+from flexlin.linearization.deviation import Deviation
+from flexlin.linearization.law import Law
+from flexlin.linearization.linearization import Linearization
 from flexlin.plots.view import Series, Shown, View
 
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.about.harmonic_balance import Closing, Unknowns
-    from flexlin.about.periodic_motion import PeriodicMotion
+    from flexlin.linearization.harmonic_balance import Closing, Unknowns
+    from flexlin.linearization.periodic_motion import PeriodicMotion
 
 LEAST = 1e-8
 """The smallest error that a scene's feedforward is asked for."""
@@ -216,7 +216,7 @@ def feedforward(lin: Linearization, kind: str = "tip-exact", tol: float = 1e-8) 
         raise ArgumentError("there is no such feedforward", got=repr(kind), expected=", ".join(KINDS))
     if not lin.driven:
         raise ArgumentError("nothing to feed forward", got="every joint prescribed", expected="a torque-driven joint")
-    from flexlin.about.periodic_motion import periodic_motion
+    from flexlin.linearization.periodic_motion import periodic_motion
 
     closing = CLOSINGS.get(kind)
     motion = periodic_motion(lin, closing, tol=tol)

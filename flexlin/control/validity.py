@@ -6,16 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PPoly
 
-from flexlin.about.linear import linearize
-from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import ROUNDING, SAMPLES, Array, positive
 from flexlin.control.slow_motions import SLOW_TOL, interpolate, slow_motions
 from flexlin.lazy import lazy
+from flexlin.linearization.linear import linearize
+from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.coordinates import Coordinate
+from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.precision import FARTHEST, SAFETY, SLIGHT
-from flexlin.periodic.resolved.matrix import ResolvedCompanion
 from flexlin.summary import represent
 
 LARGEST, SMALLEST = 10.0, 1e-7

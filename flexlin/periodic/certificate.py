@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotCertified, NumericalError
+from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.interpolation import (
     NODES,
@@ -22,10 +23,9 @@ from flexlin.periodic.interpolation import (
     panel_times,
 )
 from flexlin.periodic.precision import EPS, ROOT, TINY
-from flexlin.periodic.quadratic.linear_quadratic import WAVES, RiccatiSolution
-from flexlin.periodic.quadratic.riccati import periodic_lyapunov
-from flexlin.periodic.quadratic.scattering import symmetrize
-from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
+from flexlin.periodic.riccati.linear_quadratic import WAVES, RiccatiSolution
+from flexlin.periodic.riccati.riccati import periodic_lyapunov
+from flexlin.periodic.riccati.scattering import symmetrize
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 

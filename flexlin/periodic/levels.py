@@ -9,18 +9,17 @@ from flexlin.checks import Array
 from flexlin.errors import TooManySegments
 from flexlin.lazy import lazy
 from flexlin.periodic.circle import measure_distances, wrap_angle, wrap_log
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import assemble_hamiltonian
+from flexlin.periodic.floquet.by_segments import Factored
 from flexlin.periodic.floquet.exponents import answer_by_segments, floquet
 from flexlin.periodic.floquet.modes import MODES_TOL, solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.floquet.segmented import Factored
 from flexlin.periodic.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY
 from flexlin.periodic.product import Unknown
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.response.frequency import Segments, condense
 from flexlin.periodic.system import PeriodicSystem, edges_between
-from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
-from flexlin.periodic.transition.setting import (
+from flexlin.periodic.transition.choose_segments import (
     FEWER_SEGMENTS,
     Setting,
     choose_setting,
@@ -28,6 +27,7 @@ from flexlin.periodic.transition.setting import (
     find_rule,
     place_segments,
 )
+from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
 
 WAVES, STARTS = 8, 3
 """Harmonics of inputs that are tried; modes about whose frequencies the largest gain is sought, and as many steps to it."""

@@ -16,7 +16,7 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.precision import FOURTH, ROOT, SLIGHT, TINY
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of, with_matrices
-from flexlin.periodic.transition.setting import FEWER_SEGMENTS
+from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
 from flexlin.summary import represent
 
 LARGEST_GAIN, STEP = 1e3, 1.4

@@ -9,16 +9,16 @@ from numpy.typing import ArrayLike
 from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.periodic.circle import wrap_angle
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
+from flexlin.periodic.coefficient_series.panels import MOST_PANELS
+from flexlin.periodic.coefficient_series.resolve import resolve_constant
 from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.interpolation import NODES, divide_segments, fourier_nodes
 from flexlin.periodic.levels import BoundedReal, PeakSearch
 from flexlin.periodic.precision import EPS, MINOR, SAFETY, SLIGHT, TINY
-from flexlin.periodic.quadratic.linear_quadratic import RiccatiSolution
-from flexlin.periodic.quadratic.riccati import periodic_lyapunov
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.panels import MOST_PANELS
-from flexlin.periodic.resolved.resolve import resolve_constant
+from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution
+from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.roots import MOST
 from flexlin.periodic.system import PeriodicSystem, as_port, input_of, resolve_beside
 from flexlin.summary import represent

@@ -10,17 +10,17 @@ from scipy.linalg import expm
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments, counted
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_function, check_samples, hold_input
+from flexlin.periodic.floquet.by_segments import SAFETY
 from flexlin.periodic.floquet.result import FloquetResult, judge
-from flexlin.periodic.floquet.segmented import SAFETY
 from flexlin.periodic.interpolation import NODES, divide_segments, edges_of_short
 from flexlin.periodic.precision import EPS, SLIGHT
 from flexlin.periodic.product import find_spectrum
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.response.forced import STAGES
 from flexlin.periodic.system import PeriodicSystem, input_of
+from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, Setting, choose_gauss_step, measure_pace
 from flexlin.periodic.transition.gauss import gauss_transitions
-from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, choose_gauss_step, measure_pace
 
 PARTS = NODES // STAGES
 """Steps, at the least, over a panel of the coefficients: it may hold more waves than the stages of one follow."""

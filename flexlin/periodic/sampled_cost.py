@@ -7,9 +7,11 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import IllPosedSegment, NotDetectable, NotStabilizable, NumericalError
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import Combined, assemble_hamiltonian, hold_input
 from flexlin.periodic.precision import EPS, MINOR, ROOT
-from flexlin.periodic.quadratic.scattering import (
+from flexlin.periodic.related import beside
+from flexlin.periodic.riccati.scattering import (
     MAX_DOUBLINGS,
     Segment,
     carry_costs_down,
@@ -18,8 +20,6 @@ from flexlin.periodic.quadratic.scattering import (
     star_product,
     transpose,
 )
-from flexlin.periodic.related import beside
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.sampled import divide, step_inputs, step_sections
 from flexlin.periodic.system import PeriodicSystem
 

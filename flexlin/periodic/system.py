@@ -12,6 +12,9 @@ from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive, whole
 from flexlin.errors import ArgumentError, counted
 from flexlin.lazy import lazy
+from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix, weigh_entries
+from flexlin.periodic.coefficient_series.panels import first_edges
+from flexlin.periodic.coefficient_series.resolve import check_places, resolve, resolve_constant, resolve_port
 from flexlin.periodic.coefficients import (
     Combined,
     Constant,
@@ -28,9 +31,6 @@ from flexlin.periodic.coefficients import (
     solve_rates,
 )
 from flexlin.periodic.interpolation import ChebyshevPanels
-from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix, weigh_entries
-from flexlin.periodic.resolved.panels import first_edges
-from flexlin.periodic.resolved.resolve import check_places, resolve, resolve_constant, resolve_port
 from flexlin.plots.view import Series, Shown, View
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import NumericalError, counted
 from flexlin.periodic.circle import assign
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
+from flexlin.periodic.coefficient_series.resolve import resolve
+from flexlin.periodic.coefficient_series.sampling import RESOLVED, stratified
 from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.precision import FAINT, SAFETY, SLIGHT, TINY
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.resolved.sampling import RESOLVED, stratified
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
 from flexlin.summary import represent
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexlin.answers.analysis import Analysis
-from flexlin.answers.judging import REPEATABLE, Loop
+from flexlin.analyses.analysis import Analysis
+from flexlin.analyses.judging import REPEATABLE, Loop
 from flexlin.control.drives import Demand, DriveLoad
 from flexlin.plots.scales import write_powers
 from flexlin.report.wording import caution, format_quantity, is_dimensionless, reason

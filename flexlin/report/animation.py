@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 import flexlin
-from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.control.slow_motions import slow_motions
 from flexlin.control.tracking import arm_positions
 from flexlin.errors import ArgumentError, FlexlinError
+from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.precision import ROOT
 from flexlin.report.figures.exponents import SWING
 from flexlin.report.figures.over_period import trace_arm

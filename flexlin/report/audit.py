@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlin.answers.audit.judging import Audit, Minimal, Row
+from flexlin.analyses.audit.judging import Audit, Minimal, Row
 from flexlin.errors import SceneError, counted
 from flexlin.plots.panel import LINE, Panel
 from flexlin.plots.scales import Linear, Logarithmic, Named
@@ -17,7 +17,7 @@ from flexlin.scene.toml import write_toml
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.answers.audit.figures import Measure
+    from flexlin.analyses.audit.figures import Measure
 
 
 def draw_effects(audit: Audit) -> Picture:

@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 import xarray
 
-from flexlin.answers.at_rest import find_bending
-from flexlin.answers.campbell import unfold_frequencies
-from flexlin.answers.clock import Clock
-from flexlin.answers.critical_values import CriticalValue, find_margin
-from flexlin.answers.judging import SMALL
-from flexlin.answers.stability_boundary import BoundaryCurve, search_boundary
-from flexlin.answers.sweep import worst_error
-from flexlin.answers.sweep.found import VERDICTS, Found
-from flexlin.answers.sweep.job import Job, prepare_job
-from flexlin.answers.sweep.run import choose_crew, keep_in
+from flexlin.analyses.at_rest import find_bending
+from flexlin.analyses.campbell import unfold_frequencies
+from flexlin.analyses.clock import Clock
+from flexlin.analyses.critical_values import CriticalValue, find_margin
+from flexlin.analyses.judging import SMALL
+from flexlin.analyses.stability_boundary import BoundaryCurve, search_boundary
+from flexlin.analyses.sweep import worst_error
+from flexlin.analyses.sweep.found import VERDICTS, Found
+from flexlin.analyses.sweep.job import Job, prepare_job
+from flexlin.analyses.sweep.run import choose_crew, keep_in
 from flexlin.checks import Array
 from flexlin.errors import InputError, TimeLimit
 from flexlin.periodic.boundary.crossings import CELLS

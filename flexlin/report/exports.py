@@ -10,9 +10,7 @@ import numpy as np
 import xarray
 
 import flexlin
-from flexlin.about.linear import with_control
-from flexlin.about.linearization import Linearization
-from flexlin.answers.judging import Loop
+from flexlin.analyses.judging import Loop
 from flexlin.checks import check_size, memory_limit
 from flexlin.control.designed_loop import Design, scene_feedback
 from flexlin.control.estimator import Estimator
@@ -25,6 +23,8 @@ from flexlin.control.sensors import scene_sensors
 from flexlin.control.tracking import scene_feedforward
 from flexlin.errors import InputError
 from flexlin.files import Results, results
+from flexlin.linearization.linear import with_control
+from flexlin.linearization.linearization import Linearization
 from flexlin.motion import SymbolicMotion
 from flexlin.report.numbers import record_tables
 from flexlin.scene.scene import Scene

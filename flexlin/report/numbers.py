@@ -9,10 +9,10 @@ import numpy as np
 import pydantic_core
 
 import flexlin
-from flexlin.answers.analysis import Analysis
-from flexlin.answers.clock import Step
-from flexlin.answers.critical_values import Margin
-from flexlin.answers.judging import Loop
+from flexlin.analyses.analysis import Analysis
+from flexlin.analyses.clock import Step
+from flexlin.analyses.critical_values import Margin
+from flexlin.analyses.judging import Loop
 from flexlin.checks import Array
 from flexlin.periodic.margins import Margins
 from flexlin.report.wording import describe_controller, reason
@@ -22,8 +22,8 @@ from flexlin.scene.scene import Scene
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.answers.audit.judging import Audit
-    from flexlin.answers.nearest import NearestInstability
+    from flexlin.analyses.audit.judging import Audit
+    from flexlin.analyses.nearest import NearestInstability
 
 PACKAGES = ("casadi", "control", "numpy", "pydantic", "scipy")
 

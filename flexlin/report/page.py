@@ -8,9 +8,9 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
 import flexlin
-from flexlin.answers.analysis import Analysis
-from flexlin.answers.clock import Step
-from flexlin.answers.judging import Loop
+from flexlin.analyses.analysis import Analysis
+from flexlin.analyses.clock import Step
+from flexlin.analyses.judging import Loop
 from flexlin.errors import ArgumentError
 from flexlin.report import wording
 from flexlin.report.advice import advise, drive_cells, name_condition

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexlin.answers.analysis import Analysis
-from flexlin.answers.clock import Step
-from flexlin.answers.critical_values import CriticalValue, Margin
-from flexlin.answers.judging import Loop, ModelEvidence, ModelValidity
+from flexlin.analyses.analysis import Analysis
+from flexlin.analyses.clock import Step
+from flexlin.analyses.critical_values import CriticalValue, Margin
+from flexlin.analyses.judging import Loop, ModelEvidence, ModelValidity
 from flexlin.checks import Array
 from flexlin.errors import counted
 from flexlin.periodic.floquet.result import MARGINAL
@@ -22,7 +22,7 @@ from flexlin.scene.parameters import name_number, show_unit
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from flexlin.answers.nearest import NearestInstability
+    from flexlin.analyses.nearest import NearestInstability
     from flexlin.periodic.margins import Margins
 
 SLOW = 1e5

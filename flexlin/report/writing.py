@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import flexlin
-from flexlin import answers
-from flexlin.answers.clock import DRAWING, SHARE, Budget, Clock, Progress, Step
+from flexlin import analyses
+from flexlin.analyses.clock import DRAWING, SHARE, Budget, Clock, Progress, Step
 from flexlin.errors import FlexlinError, InputError, NumericalError, TooLarge
 from flexlin.files import results
 from flexlin.resources import SECONDS, Stopwatch
@@ -18,8 +18,8 @@ from flexlin.scene.scene import Scene
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from flexlin.answers.analysis import Analysis
-    from flexlin.answers.critical_values import Margin
+    from flexlin.analyses.analysis import Analysis
+    from flexlin.analyses.critical_values import Margin
     from flexlin.report.figures import Picture
 
 
@@ -52,12 +52,12 @@ def write_report(
         from flexlin.report.numbers import record, step_block, to_json
     if scene.uncertainty:
         with clock.step("equations with the uncertain numbers free"):
-            box = answers.make_box(scene)
+            box = analyses.make_box(scene)
     need_numbers(scene, margins or ())
     asked = scene.accuracy
     try:
-        a: Analysis = answers.analyse(
-            scene, clock, tuple(answers.choose_margins(scene) if margins is None else margins)
+        a: Analysis = analyses.analyse(
+            scene, clock, tuple(analyses.choose_margins(scene) if margins is None else margins)
         )
     except (NumericalError, TooLarge) as error:
         return error, write_why(scene, folder, command, clock, error)
@@ -68,10 +68,10 @@ def write_report(
     if with_sensitivity:
         a.sensitivity = a.attempt("sensitivity", "sensitivities", partial(flexlin.sensitivity, scene, tol=asked.tol))
     if with_loop_margins:
-        answers.find_loop_margins(a)
+        analyses.find_loop_margins(a)
     if scene.uncertainty:
         a.nearest = a.attempt(
-            "uncertainty", "smallest change that makes the loop unstable", partial(answers.search_box, box)
+            "uncertainty", "smallest change that makes the loop unstable", partial(analyses.search_box, box)
         )
     with clock.step("load the drawing library"):
         from flexlin.report.page import render_page
@@ -124,15 +124,15 @@ def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | Non
     """The critical values of some numbers, or what is known of them at the end of their time; none of one that nobody chose and that cannot
     be free."""
     scene, asked, watch = a.scene, a.asked, Stopwatch()
-    ranges = answers.choose_margins(scene) if chosen is None else dict(chosen)
-    unasked = answers.UNASKED * max(1.0, asked.seconds / SECONDS)
+    ranges = analyses.choose_margins(scene) if chosen is None else dict(chosen)
+    unasked = analyses.UNASKED * max(1.0, asked.seconds / SECONDS)
     found: list[Margin | None] = []
     for left, (path, limits) in zip(range(len(ranges), 0, -1), ranges.items(), strict=True):
 
         def work(path: str = path, limits: tuple[float, float] = limits, left: int = left) -> "Margin | None":
             seconds = unasked - watch.seconds if chosen is None else a.clock.budget.plan("", asked, SHARE)
             with suppress(InputError) if chosen is None else nullcontext():
-                return answers.find_margin(scene, path, limits, seconds / left, a.closed)
+                return analyses.find_margin(scene, path, limits, seconds / left, a.closed)
             return None
 
         at_most = inf if chosen is not None else 4.0

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.about.linear import linearize
-from flexlin.about.linearization import Linearization
-from flexlin.about.periodic_motion import periodic_motion
 from flexlin.checks import Array
 from flexlin.control.slow_motions import slow_motions
 from flexlin.errors import NumericalError
+from flexlin.linearization.linear import linearize
+from flexlin.linearization.linearization import Linearization
+from flexlin.linearization.periodic_motion import periodic_motion
 from flexlin.periodic.system import MatrixFunction
 from flexlin.simulation.loop import NonlinearLoop
 from flexlin.summary import represent

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flexlin.about.law import Law
-from flexlin.about.linearization import Linearization
 from flexlin.checks import Array, check_size
 from flexlin.errors import NumericalError
+from flexlin.linearization.law import Law
+from flexlin.linearization.linearization import Linearization
 from flexlin.simulation.equations import (
     Equations,
     LinearEquations,

@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlin.about.deviation import Layers
-from flexlin.about.law import Controller, Law
-from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.control.sensors import encoder_rows
 from flexlin.errors import ArgumentError, SimulationStopped
 from flexlin.lazy import lazy
+from flexlin.linearization.deviation import Layers
+from flexlin.linearization.law import Controller, Law
+from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.precision import SLIGHT
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.friction import Friction

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
+from flexlin.linearization.linearization import Linearization
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
-from flexlin.about.deviation import Deviation
-from flexlin.about.law import Law
-from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.lazy import lazy
+from flexlin.linearization.deviation import Deviation
+from flexlin.linearization.law import Law
+from flexlin.linearization.linearization import Linearization
 from flexlin.simulation.mesh import law_times
 from flexlin.simulation.window import Ready
 

@@ -5,8 +5,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from flexlin.about.law import Law
 from flexlin.checks import Array
+from flexlin.linearization.law import Law
 from flexlin.periodic.sampled import hold_controller
 from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.equations import Places, from_coordinates, to_coordinates

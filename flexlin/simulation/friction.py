@@ -9,11 +9,11 @@ import numpy as np
 from scipy.linalg import lapack
 
 from flexlin import symbolic
-from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.control.sensors import encoder_rows
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
+from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.effects.base import per_joint
 from flexlin.mechanics.effects.coulomb_friction import CoulombFriction
 from flexlin.simulation.equations import deviation_equations

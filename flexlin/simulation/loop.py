@@ -4,11 +4,11 @@ from functools import partial
 
 import numpy as np
 
-from flexlin.about.deviation import Layers
-from flexlin.about.law import Law
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
 from flexlin.lazy import lazy
+from flexlin.linearization.deviation import Layers
+from flexlin.linearization.law import Law
 from flexlin.periodic.precision import SLIGHT
 from flexlin.simulation.collocation import ROUNDING, Collocation
 from flexlin.simulation.controlled_arm import ControlledArm, explain_end, find_indefinite

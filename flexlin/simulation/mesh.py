@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.about.law import Law, VectorFunction
-from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
+from flexlin.linearization.law import Law, VectorFunction
+from flexlin.linearization.linearization import Linearization
+from flexlin.periodic.coefficient_series.panels import first_edges
+from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficients import MatrixFunction, has_nothing_narrow
 from flexlin.periodic.interpolation import ChebyshevPanels, edges_of_short
 from flexlin.periodic.precision import SLIGHT
-from flexlin.periodic.resolved.panels import first_edges
-from flexlin.periodic.resolved.resolve import resolve
 from flexlin.simulation.window import Grid, Path, Rule
 
 INSIDE = 1e-12

@@ -5,12 +5,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.law import Law
-from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array, check_size, positive, real_array, whole
 from flexlin.control.tracking import Feedforward, scene_feedforward, tip_positions
 from flexlin.errors import ArgumentError
+from flexlin.linearization.law import Law
+from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.simulation.collocation import RUNS, distance, predict
 from flexlin.simulation.drive import Drive, scene_drive

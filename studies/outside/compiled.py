@@ -8,7 +8,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from flexlin.about.free import ParametricLoop
+from flexlin.linearization.free import ParametricLoop
 from outside.scipy_ode import derive_product
 
 

@@ -5,8 +5,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from flexlin.about.free import ParametricLoop
 from flexlin.checks import Array
+from flexlin.linearization.free import ParametricLoop
 from outside.compiled import compile_product
 from outside.scipy_ode import Transition
 

@@ -6,9 +6,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from flexlin.about.free import ParametricLoop
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
+from flexlin.linearization.free import ParametricLoop
 from flexlin.program import Program, name_of
 from outside.scipy_ode import derive_state_matrix
 

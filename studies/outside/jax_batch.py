@@ -6,8 +6,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from flexlin.about.free import ParametricLoop
 from flexlin.checks import Array
+from flexlin.linearization.free import ParametricLoop
 from flexlin.program import Program
 from outside.scipy_ode import derive_state_matrix
 

@@ -10,9 +10,9 @@ from scipy.integrate import odeint, solve_ivp
 from scipy.sparse import csc_array
 
 from flexlin import symbolic
-from flexlin.about.free import ParametricLoop
-from flexlin.answers.accuracy.scipy_methods import FastRate, Rate
+from flexlin.analyses.accuracy.scipy_methods import FastRate, Rate
 from flexlin.checks import SAMPLES, Array
+from flexlin.linearization.free import ParametricLoop
 
 LEAST = 3e-14
 """The smallest relative tolerance that SciPy takes."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import Judge, analyse, find_reach, list_effect_versions, read_scale
+from flexlin.analyses import Judge, analyse, find_reach, list_effect_versions, read_scale
 from flexlin.report import minimal_text
 
 LENGTH, LINE_MASS = 1.2, 0.5

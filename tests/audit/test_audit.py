@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigvals
 
 import flexlin as fl
-from flexlin.answers.audit import audit, figures, find_reach
-from flexlin.answers.audit.judging import Judge, again
-from flexlin.answers.audit.versions import Version, list_mode_versions, list_model_versions, read_scale, with_modes
+from flexlin.analyses.audit import audit, figures, find_reach
+from flexlin.analyses.audit.judging import Judge, again
+from flexlin.analyses.audit.versions import Version, list_mode_versions, list_model_versions, read_scale, with_modes
 from flexlin.cli import main
 from flexlin.errors import TimeLimit
 from flexlin.periodic.floquet.exponents import floquet

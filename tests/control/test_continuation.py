@@ -5,11 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from flexlin.about.harmonic_balance import Solver, balance
-from flexlin.about.periodic_motion import continue_in_speed, find_singular
 from flexlin.control import feedforward
 from flexlin.control.tracking import tip_exact
 from flexlin.errors import NumericalError, ToleranceNotReached
+from flexlin.linearization.harmonic_balance import Solver, balance
+from flexlin.linearization.periodic_motion import continue_in_speed, find_singular
 from tests.closed_arm import closed
 
 

@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 import flexlin as fl
 from flexlin import linearize
-from flexlin.answers import answer_noise, respond, state_disturbance
+from flexlin.analyses import answer_noise, respond, state_disturbance
 from flexlin.control import linearize_about, periodic_motion
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.periodic import extend_system

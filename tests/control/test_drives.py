@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import analyse
+from flexlin.analyses import analyse
 from flexlin.control import drive_load
 from flexlin.errors import ArgumentError
 from flexlin.report import advise, record, to_json

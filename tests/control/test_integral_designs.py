@@ -69,7 +69,7 @@ def test_an_estimated_loop_keeps_its_separation(made):
 
 def test_files_hold_gain_and_rates_in_one_order(made, tmp_path):
     scene, plant, _, found = made
-    from flexlin.answers.judging import Loop
+    from flexlin.analyses.judging import Loop
 
     export_all(plant, (Loop("LQI", "periodic-lqr", None, design=found),), tmp_path, 16, scene)
     mat = scipy.io.loadmat(tmp_path / "system.mat", simplify_cells=True)["designs"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import Clock, analyse, plant_and_designs
+from flexlin.analyses import Clock, analyse, plant_and_designs
 from flexlin.control import kalman_filter, scene_sensors
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.report import export_all, record

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import accuracy as own
-from flexlin.answers.accuracy import CostResult, Row, cost
-from flexlin.answers.accuracy.result import Trial, compare_exponents, measure_trials
-from flexlin.answers.accuracy.scipy_methods import (
+from flexlin.analyses import accuracy as own
+from flexlin.analyses.accuracy import CostResult, Row, cost
+from flexlin.analyses.accuracy.result import Trial, compare_exponents, measure_trials
+from flexlin.analyses.accuracy.scipy_methods import (
     FastRate,
     derive_loop_rate,
     derive_response_rate,
@@ -28,7 +28,7 @@ from flexlin.checks import SAMPLES
 from flexlin.cli.program import main
 from flexlin.errors import InputError
 from flexlin.periodic import periodic_riccati
-from flexlin.periodic.transition.setting import Setting
+from flexlin.periodic.transition.choose_segments import Setting
 from flexlin.plots import Panel
 from flexlin.report.figures.cost import draw_choices, draw_cost, summarise_cost
 from flexlin.report.numbers import to_json
@@ -46,7 +46,7 @@ def scene():
 @pytest.fixture(scope="module")
 def result(scene):
     with pytest.MonkeyPatch.context() as patch:  # all trials, however slow the machine
-        patch.setattr("flexlin.answers.accuracy.STAGE_SECONDS", 600.0)
+        patch.setattr("flexlin.analyses.accuracy.STAGE_SECONDS", 600.0)
         return cost(scene, peers=False, seconds=1e4)
 
 
@@ -206,7 +206,7 @@ def test_command_writes_page_and_record(tmp_path, capsys, monkeypatch):
     rows = [row for stage in ("exponents", "forced response") for row in measure_trials(stage, trials, abs)]
     chosen = [replace(row, chosen="1e-03") if row.setting == "3 segments" else row for row in rows]
     short = CostResult("by hand", tuple(chosen), 1e-14).marked()
-    monkeypatch.setattr("flexlin.answers.accuracy.cost", lambda scene, seconds: short)
+    monkeypatch.setattr("flexlin.analyses.accuracy.cost", lambda scene, seconds: short)
     assert main(["cost", "single-link", "--out", str(tmp_path)]) == 0
     record = json.loads((tmp_path / "cost.json").read_text())
     assert len(record["rows"]) == len(short.rows)
@@ -218,7 +218,9 @@ def test_command_writes_page_and_record(tmp_path, capsys, monkeypatch):
 
 
 def test_nothing_measured_in_the_time_is_exit_code_4(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("flexlin.answers.accuracy.cost", lambda scene, seconds: CostResult("t", (), 0.0, ("left out",)))
+    monkeypatch.setattr(
+        "flexlin.analyses.accuracy.cost", lambda scene, seconds: CostResult("t", (), 0.0, ("left out",))
+    )
     assert main(["cost", "single-link", "--out", str(tmp_path)]) == 4
     assert "left out" in capsys.readouterr().out
     assert json.loads((tmp_path / "cost.json").read_text())["notes"] == ["left out"]

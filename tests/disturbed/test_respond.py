@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from flexlin.answers import answer_noise, overshoot, respond, settling_time, state_disturbance
-from flexlin.answers.disturbed import PushedLoop
-from flexlin.answers.disturbed.stated import Directions
+from flexlin.analyses import answer_noise, overshoot, respond, settling_time, state_disturbance
+from flexlin.analyses.disturbed import PushedLoop
+from flexlin.analyses.disturbed.stated import Directions
 from flexlin.cli import main
 from flexlin.errors import ArgumentError
 from flexlin.report.figures.answers import draw_answer

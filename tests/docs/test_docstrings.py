@@ -19,10 +19,10 @@ import flexlin as fl
 from flexlin.scene import effects, library
 
 MODULES = [f"flexlin.{name}" for name in ("mechanics", "scene", "motion", "series", "simulation")]
-MODULES += [f"flexlin.answers.{name}" for name in ("audit", "accuracy")]
+MODULES += [f"flexlin.analyses.{name}" for name in ("audit", "accuracy")]
 NOT_LISTED = [
-    *(f"quadratic.riccati.{name}" for name in ("periodic_riccati", "finite_horizon_riccati", "periodic_lyapunov")),
-    *("quadratic.linear_quadratic.RiccatiSolution", "response.forced.ForcedResponse"),
+    *(f"riccati.riccati.{name}" for name in ("periodic_riccati", "finite_horizon_riccati", "periodic_lyapunov")),
+    *("riccati.linear_quadratic.RiccatiSolution", "response.forced.ForcedResponse"),
 ]
 """Public by their docstrings, in modules that list no public names."""
 FORM = {"GL06", "GL07", "GL08", "SS01", "SS06", "RT01", "RT03", "YD01"}

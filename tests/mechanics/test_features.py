@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.about import parametric_loop
+from flexlin.linearization import parametric_loop
 from flexlin.mechanics import CoulombFriction
 from flexlin.motion import build_motion, read_table_motion
 from flexlin.scene import Fourier, Harmonic, PointToPoint, Rotation, TableMotion

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 import flexlin as fl
-from flexlin.answers import Analysis, analyse
+from flexlin.analyses import Analysis, analyse
 from flexlin.cli import main
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import Step, analyse
+from flexlin.analyses import Step, analyse
 from flexlin.report import accuracy_lines
 
 SMALL = ["links.0.modes=1"]
@@ -79,7 +79,7 @@ def test_a_stage_beyond_its_time_says_so_and_the_rest_stands(report, monkeypatch
         while True:
             np.linalg.eigvals(np.eye(8))
 
-    monkeypatch.setattr("flexlin.answers.analysis.simulate", endless)
+    monkeypatch.setattr("flexlin.analyses.analysis.simulate", endless)
     ran = report("single-link", "--set", *SMALL, DESIGN, "--limit-seconds", "8", "--require", "stable")
     assert ran.code == 0
     assert "nonlinear simulation of 3 periods" in {step["name"] for step in ran.data["steps"] if "problem" in step}

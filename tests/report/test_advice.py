@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import Analysis, Loop
+from flexlin.analyses import Analysis, Loop
 from flexlin.report import advise, format_quantity, loop_line, record, render_page
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from flexlin.answers import Clock, judging
-from flexlin.answers import analysis as stages
+from flexlin.analyses import Clock, judging
+from flexlin.analyses import analysis as stages
 from flexlin.errors import NumericalError, TimeLimit, TooLarge
 from flexlin.report import page as pages
 

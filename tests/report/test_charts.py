@@ -9,7 +9,7 @@ import pytest
 import xarray
 
 import flexlin as fl
-from flexlin.answers import (
+from flexlin.analyses import (
     Clock,
     CriticalValue,
     Margin,

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from flexlin.answers import Audit, Measure, Row
+from flexlin.analyses import Audit, Measure, Row
 from flexlin.cli import main
 from flexlin.report import audit_block, audit_lines, draw_effects, to_json
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import flexlin as fl
-from flexlin.answers import Budget, Clock
+from flexlin.analyses import Budget, Clock
 from flexlin.cli import main
 from flexlin.errors import TimeLimit
 from flexlin.report import write_report

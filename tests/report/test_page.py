@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import Analysis
+from flexlin.analyses import Analysis
 from flexlin.cli import main
 from flexlin.errors import SceneError
 from flexlin.report import (

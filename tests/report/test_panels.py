@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import Clock
-from flexlin.answers.analysis import Analysis, analyse
-from flexlin.answers.judging import Loop, find_response
+from flexlin.analyses import Clock
+from flexlin.analyses.analysis import Analysis, analyse
+from flexlin.analyses.judging import Loop, find_response
 from flexlin.plots import SMALL, Linear, Logarithmic, Mark, Panel, Symlog, draw, measure_text
 from flexlin.report import draw_pictures, figures
 from flexlin.report.figures import choose_colour

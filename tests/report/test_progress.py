@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from flexlin.answers import Clock
+from flexlin.analyses import Clock
 from flexlin.cli import Progress
 from flexlin.cli import shared as shown
 from flexlin.resources import advance, listening, part

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers import Analysis, Clock, Loop, analyse, find_loop_margins
+from flexlin.analyses import Analysis, Clock, Loop, analyse, find_loop_margins
 from flexlin.periodic import Margins
 from flexlin.report import describe_endured, record, record_endured, record_loop, to_json
 

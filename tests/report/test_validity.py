@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from flexlin.answers import Analysis, Loop, judge_model
+from flexlin.analyses import Analysis, Loop, judge_model
 from flexlin.cli import meets
 from flexlin.errors import SimulationStopped
 from flexlin.report import advise, record, render_page

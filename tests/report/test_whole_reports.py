@@ -9,7 +9,7 @@ import pytest
 import xarray
 
 import flexlin as fl
-from flexlin.answers import analyse
+from flexlin.analyses import analyse
 from flexlin.cli import main
 from flexlin.report import advise, draw_sensitivity, record, to_json
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.about.free import parametric_loop
-from flexlin.answers import accuracy as own
+from flexlin.analyses import accuracy as own
 from flexlin.errors import ArgumentError
-from flexlin.periodic.transition.setting import Setting
+from flexlin.linearization.free import parametric_loop
+from flexlin.periodic.transition.choose_segments import Setting
 
 COMPILER = bool(shutil.which("gcc") or shutil.which("cc"))
 

@@ -6,10 +6,10 @@ import pytest
 from pydantic import BaseModel
 
 import flexlin as fl
-from flexlin.about import ParametricLoop
-from flexlin.answers import choose_loop
+from flexlin.analyses import choose_loop
 from flexlin.control import design
 from flexlin.errors import ArgumentError, SceneError
+from flexlin.linearization import ParametricLoop
 from flexlin.scene import register_model, revise_scene
 from tests.closed_arm import control_loop
 
@@ -88,7 +88,7 @@ def test_a_model_written_in_python_is_swept_by_symbols_or_rebuilt_at_each_value(
     ],
 )
 def test_a_value_that_the_scene_refuses_is_named_before_anything_is_computed(path, values, key, monkeypatch):
-    monkeypatch.setattr("flexlin.answers.sweep.job.choose_loop", lambda *_: pytest.fail("computed"))
+    monkeypatch.setattr("flexlin.analyses.sweep.job.choose_loop", lambda *_: pytest.fail("computed"))
     with pytest.raises(SceneError, match=key):
         fl.sweep(fl.load_scene("single-link", SMALL), {path: values})
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexlin.answers.sweep.together import MOST, PILOTS, STARTS, learn_needs
+from flexlin.analyses.sweep.together import MOST, PILOTS, STARTS, learn_needs
 from flexlin.periodic.many import WIDTH, Logs
 
 TOL, PERIOD = 1e-8, 3.0

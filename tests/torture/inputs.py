@@ -19,7 +19,7 @@ import numpy as np
 import xarray
 
 import flexlin as fl
-from flexlin.answers.clock import time_limit
+from flexlin.analyses.clock import time_limit
 from flexlin.errors import FlexlinError
 from flexlin.files.sets import read_manifest
 from flexlin.motion import build_motion

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlin.answers import Budget, limited
+from flexlin.analyses import Budget, limited
 from flexlin.errors import FlexlinError
 from flexlin.scene import Accuracy
 from tests.torture.trial import Row

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import flexlin
-from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import c_name
 from flexlin.control.estimator import Estimator
@@ -13,6 +12,7 @@ from flexlin.control.export.c_series import PRODUCT, SAMPLES, Form, write_series
 from flexlin.control.export.files import Labels
 from flexlin.errors import ArgumentError
 from flexlin.files import results
+from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.system import MatrixFunction, corners_of
 
 HEADER = """\

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 
 import flexlin
-from flexlin.about.law import Law
-from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array, c_name, positive
 from flexlin.control.designed_loop import Design
 from flexlin.control.export.c_series import PRODUCT, SAMPLES, Form, numbers, write_series
 from flexlin.control.export.files import Labels
 from flexlin.files import results
+from flexlin.linearization.law import Law
+from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficients import Combined
 from flexlin.periodic.system import corners_of
 

@@ -9,12 +9,12 @@ import casadi as ca
 import numpy as np
 
 import flexlin
-from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import c_name
 from flexlin.control.export.files import Labels
 from flexlin.errors import ArgumentError
 from flexlin.files import results
+from flexlin.linearization.linearization import Linearization
 from flexlin.motion import SymbolicMotion
 
 LAST = '} /* extern "C" */\n#endif\n'

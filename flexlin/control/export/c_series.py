@@ -9,12 +9,12 @@ from scipy.interpolate import CubicSpline
 
 from flexlin.checks import SAMPLES, Array
 from flexlin.control.sampled import SampledGain
+from flexlin.periodic.coefficient_series.matrix import Series
+from flexlin.periodic.coefficient_series.resolve import resolve
+from flexlin.periodic.coefficient_series.sampling import stratified
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, chebyshev_coefficients, panel_times
 from flexlin.periodic.precision import EPS, SAFETY
-from flexlin.periodic.resolved.matrix import Series
-from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.resolved.sampling import stratified
 
 Form = Literal["series", "sampled"]
 NEGLIGIBLE = SAFETY * EPS

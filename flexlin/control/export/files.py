@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 import flexlin
-from flexlin.about.law import Controller
-from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, check_size
 from flexlin.control.designed_loop import Design
 from flexlin.control.sampled import SampledGain
 from flexlin.errors import ArgumentError, counted
 from flexlin.files import replacing
+from flexlin.linearization.law import Controller
+from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import RATE
 

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array, check_size, positive
 from flexlin.control.designed_loop import Design
 from flexlin.control.export.files import Labels
 from flexlin.control.sampled import find_round
 from flexlin.errors import ArgumentError
+from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.sampled import hold_plant
 from flexlin.periodic.system import PeriodicSystem
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.coefficient_series.sampling import POINTS, RESOLVED, stratified
 from flexlin.periodic.decoupling.coupling import (
     Coupled,
     Decoupled,
@@ -37,7 +38,6 @@ from flexlin.periodic.decoupling.frames import (
 from flexlin.periodic.interpolation import NODES
 from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SLIGHT
 from flexlin.periodic.product import COHERENT, GROUP_CONDITION
-from flexlin.periodic.resolved.sampling import POINTS, RESOLVED, stratified
 from flexlin.periodic.system import MatrixFunction
 
 Uncertainty = Callable[[Array, Array, Array], Array]

@@ -8,18 +8,17 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import TooManySegments
 from flexlin.periodic.circle import assign, match_logs, measure_distances, pair_conjugates, wrap_log
+from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, couple_uncertainty
+from flexlin.periodic.coefficient_series.sampling import BLOCKS, stratified
 from flexlin.periodic.decoupling.coupling import Decoupled, Refusal
 from flexlin.periodic.decoupling.decouple import MOST_TRIES
-from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
+from flexlin.periodic.floquet.by_decoupling import estimate_decoupling_work, solve_decoupled
+from flexlin.periodic.floquet.by_segments import Factoring, solve_by_segments
 from flexlin.periodic.floquet.result import FloquetResult, find_coinciding_within, find_reached, judge
-from flexlin.periodic.floquet.segmented import Factoring, solve_by_segments
 from flexlin.periodic.precision import CUBE, EPS, FAINT, SAFETY
 from flexlin.periodic.product import balance_factors, bound_pairs, complex_schur, separate_triangular
-from flexlin.periodic.resolved.matrix import ResolvedCompanion, couple_uncertainty
-from flexlin.periodic.resolved.sampling import BLOCKS, stratified
 from flexlin.periodic.system import PeriodicSystem, as_system
-from flexlin.periodic.transition.gauss import CHUNK_BYTES
-from flexlin.periodic.transition.setting import (
+from flexlin.periodic.transition.choose_segments import (
     MAX_SEGMENTS,
     Setting,
     choose_setting,
@@ -27,6 +26,7 @@ from flexlin.periodic.transition.setting import (
     factor_twice,
     fall_back,
 )
+from flexlin.periodic.transition.gauss import CHUNK_BYTES
 
 PATIENCE = 4e9
 """Multiplications of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""

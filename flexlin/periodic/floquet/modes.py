@@ -10,14 +10,20 @@ from flexlin.arguments import checked, instance
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, counted
 from flexlin.periodic.circle import assign, measure_distances
-from flexlin.periodic.floquet.decoupled import solve_decoupled_modes
+from flexlin.periodic.floquet.by_decoupling import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.precision import ROOT
 from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.transition.choose_segments import (
+    FEWER_SEGMENTS,
+    METHODS,
+    choose_setting,
+    factor_by,
+    place_segments,
+)
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss
-from flexlin.periodic.transition.setting import FEWER_SEGMENTS, METHODS, choose_setting, factor_by, place_segments
 from flexlin.plots.view import Series, Shown, View
 
 if TYPE_CHECKING:

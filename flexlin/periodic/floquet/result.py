@@ -10,10 +10,10 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import counted
 from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix
+from flexlin.periodic.coefficient_series.sampling import RESOLVED
 from flexlin.periodic.decoupling.coupling import Decoupled
-from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
-from flexlin.periodic.resolved.sampling import RESOLVED
-from flexlin.periodic.transition.setting import Setting
+from flexlin.periodic.transition.choose_segments import Setting
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
 

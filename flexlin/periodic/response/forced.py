@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, at_times, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing, TooManySegments
+from flexlin.periodic.coefficient_series.matrix import couple_uncertainty
+from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficients import PROBES, Constant, has_nothing_narrow, hold_input, refuse_signature
 from flexlin.periodic.interpolation import FINER, NODES, TAIL, edges_of_short, place_edges
 from flexlin.periodic.precision import EPS, FOURTH, MINOR, ROOT, SAFETY, TINY
 from flexlin.periodic.product import COHERENT, cyclic_system, find_spectrum
-from flexlin.periodic.resolved.matrix import couple_uncertainty
-from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.transition.choose_segments import MARGIN, MAX_SEGMENTS, Setting, choose_setting, report_too_many
 from flexlin.periodic.transition.factors import factor, follow_rates
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
@@ -29,7 +30,6 @@ from flexlin.periodic.transition.gauss import (
     radau,
     sample_at,
 )
-from flexlin.periodic.transition.setting import MARGIN, MAX_SEGMENTS, Setting, choose_setting, report_too_many
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
 

@@ -11,13 +11,14 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.lazy import lazy
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.interpolation import place_edges
 from flexlin.periodic.precision import CUBE, EPS, SAFETY, TINY
 from flexlin.periodic.product import cyclic_system
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
+from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
     STAGES,
@@ -28,7 +29,6 @@ from flexlin.periodic.transition.gauss import (
     solve_stages,
     weigh_stages,
 )
-from flexlin.periodic.transition.setting import FEWER_SEGMENTS
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
 

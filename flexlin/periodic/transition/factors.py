@@ -8,10 +8,10 @@ from scipy.linalg import lapack
 
 from flexlin._core import declare
 from flexlin.checks import Array
+from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.coefficients import solve_mass, stack_companion
 from flexlin.periodic.precision import EPS
 from flexlin.periodic.product import Unknown
-from flexlin.periodic.resolved.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
     Tableau,

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from flexlin.answers.analysis import Analysis
-from flexlin.answers.judging import Loop
+from flexlin.analyses.analysis import Analysis
+from flexlin.analyses.judging import Loop
 from flexlin.checks import Array
 from flexlin.plots.panel import Mark, Panel, draw
 from flexlin.plots.scales import Linear

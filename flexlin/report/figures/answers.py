@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlin.answers.disturbed import DisturbanceAnswer, NoiseAnswer
+from flexlin.analyses.disturbed import DisturbanceAnswer, NoiseAnswer
 from flexlin.checks import Array
 from flexlin.identification.maximum_likelihood import Identification
 from flexlin.identification.prediction import Prediction

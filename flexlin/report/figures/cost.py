@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterator
 from itertools import islice
 
-from flexlin.answers.accuracy import CostResult, Row
-from flexlin.answers.accuracy.result import STAGES
+from flexlin.analyses.accuracy import CostResult, Row
+from flexlin.analyses.accuracy.result import STAGES
 from flexlin.periodic.precision import EPS
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Logarithmic, format_power_of_ten

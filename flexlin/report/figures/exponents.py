@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.linalg import helmert
 
-from flexlin.answers.analysis import Analysis
-from flexlin.answers.judging import Loop
+from flexlin.analyses.analysis import Analysis
+from flexlin.analyses.judging import Loop
 from flexlin.checks import Array
 from flexlin.periodic.floquet.modes import follow_frozen_modes
 from flexlin.periodic.precision import CUBE, ROOT, SLIGHT

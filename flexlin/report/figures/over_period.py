@@ -6,10 +6,10 @@ from itertools import cycle
 
 import numpy as np
 
-from flexlin.about.linearization import Linearization
-from flexlin.answers.analysis import Analysis
+from flexlin.analyses.analysis import Analysis
 from flexlin.checks import ROUNDING, Array
 from flexlin.control.tracking import arm_positions
+from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.links import COLUMNS
 from flexlin.periodic.precision import ROOT, SLIGHT
 from flexlin.plots.panel import Panel

@@ -13,8 +13,8 @@ from flexlin.periodic.decoupling.coupling import Coupled, Decoupled, Refusal, re
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.frames import Group
 from flexlin.periodic.floquet import exponents as routes
-from flexlin.periodic.floquet.decoupled import bound_growth, decoupled_exponents, hide_enclosed
-from flexlin.periodic.floquet.segmented import SegmentedSpectrum
+from flexlin.periodic.floquet.by_decoupling import bound_growth, decoupled_exponents, hide_enclosed
+from flexlin.periodic.floquet.by_segments import SegmentedSpectrum
 from studies import scaling
 from tests.closed_arm import closed
 from tests.periodic.chains import Rotation, Wave

@@ -6,7 +6,7 @@ import pytest
 import scipy.linalg
 
 import flexlin as fl
-from flexlin.about import make_kernel, record_model
+from flexlin.linearization import make_kernel, record_model
 from flexlin.periodic import MULTIPLES, SIZES, Kernel, measure_distances, take_phases
 
 T, A, B = ca.SX.sym("t"), ca.SX.sym("a"), ca.SX.sym("b")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.about import make_kernel
+from flexlin.linearization import make_kernel
 from flexlin.periodic import measure_distances
 
 TOL, TURN = 1e-8, 2 * np.pi

@@ -1,0 +1,31 @@
+"""Answers to an engineer's questions: each takes a scene and returns numbers with their errors."""
+
+from flexlin.lazy import load_lazily
+
+__getattr__, __dir__, __all__ = load_lazily(
+    __name__,
+    {},
+    within={
+        "analyses.analysis": "analyse Analysis build_with_free derive_equations find_loop_margins plant_and_designs",
+        "analyses.at_rest": "examine find_bending",
+        "analyses.audit": "Audit Measure Row find_reach",
+        "analyses.audit.judging": "Judge",
+        "analyses.audit.versions": "list_effect_versions read_scale",
+        "analyses.clock": "Budget Clock DRAWING Step limited time_limit",
+        "analyses.campbell": "unfold_frequencies",
+        "analyses.disturbed": "answer_in_scene answer_noise overshoot respond settling_time",
+        "analyses.disturbed.stated": "state_disturbance",
+        "analyses.judging": "arm_length judge_model Loop SMALL",
+        "analyses.loops": "choose_loop",
+        "analyses.critical_values": "CriticalValue choose_margins find_margin Margin UNASKED",
+        "analyses.nearest": "make_box search_box",
+        "analyses.sensitivity": "choose_paths",
+        "analyses.spectra": "make_family",
+        "analyses.sweep": "check_values",
+        "analyses.sweep.found": "Found",
+        "analyses.sweep.job": "compute_here prepare_job",
+        "analyses.sweep.run": "choose_crew keep_in",
+        "analyses.sweep.sharing": "share_among_processes share_among_threads share_on_cluster",
+        "analyses.sweep.together": "Together",
+    },
+)

@@ -1,0 +1,260 @@
+"""All numbers of a report, from one scene."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexlin.analyses.clock import Clock, Step
+from flexlin.analyses.critical_values import Margin
+from flexlin.analyses.judging import (
+    Loop,
+    ModelValidity,
+    Response,
+    Stages,
+    arm_length,
+    describe_end,
+    find_response,
+    judge_designs,
+    judge_elastic_loop,
+    judge_estimated_loops,
+    judge_model,
+    judge_own_loops,
+    judge_sampled_loops,
+    load_of,
+    response_error,
+    with_response,
+)
+from flexlin.analyses.loops import SAMPLED, TIMES
+from flexlin.checks import SAMPLES
+from flexlin.control.drives import DriveLoad, drive_load
+from flexlin.control.sensors import tip_zeros
+from flexlin.control.validity import Validity, linear_range
+from flexlin.errors import InputError, SimulationStopped
+from flexlin.linearization.linear import Coefficients, linearize, with_control
+from flexlin.linearization.linearization import Linearization
+from flexlin.mechanics import Manipulator, build_manipulator
+from flexlin.periodic.floquet.modes import floquet_modes
+from flexlin.periodic.margins import Margins, margins
+from flexlin.periodic.system import extend_system
+from flexlin.periodic.zeros import InvariantZeros
+from flexlin.scene.parameters import PARAMETERS
+from flexlin.scene.scene import Scene
+from flexlin.simulation.result import Simulation
+from flexlin.simulation.run import simulate
+
+if TYPE_CHECKING:
+    import xarray
+
+    from flexlin.analyses.audit.judging import Audit
+    from flexlin.analyses.nearest import NearestInstability
+    from flexlin.periodic.floquet.resonance import Resonance
+    from flexlin.periodic.margins import Margins
+
+
+SIMULATED_PERIODS = 3.0
+BEYOND = 1.5
+"""Durations of a one-way motion that are simulated: it rests after its end."""
+RANGE = 1e-4
+"""Relative width to which the range of the linear equations is found: three digits are printed, and times are sampled."""
+
+
+@dataclass
+class Analysis(Stages):
+    """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; each of the others is filled by a stage.
+
+    `elastic`: the own loop about the elastic motion, if the scene asks for it; `resonances`: what is behind an unstable own loop;
+    `stopped`: why the simulation ended early; `linear_range`: how far the linear equations hold; `zeros`: those from motors to tip;
+    `sampled`, `estimated`: loops once more, sampled and held, or with their states estimated; `margins`: of the scene's numbers; `endured`:
+    of loops by their names; `nearest`: the smallest change of uncertain numbers that makes the own loop unstable; `audit`, `sensitivity`:
+    which effects and numbers matter.
+    """
+
+    coefficients: Coefficients = field(kw_only=True)
+    own: Loop = field(kw_only=True)
+    open_loop: Loop = field(kw_only=True)
+    elastic: Loop | None = None
+    resonances: "tuple[Resonance, ...]" = ()
+    response: Response | None = None
+    simulation: Simulation | None = None
+    stopped: SimulationStopped | None = None
+    linear_range: Validity | None = None
+    zeros: InvariantZeros | None = None
+    designs: tuple[Loop, ...] = ()
+    sampled: tuple[Loop, ...] = ()
+    estimated: tuple[Loop, ...] = ()
+    margins: tuple[Margin, ...] = ()
+    endured: "Mapping[str, Margins]" = field(default_factory=dict)
+    nearest: "NearestInstability | None" = None
+    audit: "Audit | None" = None
+    sensitivity: "xarray.Dataset | None" = None
+    steps: tuple[Step, ...] = ()
+
+    def validity(self, loop: Loop) -> ModelValidity:
+        """Whether the linear model can be believed along the motion under one of the loops; only the own loop is simulated."""
+        if loop is not self.own:
+            return judge_model(self.length, loop.steady)
+        run, end = self.simulation, self.stopped
+        simulated = None if run is None else (*run.apart[1:], run.unit.strip())
+        ended = None if end is None or not end.left_range else (end.t, SIMULATED_PERIODS * self.plant.period)
+        curved = self.plant.arm.near is not self.plant.arm
+        return judge_model(self.length, replace(loop, response=self.response).steady, simulated, ended, curved)
+
+    def load(self, loop: Loop) -> DriveLoad | None:
+        """What the drives have to do in the steady motion that a loop keeps, where that is known."""
+        return load_of(self, replace(loop, response=self.response) if loop is self.own else loop)
+
+    @property
+    def length(self) -> float:
+        """The length of the arm, in m; not a number where it has no points."""
+        return arm_length(self.plant)
+
+    @property
+    def arm(self) -> Manipulator:
+        """The manipulator."""
+        return self.plant.arm
+
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """Open loop, own loop (about the elastic motion too), designs, sampled ones; no open loop where the scene has no feedback."""
+        first = () if self.own.kind == "open" else (self.open_loop,)
+        elastic = () if self.elastic is None else (self.elastic,)
+        return (*first, self.own, *elastic, *self.designs, *self.estimated, *self.sampled)
+
+
+def analyse(scene: Scene, clock: Clock | None = None, free: Sequence[str] = ()) -> Analysis:
+    """Linearize a scene's arm along its motion, judge every loop by Floquet, and compare with the nonlinear equations.
+
+    Every stage is asked for `scene.accuracy.tol` and kept within the limits that stand beside it; where no tol is given the nonlinear
+    check is asked for what its comparison needs.
+
+    Parameters: clock: collects the steps, and reports their progress; free: numbers of the scene that the equations keep as symbols where
+    they can, with the scene's own values, for who asks about them later.
+    Returns: an `Analysis`; a stage that fails or meets a limit is a message in it.
+    Raises: InputError for a scene that cannot be used; NumericalError when there are no linear equations.
+    """
+    shared = derive_equations(scene, clock or Clock(), free)
+    work = partial(shared.plant.sample, shared.t)
+    coefficients = shared.clock.stage("coefficients over a period", shared.asked, work)
+    own, open_loop = judge_own_loops(shared)
+    a = Analysis(**vars(shared), coefficients=coefficients, own=own, open_loop=open_loop)
+    if a.plant.motion.periodic:
+        judge_period(a)
+    else:
+        a.problems |= dict.fromkeys(("response", "linear range"), describe_end(a.plant))
+        follow_nonlinear(a)
+        a.designs = judge_designs(a)
+    a.steps = tuple(a.clock.steps)
+    return a
+
+
+def build_with_free(scene: Scene, free: Sequence[str]) -> Manipulator:
+    """The manipulator, with numbers left free where all of them can be, and mean the same there without a look at a model's code."""
+    moving = scene.motion.kind not in SAMPLED and getattr(scene.motion, "course", "") != "one-way"
+    if free and moving and not any(path.startswith(f"{PARAMETERS}.") or path in TIMES for path in free):
+        with suppress(InputError):
+            return build_manipulator(scene, free)
+    return build_manipulator(scene)
+
+
+def judge_period(a: Analysis) -> None:
+    """The stages of a report that only a periodic motion has, and what all have between them."""
+    a.elastic = judge_elastic_loop(a) if a.scene.control.about == "elastic" else None
+    find_causes(a)
+    system = a.closed.periodic_system()
+    work = partial(find_response, a.closed, system, a.t, a.asked.tol)
+    a.response = a.attempt("response", "forced response", work, response_error)
+    follow_nonlinear(a)
+    find_range(a)
+    if 0 < len(a.plant.driven) <= 2 and a.plant.n != len(a.plant.driven) and a.plant.arm.points is not None:
+        a.zeros = a.attempt("zeros", "zeros of tip control", partial(tip_zeros, a.plant, a.asked.tol))
+    a.designs = judge_designs(a)
+    a.sampled = judge_sampled_loops(a, (a.own, *a.designs))
+    a.estimated = judge_estimated_loops(a, a.designs)
+    bare = replace(a.own, name="open loop", response=a.response)
+    a.open_loop = bare if a.own.kind == "open" else with_response(a, a.open_loop, a.plant.periodic_system())
+
+
+def derive_equations(scene: Scene, clock: Clock, free: Sequence[str] = ()) -> Stages:
+    """The arm alone, and with the scene's own loop; limits of the drives and designs that do not fit are refused before any other work."""
+    arm = clock.stage("equations of motion", scene.accuracy, lambda: build_with_free(scene, free))
+
+    def work() -> tuple[Linearization, Linearization]:
+        plant = linearize(arm, scene.motion)
+        closed = with_control(plant, scene.control)
+        drive_load(plant, np.zeros(1), np.zeros((1, 2 * plant.n)), plant.law, scene.drives)
+        if scene.designs:
+            from flexlin.control.catalogue import pose_design
+
+            for table in scene.designs:
+                pose_design(plant, table)
+        return plant, closed
+
+    plant, closed = clock.stage("linearization", scene.accuracy, work)
+    if plant.motion.origin:
+        clock.note(f"the motion is made from {plant.motion.origin}")
+    return Stages(scene, clock, plant, closed, np.linspace(0.0, plant.period, SAMPLES + 1))
+
+
+def plant_and_designs(scene: Scene, clock: Clock) -> tuple[Linearization, tuple[Loop, ...]]:
+    """The open-loop linearization of a scene, and its designs with their verdicts, as accurate as the scene asks."""
+    shared = derive_equations(scene, clock)
+    return shared.plant, judge_designs(shared)
+
+
+def find_causes(a: Analysis) -> None:
+    """The parametric resonances behind an unstable own loop."""
+    result = a.own.floquet
+    if result is None or a.own.verdict != "unstable":
+        return
+    from flexlin.periodic.floquet.resonance import find_resonances
+
+    system = a.closed.periodic_system()
+    work = lambda: find_resonances(system, floquet_modes(system, result))  # noqa: E731
+    a.resonances = tuple(a.attempt("resonances", "cause of the instability", work) or ())
+
+
+def follow_nonlinear(a: Analysis) -> None:
+    """The nonlinear equations beside the linear ones: over some periods, or to the end of a motion and beyond."""
+    asked, periodic = a.asked.of_comparison, a.plant.motion.periodic
+    span, of = (SIMULATED_PERIODS, "periods") if periodic else (BEYOND, "durations")
+    work = lambda: simulate(a.closed, span, tol=asked.tol)  # noqa: E731
+    a.simulation = a.attempt("simulation", f"nonlinear simulation of {span:g} {of}", work, simulation_error, asked)
+    failure = a.clock.failures.get("simulation")
+    a.stopped = failure if isinstance(failure, SimulationStopped) else None
+
+
+def find_range(a: Analysis) -> None:
+    """How far the linear equations of the own loop hold; it is measured along the loop's Floquet modes."""
+    if a.own.floquet is None:
+        a.problems["linear range"] = "no Floquet modes are known to measure it along"
+        return
+    work = partial(linear_range, a.closed, result=a.own.floquet, tol=max(RANGE, a.asked.tol), plant=a.plant)
+    a.linear_range = a.attempt("linear range", "range of the linear equations", work)
+
+
+def simulation_error(found: Simulation) -> float:
+    """The larger error of the nonlinear and the linear states, relative to the largest, absolute below 1."""
+    return max(found.error, found.linear_error)
+
+
+def find_loop_margins(a: Analysis) -> None:
+    """What each stable loop with a feedback endures, broken where the torque enters the arm."""
+    endured: dict[str, Margins] = {}
+    plant = a.plant.periodic_system() if a.plant.motion.periodic and a.plant.about.m else None
+    for loop in (a.own, *a.designs):
+        law = a.closed.law if loop.design is None else loop.design.law
+        held = loop.design is not None and loop.design.sample_time is not None
+        known = loop.floquet is not None and loop.verdict == "stable" and not held
+        if plant is None or not known or not np.any(law.gain(np.zeros(1))):
+            continue
+        broken = plant if law.controller is None else extend_system(plant, law.controller.rates)
+        name = f"margins: {loop.name}"
+        one = a.attempt(name, name, partial(margins, broken, law.gain))
+        if one is not None and one.reason:
+            a.problems[name] = f"some of the {name}: {one.reason}"
+        endured |= {} if one is None else {loop.name: one}
+    a.endured = endured

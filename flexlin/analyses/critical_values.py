@@ -1,0 +1,283 @@
+"""At which value of a scene's number the loop becomes unstable or stable again, and how far the scene's own is from there."""
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexlin.analyses.spectra import Family, Source, make_family
+from flexlin.arguments import checked
+from flexlin.checks import Array, positive, real_array, whole
+from flexlin.errors import ArgumentError
+from flexlin.linearization.linearization import Linearization
+from flexlin.periodic.boundary.crossings import SAMPLES, Crossing, find_crossings
+from flexlin.periodic.boundary.spectra import Effort
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.scene.parameters import get_value, need_numbers
+from flexlin.scene.scene import Scene
+from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    from flexlin.periodic.floquet.resonance import Resonance
+
+
+DESCRIBED = 6
+"""Spectra that take as long as the resonance and the slope at a value."""
+
+
+@dataclass(frozen=True)
+class CriticalValue:
+    """A value of a number at which a loop becomes unstable, or stable again.
+
+    Attributes
+    ----------
+    path : str
+        Dotted path of the number.
+    value : float
+        The critical value, in the number's unit.
+    error : float
+        Its error: that of the exponent over the slope of the growth rate; of the multipliers' squared distance over its slope where
+        two of them meet without damping. Where `touching`, it holds the whole closed tongue.
+    kind : str
+        onset where the loop is unstable above the value, recovery where it is unstable below.
+    resonance : str
+        What makes it unstable, in words.
+    distance : float
+        The value less the scene's own, in the number's unit; not a number where there is no scene.
+    slope : float
+        Of the largest growth rate at the value, in 1/s per unit; infinite where two undamped multipliers meet, since growth then begins
+        like a square root, and zero where a tongue only touches.
+    touching : bool
+        Whether onset and recovery are so close that rounding hides what lies between them.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("spinning-link", {"effects.gravity.acceleration": 3.0})
+    >>> first, second = fl.critical_values(scene, "motion.joints.0.rate", (2.3, 2.6), samples=65)
+    >>> first.kind, round(first.value, 6), second.kind, round(second.value, 6)
+    ('onset', 2.418547, 'recovery', 2.436804)
+    >>> first.resonance
+    'principal resonance of order 3: 2 x 3.674 rad/s near 3 w, w = 2.422 rad/s = 2 pi / T'
+    """
+
+    path: str
+    value: float
+    error: float
+    kind: str
+    resonance: str
+    distance: float
+    slope: float
+    touching: bool = False
+
+    __repr__ = represent
+
+
+@checked
+def critical_values(
+    source: Source,
+    path: str,
+    limits: tuple[float, float],
+    tol: float = 1e-6,
+    *,
+    loop: str = "own",
+    samples: int = SAMPLES,
+) -> list[CriticalValue]:
+    """Find every value of a number, within limits, at which a loop becomes unstable or stable again.
+
+        max_i Re lambda_i(p) = 0,   error of p = error of lambda / |d Re lambda / dp|
+
+    The range is scanned at `samples` values, those left out between which exponents decay by more than they move, so no interval of
+    instability wider than one step is missed; narrower ones are looked for where two multipliers meet. Without damping the growth rate
+    begins like a square root; the squared distance of the two multipliers that meet is smooth
+    there and takes its place. Free rigid motions, whose exponents are zero throughout, do not count. Transition matrices of a function's
+    systems are interpolated over the range, where values between show that this serves; critical values are narrowed without it.
+
+    Parameters
+    ----------
+    source : Scene, PeriodicFamily, or function of a float that returns a PeriodicSystem
+        The scene; or the systems themselves, where there is no scene. A family's go through compiled code together.
+    path : str
+        Dotted path of the number, such as motion.frequency; for a family or a function, the number's name.
+    limits : (float, float)
+        Least and largest value, in the number's unit.
+    tol : float
+        Wanted error of a critical value, in the number's unit.
+    loop : str
+        Which loop of the scene, as in `sweep`: own, open, a design's name, or that name followed by ", redone".
+    samples : int
+        Values of the scan: one more than the steps of the range.
+
+    Returns
+    -------
+    list of CriticalValue
+        In rising order; empty where the verdict does not change.
+
+    Raises
+    ------
+    ArgumentError
+        For a path that leads to no free number, limits that do not rise, or an unknown loop.
+    SceneError
+        For limits that the scene's schema refuses.
+
+    References
+    ----------
+    Seyranian, Mailybaev, Multiparameter Stability Theory with Mechanical Applications (2003), ch. 9 and 11.
+
+    Examples
+    --------
+    Mathieu's equation y'' + (a - 0.4 cos 2t) y = 0 is unstable between a = 0.795 and a = 1.195:
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> def mathieu(a):
+    ...     return fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], lambda t: (a - 0.4 * np.cos(2 * t))[:, None, None], np.pi)
+    >>> found = fl.critical_values(mathieu, "a", (0.5, 1.5), samples=33)
+    >>> [(one.kind, round(one.value, 6)) for one in found]
+    [('onset', 0.795124), ('recovery', 1.194874)]
+    """
+    low, high = check_limits(path, limits)
+    family = make_family(source, {path: (low, high)}, loop)
+    return search_family(family, path, low, high, positive("tol", tol), whole("samples", samples, 3))
+
+
+def search_family(
+    family: Family,
+    path: str,
+    low: float,
+    high: float,
+    tol: float,
+    samples: int = SAMPLES,
+    effort: Effort | None = None,
+) -> list[CriticalValue]:
+    """The critical values of the one number of a family; effort: ends the search, with what is known by then."""
+    effort = effort or Effort()
+    rough, fine = (lambda values, find=find: find(values[:, None]) for find in (family.rough, family.fine))
+    tongues = not family.is_constant(np.array([(low + high) / 2]))
+    found = find_crossings(rough, fine, low, high, tol, samples, tongues, effort)
+    nearest_first = sorted(found, key=lambda one: abs(one.value - float(np.nan_to_num(family.own[0]))))
+    described = [describe_crossing(path, crossing, family, effort) for crossing in nearest_first]
+    return sorted(described, key=lambda one: (one.value, one.kind != "onset"))
+
+
+def check_limits(path: str, limits: tuple[float, float]) -> tuple[float, float]:
+    """Both ends of a range as floats. Raises: ArgumentError unless they rise."""
+    low, high = real_array(f"limits of {path}", limits, (2,)).tolist()
+    if not low < high:
+        raise ArgumentError(f"the limits of {path} do not rise", got=f"({low:g}, {high:g})", expected="low < high")
+    return low, high
+
+
+def describe_crossing(path: str, crossing: Crossing, family: Family, effort: Effort) -> CriticalValue:
+    """A crossing with its resonance, its distance from the scene's own value, and its exact slope, as far as the effort affords them."""
+    kind, distance = "onset" if crossing.onset else "recovery", crossing.value - float(family.own[0])
+    found = CriticalValue(path, crossing.value, crossing.error, kind, "not looked for", distance, np.nan)
+    if crossing.touching:
+        text = f"touching tongue: closed to within rounding, narrower than {2 * crossing.error:.1e}"
+        return replace(found, resonance=text, slope=0.0, touching=True)
+    if not effort.affords(DESCRIBED):
+        effort.unfinished = True
+        return found
+    found = replace(found, resonance=describe_causes(family, np.array([crossing.inside])), slope=np.inf)
+    return found if crossing.undamped else add_slope(found, family)
+
+
+def add_slope(found: CriticalValue, family: Family) -> CriticalValue:
+    """The slope of the growth rate, and the error by it; exact where A's derivatives are known, else by a difference."""
+    point = np.array([found.value])
+    exact = family.slopes(point)
+    if exact is None:
+        step = max(1e-6 * abs(found.value), 10 * found.error)
+        pair = [floquet(family.system_at(point + move), family.finest).exponents.real.max() for move in (-step, step)]
+        return replace(found, slope=float((pair[1] - pair[0]) / (2 * step)))
+    exponents, errors, slopes = exact
+    lead = int(np.argmin(np.abs(exponents.real)))
+    slope = float(slopes[0, lead].real)
+    error = (abs(float(exponents.real[lead])) + float(errors[lead])) / abs(slope) if slope else np.inf
+    return replace(found, slope=slope, error=max(error, found.error))
+
+
+def describe_causes(family: Family, point: Array) -> str:
+    """What makes a system unstable at a point (P,), in words."""
+    causes = family.resonances(point)
+    return describe_cause(causes[0]) if causes else "its growth is too slow to name a resonance"
+
+
+def describe_cause(cause: "Resonance") -> str:
+    """The resonance condition in words."""
+    if cause.kind == "average":
+        still = abs(cause.exponent.imag) <= abs(cause.exponent) * 1e-6
+        return "divergence" if still else cause.own_cause
+    return f"{cause.kind} resonance of order {cause.order}: {cause.condition}"
+
+
+UNASKED = 2.0
+"""Seconds of work for all numbers that nobody asked for."""
+
+
+@dataclass(frozen=True)
+class Margin:
+    """The critical values of one number between low and high, and the scene's own value; values: how many were tried; gap: the widest part
+    of the range in which a change may hide since the search had to end, 0 where it did not; searched: ends of the part about its own value
+    in which none can."""
+
+    path: str
+    low: float
+    high: float
+    own: float
+    values: int
+    critical: tuple[CriticalValue, ...]
+    gap: float = 0.0
+    searched: tuple[float, float] = (-inf, inf)
+
+    __repr__ = represent
+
+    @property
+    def nearest(self) -> CriticalValue | None:
+        """The critical value nearest to the scene's own, those of closed tongues left out."""
+        open_ = [one for one in self.critical if not one.touching]
+        return min(open_, key=lambda one: abs(one.distance), default=None)
+
+
+def find_margin(
+    scene: Scene,
+    path: str,
+    limits: tuple[float, float],
+    seconds: float = inf,
+    known: Linearization | None = None,
+    loop: str = "own",
+) -> Margin:
+    """The critical values of one number of a scene's loop, by default its own, to 1e-6 of the range, or as many as some seconds bring.
+
+    Parameters: known: the loop; where its equations keep the number free they are not derived again.
+    Raises: what `make_family` raises; ArgumentError for what is no real number of the scene (`need_numbers`).
+    """
+    need_numbers(scene, (path,))
+    own = float(get_value(scene, path))
+    (low, high), effort = check_limits(path, limits), Effort(seconds, own)
+    kept = known if known is not None and path in known.arm.parameters.paths else None
+    family = make_family(scene, {path: (low, high)}, loop, kept)
+    family.finest = 1e-9  # it moves a value by less than is printed
+    found = search_family(family, path, low, high, 1e-6 * (high - low), effort=effort)
+    searched = max(low, effort.searched[0]), min(high, effort.searched[1])
+    return Margin(path, low, high, own, effort.values, tuple(found), effort.gap, searched)
+
+
+def choose_margins(scene: Scene) -> dict[str, tuple[float, float]]:
+    """The numbers that engineers ask for first, speed and payload, from a quarter to eight times the scene's own values."""
+    motion = ("motion.frequency", "motion.move_time", "motion.joints.0.rate")
+    known = dict(find_number(scene, path) for path in (*motion, "effects.payload.mass", "parameters.payload_mass"))
+    ends = {path: sorted((own / 4, 8 * own)) for path, own in known.items() if own}
+    return {path: (low, high) for path, (low, high) in ends.items()}
+
+
+def find_number(scene: Scene, path: str) -> tuple[str, float]:
+    """A number of the scene with its path, of a list the last one, which is that of the load at the tip; 0 where there is none."""
+    with suppress(ArgumentError):
+        value = get_value(scene, path)
+        if isinstance(value, list | tuple):
+            path, value = f"{path}.{len(value) - 1}", value[-1]
+        return path, value if isinstance(value, float) else 0.0
+    return path, 0.0

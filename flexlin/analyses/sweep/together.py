@@ -1,0 +1,240 @@
+"""Values that are computed together by the kernel: how it is prepared, and one block of them."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexlin.analyses.sweep.found import Found
+from flexlin.checks import Array
+from flexlin.errors import ArgumentError
+from flexlin.periodic.many import MULTIPLES, SIZES, WIDTH, Kernel, Logs, measure_spread
+from flexlin.resources import advance
+
+if TYPE_CHECKING:
+    from flexlin.linearization.family import PeriodicFamily
+    from flexlin.linearization.free import ParametricLoop
+
+
+FEWEST, MOST = 4, 1024
+"""Least and largest number of segments among which is chosen."""
+STARTS = np.unique(np.geomspace(FEWEST, MOST, 97).round().astype(int))
+"""The numbers themselves, twelve in a factor of two; the resolutions are multiples of them."""
+FEW = 3
+"""Resolutions of a first trial."""
+ORDER = 8
+"""Of the extrapolated logs, by the length of the segments."""
+STEPS = 1.15, 2.0
+"""Factors between the numbers of segments of a value's trials."""
+MARGIN = 1.06
+"""What values are given over what pilots needed: a second trial costs more."""
+PILOTS = 16, 256
+"""Least and largest number of values that are tried, one of 64 between them: a trial of one costs as much as three of the values."""
+
+
+@dataclass
+class Needs:
+    """What pilots (K, P) needed, as places in STARTS (K,); `spread`: of the logs of their moduli."""
+
+    pilots: Array
+    rungs: Array
+    spread: float
+
+    def predict(self, points: Array) -> Array:
+        """Places in STARTS for points (V, P): the largest of the P + 1 nearest pilots', by how many pilots lie between."""
+        near = min(points.shape[1] + 1, len(self.rungs))
+        distances = np.zeros((len(points), len(self.rungs)))
+        for x, known in zip(points.T, self.pilots.T, strict=True):
+            steps = np.unique(known)
+            places = [np.interp(each, steps, np.arange(len(steps))) for each in (np.nan_to_num(x), known)]
+            distances += (places[0][:, None] - places[1]) ** 2
+        return np.asarray(self.rungs[np.argpartition(distances, near - 1, axis=1)[:, :near]].max(axis=1))
+
+    def learn(self, points: Array, segments: Array, misses: Array, logs: Array) -> None:
+        """Take one more pilot, the middle one of values (V, P) that met the tolerance on more segments (V,) than were predicted."""
+        needed = MARGIN * segments * np.clip(misses ** (1 / ORDER), 1 / STEPS[1], 1.0)
+        middle = np.argsort(needed)[len(needed) // 2]
+        self.pilots = np.vstack([self.pilots, points[middle]])
+        self.rungs = np.append(self.rungs, find_rungs(needed[[middle]]))
+        self.spread = max(self.spread, measure_spread(logs))
+
+    @property
+    def usual(self) -> int:
+        """The number of segments that a pilot needs in the middle."""
+        return int(STARTS[np.sort(self.rungs)[len(self.rungs) // 2]])
+
+
+def find_rungs(wanted: Array) -> Array:
+    """The least places in STARTS with as many segments as wanted."""
+    return np.searchsorted(STARTS, wanted * (1 - 1e-9)).clip(max=len(STARTS) - 1)
+
+
+def pack(rungs: Array) -> Iterator[tuple[int, Array]]:
+    """Segments and which values (V,) to compute on them: eight that want about as many are one vector, and have what the last one wants.
+
+    Values that want as many stay in order: neighbours have much in common, and a vector takes as long as its slowest value.
+    """
+    order = np.argsort(rungs, kind="stable")
+    last = np.minimum(np.arange(WIDTH - 1, len(order) + WIDTH - 1, WIDTH), len(order) - 1)
+    of_vectors = rungs[order[last]]
+    for rung in np.unique(of_vectors):
+        vectors = np.flatnonzero(of_vectors == rung)
+        yield int(STARTS[rung]), order[WIDTH * vectors[0] : WIDTH * (vectors[-1] + 1)]
+
+
+def learn_needs(kernel: Kernel, points: Array, scale: Array, tol: float) -> Needs:
+    """What values spread over the points (V, P) need."""
+    count = np.arange(np.clip(len(points) // 64, *PILOTS))
+    pilots = points[np.unique((count * 0.6180339887498949 % 1.0 * len(points)).astype(int))]
+    needs, spread = try_pilots(kernel, pilots, scale, tol)
+    met = np.isfinite(pilots).all(axis=1) & np.isfinite(needs)
+    if not met.any():
+        return Needs(np.zeros((1, points.shape[1])), np.array([len(STARTS) - 1]), spread)
+    return Needs(pilots[met], find_rungs(MARGIN * needs[met]), spread)
+
+
+def try_pilots(kernel: Kernel, pilots: Array, scale: Array, tol: float) -> tuple[Array, float]:
+    """Segments (V,) on which each pilot just meets tol, infinite where none does, and the spread of the logs of their moduli."""
+    needs, spread = np.full(len(pilots), np.inf), -np.inf
+    wanted = np.full(len(pilots), float(FEWEST))
+    left = np.arange(len(pilots))
+    while len(left):
+        left = left[np.argsort(wanted[left], kind="stable")]
+        segments = int(wanted[left[0]])
+        now = left[wanted[left] <= STEPS[0] * segments]
+        segments = int(wanted[now].max())
+        found = kernel.find_logs(pilots[now], segments, scale, tol / 100, np.inf, np.inf, FEW)
+        misses = found.misses(tol)
+        growth = misses ** (1 / ORDER)
+        met = misses <= 1
+        needs[now[met]] = np.maximum(segments * growth[met], segments / STEPS[1])
+        if met.any():
+            spread = max(spread, measure_spread(found.logs[met]))
+        wanted[now] = np.ceil(segments * np.clip(growth, *STEPS))
+        known = needs[np.isfinite(needs)]
+        most = (
+            min(MOST, STEPS[1] ** 2 * known.max()) if known.size else MOST
+        )  # who needs far more than the others is given up
+        left = left[np.isinf(needs[left]) & (wanted[left] <= most)]
+    return needs, spread if np.isfinite(spread) else np.inf
+
+
+SLACK = 1.1
+"""The spread of the moduli may exceed the pilots' by this factor."""
+BLOCK = 65536
+"""Values of a block at the most, times the square of the states: in a larger one more are alike, but it is seen later."""
+
+
+@dataclass(frozen=True)
+class Together:
+    """The computation of blocks of values by the kernel; `scale` balances the states; `needs` says on how many segments.
+
+    `source`: the system, for values that are computed one by one; `may_be_narrow`: whether its coefficients may have narrow features.
+    """
+
+    source: "ParametricLoop | PeriodicFamily"
+    may_be_narrow: bool
+    tol: float
+    kernel: Kernel
+    scale: Array
+    needs: Needs
+    values: int
+    route = "together"
+
+    @classmethod
+    def prepare(cls, source: "ParametricLoop | PeriodicFamily", points: Array, tol: float) -> "Together | None":
+        """Record the model and choose numbers of segments on a few values; None where `floquet` is what serves.
+
+        There is a kernel for a list of sizes; stiff systems may need more segments than it takes, and narrow features are not seen.
+        """
+        from flexlin.linearization.free import make_kernel
+
+        try:
+            kernel = make_kernel(source)
+        except ArgumentError:
+            return None
+        if kernel.model.size not in SIZES:
+            return None
+        if source.may_be_narrow and all(map(source.is_narrow, points[spread_over(len(points), WIDTH)])):
+            return None
+        scale = kernel.balance(points[spread_over(len(points), 3 * WIDTH)])
+        needs = learn_needs(kernel, points, scale, tol)
+        made = cls(source, source.may_be_narrow, tol, kernel, scale, needs, len(points))
+        if needs.usual >= MOST or not (source.is_smooth or made.is_confirmed(points)):
+            return None
+        return made
+
+    def is_confirmed(self, points: Array) -> bool:
+        """Whether `floquet`, which looks for what is narrow, says what the kernel says at both ends and in the middle."""
+        chosen = points[spread_over(len(points), 3)]
+        found = self.compute(chosen)
+        return all(
+            found.is_confirmed(i, partial(self.source.system_at, point), self.tol) for i, point in enumerate(chosen)
+        )
+
+    @property
+    def segments(self) -> int:
+        """The number of segments in the middle of the parameters."""
+        return self.needs.usual
+
+    @property
+    def threaded(self) -> bool:
+        """All values are computed by the kernel, which lets other threads work meanwhile."""
+        return not self.may_be_narrow
+
+    @property
+    def block(self) -> int:
+        """Values of a block: an eighth of all, or twelve vectors; as many wherever it is computed: no result depends on the cuts."""
+        shared = max(12 * WIDTH, self.values // 8)
+        return WIDTH * max(1, min(shared, BLOCK // self.kernel.model.states**2) // WIDTH)
+
+    def compute(self, points: Array) -> Found:
+        """All values of a block: together, and those that are narrow or miss tol one by one."""
+        found = Found.empty(len(points), self.kernel.model.states)
+        narrow = self.find_narrow(points)
+
+        def enter(which: Array, logs: Logs, _: int) -> Array:
+            misses = logs.misses(self.tol)
+            met, T = misses <= 1, logs.periods[:, None]
+            found.put(which[met], (logs.logs / T)[met], (logs.errors / T)[met])
+            found.period[which[met]] = logs.periods[met]
+            return misses
+
+        left = self.solve(points, np.flatnonzero(~narrow), enter)
+        for i in (*np.flatnonzero(narrow), *left):
+            advance(float(np.isfinite(found.error).mean()))
+            found.put_alone(i, partial(self.source.system_at, points[i]), self.tol)
+        return found
+
+    def solve(self, points: Array, rest: Array, enter: Callable[[Array, Logs, int], Array]) -> Array:
+        """Compute values on more and more segments until `enter`, which takes both, says that errors are 1 or less; return the others."""
+        rungs, spread, levels, alone = self.needs.predict(points[rest]), SLACK * self.needs.spread, FEW, [rest[:0]]
+        least = STEPS[0]
+        while len(rest):
+            misses, used = np.empty(len(rest)), np.empty(len(rest))
+            for segments, which in pack(rungs):
+                given = (segments, self.scale, self.tol / 100, spread, self.tol, levels)
+                misses[which] = enter(rest[which], self.kernel.find_logs(points[rest[which]], *given), segments)
+                used[which] = segments
+            missed = misses > 1
+            wanted = used * np.clip(misses ** (1 / ORDER), least, STEPS[1])
+            alone.append(rest[missed & (used >= MOST)])
+            again = missed & (used < MOST)
+            rest, rungs = rest[again], find_rungs(np.minimum(wanted[again], MOST))
+            if least == STEPS[1]:
+                levels = len(MULTIPLES)
+            spread, least = np.inf, STEPS[1]  # moduli may lie further apart than the pilots'
+        return np.concatenate(alone)
+
+    def find_narrow(self, points: Array) -> Array:
+        """Which values have coefficients with narrow features, which the kernel would step over, (V,)."""
+        if not self.may_be_narrow:
+            return np.zeros(len(points), dtype=bool)
+        return np.array([self.source.is_narrow(point) for point in points], dtype=bool)
+
+
+def spread_over(values: int, some: int) -> Array:
+    """Places of some values among all."""
+    return np.unique(np.linspace(0, values - 1, some).round().astype(int))

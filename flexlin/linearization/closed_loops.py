@@ -1,0 +1,140 @@
+"""Closed loops along the rigid motion: whether they stay closed, never become singular, and keep clear of dead points."""
+
+import casadi as ca
+import numpy as np
+
+from flexlin import symbolic
+from flexlin.checks import ROUNDING, SAMPLES, Array
+from flexlin.errors import MotionError, SingularClosure
+from flexlin.linearization.deviation import Deviation
+from flexlin.motion import SymbolicMotion
+from flexlin.motion.base import NODES
+from flexlin.periodic.precision import CUBE
+from flexlin.series.tracking import CONTRACTION, NEWTON, SHORTEST, Step, find_singular, track
+
+OTHER = "move the motion away from there, or give the links other lengths"
+NEARER = "give the links a posture from the middle of the motion"
+CLEAR = 50
+"""A motion that keeps a fiftieth of the period from its dead points has no feature of a half-width below T / 200."""
+
+
+def refuse_open_loops(about: Deviation) -> None:
+    """Raise where a loop stays open, its closure V = D_v f becomes singular, or v(u) jumps to another assembly.
+
+    v(u) is held against v tracked from one time to the next. The elastic coordinates are at rest.
+    Raises: MotionError, SingularClosure, with the time.
+    """
+    t = about.motion.period * np.arange(SAMPLES + 1) / SAMPLES
+    s = rigid_positions(about, t)
+    asked = evaluate_at(about, "followers", s)[:, :, 0]
+    if not np.isfinite(asked[0]).all():
+        raise refused(0.0, "the loops do not close at the start of the motion", NEARER)
+    step, lost = newton_along(about), None
+    v = list(asked if leads_on(about, s, asked) else asked[:1])
+    for k in range(len(v), SAMPLES + 1):
+        found, at = track(step, v[-1], t[k - 1], t[k], SHORTEST * about.motion.period)
+        if found is None:
+            refuse_singular(about, t[:k], v)
+            raise singular(at, "lets the loops follow no further: they reach a dead point")
+        v.append(found)
+        lost = t[k] if lost is None and not is_same(found, asked[k]).all() else lost
+    refuse_singular(about, t, v)
+    if lost is not None:
+        raise refused(lost, "v(u) about the posture does not follow the whole motion", NEARER)
+
+
+def rigid_positions(about: Deviation, t: Array) -> Array:
+    """s (N, arm.n) on the rigid motion."""
+    return about.positions(t, np.zeros((len(t), about.n)))[0]
+
+
+def evaluate_at(about: Deviation, name: str, s: Array, *v: Array) -> Array:
+    """One of the arm's functions of s, and of the followers if given, (N, rows, columns)."""
+    p = np.broadcast_to(about.arm.parameters.values, (len(s), len(about.arm.parameters.values)))
+    return symbolic.evaluate(about.arm.functions[name], s, *v, p)[0]
+
+
+def leads_on(about: Deviation, s: Array, v: Array) -> bool:
+    """Whether Newton's method leads from the followers at each time straight to those at the next, at all times together."""
+    if not np.isfinite(v).all():
+        return False
+    found, last = v[:-1], np.inf
+    for _ in range(NEWTON):
+        step = evaluate_at(about, "newton_step", s[1:], found)[:, :, 0]
+        size = float(np.abs(step).max())
+        if not size < max(last / CONTRACTION, ROUNDING):
+            return False
+        found, last = found - step, size
+    return bool(is_same(found, v[1:]).all())
+
+
+def is_same(v: Array, other: Array) -> Array:
+    """Whether followers agree, whole turns apart; those of another assembly differ by far more."""
+    off = v - other
+    return np.asarray(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))) <= CUBE * (1 + np.abs(v)))
+
+
+def refuse_singular(about: Deviation, t: Array, v: list[Array]) -> None:
+    """Raise where V, its columns scaled to length 1, is singular at one of the times, or between them, while the followers are v."""
+
+    def matrix(t: Array, v: Array) -> Array:
+        V = evaluate_at(about, "closing", rigid_positions(about, t), v)
+        return np.asarray(V / np.maximum(np.linalg.norm(V, axis=1, keepdims=True), 1e-300))
+
+    found = find_singular(t, np.array(v), newton_along(about), matrix, SHORTEST * about.motion.period)
+    if found is not None:
+        at, least = found
+        raise singular(at, f"has the reciprocal condition number {least:.1e}" if least else "passes through zero")
+
+
+def newton_along(about: Deviation) -> Step:
+    """Newton's step V^-1 f of the followers v at a time."""
+    f, p = about.arm.functions["newton_step"], about.arm.parameters.values
+
+    def step(t: float, v: Array) -> Array:
+        return np.asarray(f(rigid_positions(about, np.array([t]))[0], v, p).full()[:, 0])
+
+    return step
+
+
+def singular(at: float, how: str) -> SingularClosure:
+    """What is raised for a singular closure."""
+    what, got = "the loops' closure becomes singular along the motion", f"D_v f {how} at t = {at:.6g} s"
+    return SingularClosure(what, got=got, todo=OTHER)
+
+
+def refused(at: float, what: str, todo: str) -> MotionError:
+    """What is raised for a loop that is open, or not the one that was."""
+    return MotionError(what, got=f"t = {at:.6g} s", expected="loops that stay closed", todo=todo)
+
+
+def keeps_clear(about: Deviation) -> bool:
+    """Whether all dead points of the loops lie at least T / CLEAR from real times, in the complex plane.
+
+        det V(t) = 0,   V = D_v f:   t - t_0 ~ 1 / mu for the largest eigenvalue mu of V^-1 V'
+
+    The followers v(u(t)), and with them all coefficients, are analytic in t but for zeros of det V. Newton's step towards the nearest zero
+    is right within a factor of two where v has a branch point, so one at a distance of T / 200 is seen from every third phase that is
+    looked at. The elastic coordinates are at rest.
+    """
+    T = about.motion.period
+    t, step = T * np.arange(NODES) / NODES, CUBE * T
+    s = rigid_positions(about, np.concatenate([t - step, t + step]))
+    v = evaluate_at(about, "followers", s)[:, :, 0]
+    if not np.isfinite(v).all():  # a loop is open
+        return False
+    before, after = np.split(evaluate_at(about, "closing", s, v), 2)
+    try:
+        rates = np.linalg.eigvals(np.linalg.solve(before + after, (after - before) / step))
+    except np.linalg.LinAlgError:  # a dead point
+        return False
+    return bool(np.abs(rates).max(initial=0.0) * T <= CLEAR)
+
+
+def moves_followers(about: Deviation) -> bool:
+    """Whether free numbers of the arm move its followers at a given phase, or how V depends on them."""
+    loops, motion, p = about.arm.loops, about.motion, about.arm.parameters.symbols
+    if loops is None or not isinstance(motion, SymbolicMotion):
+        return True
+    symbols = (part for part in (p, motion.parameters.symbols) if part.numel())
+    return any(ca.depends_on(ca.vertcat(loops.gap, motion.angles), part) for part in symbols)

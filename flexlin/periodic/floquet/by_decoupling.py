@@ -1,0 +1,293 @@
+"""Floquet exponents and modes of systems with fast modes: decoupled first, where that is cheaper than following every oscillation."""
+
+from collections.abc import Callable
+from functools import cache, partial
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import NumericalError
+from flexlin.periodic.circle import assign, measure_distances, pair_conjugates, wrap_angle, wrap_log
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix, couple_uncertainty
+from flexlin.periodic.decoupling.coupling import (
+    UNRESOLVED,
+    Coupled,
+    Decoupled,
+    DecoupledExponents,
+    Refusal,
+    as_real,
+    link_modes,
+)
+from flexlin.periodic.decoupling.decouple import FIRST_NODES, MOST_TRIES, decouple
+from flexlin.periodic.decoupling.frames import (
+    Group,
+    aliasing,
+    block_mask,
+    connected,
+    harmonics,
+    interpolated,
+    mixing,
+    shifted,
+    weigh_harmonics,
+)
+from flexlin.periodic.floquet.by_segments import SegmentedSpectrum, solve_by_segments
+from flexlin.periodic.interpolation import FourierSeries
+from flexlin.periodic.precision import CUBE, FAINT, FARTHEST, FOURTH, MINOR, ROOT, SAFETY
+from flexlin.periodic.product import balance_factors, periodic_vectors
+from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.choose_segments import BESIDE, FEWER_SEGMENTS, VECTORS, choose_setting
+from flexlin.periodic.transition.gauss import gauss_transitions
+
+MARK = 0.7
+"""The angle by which the members of a complex group are turned, to separate them from their conjugates."""
+TURNS = 40
+"""In which what is left of the coupling is found to a small part of itself."""
+
+
+def estimate_decoupling_work(n: int) -> float:
+    """Multiplications to decouple n states, as measured: overhead, and eigenvectors and products at the nodes and between them."""
+    return 2 * FIRST_NODES * (BESIDE * (40 + 2.4 * n) + 6 * VECTORS * n**3)
+
+
+def solve_decoupled(
+    system: PeriodicSystem, tol: float, tries: int = MOST_TRIES
+) -> tuple[Array, Array, Decoupled] | Refusal:
+    """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; or why that does not serve.
+
+    What was decoupled is handed on. tries: as of `decouple`.
+    """
+    coefficients, T = system.resolved, system.period
+    if coefficients.breaks:
+        return Refusal("the coefficients have breaks")
+    decoupled = decouple(coefficients, T, tol, partial(couple_uncertainty, coefficients), tries)
+    if isinstance(decoupled, Refusal):
+        return decoupled
+    found = decoupled_exponents(decoupled, tol)
+    return found.exponents, hide_enclosed(found.exponents, found.errors), decoupled
+
+
+def hide_enclosed(exponents: Array, errors: Array) -> Array:
+    """Mark by inf what is only enclosed, if it lies below all that is known: the others keep their enclosures as errors."""
+    known = errors <= MINOR * np.maximum(1.0, np.abs(exponents))
+    if not known.any():
+        return errors
+    lowest = float((exponents.real - errors)[known].min())
+    return np.where(~known & (exponents.real + errors < lowest), np.inf, errors)
+
+
+def decoupled_exponents(decoupled: Decoupled, tol: float = 1e-9) -> DecoupledExponents:
+    """Floquet exponents of all groups, each with its error.
+
+    A single mode's exponent is the mean of its generator; the nodes that built the frame and those half-way between them give it
+    once each, and their difference is its error. A larger group is a small system without fast modes, left to the engine's segments
+    (`solve_group`); what couples it to others counts as not known of its coefficients.
+    """
+    T, n = decoupled.period, decoupled.generator.shape[-1]
+    values, errors = np.zeros(n, complex), np.zeros(n)
+    enclose = cache(partial(enclosures, decoupled))
+    single = [i for i, group in enumerate(decoupled.groups) if group.size == 1 and group.partner >= i]
+    places = [decoupled.groups[i].start for i in single]
+    values[places], errors[places] = singles(decoupled, single, enclose)
+    for i, group in enumerate(decoupled.groups):
+        if group.partner < i:
+            mate = decoupled.groups[group.partner].part
+            values[group.part], errors[group.part] = values[mate].conj(), errors[mate]
+        elif group.size > 1:
+            values[group.part], errors[group.part] = solve_group(decoupled, i, tol, enclose)
+    values = wrap_log(values * T) / T
+    order = np.argsort(-values.real, kind="stable")
+    return DecoupledExponents(values[order], errors[order])
+
+
+def singles(
+    decoupled: Decoupled, indices: list[int], enclose: Callable[[], tuple[Array, Array]]
+) -> tuple[Array, Array]:
+    """The exponents (s,) of groups of one, and their errors (s,).
+
+    Where the coupling's bound exceeds what the real parts of the coupled modes `enclose`, the enclosure counts.
+    """
+    groups = [decoupled.groups[i] for i in indices]
+    places = [group.start for group in groups]
+    B = decoupled.generator[:, places, places]
+    real = np.array([group.partner for group in groups]) == indices
+    values = B.mean(axis=0)
+    half = np.pi / decoupled.period  # a real mode may turn over within the period
+    values = np.where(real, values.real + 1j * half * np.round(values.imag / half), values)
+    apart = np.maximum(np.abs(B[::2].mean(axis=0) - B[1::2].mean(axis=0)), aliasing(B))
+    coupling = SAFETY * decoupled.residual[places, places]
+    loose = coupling * decoupled.period > UNRESOLVED
+    if loose.any():
+        low, high = (each[places] for each in enclose())
+        reach = np.hypot(np.maximum(high - values.real, values.real - low), np.pi / decoupled.period)
+        coupling[loose] = np.minimum(coupling, reach)[loose]
+    return values, apart + coupling + SAFETY * decoupled.rounding[places, places]
+
+
+def solve_group(
+    decoupled: Decoupled, index: int, tol: float, enclose: Callable[[], tuple[Array, Array]]
+) -> tuple[Array, Array]:
+    """The exponents (p,) of a group of several modes, and their errors: by segments of its small system, or enclosed.
+
+    Where the group may take the place of others at any time its own equations say nothing; then its enclosure is that of all of them.
+    """
+    group, T = decoupled.groups[index], decoupled.period
+    linked = SAFETY * decoupled.residual[group.part, group.part].max() * T > UNRESOLVED
+    found = None if linked else follow_group(decoupled, index, tol)
+    if found is not None and found[1].max() * T < UNRESOLVED:
+        return found
+    own, mean = decoupled.traceless(index)
+    low, high = (mean.real + bound for bound in bound_growth(own))
+    if linked:
+        below, above = (each[group.part] for each in enclose())
+        low, high = min(low, below.min()), max(high, above.max())
+    reach = np.hypot((high - low) / 2, np.pi / T)
+    return np.full(group.size, (low + high) / 2 + 1j * mean.imag), np.full(group.size, reach)
+
+
+def follow_group(decoupled: Decoupled, index: int, tol: float = 1e-9) -> tuple[Array, Array] | None:
+    """The exponents (p,) of a group of several modes by segments, and their errors; None where these do not serve.
+
+    A complex one stands there with its conjugates. It is turned by MARK, which turns these by -MARK: of the logs, its own are those that
+    lie by MARK above others when turned.
+    """
+    group, T = decoupled.groups[index], decoupled.period
+    own, mean = decoupled.traceless(index)
+    tol *= max(1.0, abs(mean.real)) / 2  # what is not known of the coefficients has its part too
+    unknown = SAFETY * (decoupled.residual + decoupled.rounding)[group.part, group.part]
+    unknown = unknown + aliasing(decoupled.generator[:, group.part, group.part])
+    try:
+        if decoupled.is_real(index):
+            found = solve_series(own, T, unknown, tol)
+            logs, errors = pair_conjugates(found.logs, found.errors)
+            return mean + logs / T, errors / T
+        turn = as_real(1j * MARK / T * np.eye(group.size))
+        both = [solve_series(values, T, np.tile(unknown, (2, 2)), tol) for values in (own + turn, own)]
+    except (NumericalError, np.linalg.LinAlgError):
+        return None
+    logs = both[0].logs - 1j * MARK
+    apart = logs[:, None] - both[1].logs
+    miss = np.minimum(np.hypot(apart.real, wrap_angle(apart.imag)), MARK)
+    miss = miss[np.arange(len(logs)), assign(miss)]
+    order = np.argsort(miss, kind="stable")[: group.size]
+    return (mean + logs[order] / T, both[0].errors[order] / T) if miss[order].max() < MARK / 4 else None
+
+
+def solve_series(values: Array, period: float, unknown: Array, tol: float) -> SegmentedSpectrum:
+    """Logs of the multipliers of w' = B(t) w from the values of B (N, m, m) at the nodes and what is not known of them (m, m).
+
+    Raises: NumericalError, LinAlgError.
+    """
+    off = unknown + np.abs(values[1::2] - shifted(values[::2], 0.5)).max(axis=0)
+    series = FourierSeries.through(values, period)
+    system = PeriodicSystem(series, period)
+    vars(system)["resolved"] = ResolvedMatrix(series, (), (), off, len(values), off[None])
+    return solve_by_segments(system, choose_setting(system, tol), tol, FEWER_SEGMENTS)
+
+
+def enclosures(decoupled: Decoupled) -> tuple[Array, Array]:
+    """Bounds from below and above on the real part of each exponent (n,): the means of the least and the largest of modes that are linked.
+
+    Those may take each other's place at any time.
+    """
+    B, groups, period = decoupled.generator, decoupled.groups, decoupled.period
+    coupled = decoupled.coupled or Coupled(B, period, groups)
+    member = connected(link_modes(coupled, decoupled.rounding) | block_mask(groups))
+    linked, real = member[:, None] == member, coupled.values.real[:, :, None]
+    low, high = np.where(linked, real, np.inf).min(axis=1), np.where(linked, real, -np.inf).max(axis=1)
+    return low.mean(axis=0), high.mean(axis=0)
+
+
+def bound_growth(values: Array) -> tuple[float, float]:
+    """Bounds on the real parts of all exponents of w' = B w (N, m, m), in units S in which rows and columns of B are of like size.
+
+        min eig H <= d log |v| / dt <= max eig H,   H = (S^-1 B S + its transpose) / 2
+
+    Source: Coppel (1965), Stability and Asymptotic Behavior of Differential Equations, III.2 (Lozinskii's logarithmic norm).
+    """
+    even = balance_factors(values)[0]
+    ends = np.linalg.eigvalsh((even + np.swapaxes(even, 1, 2)) / 2).mean(axis=0)
+    return float(ends[0]), float(ends[-1])
+
+
+def solve_decoupled_modes(decoupled: Decoupled, exponents: Array) -> tuple[Array, Array] | None:
+    """Right and left modes p_i, q_i (N, n, n) at the times of a decoupled system, q_i^H p_i = 1; None where it does not give them well.
+
+        x = T(t) z,   z' = B(t) z,   p_i = T V (e_i + s_i) exp(int d_i dt),   d_i = b_i - lambda_i
+
+    V: the modes of the groups, each of constant exponents; b: the diagonal. What is left of the coupling mixes others in (`correct_modes`).
+
+    Parameters: exponents (n,): in 1/s, in the order of the modes that are wanted.
+    """
+    period, n = decoupled.period, len(exponents)
+    V, own = np.zeros_like(decoupled.generator), np.zeros(n, complex)
+    moved = np.zeros((len(decoupled.times), n), complex)
+    for i, group in enumerate(decoupled.groups):
+        found = follow_block(decoupled, i, group)
+        if found is None:
+            return None
+        own[group.part], V[:, group.part, group.part], moved[:, group.part] = found
+    apart = measure_distances(exponents * period, own * period)
+    column = assign(apart)
+    if not apart[np.arange(n), column].max() < CUBE * max(1.0, float(np.abs(own).max()) * period):
+        return None
+    S, run = correct_modes(decoupled, V, own, moved), integrate_circle(moved, period)
+    if S is None or not np.ptp(run.real, axis=0).max() < FARTHEST:
+        return None
+    plain = decoupled.frame @ V @ (np.eye(n) + S)
+    scale = np.exp(run + 1j * (own.imag - exponents[np.argsort(column)].imag) * decoupled.times[:, None])[:, None]
+    scale = scale / np.abs(plain * scale).max(axis=(0, 1))
+    left = np.swapaxes(np.linalg.inv(plain).conj(), 1, 2) / scale.conj()
+    return (plain * scale)[:, :, column], left[:, :, column]
+
+
+def follow_block(decoupled: Decoupled, index: int, group: Group) -> tuple[Array, Array, Array] | None:
+    """Exponents (p,) in 1/s, periodic modes (N, p, p) and deviations of the diagonal (N, p) of one group; None where they are not known."""
+    B, period = decoupled.generator[:, group.part, group.part], decoupled.period
+    if group.size == 1:
+        mean = B[:, 0].mean(axis=0)
+        return mean, np.ones_like(B), B[:, 0] - mean
+    if group.partner < index:
+        found = follow_block(decoupled, group.partner, decoupled.groups[group.partner])
+        return None if found is None else (found[0].conj(), found[1].conj(), found[2])
+    followed = follow_group(decoupled, index)
+    if followed is None:
+        return None
+    exponents, errors = followed
+    if not errors.max() * period < CUBE:
+        return None
+    middle, times = exponents.mean(), np.append(decoupled.times, period)
+    values = B - middle * np.eye(group.size)
+    factors = gauss_transitions(lambda t: interpolated(values, period, t), times)
+    V, known = periodic_vectors(factors, times, exponents - middle, np.zeros(group.size, int), 1)
+    if not known.all() or not np.linalg.cond(V).max() < 1 / ROOT:  # else modes coincide nearly
+        return None
+    return exponents, V, np.zeros(V.shape[:2])
+
+
+def integrate_circle(values: Array, period: float) -> Array:
+    """The integral of values (N, n) without mean at equidistant times of a period."""
+    k = harmonics(len(values))
+    inside = (k != 0) & (np.abs(k) < len(values) / 2)
+    return weigh_harmonics(values, inside / np.where(inside, 2j * np.pi / period * k, 1))
+
+
+def correct_modes(decoupled: Decoupled, V: Array, own: Array, moved: Array) -> Array | None:
+    """s (N, n, n), zero inside the groups, from what is left of the coupling; None where it is no small correction.
+
+        s' = diag(lambda + d) s - s diag(lambda + d) + R (1 + s),   R = V^-1 (B - blocks) V,   in turns that put d and R s on the right
+
+    Source: Yakubovich, Starzhinskii, Linear Differential Equations with Periodic Coefficients (1975), IV (first order).
+    """
+    B, mask = decoupled.generator, block_mask(decoupled.groups)
+    R = np.linalg.solve(V, np.where(mask, 0, B) @ V)
+    k = 2 * np.pi / decoupled.period * harmonics(len(B))[:, None, None]
+    over = np.where(mask, 0, 1 / np.where(mask, 1, 1j * k + own - own[:, None]))
+    apart, S = moved[:, :, None] - moved[:, None], np.zeros_like(R)
+    for _ in range(TURNS):
+        before, S = S, weigh_harmonics(R + R @ S + apart * S, over)
+        size = np.abs(S).max(axis=0)
+        if not np.isfinite(size).all():
+            return None
+        if np.all(np.abs(S - before).max(axis=0) <= FAINT * (size + size @ size)):
+            return S if mixing(S).max() < FOURTH else None
+    return None

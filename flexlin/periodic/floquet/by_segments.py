@@ -1,0 +1,172 @@
+"""Floquet exponents from the transition matrices of segments, with the error of the method and of rounding."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.interpolation import FINER
+from flexlin.periodic.precision import CUBE, EPS, FAINT, SLIGHT
+from flexlin.periodic.product import Unknown, find_spectrum
+from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.choose_segments import (
+    FEWER_SEGMENTS,
+    Setting,
+    factor_twice,
+    place_segments,
+    report_too_many,
+)
+
+SAFETY = 2.0
+"""Factor on the method's error, which is measured against a better method."""
+TURNED, LOOKS = 2.0, 256
+"""Radians by which a mode may turn in a segment of Radau's method, and segments at which the eigenvalues of A(t) are looked at."""
+EXTINCT = -float(np.log(EPS))
+"""Decay over a period, beside that of the slowest mode, after which rounding hides what is left."""
+HELPED = 0.7
+"""Where rounding alone makes segments shorter: the part of it that half as long ones leave at the most."""
+
+
+@dataclass(frozen=True)
+class SegmentedSpectrum:
+    """Logs of the multipliers (n,) by falling real part, their errors (n,), inf where unresolved, and rounding's part in these.
+
+    start (n, n): the bases of the slowest modes, from which a finer resolution begins; stretched: shorter segments would round less.
+    """
+
+    logs: Array
+    errors: Array
+    rounding: Array
+    setting: Setting
+    start: Array
+    stretched: bool = False
+
+
+Factored = tuple[list[Array], Array, Unknown]
+"""The factors of a period by a method and a better one, h A at their beginnings, and what is not known over each."""
+Factoring = Callable[[PeriodicSystem, Array, Setting], Factored]
+
+
+def solve_by_segments(
+    system: PeriodicSystem,
+    setting: Setting,
+    tol: float,
+    max_segments: int,
+    fixed: bool = False,
+    factor: Factoring = factor_twice,
+) -> SegmentedSpectrum:
+    """Refine the segments until the errors of all exponents are below tol, or rounding or max_segments allow no more.
+
+    The first bases are those of no system; where rounding hides more than tol, they are found once more from where they ended.
+
+    Parameters: tol: wanted error of an exponent, relative beyond 1/s; fixed: take the setting as it is.
+    Raises: TooManySegments, where many more seem to be needed.
+    """
+    most = int(np.ceil(FINER[0] * max_segments))
+    if setting.segments > most:
+        raise report_too_many(setting.segments, max_segments, tol)
+    setting = setting.with_segments(min(setting.segments, max_segments))
+    start, before, refined, factored = None, np.inf, False, None
+    while True:
+        factored = factored or factor(system, place_segments(system, setting), setting)
+        spectrum, method = measure_spectrum(system, setting, factored, start)
+        wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / SAFETY
+        if setting.method == "radau":
+            spectrum = bound_extinct(spectrum, method > wanted)
+        resolved = np.isfinite(spectrum.errors)
+        noise = (SAFETY if refined else 1.0) * spectrum.rounding  # below it, rounding alone may stand
+        excess = float((method / np.maximum(wanted, noise))[resolved].max(initial=0.0))
+        if start is None and (spectrum.rounding > wanted)[resolved].any():
+            start = spectrum.start
+            continue
+        rounded = float((spectrum.rounding / wanted)[resolved].max(initial=0.0))
+        twice = 2 * setting.segments
+        if (
+            1 < rounded < HELPED * before
+            and spectrum.stretched
+            and not fixed
+            and twice <= min(max_segments, FEWER_SEGMENTS)
+        ):
+            setting, start, before, factored = setting.with_segments(twice), spectrum.start, rounded, None
+            continue
+        finer = np.clip(1.1 * excess ** (1 / setting.order), *FINER) if np.isfinite(excess) else FINER[1]
+        count = int(np.ceil(setting.segments * finer))
+        if fixed or excess <= 1 or (setting.segments == max_segments and count <= most):
+            return spectrum
+        if count > most:
+            raise report_too_many(count, max_segments, tol)
+        setting = setting.with_segments(min(count, max_segments))
+        start, refined, factored = spectrum.start, True, None
+
+
+def bound_extinct(spectrum: SegmentedSpectrum, missed: Array) -> SegmentedSpectrum:
+    """Ask no digits of modes from the first of (n,) that missed what was wanted and of which nothing is left after a period.
+
+    By an L-stable method they decay beside the slowest one, however long the segments are; to follow them would take most of these.
+    """
+    below = spectrum.logs.real[0] - spectrum.logs.real
+    extinct = missed & (below > max(EXTINCT, spectrum.errors[0]))
+    return replace(spectrum, errors=np.where(np.logical_or.accumulate(extinct), np.inf, spectrum.errors))
+
+
+def measure_spectrum(
+    system: PeriodicSystem, setting: Setting, factored: Factored, start: Array | None = None
+) -> tuple[SegmentedSpectrum, Array]:
+    """The exponents at one resolution, and the method's part of their errors (n,)."""
+    (plain, better), steps, unknown = factored
+    damped = setting.method == "radau"  # what is fast is damped: the stages do not cancel
+    found = find_spectrum(plain, better, unknown, start=start, steps=None if damped else steps)
+    logs, rounding = found.logs, found.rounding
+    method = found.method
+    errors = SAFETY * method + rounding
+    if damped:
+        grid = place_segments(system, setting)
+        below, hidden = logs.real[0] - logs.real, system.period * hidden_growth(system, grid) - logs.real[0]
+        errors = np.where((errors > SLIGHT * below) & (below > max(EXTINCT, errors[0])), np.inf, errors)
+        method, errors = (np.append(np.maximum(part[0], hidden), part[1:]) for part in (method, errors))
+    errors = errors + liouville_excess(system, logs, errors)
+    # a multiplier of which no digit is known may be any that roundings lead to
+    lost = (errors > 1) & np.isfinite(errors)
+    errors = np.where(lost, errors + np.ptp(logs.real), errors)
+    return SegmentedSpectrum(logs, errors, rounding, setting, found.start, found.stretched), method
+
+
+def hidden_growth(system: PeriodicSystem, grid: Array) -> float:
+    """How fast modes grow, in 1/s, that turn too fast for the segments: an L-stable method damps them whatever they do.
+
+        growth = Re lambda - Re l' r',   |r| = 1,   l' r = 1
+
+    The mean in time of the largest over those eigenvalues of A(t) whose size exceeds TURNED of a segment, with what every other look
+    says less; -inf where there are none. The second term is what a mode gains by the change of its shape.
+    """
+    t = system.period * (np.arange(LOOKS) + 0.5) / LOOKS
+    h = np.diff(grid)[np.searchsorted(grid, t, side="right") - 1]
+    later = CUBE * system.period
+    values, right = np.linalg.eig(system.resolved(t))
+    turning = np.abs(values) * h[:, None] > TURNED
+    some = turning.any(axis=1)
+    if not some.any():
+        return -np.inf
+    after, turned = np.linalg.eig(system.resolved(t[some] + later))
+    partner = np.abs(values[some, :, None] - after[:, None]).argmin(axis=2)
+    same = np.take_along_axis(turned, partner[:, None], axis=2)
+    growth = np.full(len(t), -np.inf)
+    with np.errstate(divide="ignore"):
+        change = np.log(np.abs(np.einsum("tij,tji->ti", np.linalg.pinv(right[some]), same))) / later
+    growth[some] = np.where(turning[some], values[some].real - change, -np.inf).max(axis=1)
+    means = [float(part[np.isfinite(part)].mean()) for part in (growth[::2], growth[1::2]) if np.isfinite(part).any()]
+    return max(means) + (max(means) - min(means))
+
+
+def liouville_excess(system: PeriodicSystem, logs: Array, errors: Array) -> float:
+    """What the sum of the logs misses of int_0^T tr A dt beyond the errors, shared out; 0 where a mode is unresolved.
+
+    Liouville's identity, an independent look at all exponents at once.
+    """
+    if not np.isfinite(errors).all():
+        return 0.0
+    trace = np.diagonal(system.resolved.mean())
+    known = FAINT * float(np.abs(trace).sum())
+    missed = abs(float(logs.real.sum()) - system.period * float(trace.sum()))
+    return max(0.0, missed - float(errors.sum()) - system.period * known) / len(logs)

@@ -1,0 +1,394 @@
+"""The Riccati equation by Newton's method on the series of X, begun from products doubled until their cost rests; error by residual."""
+
+from dataclasses import dataclass, replace
+from math import sqrt
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import IllPosedSegment, NumericalError, ToleranceNotReached
+from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
+from flexlin.periodic.coefficients import assemble_hamiltonian
+from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SAFETY, SLIGHT
+from flexlin.periodic.riccati.linear_quadratic import (
+    SAMPLES,
+    LinearQuadratic,
+    RiccatiSolution,
+    bound_sizes,
+    name_blocked_mode,
+)
+from flexlin.periodic.riccati.nodes import Nodes
+from flexlin.periodic.riccati.scattering import (
+    MAX_DOUBLINGS,
+    LoopLyapunov,
+    Segment,
+    carry_costs_down,
+    combine_in_tree,
+    scatter_exponentials,
+    star_product,
+    step_exactly,
+    symmetrize,
+    transpose,
+    twice,
+)
+from flexlin.periodic.transition.gauss import CHUNK_BYTES
+
+MOST = 8192
+"""Nodes at the most."""
+ROUNDS = 24
+"""Corrections on a grid."""
+EASIER = 100.0
+"""The factor on R, taken ROUNDS // 4 times at the most."""
+
+
+def solve_by_newton(
+    problem: LinearQuadratic, nodes: Nodes, end: Array | None, tol: float, eased: int = 0
+) -> RiccatiSolution:
+    """Solve on ever finer nodes until the bound on the error meets tol; the best answer, with its status.
+
+    Where cheap inputs turn, steps of a coarse start let them push in more directions than they do. Then R is made larger until it is none
+    too coarse: by the gain margin of the optimal loop, its X with the smaller R stabilises too.
+
+    Parameters: eased: how often that was done.
+    Raises: NotStabilizable, NotDetectable; ToleranceNotReached where nothing is proved.
+    """
+    best: RiccatiSolution | None = None
+    coarse = nodes.resize(SAMPLES)
+    begun = begin(problem, coarse, end)
+    nodes = begun.nodes if begun.nodes.count > coarse.count else nodes
+    X, seen = begun.nodes.series(begun.X)(nodes.places), MINOR * tol
+    while nodes.count <= most_nodes(X.shape[1]):
+        corrected = correct_until_closed(problem, nodes, X, SLIGHT * tol)
+        if corrected is None and begun.nodes.count < MOST // (4 if begun.idle else 8):
+            begun = begin(problem, begun.nodes.resize(4 * begun.nodes.count), end)
+            nodes = nodes.resize(max(nodes.count, begun.nodes.count))
+            X = begun.nodes.series(begun.X)(nodes.places)
+            continue
+        if corrected is None:
+            if begun.idle:
+                break
+            begin(problem, begun.nodes, end, exact=True)
+            if best is not None or eased == ROUNDS // 4:
+                break
+            try:
+                X = solve_by_newton(problem.ease(EASIER), nodes, end, SLIGHT, eased + 1).X(nodes.places)
+            except NumericalError:
+                break
+            eased = ROUNDS // 4
+            continue
+        finer = nodes.refine(corrected.X, seen)
+        if finer is None:
+            found = bound_error(problem, corrected, tol)
+            if found is None:
+                finer = nodes.resize(2 * nodes.count)
+            else:
+                missed = max(found.error, found.gain_error) / tol
+                worse = best is not None and 2 * found.error > best.error  # more nodes are not worth it
+                best = best if worse else replace(found, doublings=begun.doublings)
+                if worse or missed <= 1 or 2 * found.method_error <= found.error:
+                    break
+                seen *= MINOR / min(missed, 1 / MINOR)
+                finer = nodes.refine(corrected.X, seen) or nodes.resize(2 * nodes.count)
+        X, nodes = nodes.series(corrected.X * np.outer(corrected.units, corrected.units))(finer.places), finer
+    if best is None:
+        raise ToleranceNotReached(
+            "the Riccati equation was not solved to the asked accuracy: its coefficients may lie too far apart to be computed with",
+            got=problem.describe_sizes(nodes.t[:SAMPLES]),
+            expected=f"a proof of an error of at most {tol:.2g} on up to {nodes.count} nodes",
+            todo="bring states, inputs and weights to like sizes (a small R makes fast modes), or ask for a larger tol",
+        )
+    limited = f"limited by rounding: error {best.error:.1g} above the asked {tol:.1g}; ask for tol={2 * best.error:.0e}"
+    return best if best.error <= tol else replace(best, status=limited)
+
+
+@dataclass(frozen=True)
+class Begun:
+    """About X at nodes, how often the period was doubled for it, and whether there is no input."""
+
+    nodes: Nodes
+    X: Array
+    doublings: int
+    idle: bool = False
+
+
+def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool = False) -> Begun:
+    """About X at the nodes, by segments on which the Hamiltonian is held constant half-way to each neighbour: well posed however coarse.
+
+    exact: an X that rounding might have made is none then.
+    Raises: NotStabilizable, NotDetectable, with the mode's name.
+    """
+    A, S, Q = problem.reduced(nodes.t)
+    if not S.any() and end is None:
+        with np.errstate(over="ignore", invalid="ignore"):
+            X = LoopLyapunov(A, nodes, step_exactly(problem.A, nodes, np.ones(A.shape[1]))).solve(Q)
+        if X is not None:
+            return Begun(nodes, X, 0, True)
+        if 4 * nodes.count <= most_nodes(A.shape[1]):
+            return begin(problem, nodes.resize(4 * nodes.count), end)
+    H = assemble_hamiltonian(A, S, Q)
+    halves = scatter_exponentials((nodes.halves[:, :, None, None] * H).reshape(-1, *H.shape[1:]))
+    count = nodes.count
+    before = Segment(*(np.roll(part[:count], -1, axis=0) for part in (halves.F, halves.G, halves.H)))
+    gaps = star_product(halves[len(halves) - count :], before)
+    levels, doublings = combine_in_tree(gaps), 0
+    if end is None:
+        end, doublings = double_period(levels[-1][0], problem, nodes.edges, ROOT if exact else 1.0)
+    return Begun(nodes, carry_costs_down(levels, end)[:count], doublings)
+
+
+def most_nodes(n: int) -> int:
+    """Nodes at the most for n states."""
+    return min(MOST, CHUNK_BYTES // (8 * n**2))
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """X at nodes in units of the states, and the Lyapunov equation of its loop."""
+
+    nodes: Nodes
+    X: Array
+    units: Array
+    lyapunov: LoopLyapunov
+
+
+def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near: float) -> Corrected | None:
+    """Correct X at the nodes until it changes by less than `near`, or by what the nodes do not show; None where that does not settle.
+
+        -D' = Ac' D + D Ac + F,   X <- X + D,   F the residual of X, Ac = A - B R^-1 B' X
+
+    The steps are those of Newton's method (Kleinman) where the loop is new; then it is kept, and each corrects what the last one missed.
+    Without an input it is the same from the beginning.
+    Source: Kleinman, IEEE Trans. Automat. Control 13 (1968) 114; Dutt, Greengard, Rokhlin, BIT 40 (2000) 241 (deferred correction).
+    """
+    plain = Samples(*problem.factored(nodes.t), np.ones(X.shape[1]))
+    units = measure_states(X, plain.A)
+    samples, X = plain.rescale(units), X / np.outer(units, units)
+    last, grown = np.inf, 0
+    for k in range(ROUNDS):
+        F, M = samples.compare(X, nodes.slopes(X))
+        with np.errstate(over="ignore", invalid="ignore"):  # of loops that are not stable
+            if not k or (last > SLIGHT and samples.G.any()):
+                lyapunov = LoopLyapunov(M, nodes, samples.step(problem, nodes))
+            D = lyapunov.solve(F)
+        if D is None:
+            return None
+        moved = float(np.abs(D).max())
+        X = X + (lyapunov.sharpen(D) if moved < SLIGHT else D)
+        grown = grown + 1 if moved > last else 0
+        if not moved * SLIGHT < 1 or grown > ROUNDS // 8:  # steps that grow again and again are those of too few nodes
+            return None
+        small = moved <= near or (k and moved * moved / last <= near)
+        if small or (moved < SLIGHT and (moved <= nodes.tail(X) or moved > PARTIAL * last)):
+            return Corrected(nodes, X, units, lyapunov)
+        last = moved
+    return None
+
+
+def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> RiccatiSolution | None:
+    """Put the solution together with a bound on its error from its residual F between the nodes; None where this proves nothing.
+
+        -D' = Ac' D + D Ac + W + G,   -W <= F <= W,   -r W <= G <= r W,   D > 0 at one time
+
+    W is diagonal, and constant but on panels of a rounding's length, so that D is as smooth as the loop. G is what is left over of D's
+    own equation. With D1 = D / (1 - r), by Lyapunov's theorem the loop Ac is stable. An error E of X obeys Lyapunov's equation with the
+    right side F - E S E, S = G G'; with q = max tr(S D1) tr(W^-1 D1) < 1/4 the map from E to its solution keeps
+
+        -k D1 <= E <= k D1,   |E_ij| <= k sqrt(D1_ii D1_jj),   k = 2 / (1 + sqrt(1 - 4 q))
+
+    The signs of F are as bad as can be in this. Where that misses tol, E is what the loop makes of F as it was computed, and of F as it
+    might be rounded (`carry_residual`), by a factor. Assumes that F is smooth between the times at which it is looked at.
+    Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov equation and inequality).
+    """
+    nodes, X, units, lyapunov = corrected.nodes, corrected.X, corrected.units, corrected.lyapunov
+    between, panels = nodes.between, len(nodes.edges) - 1
+    samples = Samples.of(problem, between, units)
+    X_between, slopes = nodes.look_between(X)
+    F, M = samples.compare(X_between, slopes)
+    noise = samples.rounding(X_between, slopes)
+    doubt = samples.doubt(problem, between, X_between)
+    rows = [np.abs(part).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for part in (F, noise + doubt)]
+    short = np.diff(nodes.edges) <= ROOT * nodes.edges[-1]
+    for part in rows:
+        part[~short] = part[~short].max(axis=0)
+    W = rows[0] + rows[1]
+    W = np.maximum(W, SLIGHT * W.max(axis=1, keepdims=True) + 1e-100)
+    W_between, W_nodes = (np.repeat(W, count // panels, axis=0) for count in (len(between), nodes.count))
+    weight = W_nodes[:, :, None] * np.eye(len(units))
+    D, left = np.zeros_like(X), weight
+    for _ in range(ROUNDS // 4):
+        more = lyapunov.solve(left)
+        if more is None:
+            return None
+        D = D + lyapunov.sharpen(more)
+        D_between, D_slopes = nodes.look_between(D)
+        missed = D_slopes + twice(D_between @ M) + W_between[:, :, None] * np.eye(len(units))
+        scale = np.sqrt(W_between)
+        share = float(np.linalg.norm(missed / scale[:, :, None] / scale[:, None, :], axis=(1, 2)).max())
+        if share <= PARTIAL:
+            break
+        left = nodes.slopes(D) + twice(D @ lyapunov.M) + weight
+    if not share <= PARTIAL or not np.linalg.eigvalsh(D[0])[0] > 0:
+        return None
+    pulled = (samples.G * (D_between @ samples.G)).sum(axis=(1, 2))
+    q = float((pulled * (np.diagonal(D_between, axis1=1, axis2=2) / W_between).sum(axis=1)).max()) / (1 - share) ** 2
+    k, both = 2 / (1 + sqrt(1 - 4 * min(q, 0.25))), np.outer(units, units)
+    D = D * (k / (1 - share) * both)
+    t, height = nodes.t, float(np.abs(X * both).max()) or 1.0
+    to_gain = np.linalg.solve(problem.R(t), transpose(problem.B(t)))
+    gain = float(np.abs(problem.gain(t, X * both)).max()) or 1.0
+    heights = np.diagonal(D, axis1=1, axis2=2).max(axis=1)
+    reached = ((to_gain @ D) * to_gain).sum(axis=2).max(axis=1)
+    error, gain_error = float(heights.max()) / height, sqrt(float((reached * heights).max())) / gain
+    errors = np.array([error, gain_error, error * float((rows[0] / W).max())]) if q < 0.25 else np.full(3, np.inf)
+    if errors.max() > tol:
+        finer = nodes.resize(2 * nodes.count)
+        W = W[np.searchsorted(nodes.edges[1:-1], finer.t)]
+        carried = carry_residual(problem, finer, nodes.series(X)(finer.places), units, W)
+        if carried is not None:
+            parts = [part * both for part in carried]
+            pulls = np.linalg.solve(problem.R(finer.t), transpose(problem.B(finer.t)))
+            sizes = add_up(parts), add_up([pulls @ part for part in parts]), float(np.abs(parts[0]).max())
+            errors = np.minimum(errors, SAFETY * np.array(sizes) / [height, gain, height])
+    if not np.isfinite(errors).all():
+        return None
+    product = 2 * EPS * float((np.abs(to_gain) @ np.abs(X * both)).max())
+    return RiccatiSolution(
+        problem=problem,
+        horizon=float(nodes.edges[-1]),
+        periodic=nodes.wraps,
+        series=nodes.series(X * both),
+        error=float(errors[0] + 2 * EPS),
+        gain_error=float(errors[1] + product / gain),
+        method_error=float(errors[2]),
+        doublings=0,
+        segments=nodes.count,
+        status="converged",
+    )
+
+
+def carry_residual(problem: LinearQuadratic, nodes: Nodes, X: Array, units: Array, W: Array) -> list[Array] | None:
+    """What the loop makes of X's residual at finer nodes, and of its rounding with signs that are the same at all times or change.
+
+    The first is corrected until it solves its equation to PARTIAL; None where that does not settle, or where what is of second order
+    in them is no less than that of the residual's size W (N, n).
+    """
+    samples = Samples.of(problem, nodes.t, units)
+    slopes = nodes.slopes(X)
+    F, M = samples.compare(X, slopes)
+    noise = MINOR * samples.rounding(X, slopes) + samples.doubt(problem, nodes.t, X) / SAFETY
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (2, *F.shape))
+    signs[0] = signs[0, 0]
+    exact = samples.step(problem, nodes)
+    loop = LoopLyapunov(M[:, None], nodes, None if exact is None else exact[:, None])
+    carried = loop.solve(np.stack([F, *(symmetrize(noise * sign) for sign in signs)], axis=1))
+    if carried is None:
+        return None
+    E, *others = np.swapaxes(carried, 0, 1)
+    E, moved = loop.sharpen(E), np.inf
+    for _ in range(ROUNDS // 4):
+        more = loop.solve((F + nodes.slopes(E) + twice(E @ M))[:, None])
+        if more is None:
+            return None
+        E, before, moved = E + loop.sharpen(more[:, 0]), moved, float(np.abs(more).max())
+        if moved <= PARTIAL * float(np.abs(E).max()):
+            pulled = [np.square(part @ samples.G / np.sqrt(W)[:, :, None]).sum(axis=(1, 2)) for part in (E, *others)]
+            return [E, *others] if SAFETY**2 * add_up(pulled) <= PARTIAL else None
+        if moved > before:
+            break
+    return None
+
+
+def add_up(parts: list[Array]) -> float:
+    """The largest entry of the first part, plus the largest of all others."""
+    first, *others = (float(np.abs(part).max()) for part in parts)
+    return first + max(others)
+
+
+def double_period(period: Segment, problem: LinearQuadratic, edges: Array, held: float) -> tuple[Array, int]:
+    """Double one period until the cost H of 2^k periods stops changing and the loop's memory F is gone.
+
+    held: part of the size that rounding might make of H or G from which on that is held to grow.
+    Returns: H, the number of doublings.
+    Raises: NotStabilizable when H grows for ever; NotDetectable when G does, or F does not decay; with the mode's name.
+    """
+    limits = [held * limit for limit in bound_sizes(problem, float(edges[-1]))]
+    whole, scale = period, max(float(np.abs(period.F).max()), 1.0)
+    for k in range(MAX_DOUBLINGS):
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                twice = star_product(whole, whole)
+        except IllPosedSegment:
+            grows = bool(np.abs(whole.H).max() * limits[1] >= np.abs(whole.G).max() * limits[0])
+            raise name_blocked_mode(grows, problem, edges) from None
+        if not np.abs(twice.H).max() < limits[0]:
+            raise name_blocked_mode(True, problem, edges)
+        if not np.abs(twice.G).max() < limits[1]:
+            break
+        before, whole = whole, twice
+        rests = np.abs(whole.H - before.H).max() <= 1e-16 * np.abs(whole.H).max()
+        if rests and np.abs(whole.F).max() <= 1e-8 * scale:
+            return whole.H, k + 1
+    raise name_blocked_mode(False, problem, edges)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Ar, G with G G' = B R^-1 B', and Qr of a problem at times, in units of the states."""
+
+    A: Array
+    G: Array
+    Q: Array
+    units: Array
+
+    @classmethod
+    def of(cls, problem: LinearQuadratic, t: Array, units: Array) -> "Samples":
+        return cls(*problem.factored(t), np.ones(len(units))).rescale(units)
+
+    def rescale(self, units: Array) -> "Samples":
+        """The same in other units."""
+        A, G, Q = self.A * (units[:, None] / units), self.G * units[:, None], self.Q / np.outer(units, units)
+        return Samples(A, G, Q, self.units * units)
+
+    def compare(self, X: Array, slopes: Array) -> tuple[Array, Array]:
+        """The residual F = X' + A' X + X A - X G G' X + Q, and the loop A - G G' X."""
+        pull = transpose(self.G) @ X
+        F = slopes + twice(X @ self.A)
+        F -= transpose(pull) @ pull
+        F += self.Q
+        return F, self.A - self.G @ pull
+
+    def step(self, problem: LinearQuadratic, nodes: Nodes) -> Array | None:
+        """The loop's half steps where they are known exactly: without an input it is A."""
+        return None if self.G.any() else step_exactly(problem.A, nodes, self.units)
+
+    def doubt(self, problem: LinearQuadratic, t: Array, X: Array) -> Array:
+        """What A and Q, as they were represented and rounded, leave unknown of the residual of a loop without an input."""
+        missed, both = np.zeros_like(X), np.outer(self.units, self.units)
+        if self.G.any():
+            return missed
+        if isinstance(problem.A, ResolvedMatrix | ResolvedCompanion):
+            eye = np.broadcast_to(np.eye(X.shape[2]), X.shape)
+            missed += twice(couple_uncertainty(problem.A, t, X * both, eye, in_mean=True) / both)
+        if isinstance(problem.Q, ResolvedMatrix):
+            missed += problem.Q.error_near(t) / both
+        return missed
+
+    def rounding(self, X: Array, slopes: Array) -> Array:
+        """Of the residual, by the sizes of all that is added in it; what is lost in G' X is multiplied by G' X."""
+        pull = transpose(self.G) @ X
+        by_pull = transpose(np.abs(pull)) @ (transpose(np.abs(self.G)) @ np.abs(X))
+        return 2 * EPS * (np.abs(slopes) + twice(np.abs(X) @ np.abs(self.A) + by_pull) + np.abs(self.Q))
+
+
+def measure_states(X: Array, A: Array) -> Array:
+    """The root of the sizes of the largest diagonal entries of X (N, n, n), as powers of two: (n,).
+
+    None is so small that A would be larger in these units than it is: where X hardly sees a state that others hang on, sums cancel.
+    """
+    size = np.abs(A).max(axis=0)
+    share = size / (size.max() or 1.0)
+    units = np.sqrt(np.abs(np.diagonal(X, axis1=1, axis2=2)).max(axis=0))
+    units = np.maximum(units, 1e-12 * units.max() or 1.0)
+    for _ in units:
+        units = np.maximum(units, (share * units[:, None]).max(axis=0))
+    return np.asarray(2.0 ** np.round(np.log2(units)))

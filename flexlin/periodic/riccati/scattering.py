@@ -1,0 +1,333 @@
+"""Segments that combine in trees and never overflow: linear-quadratic problems in scattering form, and a loop's Lyapunov equation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from flexlin.checks import Array
+from flexlin.errors import IllPosedSegment
+from flexlin.periodic.coefficients import Constant, MatrixFunction
+from flexlin.periodic.precision import EPS, TINY
+from flexlin.periodic.riccati.nodes import Nodes
+from flexlin.periodic.transition.factors import factor_states
+from flexlin.periodic.transition.gauss import STAGES, collect_chunks, gauss, sample_at
+
+MAX_DOUBLINGS = 64
+"""Of a period: a loop that hardly forgets takes 2^64 of them."""
+REACH = 0.25
+"""Size of a step times the loop from which on a few powers give its exponential."""
+SLOW = 3
+"""Doublings of a half step up to which no mode oscillates in it."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One stretch of a linear-quadratic problem (or a stack of them: leading axes).
+
+        x1 = F x0 - G l1,   l0 = H x0 + F' l1
+
+    F carries the state forward, H is the cost of x0 when the end is free, G what control (or noise) does to the end state.
+    """
+
+    F: Array
+    G: Array
+    H: Array
+
+    def __getitem__(self, index: slice | int | tuple[slice, int]) -> "Segment":
+        return Segment(self.F[index], self.G[index], self.H[index])
+
+    def __len__(self) -> int:
+        return len(self.F)
+
+
+def scatter_hamiltonian(transition: Array) -> Segment:
+    """Turn the transition matrix of a Hamiltonian system into scattering form.
+
+        [x1; l1] = [[P11, P12], [P21, P22]] [x0; l0]:   F' = P22^-1,   H = -P22^-1 P21,   G = -P12 P22^-1
+
+    Assumes a symplectic transition matrix (Gauss collocation gives one): then the map of x0 to x1 is F as well.
+
+    Parameters: transition (..., 2n, 2n).
+    Returns: a segment of shape (..., n, n), G and H exactly symmetric.
+    Raises: IllPosedSegment when P22 is singular: the segment is too long for its coefficients.
+    Source: Redheffer (1960).
+    """
+    n = transition.shape[-1] // 2
+    P12, P21, P22 = transition[..., :n, n:], transition[..., n:, :n], transition[..., n:, n:]
+    solved = solve_segments(P22, np.concatenate([np.broadcast_to(np.eye(n), P22.shape), P21], axis=-1), "P22")
+    inverse, H = solved[..., :n], -solved[..., n:]
+    return Segment(transpose(inverse), symmetrize(-P12 @ inverse), symmetrize(H))
+
+
+def star_product(first: Segment, second: Segment) -> Segment:
+    """Combine two neighbouring segments of a linear-quadratic problem into one.
+
+    A segment maps (x0, l1) to (x1, l0):   x1 = F x0 - G l1,   l0 = H x0 + F' l1.
+    Eliminating the state and costate between the two gives, with W = (I + G1 H2)^-1,
+
+        F = F2 W F1,   G = G2 + F2 W G1 F2',   H = H1 + F1' H2 W F1.
+
+    Assumes G, H symmetric positive semidefinite: then I + G1 H2 is invertible.
+
+    Parameters: segments with F, G, H of shape (..., n, n); leading axes broadcast.
+    Returns: a segment of the same shape; G and H exactly symmetric.
+    Raises: IllPosedSegment, naming the segment, when I + G1 H2 is singular to working precision.
+    Source: Redheffer (1960); doubling as in Anderson (1978).
+    """
+    n = first.F.shape[-1]
+    W = solve_segments(np.eye(n) + first.G @ second.H, np.concatenate([first.F, first.G], axis=-1), "I + G1 H2")
+    forward, spread = W[..., :n], W[..., n:]
+    return Segment(
+        second.F @ forward,
+        second.G + symmetrize(second.F @ spread @ transpose(second.F)),
+        first.H + symmetrize(transpose(first.F) @ second.H @ forward),
+    )
+
+
+def carry_cost_back(segment: Segment, after: Array) -> Array:
+    """Carry a quadratic cost x' X x from the end of a segment to its start.
+
+        X0 = H + F' X1 (I + G X1)^-1 F
+
+    Parameters: segment (..., n, n); after: X1, (..., n, n), symmetric positive semidefinite.
+    Returns: X0, exactly symmetric.
+    Raises: IllPosedSegment when I + G X1 is singular.
+    """
+    n = segment.F.shape[-1]
+    forward = solve_segments(np.eye(n) + segment.G @ after, segment.F, "I + G X")
+    return segment.H + symmetrize(transpose(segment.F) @ after @ forward)
+
+
+def combine_in_tree(segments: Segment) -> list[Segment]:
+    """Combine neighbours pairwise, level by level: the first entry is the segments, the last has length 1, the whole.
+
+    An odd last segment moves up a level as it is. Every level is one batched star product.
+    """
+    levels = [segments]
+    while len(levels[-1]) > 1:
+        level = levels[-1]
+        pairs = len(level) // 2 * 2
+        both, rest = star_product(level[0:pairs:2], level[1:pairs:2]), level[pairs:]
+        levels.append(Segment(*map(np.concatenate, ((both.F, rest.F), (both.G, rest.G), (both.H, rest.H)))))
+    return levels
+
+
+def carry_costs_down(levels: list[Segment], end: Array) -> Array:
+    """Carry the cost at the end of the whole back to every segment's start, down the tree of products.
+
+    Parameters: levels of K segments from `combine_in_tree`; end (n, n): the cost behind the last segment.
+    Returns: (K + 1, n, n): X at all edges, the last one `end`.
+    """
+    after = end[None]
+    for level in reversed(levels[:-1]):
+        pairs = len(level) // 2 * 2
+        below = np.empty((len(level), *end.shape))
+        below[1::2] = after[: pairs // 2]
+        below[0:pairs:2] = carry_cost_back(level[1:pairs:2], after[: pairs // 2])
+        if pairs != len(level):
+            below[-1] = after[-1]
+        after = below
+    return np.concatenate([carry_cost_back(levels[0], after), end[None]])
+
+
+def symmetrize(matrix: Array) -> Array:
+    """Return the symmetric part."""
+    return 0.5 * (matrix + transpose(matrix))
+
+
+def transpose(matrix: Array) -> Array:
+    """Transpose the last two axes."""
+    return np.swapaxes(matrix, -1, -2)
+
+
+def solve_segments(matrix: Array, right: Array, name: str) -> Array:
+    """Solve a stack of linear systems, naming the segment whose matrix is singular."""
+    try:
+        solution = np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        solution = np.full(right.shape, np.nan)
+    if not np.all(np.isfinite(solution)):
+        flat = np.nan_to_num(matrix.reshape(-1, *matrix.shape[-2:]), nan=0.0, posinf=0.0, neginf=0.0)
+        worst = int(np.argmin([np.linalg.svd(m, compute_uv=False)[-1] for m in flat]))
+        raise IllPosedSegment(
+            f"{name} of segment {worst} of {len(flat)} is singular to working precision",
+            todo="use shorter segments (a smaller tol), or check that Q >= 0 and R > 0",
+        )
+    return solution
+
+
+def scatter_exponentials(averages: Array) -> Segment:
+    """Exponentiate Hamiltonian matrices (K, 2 n, 2 n) in scattering form: SciPy's diagonal Pade approximations are symplectic."""
+    square = averages @ averages
+    size = np.linalg.norm(square @ square, 1, axis=(1, 2)).max() ** 0.25
+    doublings = int(max(0, np.ceil(np.log2(max(size, TINY) / 2))))  # up to a size of 2 it takes no squaring
+    segments = scatter_hamiltonian(expm(averages / 2**doublings))
+    for _ in range(doublings):
+        segments = star_product(segments, segments)
+    return segments
+
+
+class LoopLyapunov:
+    """-D' = M' D + D M + F at nodes, M and F held constant half-way to each neighbour, D repeating or zero at the end.
+
+        D(t) = e' D(t + s) e + integral of exp(M' r) F exp(M r) dr over s,   e = exp(M s)
+
+    Both are doubled from s / 2^k on, where a few powers of M do. Gaps between nodes, two half steps each, are combined pairwise in a tree.
+    What is missed is of second order in the steps, of the loop's change rather than of its size. Where the transition matrices Phi of
+    the gaps h are known, it is of fourth order by Hermite's rule:
+
+        D(t) = Phi' D(t + h) Phi + h/2 (F + Phi' F+ Phi) + h^2/12 (G - Phi' G+ Phi),   G = F' + M' F + F M,  + at the next node
+
+    Source: Hochbruck, Ostermann, Exponential integrators, Acta Numerica 19 (2010) 209; for whole periods: Smith, SIAM J. Appl. Math. 16
+    (1968) 198.
+
+    Parameters: M (N, n, n) at the nodes; (N, 1, n, n) for several right sides (N, k, n, n) at once; exact (2 N, ..., n, n): the transition
+    matrices of the half steps before all nodes and behind them, where they are known better: a mode that hardly decays needs them.
+    """
+
+    def __init__(self, M: Array, nodes: Nodes, exact: Array | None = None):
+        self.M, self.nodes, self.exact = M, nodes, exact is not None
+        self.halves = nodes.halves.reshape(*nodes.halves.shape, *np.ones(M.ndim - 1, dtype=int))
+        steps = self._find_powers() if exact is None else exact
+        self.first, last = self._divide(steps, steps)
+        whole = last @ self.first
+        if not nodes.wraps:
+            whole[-1] = 0.0
+        self.levels = [whole]
+        while len(whole) > 1:
+            pairs = len(whole) // 2 * 2
+            whole = np.concatenate([whole[1:pairs:2] @ whole[0:pairs:2], whole[pairs:]])
+            self.levels.append(whole)
+        self.squares = list_squares(whole)
+
+    def _find_powers(self) -> Array:
+        """The exponentials of the half steps, from those of the shares of them that a few powers of M give."""
+        steps = (self.halves * self.M).reshape(-1, *self.M.shape[1:])
+        square = steps @ steps
+        size = float(np.linalg.norm(square @ square, 1, axis=(-2, -1)).max()) ** 0.25
+        self.share = 0.5 ** max(0.0, np.ceil(np.log2(max(size, REACH) / REACH)))
+        self.steps = self.share * steps
+        square *= self.share**2
+        power = self.steps + 0.5 * square + square @ (self.steps / 6 + square / 24) + np.eye(self.M.shape[-1])
+        self.powers = [power]
+        while 0.5 ** (len(self.powers) - 1) > self.share:
+            self.powers.append(self.powers[-1] @ self.powers[-1])
+        return self.powers[-1]
+
+    def solve(self, F: Array) -> Array | None:
+        """D (N, n, n) of a symmetric right side; None where the loop does not forget.
+
+        Modes that oscillate many times in a step would ring where M and F jump half-way between nodes; so beside these, in a second
+        solution, F takes its slope and what the loop's change makes of the first one.
+        """
+        if self.exact:
+            return self._carry_back(self._integrate_gaps(F))
+        constant = self._integrate(F)
+        D = self._carry_back(self._join(constant, constant))
+        if D is None or len(self.powers) <= SLOW:
+            return D
+        line, whole = self._integrate_line(self.nodes.slopes(F) + twice(D @ self.nodes.slopes(self.M)))
+        return self._carry_back(self._join(constant + line, constant + line - whole))
+
+    def sharpen(self, D: Array) -> Array:
+        """The waves of a solution without what the rule by which it was found adds or leaves out."""
+        return self.nodes.sharpen(D, self.exact)
+
+    def _integrate_gaps(self, F: Array) -> Array:
+        """The integrals over the gaps by Hermite's rule."""
+        behind, before = self._divide(self.halves[-1], self.halves[0])
+        h, Phi = behind + before, self.levels[0]
+        G = h / 6 * (self.nodes.slopes(F) + twice(F @ self.M))
+        ahead = np.roll(F, -1, axis=0) - np.roll(G, -1, axis=0)
+        return h / 2 * (F + G + transpose(Phi) @ ahead @ Phi)
+
+    def _join(self, behind: Array, before: Array) -> Array:
+        first, last = self._divide(behind, before)
+        return first + transpose(self.first) @ last @ self.first
+
+    def _carry_back(self, part: Array) -> Array | None:
+        parts = [part]
+        for Phi in self.levels[:-1]:
+            pairs = len(Phi) // 2 * 2
+            ahead = Phi[0:pairs:2]
+            part = np.concatenate([part[0:pairs:2] + transpose(ahead) @ part[1:pairs:2] @ ahead, part[pairs:]])
+            parts.append(part)
+        behind = parts[-1]
+        for square in self.squares:
+            behind = behind + transpose(square) @ behind @ square
+        if not (self.squares and np.isfinite(behind).all()):
+            return None
+        for Phi, part in zip(self.levels[-2::-1], parts[-2::-1], strict=True):
+            pairs = len(Phi) // 2 * 2
+            below = np.empty_like(part)
+            below[1:pairs:2], below[pairs:] = behind[: pairs // 2], behind[pairs // 2 :]
+            second = Phi[1:pairs:2]
+            below[0:pairs:2] = part[1:pairs:2] + transpose(second) @ below[1:pairs:2] @ second
+            behind = below
+        return symmetrize(parts[0] + transpose(self.levels[0]) @ behind @ self.levels[0])
+
+    def _integrate(self, F: Array) -> Array:
+        """The integral of exp(M' r) F exp(M r) over each half step."""
+        total = self.share * (self.halves * F).reshape(-1, *F.shape[1:])
+        once = twice(total @ self.steps)
+        total += 0.5 * once + twice(once @ self.steps) / 6
+        for power in self.powers[:-1]:
+            total += transpose(power) @ total @ power
+        return total
+
+    def _integrate_line(self, slope: Array) -> tuple[Array, Array]:
+        """The integrals over each half step s of exp(M' r) r F' exp(M r), and of the same with s in place of r."""
+        change = self.share * (self.halves * slope).reshape(-1, *slope.shape[1:])
+        step = self.share * self.halves.reshape(-1, *self.halves.shape[2:])
+        once = twice(change @ self.steps)
+        again = twice(once @ self.steps)
+        total, whole = step * (change / 2 + once / 3 + again / 8), step * (change + once / 2 + again / 6)
+        for power in self.powers[:-1]:
+            total = total + transpose(power) @ (total + whole) @ power
+            whole = 2 * (whole + transpose(power) @ whole @ power)
+        return total, whole
+
+    def _divide(self, behind: Array, before: Array) -> tuple[Array, Array]:
+        """What belongs to the half steps behind each node, and to those before the next one."""
+        N = len(self.M)
+        return behind[-N:], np.roll(before[:N], -1, axis=0)
+
+
+def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
+    """The transition matrices of x' = A x over the half steps before all nodes and behind them (2 N, n, n), in units of the states.
+
+    None where A is constant, whose exponentials are exact, or where its fastest mode turns or decays by 1 in a half step: up to there
+    Gauss stages are exact, and corrections by Hermite's rule converge.
+    """
+    if isinstance(A, Constant):
+        return None
+    halves = np.broadcast_to(nodes.halves, (2, nodes.count))
+    edges = np.concatenate([[-halves[0, 0]], np.cumsum(halves.T) - halves[0, 0]])
+    fourth = np.linalg.matrix_power(halves.max() * A(nodes.t), 4)  # as fast as the modes, whatever the units
+    if not np.abs(fourth).sum(axis=2).max() < 1:
+        return None
+    rule, h = gauss(STAGES), np.diff(edges)
+    steps = collect_chunks(lambda t, k: factor_states(sample_at(A, np.mod(t, nodes.period)), h[k], rule), edges, rule)
+    steps *= units[:, None] / units
+    return np.concatenate([steps[0::2], steps[1::2]])
+
+
+def list_squares(Phi: Array) -> list[Array]:
+    """Phi, Phi^2, Phi^4 ... until the next is rounding; none where Phi does not decay."""
+    squares = [Phi]
+    for _ in range(MAX_DOUBLINGS):
+        with np.errstate(over="ignore", invalid="ignore"):
+            Phi = Phi @ Phi
+        size = float(np.square(Phi).sum())
+        if size <= EPS:
+            return squares
+        if not np.isfinite(size):
+            break
+        squares.append(Phi)
+    return []
+
+
+def twice(product: Array) -> Array:
+    """P + P'."""
+    return product + transpose(product)

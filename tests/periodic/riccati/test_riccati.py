@@ -1,0 +1,174 @@
+"""The periodic Riccati equation against exact answers, python-control, SciPy's integrators and its own identities."""
+
+import decimal
+from functools import partial
+
+import control
+import numpy as np
+import pytest
+
+from flexlin.errors import ArgumentError, IllPosedSegment, NotDetectable, NotStabilizable
+from flexlin.periodic.riccati.riccati import finite_horizon_riccati, periodic_riccati
+from flexlin.periodic.riccati.scattering import scatter_hamiltonian
+from flexlin.periodic.system import PeriodicSystem
+from tests.periodic.dense import integrate
+from tests.periodic.systems import turn, turned
+
+A0, B0 = np.array([[1.0, 0.5], [3.0, 5.0]]), np.array([[3.0], [1.0]])
+
+
+rotation = turn(2, 2.0)
+
+
+def rotated():
+    """Johansson, Kagstrom, Shiriaev, Varga (2007): x = P z with a constant problem for z; A = P' P^-1 + P A0 P^-1, B = P B0."""
+    return turned(A0, B0, np.eye(2))[0]
+
+
+def test_rotated_example_at_random_times():
+    Z, _, gain = control.care(A0, B0, np.eye(2), np.eye(1))
+    t = np.random.default_rng(7).uniform(-10, 10, 500)
+    P = rotation(t)
+    found = periodic_riccati(rotated(), np.eye(2), np.eye(1), tol=1e-11)
+    assert np.abs(found.X(t) - P @ Z @ np.swapaxes(P, 1, 2)).max() < 1e-10
+    assert np.abs(found.K(t) - gain @ np.swapaxes(P, 1, 2)).max() < 1e-10
+    assert found.status == "converged"
+    assert max(found.error, found.gain_error) < 1e-10
+
+
+@pytest.mark.slow
+def test_finite_horizon_against_scipy():
+    end, stops = np.array([[2.0, 0.3], [0.3, 1.0]]), np.array([np.pi, 3.0, 2.0, 0.5, 0.0])
+    found = finite_horizon_riccati(rotated(), np.eye(2), np.eye(1), end, tol=1e-10)
+
+    def rate(t, X):
+        A, S, Q = (part[0] for part in found.problem.reduced(np.array([t])))
+        return -(A.T @ X + X @ A - X @ S @ X + Q)
+
+    X = integrate(rate, end, stops)
+    assert np.abs(found.X(stops) - X).max() < 1e-9 * np.abs(X).max()
+
+
+@pytest.mark.parametrize("solve", [periodic_riccati, partial(finite_horizon_riccati, end=[[0.0]])])
+@pytest.mark.parametrize("name", ["Q", "R"])
+def test_weights_that_lose_their_sign_in_a_narrow_pulse_are_refused(name, solve):
+    """Between the first samples: what was said then was that the accuracy is not reached."""
+    plant = PeriodicSystem([[1.0]], 1.0, [[1.0]])
+    weights = {"Q": np.eye(1), "R": np.eye(1)}
+    weights[name] = lambda t: (1 - 2 * np.exp(-(((t - 0.3047) / 1e-3) ** 2)))[:, None, None]
+    with pytest.raises(ArgumentError, match=f"{name} is .*definite"):
+        solve(plant, **weights)
+
+
+@pytest.mark.parametrize("width", [0.0956, 0.11])
+def test_what_the_dense_output_leaves_out_is_in_the_error(width):
+    """z' = u with weights c^2 and 1 costs c tanh(c (T - t)) z^2; x = p(t) z has a narrow place, and a loose tol few panels about it."""
+    horizon, c = 2.0, 0.23
+
+    def p(t):
+        s = np.sin(np.pi * (t / horizon - 0.874)) / (np.pi * width)
+        v = 1 / (1 + s**2)
+        return np.exp(-v), 2 * v**2 * s * np.cos(np.pi * (t / horizon - 0.874)) / (width * horizon)  # p, p' / p
+
+    system = PeriodicSystem(lambda t: p(t)[1][:, None, None], horizon, lambda t: p(t)[0][:, None, None])
+    t = np.linspace(0.0, horizon, 1001)
+    exact = c * np.tanh(c * (horizon - t)) / p(t)[0] ** 2
+    for tol in (1e-4, 1e-5, 1e-6):
+        found = finite_horizon_riccati(system, lambda t: (c / p(t)[0])[:, None, None] ** 2, [[1.0]], [[0.0]], tol=tol)
+        assert np.abs(found.X(t)[:, 0, 0] - exact).max() <= found.error * exact.max(), tol
+        gain = exact * p(t)[0]
+        assert np.abs(found.K(t)[:, 0, 0] - gain).max() <= found.gain_error * gain.max(), tol
+
+
+@pytest.mark.parametrize(("fast", "effort"), [(1e4, 1e-3), (1e3, 1e-4)])
+def test_the_layer_at_the_end_of_a_horizon_is_followed(fast, effort):
+    """Panels that are not graded towards it give no answer: X leaves its end within 1e-5 of the horizon, beside a fast mode."""
+    root = np.sqrt(1 + 1 / effort)
+    high, low = effort * (root - 1), -effort * (root + 1)  # both rests of X' = 2 X + X^2 / R - 1
+    t = 1 - np.array([1.0, 0.3, 1e-2, 1e-4, 1e-6, 1e-7])
+    ratio = (100 - high) / (100 - low) * np.exp(2 * root * (t - 1))
+    system = PeriodicSystem(np.diag([-1.0, -fast]), 1.0, [[1.0], [0.0]])
+    found = finite_horizon_riccati(system, np.eye(2), [[effort]], np.diag([100.0, 0.0]))
+    assert np.abs(found.X(t)[:, 0, 0] - (high - ratio * low) / (1 - ratio)).max() <= 100 * found.error < 1e-7
+
+
+def test_fast_unstable_arm_does_not_overflow():
+    rng = np.random.default_rng(1)
+    V = np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    A, B = V @ np.diag([200.0, -200.0, 150.0, 0.0]) @ V.T, rng.normal(size=(4, 2))
+    X = control.care(A, B, np.eye(4), np.eye(2))[0]
+    found = periodic_riccati(PeriodicSystem(A, 1.0, B), np.eye(4), np.eye(2))
+    assert np.abs(found.X(np.array([0.3]))[0] - X).max() < 1e-9 * np.abs(X).max()
+
+
+@pytest.mark.parametrize(("damping", "weight"), [(1e-6, 1.0), (1e-6, 1e8), (1e-6, 1e20), (1e-8, 1e20)])
+def test_hardly_damped_loop_converges_in_doublings(damping, weight):
+    """The scalar equations of an oscillator's X, solved with 60 digits, lie within the error that is reported."""
+    with decimal.localcontext() as digits:
+        digits.prec = 60
+        R, z = decimal.Decimal(weight), decimal.Decimal(damping)
+        x12 = R * ((1 + 1 / R).sqrt() - 1)
+        x22 = R * ((4 * z**2 + (1 + 2 * x12) / R).sqrt() - 2 * z)
+        x11 = x22 + 2 * z * x12 + x12 * x22 / R
+    exact = np.array([[float(x11), float(x12)], [float(x12), float(x22)]])
+    system = PeriodicSystem(np.array([[0.0, 1.0], [-1.0, -2 * damping]]), 1.0, np.array([[0.0], [1.0]]))
+    found = periodic_riccati(system, np.eye(2), weight * np.eye(1))
+    assert found.doublings < 40
+    assert np.abs(found.X(np.array([0.3]))[0] - exact).max() / np.abs(exact).max() < found.error
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "Q", "error", "rate"),
+    [
+        (np.diag([1.0, 2.0]), [[1.0], [0.0]], np.eye(2), NotStabilizable, 2.0),
+        (np.diag([1.0, -2.0]), [[1.0], [1.0]], np.diag([0.0, 1.0]), NotDetectable, 1.0),
+        (np.diag([0.0, -2.0]), [[0.0], [1.0]], np.eye(2), NotStabilizable, 0.0),
+        (np.diag([0.0, -2.0]), [[1.0], [1.0]], np.diag([0.0, 1.0]), NotDetectable, 0.0),
+    ],
+)
+def test_missing_solution_names_the_mode(A, B, Q, error, rate):
+    with pytest.raises(error, match=r"real part of its exponent about") as caught:
+        periodic_riccati(PeriodicSystem(A, 1.0, B), Q, np.eye(1))
+    named = float(str(caught.value).split("about ")[1].split("/s")[0])
+    assert abs(named - rate) < 0.05
+
+
+@pytest.mark.parametrize("rate", [0.7, 3.0])
+def test_unreachable_mode_hidden_by_a_rotating_frame_is_found(rate):
+    """Uncontrollable only up to rounding: the third mode is mixed with the others by similarity and rotation."""
+    V = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+    A, B = V @ np.diag([1.0, -2.0, rate]) @ V.T, V @ np.array([[1.0], [1.0], [0.0]])
+    system, _ = turned(A, B, np.eye(3), 1.0)
+    with pytest.raises(NotStabilizable) as caught:
+        periodic_riccati(system, np.eye(3), np.eye(1))
+    assert abs(float(str(caught.value).split("about ")[1].split("/s")[0]) - rate) < 0.1 * rate
+
+
+@pytest.mark.parametrize(
+    ("Q", "R", "N", "message"),
+    [
+        (np.eye(2), -np.eye(1), None, "R is not positive definite"),
+        (np.diag([1.0, -1e-3]), np.eye(1), None, "Q is indefinite"),
+        (np.eye(2), np.eye(1), np.array([[2.0], [0.0]]), "Q - N R\\^-1 N' is indefinite"),
+        (np.eye(3), np.eye(1), None, "Q does not fit"),
+        (np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(1), None, "Q is not symmetric"),
+    ],
+)
+def test_bad_weights_are_refused(Q, R, N, message):
+    with pytest.raises(ArgumentError, match=message):
+        periodic_riccati(rotated(), Q, R, N)
+
+
+def test_singular_segment_is_named():
+    with pytest.raises(IllPosedSegment, match="P22 of segment 1 of 2"):
+        scatter_hamiltonian(np.stack([np.eye(2), np.zeros((2, 2))]))
+
+
+def test_constant_system_is_lqr_with_cross_term():
+    rng = np.random.default_rng(3)
+    A, B, N = rng.normal(size=(5, 5)), rng.normal(size=(5, 2)), 0.1 * rng.normal(size=(5, 2))
+    K, X, _ = control.lqr(A, B, np.eye(5), 0.3 * np.eye(2), N)
+    found = periodic_riccati(PeriodicSystem(A, 0.8, B), np.eye(5), 0.3 * np.eye(2), N, tol=1e-11)
+    t = np.array([0.0, 0.123, 0.5])
+    assert np.abs(found.X(t) - X).max() < 1e-10 * np.abs(X).max()
+    assert np.abs(found.K(t) - K).max() < 1e-10 * np.abs(K).max()
