@@ -1,4 +1,4 @@
-"""Answers to an engineer's questions: each takes a scene and returns numbers with their errors."""
+"""Analyses of scenes: each answers an engineer's question, and returns numbers with their errors."""
 
 from flexlin.lazy import load_lazily
 

@@ -1,4 +1,4 @@
-"""The stages of the work: what each was asked, what it reached, what it took, and the limits that each and all keep."""
+"""Limits of time and memory for the stages of an analysis, with a record of what each was asked, what it reached and what it took."""
 
 import inspect
 import logging

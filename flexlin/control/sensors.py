@@ -1,4 +1,4 @@
-"""The sensors of an arm: what each sees of the state [y; y'], and those of a scene's estimator with their noise and their filter."""
+"""Sensors of an arm for estimators: what each sees of the state [y; y'], with noise and filter; those of logs are in identification."""
 
 from dataclasses import dataclass
 from functools import partial

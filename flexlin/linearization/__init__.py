@@ -1,4 +1,4 @@
-"""The bridge: a manipulator about its motion, symbolically and as the linear system that the numeric wing takes."""
+"""The linearization of a manipulator about its motion: in symbols, and as the linear system that the numeric wing takes."""
 
 from flexlin.lazy import load_lazily
 

@@ -1,4 +1,4 @@
-"""From a manipulator, a motion and perhaps a control law to the linear equations about the motion."""
+"""`linearize`: from a manipulator, a motion and perhaps a control law to the linear equations about the motion."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The bridge: a manipulator linearized along its rigid basic motion, M_L y'' + D_L y' + K_L y = h_L + B_L u."""
+"""What `linearize` returns: M_L y'' + D_L y' + K_L y = h_L + B_L u along the rigid basic motion, and the periodic system of it."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal

@@ -1,4 +1,4 @@
-"""A frame that moves in space, carried along the chain, and a deformable mass seen from it: six moments say all that the energies need."""
+"""A frame that moves in space, carried along the chain, and a deformable mass seen from it by six moments, with its kinetic energy."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""The chain: from a scene's links and effects to kinetic energy, potential energy and dissipation, and the curves that pictures show."""
+"""From a scene to its manipulator: bodies, energies and dissipation of the chain, the equations, and the curves that pictures show."""
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Lagrange's equations from energies, Christoffel's symbols, joints that are driven, and what is asked of expressions that are given."""
+"""M, C, g and damping from energies: Lagrange's equations, Christoffel's symbols, driven joints, and checks of given expressions."""
 
 from collections.abc import Sequence
 from typing import Any

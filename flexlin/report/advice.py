@@ -1,4 +1,4 @@
-"""What a control engineer should do with the result."""
+"""The advice of a report: what a control engineer should do with the result."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -1,1 +1,1 @@
-"""The coefficients over one period as series that agree with them everywhere: what all integration reads."""
+"""Coefficients A(t), B(t) over one period as Fourier or Chebyshev series that agree with them everywhere: what all integration reads."""

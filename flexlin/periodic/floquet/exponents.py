@@ -1,4 +1,4 @@
-"""Floquet exponents of a periodic system, with their own error and a verdict that admits doubt; those of undamped systems in pairs."""
+"""`floquet`: which way leads to the exponents of a periodic system; each (segments, decoupling, Hill, constant A) makes its own errors."""
 
 from dataclasses import replace
 

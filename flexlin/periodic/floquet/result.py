@@ -1,4 +1,4 @@
-"""The answer of a Floquet analysis: exponents, their errors, a verdict that admits doubt, and what to do next."""
+"""What `floquet` returns: exponents with their errors, a verdict that admits doubt, and what to do next."""
 
 from dataclasses import dataclass, field
 from importlib import import_module

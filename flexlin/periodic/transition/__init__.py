@@ -1,1 +1,1 @@
-"""Transition matrices over the segments of a period: Gauss, Radau, Magnus, and the choice among them."""
+"""Transition matrices over the segments of a period by Gauss or Radau collocation, and how many segments there are."""

@@ -1,4 +1,4 @@
-"""Transition matrices by Gauss-Legendre collocation: all segments of a period in one batched solve."""
+"""Gauss-Legendre and Radau collocation: their tableaus, and the transition matrices of all segments in one batched solve."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
