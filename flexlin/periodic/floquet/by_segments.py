@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.circle import assign, measure_distances
 from flexlin.periodic.interpolation import FINER
 from flexlin.periodic.precision import CUBE, EPS, FAINT, SLIGHT
-from flexlin.periodic.product import Unknown, find_spectrum
+from flexlin.periodic.product import ProductSpectrum, Unknown, find_spectrum
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import (
     FEWER_SEGMENTS,
@@ -20,6 +21,10 @@ from flexlin.periodic.transition.choose_segments import (
 
 SAFETY = 2.0
 """Factor on the method's error, which is measured against a better method."""
+SHARED = 0.003
+"""Part of the worst mode's error, relative to what is allowed, that every mode is given: a small one may be so by accident."""
+LOST = 1e-2
+"""A mode whose error exceeds this part of its size is not followed at all, and says nothing of the others."""
 TURNED, LOOKS = 2.0, 256
 """Radians by which a mode may turn in a segment of Radau's method, and segments at which the eigenvalues of A(t) are looked at."""
 EXTINCT = -float(np.log(EPS))
@@ -93,7 +98,8 @@ def solve_by_segments(
         finer = np.clip(1.1 * excess ** (1 / setting.order), *FINER) if np.isfinite(excess) else FINER[1]
         count = int(np.ceil(setting.segments * finer))
         if fixed or excess <= 1 or (setting.segments == max_segments and count <= most):
-            return spectrum
+            noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
+            return compare_noise(system, spectrum, factor) if noisy else spectrum
         if count > most:
             raise report_too_many(count, max_segments, tol)
         setting = setting.with_segments(min(count, max_segments))
@@ -110,6 +116,20 @@ def bound_extinct(spectrum: SegmentedSpectrum, missed: Array) -> SegmentedSpectr
     return replace(spectrum, errors=np.where(np.logical_or.accumulate(extinct), np.inf, spectrum.errors))
 
 
+def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum, factor: Factoring) -> SegmentedSpectrum:
+    """Enlarge the errors by what other segments change, where what two methods differ by is rounding.
+
+    The rounding of a strongly non-normal factor is far above that of its entries, in both methods, which may agree by accident.
+    """
+    setting, panels = spectrum.setting, len(spectrum.setting.shares)
+    finer = setting.with_segments(int(np.ceil(FINER[0] * setting.segments)) + panels)  # more in every panel
+    factored = factor(system, place_segments(system, finer), finer)
+    other = measure_spectrum(system, finer, factored, spectrum.start)[0]
+    apart = measure_distances(spectrum.logs, other.logs)
+    moved = apart[np.arange(len(apart)), assign(apart)]
+    return replace(spectrum, errors=np.maximum(spectrum.errors, SAFETY * moved))
+
+
 def measure_spectrum(
     system: PeriodicSystem, setting: Setting, factored: Factored, start: Array | None = None
 ) -> tuple[SegmentedSpectrum, Array]:
@@ -118,7 +138,7 @@ def measure_spectrum(
     damped = setting.method == "radau"  # what is fast is damped: the stages do not cancel
     found = find_spectrum(plain, better, unknown, start=start, steps=None if damped else steps)
     logs, rounding = found.logs, found.rounding
-    method = found.method
+    method = share_errors(found, system.period)
     errors = SAFETY * method + rounding
     if damped:
         grid = place_segments(system, setting)
@@ -157,6 +177,17 @@ def hidden_growth(system: PeriodicSystem, grid: Array) -> float:
     growth[some] = np.where(turning[some], values[some].real - change, -np.inf).max(axis=1)
     means = [float(part[np.isfinite(part)].mean()) for part in (growth[::2], growth[1::2]) if np.isfinite(part).any()]
     return max(means) + (max(means) - min(means))
+
+
+def share_errors(found: ProductSpectrum, period: float) -> Array:
+    """The errors of the logs by the method (n,): every mode has at least a part of the worst mode's, each relative to max(T, |log|).
+
+    A mode whose rounding exceeds its error by the method says nothing of the others: what moves it is rounding too.
+    """
+    size = np.maximum(period, np.abs(found.logs))
+    known = (found.method < LOST * size) & (found.method > found.rounding)
+    worst = float((found.method / size)[known].max(initial=0.0))
+    return np.maximum(found.method, SHARED * worst * size)
 
 
 def liouville_excess(system: PeriodicSystem, logs: Array, errors: Array) -> float:
