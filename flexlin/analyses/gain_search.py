@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from flexlin.analyses.spectra import Family
 from flexlin.checks import Array
-from flexlin.periodic.precision import CUBE, SLIGHT
+from flexlin.precision import CUBE, SLIGHT
 from flexlin.resources import Stopwatch
 
 

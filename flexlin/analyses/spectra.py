@@ -21,9 +21,9 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.interpolation import NODES
-from flexlin.periodic.precision import EPS, MINOR, PARTIAL
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import measure_pace
+from flexlin.precision import EPS, MINOR, PARTIAL
 from flexlin.scene.loading import check_axes
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene

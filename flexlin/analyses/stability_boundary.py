@@ -13,7 +13,7 @@ from flexlin.errors import ArgumentError, counted
 from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.curves import Curve, find_curves, find_lost_ends
 from flexlin.periodic.boundary.spectra import Effort, SpectraFunction
-from flexlin.periodic.precision import MINOR
+from flexlin.precision import MINOR
 from flexlin.summary import represent
 
 

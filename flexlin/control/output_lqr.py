@@ -14,11 +14,11 @@ from flexlin.control.lqr import periodic_lqr
 from flexlin.errors import NotStabilizable, NotStable
 from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.interpolation import fourier_nodes
-from flexlin.periodic.precision import FARTHEST, ROOT, SLIGHT
 from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.riccati.scattering import transpose
 from flexlin.periodic.system import PeriodicSystem, as_system, dual_system
+from flexlin.precision import FARTHEST, ROOT, SLIGHT
 from flexlin.summary import represent
 
 

@@ -14,12 +14,12 @@ from flexlin.linearization.law import Law
 from flexlin.periodic.coefficients import Constant, MatrixFunction
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.interpolation import ChebyshevPanels
-from flexlin.periodic.precision import SAFETY
 from flexlin.periodic.riccati.linear_quadratic import linear_quadratic
 from flexlin.periodic.riccati.scattering import transpose
 from flexlin.periodic.sampled import STAGES, HeldPlant, Round, find_rounds, hold_plant, judge_samples, sampled_floquet
 from flexlin.periodic.sampled_cost import SampledProblem, bound_rounding, solve_samples, spread_noise, weigh_samples
 from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside, with_matrices
+from flexlin.precision import SAFETY
 from flexlin.summary import represent
 
 

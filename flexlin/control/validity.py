@@ -15,7 +15,7 @@ from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.precision import FARTHEST, SAFETY, SLIGHT
+from flexlin.precision import FARTHEST, SAFETY, SLIGHT
 from flexlin.summary import represent
 
 LARGEST, SMALLEST = 10.0, 1e-7

@@ -15,8 +15,8 @@ from flexlin.identification.log import Log
 from flexlin.identification.prediction import SETTLE, Prediction, deviations, find_starts, name_missed, predict, prepare
 from flexlin.identification.shooting import Windows
 from flexlin.mechanics.link_shapes import make_shapes
-from flexlin.periodic.precision import MINOR, SLIGHT
 from flexlin.plots.view import Series, Shown, View
+from flexlin.precision import MINOR, SLIGHT
 from flexlin.resources import Stopwatch, part
 from flexlin.scene.links import DIRECTIONS
 from flexlin.scene.loading import raw_tables, revise_scene

@@ -9,7 +9,7 @@ from flexlin.errors import MotionError, SingularClosure
 from flexlin.linearization.deviation import Deviation
 from flexlin.motion import SymbolicMotion
 from flexlin.motion.base import NODES
-from flexlin.periodic.precision import CUBE
+from flexlin.precision import CUBE
 from flexlin.series.tracking import CONTRACTION, NEWTON, SHORTEST, Step, find_singular, track
 
 OTHER = "move the motion away from there, or give the links other lengths"

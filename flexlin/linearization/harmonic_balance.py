@@ -19,7 +19,7 @@ from flexlin.periodic.interpolation import (
     place_edges,
     waves_at_nodes,
 )
-from flexlin.periodic.precision import FAINT, MINOR
+from flexlin.precision import FAINT, MINOR
 
 NEWTON_STEPS = 25
 SMALL = 1e-6

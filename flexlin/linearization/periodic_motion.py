@@ -25,8 +25,8 @@ from flexlin.linearization.harmonic_balance import (
 from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.interpolation import FourierSeries
-from flexlin.periodic.precision import SLIGHT
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, extend_system
+from flexlin.precision import SLIGHT
 from flexlin.summary import represent
 from flexlin.symbolic import Part
 

@@ -12,7 +12,7 @@ from flexlin.errors import MotionError, counted
 from flexlin.files import read_text
 from flexlin.motion.base import MOST_HARMONICS, Angles, SampledMotion
 from flexlin.periodic.circle import count_turns
-from flexlin.periodic.precision import MINOR
+from flexlin.precision import MINOR
 from flexlin.scene.motion import LogMotion, TableMotion
 
 FEWEST_ROWS = 7

@@ -14,7 +14,7 @@ from flexlin.lazy import lazy
 from flexlin.mechanics.body import rotation_about
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.smooth import make_step
-from flexlin.periodic.precision import CUBE
+from flexlin.precision import CUBE
 from flexlin.scene.motion import Circle, Polyline
 from flexlin.series.tracking import find_lowest
 from flexlin.symbolic import Expressions

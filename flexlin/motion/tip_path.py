@@ -19,7 +19,7 @@ from flexlin.motion.tip_equations import (
     refuse_unreachable,
 )
 from flexlin.periodic.circle import count_turns
-from flexlin.periodic.precision import FAINT, ROOT
+from flexlin.precision import FAINT, ROOT
 from flexlin.scene.motion import Circle, TipJoint, TipPath
 from flexlin.series.tracking import SHORTEST, find_singular, newton_from, track
 

@@ -22,11 +22,11 @@ from flexlin.periodic.interpolation import (
     divided,
     panel_times,
 )
-from flexlin.periodic.precision import EPS, ROOT, TINY
 from flexlin.periodic.riccati.linear_quadratic import WAVES, RiccatiSolution
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.riccati.scattering import symmetrize
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.precision import EPS, ROOT, TINY
 from flexlin.summary import represent
 
 CLOSE = 1e-6

@@ -15,7 +15,6 @@ from flexlin.periodic.floquet.by_segments import Factored
 from flexlin.periodic.floquet.exponents import answer_by_segments, floquet
 from flexlin.periodic.floquet.modes import MODES_TOL, solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY
 from flexlin.periodic.product import Unknown
 from flexlin.periodic.response.frequency import Segments, condense
 from flexlin.periodic.system import PeriodicSystem, edges_between
@@ -28,6 +27,7 @@ from flexlin.periodic.transition.choose_segments import (
     place_segments,
 )
 from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
+from flexlin.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY
 
 WAVES, STARTS = 8, 3
 """Harmonics of inputs that are tried; modes about whose frequencies the largest gain is sought, and as many steps to it."""

@@ -14,9 +14,9 @@ from flexlin.errors import NotStable, NumericalError, TimeLimit
 from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_function, combine, hold_input
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.precision import FOURTH, ROOT, SLIGHT, TINY
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of, with_matrices
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
+from flexlin.precision import FOURTH, ROOT, SLIGHT, TINY
 from flexlin.summary import represent
 
 LARGEST_GAIN, STEP = 1e3, 1.4

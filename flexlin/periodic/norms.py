@@ -16,11 +16,11 @@ from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.interpolation import NODES, divide_segments, fourier_nodes
 from flexlin.periodic.levels import BoundedReal, PeakSearch
-from flexlin.periodic.precision import EPS, MINOR, SAFETY, SLIGHT, TINY
 from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.roots import MOST
 from flexlin.periodic.system import PeriodicSystem, as_port, input_of, resolve_beside
+from flexlin.precision import EPS, MINOR, SAFETY, SLIGHT, TINY
 from flexlin.summary import represent
 
 

@@ -10,7 +10,7 @@ from scipy.linalg import cython_lapack, lapack
 from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.errors import NumericalError, ToleranceNotReached
-from flexlin.periodic.precision import CUBE, FARTHEST, MINOR, TINY
+from flexlin.precision import CUBE, FARTHEST, MINOR, TINY
 
 GROUP_CONDITION = 1000.0
 """Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""

@@ -11,8 +11,8 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, has_nothing_narrow
 from flexlin.periodic.interpolation import golden
-from flexlin.periodic.precision import ROOT
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
+from flexlin.precision import ROOT
 from flexlin.summary import represent
 
 

@@ -15,12 +15,12 @@ from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_fu
 from flexlin.periodic.floquet.by_segments import SAFETY
 from flexlin.periodic.floquet.result import FloquetResult, judge
 from flexlin.periodic.interpolation import NODES, divide_segments, edges_of_short
-from flexlin.periodic.precision import EPS, SLIGHT
 from flexlin.periodic.product import find_spectrum
 from flexlin.periodic.response.forced import STAGES
 from flexlin.periodic.system import PeriodicSystem, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, Setting, choose_gauss_step, measure_pace
 from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.precision import EPS, SLIGHT
 
 PARTS = NODES // STAGES
 """Steps, at the least, over a panel of the coefficients: it may hold more waves than the stages of one follow."""

@@ -9,7 +9,6 @@ from flexlin.checks import Array
 from flexlin.errors import IllPosedSegment, NotDetectable, NotStabilizable, NumericalError
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import Combined, assemble_hamiltonian, hold_input
-from flexlin.periodic.precision import EPS, MINOR, ROOT
 from flexlin.periodic.related import beside
 from flexlin.periodic.riccati.scattering import (
     MAX_DOUBLINGS,
@@ -22,6 +21,7 @@ from flexlin.periodic.riccati.scattering import (
 )
 from flexlin.periodic.sampled import divide, step_inputs, step_sections
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.precision import EPS, MINOR, ROOT
 
 LARGEST = 1e13
 """A cost so many times its first one, or a memory that does not fade, says that a mode is not moved, or not seen."""

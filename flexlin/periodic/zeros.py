@@ -15,8 +15,8 @@ from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficient_series.sampling import RESOLVED, stratified
 from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.precision import FAINT, SAFETY, SLIGHT, TINY
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
+from flexlin.precision import FAINT, SAFETY, SLIGHT, TINY
 from flexlin.summary import represent
 
 

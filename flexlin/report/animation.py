@@ -11,7 +11,7 @@ from flexlin.control.slow_motions import slow_motions
 from flexlin.control.tracking import arm_positions
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.linearization.linearization import Linearization
-from flexlin.periodic.precision import ROOT
+from flexlin.precision import ROOT
 from flexlin.report.figures.exponents import SWING
 from flexlin.report.figures.over_period import trace_arm
 from flexlin.report.page import TEMPLATES

@@ -30,7 +30,7 @@ from flexlin.report.figures import Picture
 from flexlin.report.figures.chart import Chart, describe_chart, draw_campbell, draw_chart, thin
 from flexlin.report.wording import units_of_scene, with_unit_of
 from flexlin.scene.loading import revise_scene
-from flexlin.scene.parameters import label_number, name_number, name_unit
+from flexlin.scene.names import label_number, name_number, name_unit
 from flexlin.scene.scene import Scene
 
 BOUNDARY_SHARE = 0.18

@@ -26,7 +26,7 @@ from flexlin.report.figures.over_period import (
     list_entries,
     name_entry,
 )
-from flexlin.scene.parameters import name_unit
+from flexlin.scene.names import name_unit
 from flexlin.scene.scene import Scene
 
 TEMPLATES = Environment(

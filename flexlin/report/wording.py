@@ -18,7 +18,7 @@ from flexlin.errors import counted
 from flexlin.periodic.floquet.result import MARGINAL
 from flexlin.plots.scales import SUPERSCRIPTS, write_powers
 from flexlin.scene.control import AnyFilter, Control, LowPass, Pid
-from flexlin.scene.parameters import name_number, show_unit
+from flexlin.scene.names import name_number, show_unit
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:

@@ -3,20 +3,13 @@
 import copy
 import tomllib
 from collections.abc import Container, Iterable, Mapping
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import BaseModel
 
 from flexlin.bounds import DEEPEST, MOST_NAMED, SHALLOW, hint_at, parse_toml, printable
 from flexlin.errors import ArgumentError, Problem
-from flexlin.scene.base import Table
 from flexlin.scene.effects import known_effects
-from flexlin.scene.library import registered_model
-from flexlin.scene.problems import checked_table
-
-if TYPE_CHECKING:
-    from flexlin.scene.scene import Scene
 
 PARAMETERS = "parameters"
 """Key of the table of a registered model."""
@@ -104,63 +97,6 @@ def _child(node: Any, step: str, path: str) -> Any:
         expected=f"one of {', '.join(inside) or 'none: the path is too long'}",
         todo=f"switch {step} on: give its whole table, in the scene or with --set" if off else None,
     )
-
-
-TABLES = {"parameters", "motion", "effects", "control", "feedback", "links", "joints"}
-"""Steps of a path that say where a number stands, not what it is."""
-WORDS = {"kp": "stiffness of the feedback", "kd": "damping of the feedback"}
-
-
-def name_number(path: str) -> str:
-    """A dotted path in plain words: motion.frequency -> motion frequency, links.0.length -> length of link 1."""
-    steps = path.split(".")
-    if steps[0] == "motion" and len(steps) == 2:
-        return f"motion {steps[1].replace('_', ' ')}"
-    place = "".join(f" of {'link' if table == 'links' else 'joint'} {int(index) + 1}" for table, index in placed(steps))
-    kept = [WORDS.get(step, step.replace("_", " ")) for step in steps if step not in TABLES and not step.isdigit()]
-    alone = steps[-1].isdigit() and not place
-    return " ".join(kept or [path]) + place + (f" of joint {int(steps[-1]) + 1}" if alone else "")
-
-
-def placed(steps: list[str]) -> list[tuple[str, str]]:
-    """The lists of a path with the places in them."""
-    return [(table, index) for table, index in pairwise(steps) if table in ("links", "joints") and index.isdigit()]
-
-
-def name_unit(scene: "Scene", path: str) -> str:
-    """The unit of the number at a dotted path; empty where it has none or none is stated, without dimensions of all but angles.
-
-    Of `rad or m` the first: no scene says so where its joints slide.
-    """
-    steps, unit = path_in(scene, path).split("."), ""
-    checked = scene
-    if steps[0] == PARAMETERS:  # whose table, once checked, knows the units of its keys
-        table = checked_table(registered_model(str(scene.model)).schema, scene.parameters, scene.title, PARAMETERS)
-        checked = scene.model_copy(update={PARAMETERS: table})
-    node: object = checked
-    for k, step in enumerate(steps):
-        if isinstance(node, Table):
-            unit = type(node).units().get(step, "")
-        node = get_value(checked, ".".join(steps[: k + 1]))
-    return choose_unit(scene, unit)
-
-
-def choose_unit(scene: "Scene", unit: str) -> str:
-    """What a stated unit is in a scene."""
-    slides = any(link.joint == "prismatic" for link in scene.links)
-    unit = unit if slides else unit.split(" or ")[0]
-    return unit if scene.unit_system != "dimensionless" or unit == "rad" else ""
-
-
-def label_number(scene: "Scene", path: str) -> str:
-    """The name with its unit, as on an axis: payload mass in kg."""
-    unit = show_unit(scene, path)
-    return name_number(path) + (f" in {unit}" if unit else "")
-
-
-def show_unit(scene: "Scene", path: str) -> str:
-    """The unit with its powers raised: m/s²."""
-    return name_unit(scene, path).replace("^2", "²").replace("^3", "³").replace("^4", "⁴")
 
 
 OFF = "off"

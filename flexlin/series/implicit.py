@@ -12,7 +12,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
 from flexlin.lazy import lazy
-from flexlin.periodic.precision import FAINT, SLIGHT
+from flexlin.precision import FAINT, SLIGHT
 from flexlin.series.equations import Equations, Radius, find_fold, line_series, newton, newton_step, radius_along
 from flexlin.series.explicit import Expression, check_analytic, check_symbols
 from flexlin.series.indices import Polynomial, indices

@@ -14,7 +14,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.precision import EPS
+from flexlin.precision import EPS
 from flexlin.program import CONST, INPUT, OUTPUT, Program, name_of
 from flexlin.series.indices import TABLES, Indices, head_of, kept_indices, sum_products
 

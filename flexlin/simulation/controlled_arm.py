@@ -11,7 +11,7 @@ from flexlin.lazy import lazy
 from flexlin.linearization.deviation import Layers
 from flexlin.linearization.law import Controller, Law
 from flexlin.linearization.linearization import Linearization
-from flexlin.periodic.precision import SLIGHT
+from flexlin.precision import SLIGHT
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.friction import Friction
 from flexlin.simulation.mesh import Trail, find_rough_times, law_times

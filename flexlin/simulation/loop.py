@@ -9,7 +9,7 @@ from flexlin.errors import SimulationStopped
 from flexlin.lazy import lazy
 from flexlin.linearization.deviation import Layers
 from flexlin.linearization.law import Law
-from flexlin.periodic.precision import SLIGHT
+from flexlin.precision import SLIGHT
 from flexlin.simulation.collocation import ROUNDING, Collocation
 from flexlin.simulation.controlled_arm import ControlledArm, explain_end, find_indefinite
 from flexlin.simulation.equations import (

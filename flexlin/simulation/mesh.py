@@ -16,7 +16,7 @@ from flexlin.periodic.coefficient_series.panels import first_edges
 from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficients import MatrixFunction, has_nothing_narrow
 from flexlin.periodic.interpolation import ChebyshevPanels, edges_of_short
-from flexlin.periodic.precision import SLIGHT
+from flexlin.precision import SLIGHT
 from flexlin.simulation.window import Grid, Path, Rule
 
 INSIDE = 1e-12

@@ -10,9 +10,9 @@ import numpy as np
 from flexlin._core import addresses, declare
 from flexlin.checks import Array
 from flexlin.lazy import lazy
-from flexlin.periodic.precision import MINOR
 from flexlin.periodic.transition.factors import tabulate
 from flexlin.periodic.transition.gauss import Tableau, radau
+from flexlin.precision import MINOR
 from flexlin.program import TOGETHER, Layout
 
 SWEEPS = 14

@@ -17,8 +17,8 @@ from flexlin.mechanics import build_manipulator
 from flexlin.periodic.coefficients import solve_mass
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.precision import SLIGHT
 from flexlin.periodic.system import with_matrices
+from flexlin.precision import SLIGHT
 from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent

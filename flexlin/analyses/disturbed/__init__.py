@@ -20,11 +20,11 @@ from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics import build_manipulator
 from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.precision import SLIGHT
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.sampled import STAGES, sections
 from flexlin.periodic.system import Backward, OfPlant, PeriodicSystem, dual_system
+from flexlin.precision import SLIGHT
 from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
 from flexlin.simulation.drive import Drive, scene_drive

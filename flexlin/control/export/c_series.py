@@ -14,7 +14,7 @@ from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficient_series.sampling import stratified
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, chebyshev_coefficients, panel_times
-from flexlin.periodic.precision import EPS, SAFETY
+from flexlin.precision import EPS, SAFETY
 
 Form = Literal["series", "sampled"]
 NEGLIGIBLE = SAFETY * EPS

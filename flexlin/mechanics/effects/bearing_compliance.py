@@ -12,7 +12,7 @@ import casadi as ca
 
 from flexlin.mechanics.body import Body, about, rigid_body
 from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_joint
-from flexlin.periodic.precision import MINOR
+from flexlin.precision import MINOR
 from flexlin.scene.base import NonNegative, PerLink, Positive, Unit
 
 

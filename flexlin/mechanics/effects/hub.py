@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from flexlin.errors import Problem
 from flexlin.mechanics.body import Body, RigidMass, about, rigid_body
 from flexlin.mechanics.effects.base import Chain, Effect, Scale, per_joint
-from flexlin.periodic.precision import MINOR
+from flexlin.precision import MINOR
 from flexlin.scene.base import PerLink, Unit
 from flexlin.scene.consistency import pinned
 from flexlin.scene.effects import RawArm, RawTable

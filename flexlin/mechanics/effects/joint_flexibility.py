@@ -13,7 +13,7 @@ import casadi as ca
 
 from flexlin.errors import Problem
 from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_motor
-from flexlin.periodic.precision import MINOR
+from flexlin.precision import MINOR
 from flexlin.scene.base import NonNegative, PerLink, Positive, Unit
 from flexlin.scene.effects import RawArm, RawTable
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import casadi as ca
 
 from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_joint, per_motor
-from flexlin.periodic.precision import MINOR
+from flexlin.precision import MINOR
 from flexlin.scene.base import AllPositive, PerLink, Unit
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from flexlin.mechanics.body import Body, RigidMass, column, rigid_body, tensor
 from flexlin.mechanics.effects.base import Chain, Effect, Scale, at_tip
-from flexlin.periodic.precision import MINOR
+from flexlin.precision import MINOR
 from flexlin.scene.base import Number, PerLink, Unit
 from flexlin.scene.links import Inertia, Vector
 

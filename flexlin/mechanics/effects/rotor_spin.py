@@ -13,7 +13,7 @@ import casadi as ca
 
 from flexlin.mechanics.body import Z
 from flexlin.mechanics.effects.base import Chain, Effect, Scale, per_joint
-from flexlin.periodic.precision import MINOR
+from flexlin.precision import MINOR
 from flexlin.scene.base import Number, PerLink, Unit
 
 

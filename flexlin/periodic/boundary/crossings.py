@@ -17,8 +17,8 @@ from flexlin.periodic.boundary.spectra import (
     measure_meetings,
 )
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.precision import MINOR, PARTIAL, ROOT, SAFETY, TINY
 from flexlin.periodic.roots import MOST, SignedEnds, solve_brackets, solve_uncertain
+from flexlin.precision import MINOR, PARTIAL, ROOT, SAFETY, TINY
 
 SAMPLES = 1025
 """Values of the scan: no interval of instability wider than 1/1024 of the range lies between two of them."""

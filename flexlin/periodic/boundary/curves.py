@@ -28,7 +28,7 @@ from flexlin.periodic.boundary.spectra import (
     measure_margins,
 )
 from flexlin.periodic.interpolation import NODES, chebyshev_nodes, divide_evenly
-from flexlin.periodic.precision import CUBE, TINY
+from flexlin.precision import CUBE, TINY
 
 SMALLEST = 2e-3
 """Boxes smaller than this part of the ranges are searched for a tongue's tip before they are divided."""

@@ -16,8 +16,8 @@ from flexlin.periodic.boundary.crossings import (
     solve_changes,
 )
 from flexlin.periodic.boundary.spectra import Effort, Spectra, SpectraFunction, measure_margins
-from flexlin.periodic.precision import FOURTH, TINY
 from flexlin.periodic.roots import SignedEnds, solve_uncertain
+from flexlin.precision import FOURTH, TINY
 
 STEP = FOURTH
 """Of the ranges: the step of the differences that give the margin's gradient, whose only use is the direction of the boundary.

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import wrap_angle
-from flexlin.periodic.precision import CUBE, EPS
+from flexlin.precision import CUBE, EPS
 from flexlin.resources import Stopwatch
 
 SCAN = 0.6

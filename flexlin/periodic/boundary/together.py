@@ -10,10 +10,10 @@ from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.interpolation import NODES, golden, place_edges
-from flexlin.periodic.precision import EPS, ROOT, SAFETY
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import factor
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss, place_nodes
+from flexlin.precision import EPS, ROOT, SAFETY
 
 STAGES = 5
 """Gauss stages of the rule that shows how wrong the one with a stage more may be."""

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import build_companion
 from flexlin.periodic.interpolation import NODES, ChebyshevPanels, FourierSeries, fourier_nodes
-from flexlin.periodic.precision import EPS, SAFETY
+from flexlin.precision import EPS, SAFETY
 from flexlin.summary import represent
 
 Series = FourierSeries | ChebyshevPanels

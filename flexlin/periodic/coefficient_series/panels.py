@@ -38,7 +38,7 @@ from flexlin.periodic.interpolation import (
     divided,
     panel_times,
 )
-from flexlin.periodic.precision import EPS, SAFETY
+from flexlin.precision import EPS, SAFETY
 
 MOST_PANELS = BLOCKS * NODES
 """The largest number of panels."""

@@ -35,7 +35,7 @@ from flexlin.periodic.interpolation import (
     fourier_waves,
     real_fourier_coefficients,
 )
-from flexlin.periodic.precision import EPS, SAFETY
+from flexlin.precision import EPS, SAFETY
 
 __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
 MOST = NODES * NODES

@@ -10,7 +10,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
 from flexlin.periodic.coefficients import check_array, check_finite
 from flexlin.periodic.interpolation import CACHED, chebyshev_coefficients, chebyshev_nodes, golden
-from flexlin.periodic.precision import CUBE, EPS, FAINT, ROOT, SLIGHT, TINY
+from flexlin.precision import CUBE, EPS, FAINT, ROOT, SLIGHT, TINY
 
 LEAST = TINY / EPS
 RESOLVED = 1e-13

@@ -16,7 +16,7 @@ from flexlin.periodic.decoupling.frames import (
     sylvester,
     weigh_harmonics,
 )
-from flexlin.periodic.precision import FARTHEST, SLIGHT, TINY
+from flexlin.precision import FARTHEST, SLIGHT, TINY
 
 STILL = 8.0
 """Modes that grow by less than exp(STILL) against each other within a period do not bring out what is hidden."""

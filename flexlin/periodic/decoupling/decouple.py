@@ -36,9 +36,9 @@ from flexlin.periodic.decoupling.frames import (
     tail,
 )
 from flexlin.periodic.interpolation import NODES
-from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SLIGHT
 from flexlin.periodic.product import COHERENT, GROUP_CONDITION
 from flexlin.periodic.system import MatrixFunction
+from flexlin.precision import EPS, MINOR, PARTIAL, ROOT, SLIGHT
 
 Uncertainty = Callable[[Array, Array, Array], Array]
 FIRST_NODES, MAX_NODES = NODES, 256

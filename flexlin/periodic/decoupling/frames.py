@@ -7,8 +7,8 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.circle import assign
 from flexlin.periodic.interpolation import FourierSeries
-from flexlin.periodic.precision import PARTIAL, ROOT
 from flexlin.periodic.product import complex_schur
+from flexlin.precision import PARTIAL, ROOT
 
 SLOW_PART = 0.8
 """Harmonics of the coupling below this part of the gap shrink from round to round."""

@@ -32,11 +32,11 @@ from flexlin.periodic.decoupling.frames import (
 )
 from flexlin.periodic.floquet.by_segments import SegmentedSpectrum, solve_by_segments
 from flexlin.periodic.interpolation import FourierSeries
-from flexlin.periodic.precision import CUBE, FAINT, FARTHEST, FOURTH, MINOR, ROOT, SAFETY
 from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import BESIDE, FEWER_SEGMENTS, VECTORS, choose_setting
 from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.precision import CUBE, FAINT, FARTHEST, FOURTH, MINOR, ROOT, SAFETY
 
 MARK = 0.7
 """The angle by which the members of a complex group are turned, to separate them from their conjugates."""

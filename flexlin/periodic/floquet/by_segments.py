@@ -8,7 +8,6 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.circle import assign, measure_distances
 from flexlin.periodic.interpolation import FINER
-from flexlin.periodic.precision import CUBE, EPS, FAINT, SLIGHT
 from flexlin.periodic.product import ProductSpectrum, Unknown, find_spectrum
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import (
@@ -18,6 +17,7 @@ from flexlin.periodic.transition.choose_segments import (
     place_segments,
     report_too_many,
 )
+from flexlin.precision import CUBE, EPS, FAINT, SLIGHT
 
 SAFETY = 2.0
 """Factor on the method's error, which is measured against a better method."""

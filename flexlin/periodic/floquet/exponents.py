@@ -15,7 +15,6 @@ from flexlin.periodic.decoupling.decouple import MOST_TRIES
 from flexlin.periodic.floquet.by_decoupling import estimate_decoupling_work, solve_decoupled
 from flexlin.periodic.floquet.by_segments import Factoring, solve_by_segments
 from flexlin.periodic.floquet.result import FloquetResult, find_coinciding_within, find_reached, judge
-from flexlin.periodic.precision import CUBE, EPS, FAINT, SAFETY
 from flexlin.periodic.product import balance_factors, bound_pairs, complex_schur, separate_triangular
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choose_segments import (
@@ -27,6 +26,7 @@ from flexlin.periodic.transition.choose_segments import (
     fall_back,
 )
 from flexlin.periodic.transition.gauss import CHUNK_BYTES
+from flexlin.precision import CUBE, EPS, FAINT, SAFETY
 
 PATIENCE = 4e9
 """Multiplications of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""

@@ -11,10 +11,10 @@ from flexlin.periodic.circle import count_turns, measure_distances
 from flexlin.periodic.coefficient_series.matrix import couple_uncertainty
 from flexlin.periodic.floquet.result import find_reached
 from flexlin.periodic.interpolation import NODES
-from flexlin.periodic.precision import EPS, FOURTH, PARTIAL, SAFETY
 from flexlin.periodic.product import balance_factors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import count_waves
+from flexlin.precision import EPS, FOURTH, PARTIAL, SAFETY
 
 MAX_SIZE = 900
 """Rows of the largest Hill matrix: its eigenvalues take some seconds."""

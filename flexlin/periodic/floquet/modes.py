@@ -13,7 +13,6 @@ from flexlin.periodic.circle import assign, measure_distances
 from flexlin.periodic.floquet.by_decoupling import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.precision import ROOT
 from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choose_segments import (
@@ -25,6 +24,7 @@ from flexlin.periodic.transition.choose_segments import (
 )
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss
 from flexlin.plots.view import Series, Shown, View
+from flexlin.precision import ROOT
 
 if TYPE_CHECKING:
     import pandas

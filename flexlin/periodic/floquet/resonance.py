@@ -7,8 +7,8 @@ import numpy as np
 from flexlin.arguments import instance
 from flexlin.checks import Array
 from flexlin.periodic.floquet.modes import FloquetModes
-from flexlin.periodic.precision import CUBE, MINOR
 from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.precision import CUBE, MINOR
 
 
 @dataclass(frozen=True)

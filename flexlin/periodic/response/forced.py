@@ -16,7 +16,6 @@ from flexlin.periodic.coefficient_series.matrix import couple_uncertainty
 from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficients import PROBES, Constant, has_nothing_narrow, hold_input, refuse_signature
 from flexlin.periodic.interpolation import FINER, NODES, TAIL, edges_of_short, place_edges
-from flexlin.periodic.precision import EPS, FOURTH, MINOR, ROOT, SAFETY, TINY
 from flexlin.periodic.product import COHERENT, cyclic_system, find_spectrum
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choose_segments import MARGIN, MAX_SEGMENTS, Setting, choose_setting, report_too_many
@@ -31,6 +30,7 @@ from flexlin.periodic.transition.gauss import (
     sample_at,
 )
 from flexlin.plots.view import Series, Shown, View
+from flexlin.precision import EPS, FOURTH, MINOR, ROOT, SAFETY, TINY
 from flexlin.summary import represent
 
 if TYPE_CHECKING:

@@ -15,7 +15,6 @@ from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.interpolation import place_edges
-from flexlin.periodic.precision import CUBE, EPS, SAFETY, TINY
 from flexlin.periodic.product import cyclic_system
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
@@ -30,6 +29,7 @@ from flexlin.periodic.transition.gauss import (
     weigh_stages,
 )
 from flexlin.plots.view import Series, Shown, View
+from flexlin.precision import CUBE, EPS, SAFETY, TINY
 from flexlin.summary import represent
 
 if TYPE_CHECKING:

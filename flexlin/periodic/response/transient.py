@@ -13,12 +13,12 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
 from flexlin.periodic.interpolation import divide_evenly
-from flexlin.periodic.precision import EPS, SAFETY, TINY
 from flexlin.periodic.response.forced import STAGES
 from flexlin.periodic.system import PeriodicSystem, as_system, edges_between, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, choose_gauss_step, measure_pace
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.plots.view import Series, Shown, View
+from flexlin.precision import EPS, SAFETY, TINY
 from flexlin.summary import represent
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from flexlin.periodic.coefficient_series.sampling import stratified
 from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
 from flexlin.periodic.floquet.modes import find_coinciding, floquet_modes
 from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, divided
-from flexlin.periodic.precision import CUBE, EPS, ROOT, SLIGHT, TINY
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, dual_system, input_of
+from flexlin.precision import CUBE, EPS, ROOT, SLIGHT, TINY
 from flexlin.summary import represent
 
 SAMPLES = 64

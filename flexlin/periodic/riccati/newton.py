@@ -9,7 +9,6 @@ from flexlin.checks import Array
 from flexlin.errors import IllPosedSegment, NumericalError, ToleranceNotReached
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.coefficients import assemble_hamiltonian
-from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SAFETY, SLIGHT
 from flexlin.periodic.riccati.linear_quadratic import (
     SAMPLES,
     LinearQuadratic,
@@ -32,6 +31,7 @@ from flexlin.periodic.riccati.scattering import (
     twice,
 )
 from flexlin.periodic.transition.gauss import CHUNK_BYTES
+from flexlin.precision import EPS, MINOR, PARTIAL, ROOT, SAFETY, SLIGHT
 
 MOST = 8192
 """Nodes at the most."""

@@ -16,7 +16,7 @@ from flexlin.periodic.interpolation import (
     divide_segments,
     fourier_nodes,
 )
-from flexlin.periodic.precision import EPS, SAFETY, TINY
+from flexlin.precision import EPS, SAFETY, TINY
 
 SHOWN = 0.36
 """Waves that N equally spaced nodes show, as a part of N: a correction of the next ones could grow, see `FourierNodes.sharpen`."""

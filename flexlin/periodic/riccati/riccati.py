@@ -15,7 +15,6 @@ from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficients import Constant, MatrixFunction, assemble_hamiltonian, has_nothing_narrow, varies
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.interpolation import FourierSeries, divided, edges_of_short
-from flexlin.periodic.precision import MINOR
 from flexlin.periodic.riccati.linear_quadratic import (
     SAMPLES,
     WAVES,
@@ -27,6 +26,7 @@ from flexlin.periodic.riccati.linear_quadratic import (
 from flexlin.periodic.riccati.newton import MOST, solve_by_newton
 from flexlin.periodic.riccati.nodes import FourierNodes, Nodes, PanelNodes
 from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside, with_matrices
+from flexlin.precision import MINOR
 
 PER_WAVE = 4
 """Nodes for each wave of the coefficients on which X is sought first."""

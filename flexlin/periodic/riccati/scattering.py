@@ -8,10 +8,10 @@ from scipy.linalg import expm
 from flexlin.checks import Array
 from flexlin.errors import IllPosedSegment
 from flexlin.periodic.coefficients import Constant, MatrixFunction
-from flexlin.periodic.precision import EPS, TINY
 from flexlin.periodic.riccati.nodes import Nodes
 from flexlin.periodic.transition.factors import factor_states
 from flexlin.periodic.transition.gauss import STAGES, collect_chunks, gauss, sample_at
+from flexlin.precision import EPS, TINY
 
 MAX_DOUBLINGS = 64
 """Of a period: a loop that hardly forgets takes 2^64 of them."""

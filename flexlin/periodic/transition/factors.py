@@ -10,7 +10,6 @@ from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.coefficients import solve_mass, stack_companion
-from flexlin.periodic.precision import EPS
 from flexlin.periodic.product import Unknown
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
@@ -21,6 +20,7 @@ from flexlin.periodic.transition.gauss import (
     place_nodes,
     solve_accelerations,
 )
+from flexlin.precision import EPS
 
 Resolved = ResolvedMatrix | ResolvedCompanion
 MOST_UNKNOWNS = 300

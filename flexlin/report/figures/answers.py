@@ -14,7 +14,8 @@ from flexlin.report.advice import describe_demand
 from flexlin.report.figures import POINTS, Picture, make_period_panel, make_picture, resize
 from flexlin.report.numbers import record_fields
 from flexlin.report.wording import format_decimal, format_duration, format_quantity, in_unit, scale_values, with_unit_of
-from flexlin.scene.parameters import get_value, name_number
+from flexlin.scene.names import name_number
+from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 
 

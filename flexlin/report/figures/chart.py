@@ -16,7 +16,8 @@ from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Symlog
 from flexlin.report.figures import GAP, POINTS, SERIES, WIDTH, Picture, make_picture, make_wide_panel, resize
 from flexlin.report.wording import in_unit, page_unit, with_unit, with_unit_of, without_units
-from flexlin.scene.parameters import get_value, label_number, name_number
+from flexlin.scene.names import label_number, name_number
+from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 
 LOOPS = {"own": "the scene's own loop", "open": "the arm without feedback"}

@@ -6,9 +6,9 @@ from itertools import islice
 
 from flexlin.analyses.accuracy import CostResult, Row
 from flexlin.analyses.accuracy.result import STAGES
-from flexlin.periodic.precision import EPS
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Logarithmic, format_power_of_ten
+from flexlin.precision import EPS
 from flexlin.report.figures import DASHES, PARTS, SERIES, SHAPES, WIDTH, Picture, make_picture, resize, share_width
 from flexlin.scene.scene import Accuracy
 

@@ -7,9 +7,9 @@ from flexlin.analyses.analysis import Analysis
 from flexlin.analyses.judging import Loop
 from flexlin.checks import Array
 from flexlin.periodic.floquet.modes import follow_frozen_modes
-from flexlin.periodic.precision import CUBE, ROOT, SLIGHT
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic, Symlog
+from flexlin.precision import CUBE, ROOT, SLIGHT
 from flexlin.report.figures import SHAPES, Picture, choose_colour, make_period_panel, make_picture, resize, share_width
 from flexlin.report.figures.over_period import trace_arm
 from flexlin.report.wording import (

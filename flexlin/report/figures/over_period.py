@@ -11,9 +11,9 @@ from flexlin.checks import ROUNDING, Array
 from flexlin.control.tracking import arm_positions
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.links import COLUMNS
-from flexlin.periodic.precision import ROOT, SLIGHT
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import SUPERSCRIPTS, Linear
+from flexlin.precision import ROOT, SLIGHT
 from flexlin.report.advice import agreement, sentence
 from flexlin.report.figures import (
     DASHES,

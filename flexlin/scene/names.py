@@ -1,0 +1,68 @@
+"""Plain names and units of a scene's numbers, for axes and sentences."""
+
+from itertools import pairwise
+
+from flexlin.scene.base import Table
+from flexlin.scene.library import registered_model
+from flexlin.scene.parameters import PARAMETERS, get_value, path_in
+from flexlin.scene.problems import checked_table
+from flexlin.scene.scene import Scene
+
+TABLES = {"parameters", "motion", "effects", "control", "feedback", "links", "joints"}
+"""Steps of a path that say where a number stands, not what it is."""
+WORDS = {"kp": "stiffness of the feedback", "kd": "damping of the feedback"}
+
+
+def name_number(path: str) -> str:
+    """A dotted path in plain words: motion.frequency -> motion frequency, links.0.length -> length of link 1."""
+    steps = path.split(".")
+    if steps[0] == "motion" and len(steps) == 2:
+        return f"motion {steps[1].replace('_', ' ')}"
+    place = "".join(f" of {'link' if table == 'links' else 'joint'} {int(index) + 1}" for table, index in placed(steps))
+    kept = [WORDS.get(step, step.replace("_", " ")) for step in steps if step not in TABLES and not step.isdigit()]
+    alone = steps[-1].isdigit() and not place
+    return " ".join(kept or [path]) + place + (f" of joint {int(steps[-1]) + 1}" if alone else "")
+
+
+def placed(steps: list[str]) -> list[tuple[str, str]]:
+    """The lists of a path with the places in them."""
+    return [(table, index) for table, index in pairwise(steps) if table in ("links", "joints") and index.isdigit()]
+
+
+def name_unit(scene: Scene, path: str) -> str:
+    """The unit of the number at a dotted path; empty where it has none or none is stated, without dimensions of all but angles.
+
+    Of `rad or m` the first: no scene says so where its joints slide.
+    """
+    steps, unit = path_in(scene, path).split("."), ""
+    checked = check_parameters(scene) if steps[0] == PARAMETERS else scene
+    node: object = checked
+    for k, step in enumerate(steps):
+        if isinstance(node, Table):
+            unit = type(node).units().get(step, "")
+        node = get_value(checked, ".".join(steps[: k + 1]))
+    return choose_unit(scene, unit)
+
+
+def choose_unit(scene: Scene, unit: str) -> str:
+    """What a stated unit is in a scene."""
+    slides = any(link.joint == "prismatic" for link in scene.links)
+    unit = unit if slides else unit.split(" or ")[0]
+    return unit if scene.unit_system != "dimensionless" or unit == "rad" else ""
+
+
+def check_parameters(scene: Scene) -> Scene:
+    """The scene with its registered model's own table, whose keys know their units, in the place of the raw one."""
+    table = checked_table(registered_model(str(scene.model)).schema, scene.parameters, scene.title, PARAMETERS)
+    return scene.model_copy(update={PARAMETERS: table})
+
+
+def label_number(scene: Scene, path: str) -> str:
+    """The name with its unit, as on an axis: payload mass in kg."""
+    unit = show_unit(scene, path)
+    return name_number(path) + (f" in {unit}" if unit else "")
+
+
+def show_unit(scene: Scene, path: str) -> str:
+    """The unit with its powers raised: m/s²."""
+    return name_unit(scene, path).replace("^2", "²").replace("^3", "³").replace("^4", "⁴")
