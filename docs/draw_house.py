@@ -46,7 +46,7 @@ GROUND = tuple(
     if is_package(name) or (PACKAGE / name).with_suffix(".py").exists()
 )
 """What nearly every room stands on: drawn as the ground, without arrows."""
-WING_WIDTH, DEEPER = 430, 50
+WING_WIDTH, DEEPER = 430, 170
 """Pixels: of the numeric wing, whose rooms are shown one by one, and by which its row is higher than the others."""
 
 
