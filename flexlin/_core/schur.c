@@ -207,7 +207,11 @@ static void iterate(int n, int count, const double *factors, double *Q, const Be
 
 /* A fixed orthogonal matrix (n, n) in no special position; work (n n + 2 n). */
 static void turn_anyhow(int n, double *Q, double *work) {
-  for (int e = 0; e < n * n; e++) work[e] = sin(1.0 + (double)e * e);
+  unsigned long long state = 1931;
+  for (int e = 0; e < n * n; e++) {
+    state = state * 6364136223846793005ULL + 1442695040888963407ULL; /* Knuth's MMIX */
+    work[e] = (double)(state >> 11) * 0x1p-52 - 1.0;
+  }
   make_orthogonal(n, work, Q, work + n * n);
 }
 
@@ -377,6 +381,21 @@ static void sum_logs(Form *f) {
   }
 }
 
+/* One matrix: its complex Schur form. */
+static int find_single_form(const Lapack *lapack, const double *factor, Form *f, cpx *work) {
+  int n = f->n;
+  long size = (long)n * n;
+  for (long e = 0; e < size; e++) f->T[e] = factor[e];
+  if (!find_complex_schur(lapack, n, f->T, f->Q, work)) return NO_SCHUR_FORM;
+  memcpy(f->Q + size, f->Q, size * sizeof(cpx));
+  complete_triangle(n, f->T);
+  for (long e = 0; e < size; e++) f->start[e] = e % (n + 1) == 0;
+  for (int i = 0; i < n; i++) f->turn[i] = 1.0;
+  f->defect = 0.0;
+  sum_logs(f);
+  return SOUND;
+}
+
 /* Bring factors (count, n, n) into periodic Schur form, from bases `start` (n, n) or, where that is none, from those of no system. */
 int find_schur_form(const Lapack *lapack, const double *factors, const double *start, Form *f) {
   int n = f->n, count = f->count, code = SOUND;
@@ -387,6 +406,7 @@ int find_schur_form(const Lapack *lapack, const double *factors, const double *s
   cpx *work = malloc((5 * size + 2 * n + 2) * sizeof(cpx)), *U = work ? work + 4 * size + 2 * n + 2 : NULL;
   int *cut = malloc((n + 1) * sizeof(int));
   if (!memory || !work || !cut) code = NO_MEMORY;
+  else if (count == 1) code = find_single_form(lapack, factors, f, work);
   else {
     double *bases = memory, dropped;
     Bench at;
