@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import assign, measure_distances
-from flexlin.periodic.interpolation import FINER
+from flexlin.periodic.interpolation import FINER, NODES
 from flexlin.periodic.product import ProductSpectrum, Unknown, find_spectrum
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import (
@@ -17,7 +17,7 @@ from flexlin.periodic.transition.choose_segments import (
     place_segments,
     report_too_many,
 )
-from flexlin.precision import CUBE, EPS, FAINT, SLIGHT
+from flexlin.precision import CUBE, EPS, FAINT, ROOT, SLIGHT
 
 SAFETY = 2.0
 """Factor on the method's error, which is measured against a better method."""
@@ -99,7 +99,7 @@ def solve_by_segments(
         count = int(np.ceil(setting.segments * finer))
         if fixed or excess <= 1 or (setting.segments == max_segments and count <= most):
             noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
-            return compare_noise(system, spectrum, factor) if noisy else spectrum
+            return add_blind(compare_noise(system, spectrum, factor) if noisy else spectrum, system, tol)
         if count > most:
             raise report_too_many(count, max_segments, tol)
         setting = setting.with_segments(min(count, max_segments))
@@ -114,6 +114,13 @@ def bound_extinct(spectrum: SegmentedSpectrum, missed: Array) -> SegmentedSpectr
     below = spectrum.logs.real[0] - spectrum.logs.real
     extinct = missed & (below > max(EXTINCT, spectrum.errors[0]))
     return replace(spectrum, errors=np.where(np.logical_or.accumulate(extinct), np.inf, spectrum.errors))
+
+
+def add_blind(spectrum: SegmentedSpectrum, system: PeriodicSystem, tol: float) -> SegmentedSpectrum:
+    """Add to the errors what both methods may miss alike at the ends of narrow panels, where neither has a node."""
+    if np.diff(system.resolved.edges).min() > system.period / (2 * NODES):
+        return spectrum
+    return replace(spectrum, errors=spectrum.errors + ROOT * tol * np.maximum(system.period, np.abs(spectrum.logs)))
 
 
 def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum, factor: Factoring) -> SegmentedSpectrum:
