@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flexlin as fl
-from flexlin.errors import SceneError
+from flexlin.scene import known_effects
 
 from .scenes import arm_of, random_state, value
 
@@ -35,11 +35,61 @@ SPATIAL = {"modes": {"y": 1, "z": 1, "torsion": 1}, "torsional_stiffness": 0.8, 
 ADDED = {"joint_flexibility": 2, "bearing_compliance": 4}
 
 
+def test_all_effects_are_covered():
+    assert set(ON) == set(known_effects())
+
+
+def beam(arm, s_dot, link):
+    """The elastic rates of one link with two modes."""
+    return s_dot[2 + 2 * link : 4 + 2 * link]
+
+
+POWERS = {  # clamped-free shapes: int X^2 = 1, int X''^2 = beta^4
+    "modal_damping": lambda w, omega, m: np.sum(2 * np.array([0.01, 0.03]) * omega * m * w**2),
+    "rayleigh_damping": lambda w, omega, m: np.sum((0.1 + 1e-3 * omega**2) * m * w**2),
+    "kelvin_voigt_damping": lambda w, omega, m: np.sum(2e-3 * omega**2 * m * w**2),
+}
+
+
+@pytest.mark.parametrize("name", POWERS)
+def test_dissipated_power_of_the_links(name):
+    arm = arm_of({}, {}, effects={name: ON[name]})
+    s, s_dot, _ = random_state(arm)
+    omega = np.array([1.87510407, 4.69409113]) ** 2 * np.sqrt(1.0 / (0.2 * 0.5**4))
+    expected = sum(POWERS[name](beam(arm, s_dot, link), omega, 0.2 * 0.5) for link in (0, 1))
+    assert float(s_dot @ value(arm, "damping", s, s_dot)[:, 0]) == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("name", "power"),
+    [
+        ("viscous_friction", lambda q: 0.2 * q[0] ** 2 + 0.1 * q[1] ** 2),
+        ("coulomb_friction", lambda q: 0.3 * q[0] * np.tanh(q[0] / 0.05) + 0.1 * q[1] * np.tanh(q[1] / 0.05)),
+        ("motor", lambda q: 0.05**2 / 2.0 * (50.0**2 * q[0] ** 2 + 30.0**2 * q[1] ** 2)),
+    ],
+)
+def test_dissipated_power_of_the_joints(name, power):
+    arm = arm_of({}, {}, effects={name: ON[name]})
+    for seed in range(3):
+        s, s_dot, _ = random_state(arm, seed)
+        assert float(s_dot @ value(arm, "damping", s, s_dot)[:, 0]) == pytest.approx(power(s_dot[:2]), rel=1e-12)
+
+
 def test_motor_input_is_the_voltage():
     arm = arm_of({}, {}, effects={"motor": ON["motor"]})
     B = np.array(ca.DM(arm.B))
     np.testing.assert_allclose(B[:2], np.diag([50.0 * 0.05 / 2, 30.0 * 0.05 / 2]), rtol=1e-14)
     assert not B[2:].any()
+
+
+def test_rotor_inertia_is_that_of_a_hub():
+    """N^2 J_m on joint 1 of a fixed base is a hub's inertia; on joint 2 a hub turns with link 1 too, a geared rotor hardly."""
+    geared = arm_of({}, {}, effects={"motor": ON["motor"]})
+    plain = arm_of({}, {})
+    s, _, _ = random_state(plain)
+    difference = value(geared, "M", s) - value(plain, "M", s)
+    np.testing.assert_allclose(np.diag(difference)[:2], [50.0**2 * 1e-5, 30.0**2 * 1e-5], rtol=1e-9)
+    assert np.abs(difference - np.diag(np.diag(difference))).max() < 1e-15
 
 
 NEUTRAL = {
@@ -84,15 +134,16 @@ LINKS = st.fixed_dictionaries(
         "mount_angle": st.floats(-3.0, 3.0),
     }
 )
-TABLES = {
-    name: {
-        key: one[0] if isinstance(one, list) and name != "tip_force" else one
-        for key, one in table.items()
-        if key != "radius"
-    }
-    for name, table in ON.items()
+FIRST_ONLY = {"hub": {"inertia": 0.02, "mass": 0.1}, "payload": {"mass": 0.1, "inertia": 0.001, "offset": 0.02}}
+SCALAR = {
+    "joint_flexibility": {"stiffness": 50.0, "motor_inertia": 0.05},
+    "bearing_compliance": {"stiffness": 80.0, "damping": 0.3, "inertia": 0.02},
+    "viscous_friction": {"coefficient": 0.2},
+    "coulomb_friction": {"torque": 0.3, "rate": 0.05},
+    "motor": {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": 50.0, "rotor_inertia": 1e-5},
+    "rotor_spin": {"inertia": 1e-6, "gear_ratio": -40.0},
 }
-"""One number for every joint or link, and no radius, which pinned shapes do not stand."""
+TABLES = ON | FIRST_ONLY | SCALAR
 
 
 @pytest.mark.slow
@@ -124,18 +175,31 @@ def test_any_chain_obeys_mechanics(links, names, seed):
 
 
 FLEXIBLE = {"links.0.modes": 0, "effects.joint_flexibility": {"stiffness": 10.0, "motor_inertia": 0.1}}
-FLEXIBLE |= {"effects.modal_damping": "off", "designs": []}
+GREASE = {"coefficient": 0.7, "exponent": 0.4, "rate": 1e-3}
+LAWS = [
+    ("viscous_friction", {"coefficient": 0.7}, lambda rate: 0.7 * rate),
+    ("viscous_friction", GREASE, lambda rate: 0.7 * np.sign(rate) * abs(rate) ** 0.4),
+    ("coulomb_friction", {"torque": 0.3, "rate": 0.2}, lambda rate: 0.3 * np.tanh(rate / 0.2)),
+]
 
 
-def test_grease_resists_by_a_power_of_the_rate():
-    numbers = {"coefficient": 0.7, "exponent": 0.4, "rate": 1e-3, "at": "motor"}
-    arm = fl.build_manipulator(fl.load_scene("single-link", FLEXIBLE | {"effects.viscous_friction": numbers}))
+@pytest.mark.parametrize(("name", "numbers", "law"), LAWS)
+@pytest.mark.parametrize("at", ["joint", "motor"])
+def test_it_resists_the_rate_that_it_is_said_to(name, numbers, law, at):
+    kept = {"effects.modal_damping": "off"}
+    scene = fl.load_scene("single-link", FLEXIBLE | {f"effects.{name}": numbers | {"at": at}, "designs": []} | kept)
+    arm = fl.build_manipulator(scene)
+    found = np.array(ca.Function("d", [arm.s, arm.s_dot], [arm.damping])([0.1, 0.2], [0.4, -0.5]))[:, 0]
+    before = fl.build_manipulator(fl.load_scene("single-link", FLEXIBLE | {"designs": []} | kept))
+    others = np.array(ca.Function("d", [before.s, before.s_dot], [before.damping])([0.1, 0.2], [0.4, -0.5]))[:, 0]
+    place = {"joint": 0, "motor": 1}[at]
+    expected = np.zeros(2)
+    expected[place] = law([0.4, -0.5][place])
     assert arm.names == ("q1", "theta1")
-    found = value(arm, "damping", [0.1, 0.2], [0.4, -0.5])[:, 0]
-    assert found == pytest.approx([0.0, -0.7 * 0.5**0.4], rel=1e-5)
+    assert found - others == pytest.approx(expected, rel=1e-5)
 
 
 def test_motors_do_not_stick():
     table = {"torque": 0.1, "static": 0.2, "at": "motor"}
-    with pytest.raises(SceneError, match="only joints stick"):
+    with pytest.raises(fl.errors.SceneError, match="only joints stick"):
         fl.load_scene("single-link", FLEXIBLE | {"effects.coulomb_friction": table})
