@@ -16,8 +16,10 @@ LARGEST_SCENE, LARGEST_ROBOT = MEBIBYTE, 4 * MEBIBYTE
 """Bytes of a scene, and of a URDF file."""
 LARGEST_TABLE = LARGEST_MANIFEST = 64 * MEBIBYTE
 """Bytes of a table of a motion, and of a list of results."""
-LARGEST_LOG = LIMIT = 1024 * MEBIBYTE
-"""Bytes of a log, and of what one request may take unless `checks.memory_limit` says otherwise."""
+LARGEST_LOG = 1024 * MEBIBYTE
+"""Bytes of a log."""
+LIMIT = 1024 * MEBIBYTE
+"""Bytes that one request may take unless `checks.memory_limit` says otherwise."""
 MOST_ROWS, MOST_COLUMNS, MOST_ELEMENTS, MOST_ITEMS = 2**18, 1000, 50_000, 200
 """Rows of a table, columns of a log, elements of a URDF file, and links, designs, or described mistakes, of one scene."""
 DEEPEST = 32

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, at_times, whole
 
-CACHED = 262_144
+CACHED = 2**18
 """Bytes that are made at a time, of waves or of a coefficient's samples: with what these need on the way they stay in the processor's
 cache."""
 NODES, TAIL = 32, 4

@@ -18,7 +18,7 @@ from flexlin.simulation.equations import (
     with_controller,
 )
 from flexlin.simulation.events import Event, Events
-from flexlin.simulation.mesh import GRADED, INSIDE, Mesh, Trail, find_rough_times, with_breaks
+from flexlin.simulation.mesh import INSIDE, Mesh, Trail, find_rough_times, with_breaks
 from flexlin.simulation.stopping import GENTLER, SHORTER, SHORTEST, stopped
 from flexlin.simulation.sweeps import Rigid, Solved, Start, solve_window
 from flexlin.simulation.window import Grid, Path, between
@@ -37,7 +37,7 @@ MOST_STEPS = 200_000
 """Steps, refused ones counted, after which a simulation is given up."""
 EVEN, EXCESS = 10.0, 4.0
 """Periods after which the steps that are needed are foreseen, and how many times too many end the simulation."""
-FURTHER = GRADED
+FURTHER = 1.3
 """How much further windows reach, one after another, behind one whose sweeps did not settle."""
 Accept = Callable[[Array, Array, Array], None]
 """Looks at times (N,) and states (N, 2n) that were reached, and the torque (.., m) at the stages before; raises if they must not be."""

@@ -26,8 +26,8 @@ COARSE, CELLS = 8, 32
 """Cells of a scan at the least, of one with the time for it, and of a lattice on either side."""
 REACH = 2.0
 """A pair whose decay over a period exceeds its motion across a cell by this factor is not lifted to growth inside the cell alone."""
-CLOSER = 4
-"""How often, at the most, cells of a lattice's lines are halved, and a peak on it is looked at more closely; and cells of a cell's side."""
+HALVED = 4
+"""How often, at the most, cells of a lattice's lines are halved."""
 UNLIKE = 0.5
 """Angles of multipliers that differ by more belong to different tongues."""
 
@@ -240,7 +240,7 @@ def add_tongues(scan: Scan, accuracy: float, effort: Effort) -> tuple[Scan, Peak
 def divide_unsettled(scan: Scan) -> Scan:
     """The scan with its unsettled cells halved, and again where multipliers turn so far that tongues inside may not show beside them."""
     cell = np.flatnonzero(scan.joined & ~settles(scan.spectra))
-    for _ in range(CLOSER):
+    for _ in range(HALVED):
         scan = scan.with_values(scan.line[cell], (scan.values[cell] + scan.values[cell + 1]) / 2)
         first = cell + np.arange(len(cell))
         first = first[turns_unevenly(*(scan.spectra.at(first + k).logs for k in range(3)))]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.crossings import CELLS, CLOSER
+from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.follow import (
     EXACT,
     STEP,
@@ -30,6 +30,8 @@ from flexlin.periodic.boundary.spectra import (
 from flexlin.periodic.interpolation import NODES, chebyshev_nodes, divide_evenly
 from flexlin.precision import CUBE, TINY
 
+INNER = 4
+"""Cells on either side of a cell that is divided again."""
 SMALLEST = 2e-3
 """Boxes smaller than this part of the ranges are searched for a tongue's tip before they are divided."""
 DEGREE = 5
@@ -131,7 +133,7 @@ class Tracer:
             tip = find_tip(low, high, first.angles, first.undamped, self.function, self.tol)
             if tip is not None:
                 return join_through(trace, pairs, tip)
-        return join_traces(trace, self.trace(low, high, CLOSER), pairs, self.tol)
+        return join_traces(trace, self.trace(low, high, INNER), pairs, self.tol)
 
 
 def find_curves(

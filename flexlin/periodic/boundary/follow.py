@@ -7,7 +7,6 @@ from scipy.optimize import linear_sum_assignment
 
 from flexlin.checks import Array
 from flexlin.periodic.boundary.crossings import (
-    CLOSER,
     Scan,
     add_quiet_strips,
     add_tongues,
@@ -28,6 +27,8 @@ at the most.
 EXACT = 8.0
 """Points of the boundary are placed to this part of the wanted error; also how many times farther from a piece's middle each next look
 for the boundary goes."""
+ROUNDS = 4
+"""How often a peak of a lattice is looked at more closely, at nine points of a square a third as large each time."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def find_islands(xs: Array, ys: Array, spectra: Spectra, function: SpectraFuncti
     step = np.array([xs[1] - xs[0], ys[1] - ys[0]])
     square = spread(*2 * [np.array([-1.0, 0.0, 1.0])])
     found, every = np.zeros(len(at), dtype=bool), np.arange(len(at))
-    for _ in range(CLOSER):
+    for _ in range(ROUNDS):
         step = step / 3
         tried = np.clip(places[:, None] + square * step, 0.0, 1.0)
         result = function(tried.reshape(-1, 2))

@@ -10,11 +10,10 @@ from numpy.polynomial.legendre import leggauss, legvander
 from flexlin.checks import Array
 from flexlin.errors import NumericalError, SingularMassMatrix
 from flexlin.periodic.coefficients import MatrixFunction, check_finite
-from flexlin.periodic.interpolation import CACHED
 
 STAGES = 8
 """Where nobody asks for a number of them: of order 16."""
-CHUNK_BYTES = 128 * CACHED
+CHUNK_BYTES = 2**25
 """What is computed at once takes at most this many bytes (one segment or one mode at the least)."""
 
 
