@@ -74,6 +74,13 @@ def test_the_c_controller_asks_for_the_torque_of_its_law(arm, tmp_path):
     assert order == [(str(i % 4), name, unit) for i, (name, unit) in enumerate(zip(names, units, strict=True))]
 
 
+def test_an_arm_that_nothing_drives_has_no_controller(tmp_path):
+    scene = fl.load_scene("rotating-beam")
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    with pytest.raises(ArgumentError, match="no input"):
+        gain_source(scene_feedback(lin), lin.period, tmp_path, lin=lin)
+
+
 @pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize(("kind", "least"), thin([("frozen-lqr", 1e-9), ("finite-horizon-lqr", 1e-5)]))

@@ -9,108 +9,16 @@ import flexlin
 from flexlin.arguments import checked
 from flexlin.checks import Array, c_name, positive
 from flexlin.control.designed_loop import Design
-from flexlin.control.export.c_series import PRODUCT, SAMPLES, Form, numbers, write_series
+from flexlin.control.export.c_series import SAMPLES, Form, numbers, write_series
 from flexlin.control.export.files import Labels
+from flexlin.control.export.templates import fill_in
+from flexlin.errors import ArgumentError
 from flexlin.files import results
 from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficients import Combined
 from flexlin.periodic.system import corners_of
 
-HEADER = """\
-/* {title}, written by flexlin {version}. C99, needs libm only; no memory is allocated.
-
-   {name}(phase, state, torque)          torque = -K(phase) state
-   {name}_matrix(phase, K)               K, {m} x {n}, row by row
-   {name}_law(phase, state, torque)      torque = forward(phase) - K(phase) (state - reference(phase))
-{rates}
-   phase: t / T with T = {period!r} s; {beyond}
-   state, the deviation from the rigid motion:
-{states}
-   torque:
-{inputs}
-   forward: {forward}
-   Layout of K: {layout}; entry {n} i + j is K[i][j].
-   Largest error of K against flexlin's: {error:.1e} of its largest entry; of the torques that are fed forward: {torques:.1e}. */
-#ifndef FLEXLIN_{guard}_H
-#define FLEXLIN_{guard}_H
-#define {guard}_STATES {n}
-#define {guard}_INPUTS {m}
-#define {guard}_PERIOD {period!r}
-void {name}(double phase, const double *state, double *torque);
-void {name}_matrix(double phase, double *K);
-void {name}_law(double phase, const double *state, double *torque);
-{declared}#endif
-"""
-SOURCE = """\
-#include <math.h>
-#include "{name}.h"
-
-{series}
-static double within(double phase) {{ return {within}; }}
-
-void {name}_matrix(double phase, double *K) {{ K_of(within(phase), K); }}
-
-void {name}(double phase, const double *state, double *torque) {{
-  double K[{size}];
-  int i;
-  K_of(within(phase), K);
-  for (i = 0; i < {m}; ++i) torque[i] = 0.0;
-  add({m}, {n}, -1.0, K, state, torque);
-}}
-
-static void {name}_deviation(double phase, const double *state, double *away) {{
-  double reference[{arm}];
-  int i;
-  reference_of(within(phase), reference);
-  for (i = 0; i < {n}; ++i) away[i] = i < {arm} ? state[i] - reference[i] : state[i];
-}}
-
-void {name}_law(double phase, const double *state, double *torque) {{
-  double K[{size}], away[{n}];
-  K_of(within(phase), K);
-  forward_of(within(phase), torque);
-  {name}_deviation(phase, state, away);
-  add({m}, {n}, -1.0, K, away, torque);
-}}
-{integrals}"""
-INTEGRALS = """
-void {name}_rates(double phase, const double *state, double *rates) {{
-  static const double R[{k} * {n}] = {{
-{rows}
-  }};
-  double away[{n}];
-  int i;
-  {name}_deviation(phase, state, away);
-  for (i = 0; i < {k}; ++i) rates[i] = 0.0;
-  add({k}, {n}, 1.0, R, away, rates);
-}}
-"""
-UNWINDING = """
-void {name}_unwind(const double *missing, double *rates) {{
-  static const double U[{k} * {m}] = {{
-{rows}
-  }};
-  add({k}, {m}, 1.0, U, missing, rates);
-}}
-"""
-MAIN = """\
-/* Prints the gain at a phase: K and its numbers column by column.   usage: main PHASE */
-#include <stdio.h>
-#include <stdlib.h>
-#include "{name}.h"
-
-int main(int argc, char **argv) {{
-  double K[{m} * {n}];
-  int i, j;
-  if (argc != 2) {{ fprintf(stderr, "usage: %s PHASE\\n", argv[0]); return 2; }}
-  {name}_matrix(atof(argv[1]), K);
-  printf("K");
-  for (j = 0; j < {n}; ++j) for (i = 0; i < {m}; ++i) printf(" %.17g", K[{n} * i + j]);
-  printf("\\n");
-  return 0;
-}}
-"""
 WITHIN = {True: "phase - floor(phase)", False: "phase < 0.0 ? 0.0 : phase > 1.0 ? 1.0 : phase"}
 BEYOND = {True: "any number, taken modulo 1", False: "held at 0 before the motion and at 1 after it"}
 """What becomes of a phase outside [0, 1], for periodic and for one-way motions."""
@@ -162,7 +70,7 @@ def gain_source(
     Raises
     ------
     ArgumentError
-        When the arm does not fit the design, or for another form.
+        When the arm does not fit the design or has no input, or for another form.
     OutputError
         When the folder cannot be written.
 
@@ -192,6 +100,10 @@ def write_gain(
 ) -> list[str]:
     """Write `gain_source` into a folder of a set; returns the names of the files."""
     m, n = made.K(np.zeros(1)).shape[1:]
+    if m == 0:
+        raise ArgumentError(
+            "the design has no input, so there is no gain to write", got=f"K of 0 x {n}", expected="a driven arm"
+        )
     labels = Labels.fitting(lin, n, m, made.controller)
     memory = 0 if made.controller is None else made.controller.states
     chosen = law or (made.law if lin is None else lin.law)
@@ -207,14 +119,14 @@ def write_gain(
         )
     ]
     words = {
-        "name": name, "guard": name.upper(), "n": n, "m": m, "size": n * m, "period": float(period), "version": flexlin.__version__,
+        "name": name, "guard": name.upper(), "n": n, "m": m, "size": n * m, "period": repr(float(period)), "version": flexlin.__version__,
         "title": f"The design “{made.name}”".replace("*/", "* /").replace("/*", "/ *").replace("\\", "/"), "forward": chosen.feedforward,
         "states": listed(labels.states, labels.state_units), "inputs": listed(labels.inputs, labels.input_units),
-        "layout": parts[0].layout, "error": parts[0].error, "torques": parts[1].error,
-        "series": "\n".join([PRODUCT, *(part.source for part in parts)]),
+        "layout": parts[0].layout, "error": f"{parts[0].error:.1e}", "torques": f"{parts[1].error:.1e}",
+        "series": "\n".join([fill_in("add.c.in", {}), *(part.source for part in parts)]),
         "within": WITHIN[not once], "beyond": BEYOND[not once], "arm": n - memory, **words_of_integrals(made, name, n),
     }  # fmt: skip
-    return write_c(folder, {f"{name}.c": SOURCE, f"{name}.h": HEADER, "main.c": MAIN}, words)
+    return write_c(folder, {f"{name}.c": "gain.c.in", f"{name}.h": "gain.h.in", "main.c": "gain_main.c.in"}, words)
 
 
 def words_of_integrals(made: Design, name: str, n: int) -> dict[str, str]:
@@ -222,15 +134,16 @@ def words_of_integrals(made: Design, name: str, n: int) -> dict[str, str]:
     if made.controller is None:
         return {"integrals": "", "declared": "", "rates": ""}
     k, unwinding = made.controller.states, made.controller.unwinding
+    sizes = {"name": name, "k": k, "n": n, "m": unwinding.shape[1]}
     text = f"{name}_rates(phase, state, rates)"
     words = {
-        "integrals": INTEGRALS.format(name=name, k=k, n=n, rows=write_rows(made.controller.rates)),
+        "integrals": fill_in("gain_integrals.c.in", {**sizes, "rows": write_rows(made.controller.rates)}),
         "declared": f"void {name}_rates(double phase, const double *state, double *rates);\n",
         "rates": f"\n   {text:<38}rates of the last {k} states, which the caller integrates",
     }
     if unwinding.any():
         text = f"{name}_unwind(missing, rates)"
-        words["integrals"] += UNWINDING.format(name=name, k=k, m=unwinding.shape[1], rows=write_rows(unwinding))
+        words["integrals"] += fill_in("gain_unwinding.c.in", {**sizes, "rows": write_rows(unwinding)})
         words["declared"] += f"void {name}_unwind(const double *missing, double *rates);\n"
         words["rates"] += f"\n   {text:<38}adds to the rates what a drive at its limit changes, missing = asked - given"
     return {**words, "rates": words["rates"] + "\n"}
@@ -252,5 +165,5 @@ def write_c(folder: Path, templates: dict[str, str], words: dict[str, object]) -
     """Fill in the templates and write them as files of the folder; returns their names."""
     folder.mkdir(parents=True, exist_ok=True)
     for file, template in templates.items():
-        (folder / file).write_text(template.format(**words), encoding="utf-8")
+        (folder / file).write_text(fill_in(template, words), encoding="utf-8")
     return list(templates)

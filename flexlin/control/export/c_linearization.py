@@ -12,6 +12,7 @@ import flexlin
 from flexlin.arguments import checked
 from flexlin.checks import c_name
 from flexlin.control.export.files import Labels
+from flexlin.control.export.templates import fill_in
 from flexlin.errors import ArgumentError
 from flexlin.files import results
 from flexlin.linearization.linearization import Linearization
@@ -19,51 +20,6 @@ from flexlin.motion import SymbolicMotion
 
 LAST = '} /* extern "C" */\n#endif\n'
 """The last lines of the files that CasADi writes."""
-
-LAYOUT = """\
-/* {name}, written by flexlin {version}: M y'' + D y' + K y = h + B u along the rigid motion, SI units and radians.
-   in[0]: phase t / T in [0, 1], T = {period!r} s.   in[1]: parameters: {parameters}.
-   out: {outputs},
-     each dense and column by column: {entry}.
-     h: what drives the deviation; tau: the torque of the rigid motion.
-   coordinates:{coordinates}
-   inputs:{inputs}
-   The size of every array: {name}_sparsity_in(i), {name}_sparsity_out(i); an example: main.c. */
-"""
-
-MAIN = """\
-/* Prints every output of a function at a phase in [0, 1): name, then its numbers column by column.
-   usage: {name} PHASE */
-#include <stdio.h>
-#include <stdlib.h>
-#include <math.h>
-#include "{name}.h"
-
-int main(int argc, char **argv) {{
-  casadi_int sz_arg, sz_res, sz_iw, sz_w, i, j;
-  double in[{inputs}] = {{0}}, out[{outputs}], phase;
-  const double parameters[] = {{{parameters}}};
-  if (argc != 2) {{ fprintf(stderr, "usage: %s PHASE\\n", argv[0]); return 2; }}
-  phase = atof(argv[1]);
-  in[0] = phase - floor(phase);
-  for (i = 0; i < {count}; ++i) in[1 + i] = parameters[i];
-  {name}_work(&sz_arg, &sz_res, &sz_iw, &sz_w);
-  const double **arg = malloc(sz_arg * sizeof(*arg));
-  double **res = malloc(sz_res * sizeof(*res)), *w = malloc((sz_w + 1) * sizeof(*w)), *to = out;
-  casadi_int *iw = malloc((sz_iw + 1) * sizeof(*iw));
-  arg[0] = in;
-  if ({name}_n_in() > 1) arg[1] = in + 1;
-  for (i = 0; i < {name}_n_out(); ++i) {{ res[i] = to; to += {name}_sparsity_out(i)[0] * {name}_sparsity_out(i)[1]; }}
-  if ({name}(arg, res, iw, w, 0)) return 1;
-  for (i = 0; i < {name}_n_out(); ++i) {{
-    printf("%s", {name}_name_out(i));
-    for (j = 0; j < {name}_sparsity_out(i)[0] * {name}_sparsity_out(i)[1]; ++j) printf(" %.17g", res[i][j]);
-    printf("\\n");
-  }}
-  free(arg); free(res); free(w); free(iw);
-  return 0;
-}}
-"""
 
 
 @checked
@@ -136,16 +92,17 @@ def describe_layout(lin: Linearization, name: str) -> str:
     entry = (
         f"entry (i, j) of an {lin.n} x {lin.n} matrix is out[k][i + {lin.n} * j]" if lin.n > 1 else "one number each"
     )
-    return LAYOUT.format(
-        name=name,
-        version=flexlin.__version__,
-        period=lin.period,
-        coordinates="".join(f"\n     y[{i}] {label} in {unit}" for i, (label, unit) in enumerate(coordinates)),
-        inputs="".join(f"\n     u[{i}] at {label} in {unit}" for i, (label, unit) in enumerate(inputs)) or " none",
-        outputs=", ".join(shapes),
-        parameters=", ".join(lin.arm.parameters.paths) or "none",
-        entry=entry,
-    )
+    words = {
+        "name": name,
+        "version": flexlin.__version__,
+        "period": repr(lin.period),
+        "coordinates": "".join(f"\n     y[{i}] {label} in {unit}" for i, (label, unit) in enumerate(coordinates)),
+        "inputs": "".join(f"\n     u[{i}] at {label} in {unit}" for i, (label, unit) in enumerate(inputs)) or " none",
+        "outputs": ", ".join(shapes),
+        "parameters": ", ".join(lin.arm.parameters.paths) or "none",
+        "entry": entry,
+    }
+    return fill_in("linearization_layout.h.in", words)
 
 
 def _write(function: ca.Function, parameters: np.ndarray, folder: Path, name: str) -> list[str]:
@@ -163,12 +120,12 @@ def _write(function: ca.Function, parameters: np.ndarray, folder: Path, name: st
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             (folder / file).write_text(source, encoding="utf-8")
     values = ", ".join(repr(float(value)) for value in parameters) or "0"
-    main = MAIN.format(
-        name=name,
-        inputs=1 + max(1, len(parameters)),
-        outputs=sum(function.numel_out(i) for i in range(function.n_out())),
-        parameters=values,
-        count=len(parameters),
-    )
-    (folder / "main.c").write_text(main, encoding="utf-8")
+    words = {
+        "name": name,
+        "inputs": 1 + max(1, len(parameters)),
+        "outputs": sum(function.numel_out(i) for i in range(function.n_out())),
+        "parameters": values,
+        "count": len(parameters),
+    }
+    (folder / "main.c").write_text(fill_in("linearization_main.c.in", words), encoding="utf-8")
     return [*names, "main.c"]

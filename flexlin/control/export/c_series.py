@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from flexlin.checks import SAMPLES, Array
+from flexlin.control.export.templates import fill_in
 from flexlin.control.sampled import SampledGain
 from flexlin.periodic.coefficient_series.matrix import Series
 from flexlin.periodic.coefficient_series.resolve import resolve
@@ -19,52 +20,6 @@ from flexlin.precision import EPS, SAFETY
 Form = Literal["series", "sampled"]
 NEGLIGIBLE = SAFETY * EPS
 """Coefficients at the end of a series are left out when all together are smaller than this against the largest value."""
-PRODUCT = """\
-/* Adds by A x to a vector. */
-static void add(int rows, int columns, double by, const double *A, const double *x, double *to) {
-  int i, j;
-  for (i = 0; i < rows; ++i)
-    for (j = 0; j < columns; ++j) to[i] += by * A[columns * i + j] * x[j];
-}
-"""
-FOURIER = """\
-static void {name}(double phase, double *out) {{
-  static const double table[{rows}][{size}] = {{
-{table}
-  }};
-  const double angle = 6.283185307179586476925 * phase, c1 = cos(angle), s1 = sin(angle);
-  double c = 1.0, s = 0.0, next;
-  int k, i;
-  for (i = 0; i < {size}; ++i) out[i] = 0.0;
-  for (k = 1; k <= {harmonics}; ++k) {{
-    next = c * c1 - s * s1;
-    s = s * c1 + c * s1;
-    c = next;
-    for (i = 0; i < {size}; ++i) out[i] += c * table[2 * k - 1][i] + s * table[2 * k][i];
-  }}
-  for (i = 0; i < {size}; ++i) out[i] += table[0][i];
-}}
-"""
-PANELS = """\
-static void {name}(double phase, double *out) {{
-  static const double edges[{edge_count}] = {{{edges}}};
-  static const double table[{panels}][{degrees}][{size}] = {{
-{table}
-  }};
-  int low = 0, high = {panels}, middle, k, i;
-  double u, b0, b1, b2;
-  while (high - low > 1) {{
-    middle = (low + high) / 2;
-    if (phase >= edges[middle]) low = middle; else high = middle;
-  }}
-  u = ((phase - edges[low]) - (edges[low + 1] - phase)) / (edges[low + 1] - edges[low]);
-  for (i = 0; i < {size}; ++i) {{
-    b1 = b2 = 0.0;
-    for (k = {degrees} - 1; k > 0; --k) {{ b0 = 2.0 * u * b1 - b2 + table[low][k][i]; b2 = b1; b1 = b0; }}
-    out[i] = u * b1 - b2 + table[low][0][i];
-  }}
-}}
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +105,8 @@ def write_fourier(name: str, series: FourierSeries) -> tuple[str, str]:
     """The text, and the layout in words."""
     H, flat = series.degree, series.coefficients.reshape(len(series.coefficients), -1)
     rows = [flat[0]] + [row for k in range(1, H + 1) for row in (flat[k], flat[H + k])]
-    source = FOURIER.format(name=name, rows=len(rows), size=flat.shape[1], table=table(rows), harmonics=H)
-    return source, f"Fourier series of {H} harmonics: mean, then cosine and sine of each"
+    words = {"name": name, "rows": len(rows), "size": flat.shape[1], "table": table(rows), "harmonics": H}
+    return fill_in("fourier_series.c.in", words), f"Fourier series of {H} harmonics: mean, then cosine and sine of each"
 
 
 def write_panels(name: str, series: ChebyshevPanels) -> tuple[str, str]:
@@ -161,7 +116,7 @@ def write_panels(name: str, series: ChebyshevPanels) -> tuple[str, str]:
     phases = numbers(series.edges / series.period)
     blocks = ",\n".join(f"  {{\n{table(list(panel))}\n  }}" for panel in flat)
     sizes = {"panels": len(flat), "degrees": flat.shape[1], "size": flat.shape[2], "edge_count": len(flat) + 1}
-    source = PANELS.format(name=name, edges=phases, table=blocks, **sizes)
+    source = fill_in("chebyshev_panels.c.in", {"name": name, "edges": phases, "table": blocks, **sizes})
     return source, f"Chebyshev series of degree {flat.shape[1] - 1} on {len(flat)} panels"
 
 
