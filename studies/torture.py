@@ -35,7 +35,7 @@ SIZES = {
         "disks": 1,
         "writers": 8,
         "memory": 1,
-        "misuse": 2,
+        "misuse": 1,
     },
     "full": {
         "check": 10_000,
