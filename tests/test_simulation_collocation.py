@@ -11,9 +11,8 @@ from scipy.linalg import expm
 import flexlin as fl
 from flexlin.control import periodic_motion
 from flexlin.errors import NumericalError
-from flexlin.simulation import NonlinearLoop, predict, simulate
+from flexlin.simulation import Drive, NonlinearLoop, predict, simulate
 from flexlin.simulation.collocation import Collocation
-from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.mesh import with_breaks
 from flexlin.simulation.sweeps import Rigid, Start, solve_window

@@ -11,8 +11,7 @@ import flexlin as fl
 from flexlin.control import linear_range, pd_feedback
 from flexlin.control.validity import LARGEST, SMALLEST
 from flexlin.errors import DesignError, NumericalError, SimulationStopped, TooLarge
-from flexlin.simulation import simulate
-from flexlin.simulation.drive import Drive
+from flexlin.simulation import Drive, simulate
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.modes import ModedEquations
 from tests.closed_arm import closed

@@ -10,16 +10,16 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigvals
 
 import flexlin as fl
-from flexlin.analyses.audit import audit, figures, find_reach
-from flexlin.analyses.audit.judging import Judge, again
-from flexlin.analyses.audit.versions import Version, list_mode_versions, list_model_versions, read_scale, with_modes
+from flexlin.analyses import Judge, find_reach, read_scale
+from flexlin.analyses.audit import audit, figures
+from flexlin.analyses.audit.judging import again
+from flexlin.analyses.audit.versions import Version, list_mode_versions, list_model_versions, with_modes
 from flexlin.cli import main
 from flexlin.errors import TimeLimit
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.report import audit_block, audit_lines, draw_effects, fitting, minimal_text
-from flexlin.scene import register_model
-from flexlin.scene.base import Number, Table
-from flexlin.scene.effects import known_effects
+from flexlin.scene import Table, known_effects, register_model
+from flexlin.scene.base import Number
 from flexlin.simulation import tip_positions
 from tests.audit.test_advice_by_formulas import row_of
 from tests.closed_arm import closed, control_loop

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.scene import parse_scene
-from flexlin.scene.effects import known_effects
+from flexlin.scene import known_effects, parse_scene
 from tests.thinned import thin
 
 from .jury import Jury

@@ -9,11 +9,10 @@ from scipy.optimize import linear_sum_assignment
 
 import flexlin as fl
 from flexlin.errors import TooManySegments
-from flexlin.periodic.decoupling.coupling import Coupled, Decoupled, Refusal, residual_effect
-from flexlin.periodic.decoupling.decouple import decouple
-from flexlin.periodic.decoupling.frames import Group
+from flexlin.periodic import Coupled, Group, Refusal, decouple, decoupled_exponents
+from flexlin.periodic.decoupling.coupling import Decoupled, residual_effect
 from flexlin.periodic.floquet import exponents as routes
-from flexlin.periodic.floquet.by_decoupling import bound_growth, decoupled_exponents, hide_enclosed
+from flexlin.periodic.floquet.by_decoupling import bound_growth, hide_enclosed
 from flexlin.periodic.floquet.by_segments import SegmentedSpectrum
 from studies import scaling
 from tests.closed_arm import closed
