@@ -225,8 +225,7 @@ def test_stiff_friction_on_light_links_takes_few_windows(monkeypatch):
         return tried[-1]
 
     monkeypatch.setattr("flexlin.simulation.collocation.solve_window", counted)
-    scene = fl.load_scene("five-bar", {"designs": [], "effects.coulomb_friction": {"torque": 0.05, "rate": 0.01}})
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    lin = closed("five-bar", {"designs": [], "effects.coulomb_friction": {"torque": 0.05, "rate": 0.01}})
     run = simulate(lin, 0.01, tol=1e-6)
     assert run.error < 1e-6
     assert len(tried) < 200

@@ -182,8 +182,7 @@ def test_the_linear_range_says_where_it_looked():
 @pytest.mark.slow
 def test_the_linear_range_does_not_depend_on_the_segments_of_the_exponents():
     """The linear terms of this loop all pass through small values within 0.01 s, where the share peaks."""
-    scene = fl.load_scene("single-link")
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    lin = closed()
     system = lin.periodic_system()
     coarse, fine = (linear_range(lin, result=fl.floquet(system, segments=count)) for count in (150, 4000))
     assert coarse.amplitudes == pytest.approx(fine.amplitudes, rel=0.03)

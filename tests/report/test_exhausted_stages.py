@@ -68,7 +68,7 @@ def test_what_was_not_compared_or_not_searched_is_named(tmp_path, monkeypatch):
 
 ONE_MODE = ["--set", "links.0.modes=1"]
 COMMANDS = {
-    "report": ["single-link", "--effects", "--sensitivity", "--margins", "motion.frequency=0.3:0.6", *ONE_MODE],
+    "report": ["single-link", "--sensitivity", "--margins", "motion.frequency=0.3:0.6", *ONE_MODE],
     "report margins": ["single-link", "--loop-margins", *ONE_MODE, "designs=[]"],
     "report unstable": [
         "spinning-link",
