@@ -81,6 +81,11 @@ def test_elements_converge_with_the_fourth_power():
     np.testing.assert_allclose(np.diff(np.log2(np.abs(errors)), axis=0), -4, atol=0.2)
 
 
+def test_no_modes():
+    assert tapered(0).values(XI).shape == (0, 23)
+    assert finite_elements(0).values(XI, 3).shape == (0, 23)
+
+
 def test_bad_input_is_refused():
     with pytest.raises(ArgumentError, match="too few elements"):
         finite_elements(9, 4)
