@@ -13,19 +13,21 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 STAMP := .venv/installed
-CHECKED = tests/test_core.py tests/test_program.py tests/test_simulation_collocation.py $(addprefix tests/periodic/,product transition coefficient_series decoupling riccati many)
+CHECKED = tests/test_core.py tests/test_program.py tests/test_simulation_collocation.py $(addprefix tests/periodic/,product transition decoupling many)
 CHECKERS = $(foreach name,libasan.so libstdc++.so.6,$(shell $(or $(CC),cc) -print-file-name=$(name)))
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 # What one test process has compiled, the others and the commands that they start read.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: report test core wheel sanitize slow peers docs links lint lock clean
+.PHONY: report test quick core wheel sanitize slow peers docs links lint lock clean
 
 report: core
 	$(BIN)/flexlin report single-link --out out/single-link
 
-test: lint core
+test: lint quick
+
+quick: core
 	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow and not peers"
 
 slow: core

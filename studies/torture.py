@@ -26,16 +26,16 @@ from tests.torture.trial import SETS, Row, case_of
 
 SIZES = {
     "small": {
-        "check": 8,
-        "commands": 2,
-        "whole": 8,
-        "inputs": 300,
-        "kills": 3,
+        "check": 3,
+        "commands": 1,
+        "whole": 5,
+        "inputs": 150,
+        "kills": 2,
         "files": 2,
         "disks": 1,
-        "writers": 20,
+        "writers": 8,
         "memory": 1,
-        "misuse": 4,
+        "misuse": 1,
     },
     "full": {
         "check": 10_000,

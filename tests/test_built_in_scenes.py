@@ -56,6 +56,6 @@ def test_what_a_refusal_says_helps() -> None:
     ("name", "modes"), [("single-link", 5), ("quanser-flexible-link", 1), ("flexible-joint-link", 5)]
 )
 def test_reports_with_other_modes_answer_every_stage(name: str, modes: int, tmp_path: Path) -> None:
-    assert main(["report", name, "--set", f"links.0.modes={modes}", "--tol", "1e-6", "--out", str(tmp_path)]) == 0
+    assert main(["report", name, "--set", f"links.0.modes={modes}", "--tol", "1e-4", "--out", str(tmp_path)]) == 0
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert [design["verdict"] for design in report["designs"].values()] == ["stable"] * len(fl.load_scene(name).designs)

@@ -207,7 +207,7 @@ def test_an_alarm_of_before_and_a_hook_put_in_the_block_go_on(again: float, monk
             spin(0.05)
         assert sys.unraisablehook is report
         assert 0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 0.3
-        spin(1.0)
+        spin(0.6)
         assert len(rung) > 1 if again else rung == [signal.SIGALRM]
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
@@ -289,11 +289,11 @@ def test_the_stages_share_one_limit_and_the_last_one_gets_what_was_kept_for_it()
 def test_stages_without_end_leave_the_others_time_and_all_end_within_the_limit() -> None:
     clock, problems, start = Clock(), dict[str, str](), time.monotonic()
     for k in range(4):
-        clock.attempt(problems, f"{k}", f"stage {k}", Accuracy(seconds=2.0), lambda: spin(60.0))
-    assert clock.stage("figures", Accuracy(seconds=2.0), lambda: "drawn", last=True) == "drawn"
+        clock.attempt(problems, f"{k}", f"stage {k}", Accuracy(seconds=1.0), lambda: spin(60.0))
+    assert clock.stage("figures", Accuracy(seconds=1.0), lambda: "drawn", last=True) == "drawn"
     assert len(problems) == 4
     assert time.monotonic() - start < 60.0
-    assert "; allow more time (--limit-seconds above 2," in problems["0"]
+    assert "; allow more time (--limit-seconds above 1," in problems["0"]
     assert clock.failures["0"].__traceback__ is None
 
 

@@ -11,9 +11,8 @@ from scipy.linalg import expm
 import flexlin as fl
 from flexlin.control import periodic_motion
 from flexlin.errors import NumericalError
-from flexlin.simulation import NonlinearLoop, predict, simulate
+from flexlin.simulation import Drive, NonlinearLoop, predict, simulate
 from flexlin.simulation.collocation import Collocation
-from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.mesh import with_breaks
 from flexlin.simulation.sweeps import Rigid, Start, solve_window
@@ -226,8 +225,7 @@ def test_stiff_friction_on_light_links_takes_few_windows(monkeypatch):
         return tried[-1]
 
     monkeypatch.setattr("flexlin.simulation.collocation.solve_window", counted)
-    scene = fl.load_scene("five-bar", {"designs": [], "effects.coulomb_friction": {"torque": 0.05, "rate": 0.01}})
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    lin = closed("five-bar", {"designs": [], "effects.coulomb_friction": {"torque": 0.05, "rate": 0.01}})
     run = simulate(lin, 0.01, tol=1e-6)
     assert run.error < 1e-6
     assert len(tried) < 200

@@ -11,8 +11,7 @@ import flexlin as fl
 from flexlin.control import linear_range, pd_feedback
 from flexlin.control.validity import LARGEST, SMALLEST
 from flexlin.errors import DesignError, NumericalError, SimulationStopped, TooLarge
-from flexlin.simulation import simulate
-from flexlin.simulation.drive import Drive
+from flexlin.simulation import Drive, simulate
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.modes import ModedEquations
 from tests.closed_arm import closed
@@ -183,8 +182,7 @@ def test_the_linear_range_says_where_it_looked():
 @pytest.mark.slow
 def test_the_linear_range_does_not_depend_on_the_segments_of_the_exponents():
     """The linear terms of this loop all pass through small values within 0.01 s, where the share peaks."""
-    scene = fl.load_scene("single-link")
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    lin = closed()
     system = lin.periodic_system()
     coarse, fine = (linear_range(lin, result=fl.floquet(system, segments=count)) for count in (150, 4000))
     assert coarse.amplitudes == pytest.approx(fine.amplitudes, rel=0.03)

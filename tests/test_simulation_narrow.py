@@ -19,7 +19,7 @@ from tests.closed_arm import closed
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("place", "width"), [(0.3123, 1e-3), (0.3123, 2e-4), (0.7171, 2e-4)])
+@pytest.mark.parametrize(("place", "width"), [(0.3123, 1e-3), (0.7171, 2e-4)])
 def test_a_pulse_of_the_gain_brakes_the_joint_as_it_should(place: float, width: float) -> None:
     """It takes a factor e from the rate: by DOP853, with its place. Steps over it claimed 6e-12 and missed by 1.5e-7;
     a step to an edge of it ended 2e-16 s before, and "no step is short enough"."""

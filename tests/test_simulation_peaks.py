@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.simulation.drive import Drive
+from flexlin.simulation import Drive
 from flexlin.simulation.result import find_peaks, subdivide
 from tests.closed_arm import closed
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import gain_search
+from flexlin.analyses import gain_search, make_family
 from flexlin.analyses.gain_search import LEVELS, Problem, follow_levels, lay_scenarios, smooth_growth
-from flexlin.analyses.spectra import Family, make_family
+from flexlin.analyses.spectra import Family
 from flexlin.errors import ArgumentError, NotStable
-from flexlin.periodic.boundary.spectra import Spectra
+from flexlin.periodic import Spectra
 
 
 def two_masses(k):

@@ -10,17 +10,18 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigvals
 
 import flexlin as fl
-from flexlin.analyses.audit import audit, figures, find_reach
-from flexlin.analyses.audit.judging import Judge, again
-from flexlin.analyses.audit.versions import Version, list_mode_versions, list_model_versions, read_scale, with_modes
+from flexlin.analyses import Judge, find_reach, read_scale
+from flexlin.analyses.audit import audit, figures
+from flexlin.analyses.audit.judging import again
+from flexlin.analyses.audit.versions import Version, list_mode_versions, list_model_versions, with_modes
 from flexlin.cli import main
 from flexlin.errors import TimeLimit
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.report import audit_block, audit_lines, draw_effects, fitting, minimal_text
-from flexlin.scene import register_model
-from flexlin.scene.base import Number, Table
-from flexlin.scene.effects import known_effects
+from flexlin.scene import Table, known_effects, register_model
+from flexlin.scene.base import Number
 from flexlin.simulation import tip_positions
+from tests.audit.test_advice_by_formulas import row_of
 from tests.closed_arm import closed, control_loop
 
 
@@ -96,7 +97,7 @@ def test_figures_are_those_of_the_two_scenes(result):
 def test_a_softening_model_is_caught():
     """Without stiffening the spinning link loses stiffness with speed: the verdict of the beam at W = 3.6 changes (Khang's model)."""
     scene = fl.load_scene("rotating-beam", {"links.0.modes": 2, "motion.joints.0.rate": 3.6})
-    row = next(row for row in audit(scene, 0.01, together=False).effects if row.subject == "geometric_stiffening")
+    row = row_of(scene, "geometric_stiffening")
     assert row.frequency > 0.5
     assert row.advice == "keep"
 
@@ -241,14 +242,11 @@ def test_what_is_beyond_small_deflections_is_no_plain_advice():
     """Gravity on a soft strip: 8 m of deflection on an arm of 1 m is not something to consider."""
     soft = {"links.0.bending_stiffness": 0.05, "links.0.modes": 1, "effects": {"hub": {"inertia": 0.1}}, "designs": []}
 
-    def gravity(changes):
-        found = audit(fl.load_scene("single-link", changes), together=False)
-        return next(row for row in found.effects if row.subject == "gravity")
-
-    row = gravity(soft)
+    row = row_of(fl.load_scene("single-link", soft), "gravity")
     assert row.tip_error > 1.0
     assert row.advice.startswith("with these figures the deflections are not small")
-    assert gravity({**soft, "links.0.bending_stiffness": 5.0}).advice.startswith("consider it")
+    stiffer = fl.load_scene("single-link", {**soft, "links.0.bending_stiffness": 5.0})
+    assert row_of(stiffer, "gravity").advice.startswith("consider it")
 
 
 def test_a_mode_less_of_one_kind_is_followed_by_one_less_of_the_same_kind():

@@ -8,7 +8,7 @@ import pytest
 from flexlin.control import feedforward
 from flexlin.control.tracking import tip_exact
 from flexlin.errors import NumericalError, ToleranceNotReached
-from flexlin.linearization.harmonic_balance import Solver, balance
+from flexlin.linearization import Solver, balance
 from flexlin.linearization.periodic_motion import continue_in_speed, find_singular
 from tests.closed_arm import closed
 

@@ -113,7 +113,7 @@ def test_an_elastic_arm_whose_torque_is_cut_agrees_with_steps_over_the_corners(t
     """Integral action and filters as well, whose states see what is not given."""
     cut = {"control.feedback": PID | tracking, "control.saturation": {"torque": [0.8]}}
     lin, start = loop_of(cut), 1e-2 * np.array([1.0, 0.2, 0.0, 0.0, 0.0, 0.0])
-    run = fl.simulate(lin, 0.3, initial=start, tol=1e-8)
+    run = fl.simulate(lin, 0.15, initial=start, tol=1e-8)
     assert 0.1 < np.mean(np.abs(run.torque) > 0.8 - 1e-8) < 0.9
     known = step_by_step(lin, 0.8, run.t, np.concatenate([start, np.zeros(lin.law.memory + 1)]))
     np.testing.assert_allclose(known[:, :6], run.nonlinear, atol=1e-7)

@@ -43,7 +43,7 @@ def test_gain_schedule_runs_in_python_control(made):
     response = control.input_output_response(
         loop, t, np.zeros((loop.ninputs, len(t))), x0, solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-11}
     )
-    from flexlin.periodic.transition.gauss import gauss_transitions
+    from flexlin.periodic import gauss_transitions
 
     x = [x0]
     for step in gauss_transitions(design.closed_loop.A, t, 6):

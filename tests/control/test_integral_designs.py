@@ -11,8 +11,8 @@ import flexlin as fl
 from flexlin.control import design, output_feedback, scene_sensors
 from flexlin.control.export.files import Labels
 from flexlin.errors import SceneError
-from flexlin.report.exports import export_all
-from flexlin.scene.control import EstimatorTable
+from flexlin.report import export_all
+from flexlin.scene import EstimatorTable
 from tests.closed_arm import both
 
 WEIGHTS = {"joints": "0.5 deg", "rates": "5 deg/s", "deflection": "8 mm", "input": "0.25 N m", "integrals": "0.2 deg s"}
@@ -69,7 +69,7 @@ def test_an_estimated_loop_keeps_its_separation(made):
 
 def test_files_hold_gain_and_rates_in_one_order(made, tmp_path):
     scene, plant, _, found = made
-    from flexlin.analyses.judging import Loop
+    from flexlin.analyses import Loop
 
     export_all(plant, (Loop("LQI", "periodic-lqr", None, design=found),), tmp_path, 16, scene)
     mat = scipy.io.loadmat(tmp_path / "system.mat", simplify_cells=True)["designs"]

@@ -60,7 +60,7 @@ def test_no_peak_between_the_samples_is_missed(name: str) -> None:
     plant, lin = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
     found = linear_range(lin, tol=1e-6, plant=plant)
     for k, direction in enumerate(found.directions):
-        exact = share_by_brute_force(lin, plant, direction, 8_001)
+        exact = share_by_brute_force(lin, plant, direction, 4_001)
         assert abs(found.amplitudes[k] - exact) < 3 * found.errors[k] + 1e-6 * exact
         assert found.errors[k] < 2e-3 * exact
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import eigvals
 
 import flexlin as fl
-from flexlin.analyses.analysis import analyse
+from flexlin.analyses import analyse
 from flexlin.control import bending, tip_acceleration, tip_position
 from flexlin.control.sensors import tip_zeros
 from flexlin.errors import ArgumentError

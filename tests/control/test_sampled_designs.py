@@ -5,7 +5,7 @@ import pytest
 import scipy.io
 
 import flexlin as fl
-from flexlin.analyses.analysis import analyse
+from flexlin.analyses import analyse
 from flexlin.control import design, gain_source, save
 from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.report import record

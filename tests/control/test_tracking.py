@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.control.tracking import KINDS, feedforward, tip_positions
+from flexlin.control import feedforward
+from flexlin.control.tracking import KINDS, tip_positions
 from flexlin.errors import ArgumentError
 from flexlin.linearization.periodic_motion import linearize_about, periodic_motion
 from tests.closed_arm import closed

@@ -25,13 +25,12 @@ from flexlin.analyses.accuracy.scipy_methods import (
     respond_periodically,
 )
 from flexlin.checks import SAMPLES
-from flexlin.cli.program import main
+from flexlin.cli import main
 from flexlin.errors import InputError
-from flexlin.periodic import periodic_riccati
-from flexlin.periodic.transition.choose_segments import Setting
+from flexlin.periodic import Setting, periodic_riccati
 from flexlin.plots import Panel
-from flexlin.report.figures.cost import draw_choices, draw_cost, summarise_cost
-from flexlin.report.numbers import to_json
+from flexlin.report import draw_cost, summarise_cost, to_json
+from flexlin.report.figures.cost import draw_choices
 
 SOLVED = ("exponents", "periodic Riccati", "forced response")
 STAGES = {*SOLVED, "coefficients", "transition matrices", "simulation", "number of modes", "Taylor order"}

@@ -22,12 +22,6 @@ def write_text(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def test_a_file_is_written_whole(tmp_path: Path) -> None:
-    write_text(tmp_path / "new" / "file.txt", "µ")
-    assert [p.name for p in (tmp_path / "new").iterdir()] == ["file.txt"]
-    assert (tmp_path / "new" / "file.txt").read_text(encoding="utf-8") == "µ"
-
-
 def test_a_failure_leaves_the_old_file_and_no_rest(tmp_path: Path) -> None:
     path = tmp_path / "file.txt"
     path.write_text("old")

@@ -112,7 +112,7 @@ def test_scene_arm_and_linear_equations(name, tmp_path):
     system = lin.periodic_system()
     objects = {"arm": arm, "plant": plant, "linearization": lin, "deviation": lin.about, "law": lin.law}
     objects |= {"system": system, "horizon": horizon_system(plant), "result": fl.floquet(system, tol=1e-6)}
-    check(objects, tmp_path, fresh=name in ("single-link", "five-bar"))
+    check(objects, tmp_path, fresh=name == "five-bar")
     assert pickle.loads(pickle.dumps(scene)) == scene
 
 
@@ -139,9 +139,8 @@ def test_a_motion_from_a_table(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("made", made_of.KINDS)
-def test_every_public_result(made, tmp_path):
-    objects = dict(made())
+def test_every_public_result(tmp_path):
+    objects = made_of.public_results()
     assert all(numbers(value, T) for value in objects.values())
     check(objects, tmp_path)
 

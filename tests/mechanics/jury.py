@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import legendre
 
-from flexlin.mechanics.link_shapes import make_shapes
+from flexlin.mechanics import make_shapes
 
 STEP = 1e-30
 

@@ -147,7 +147,7 @@ TABLES = ON | FIRST_ONLY | SCALAR
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     links=st.lists(LINKS, min_size=1, max_size=3),
     names=st.sets(st.sampled_from(sorted(TABLES))),

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.scene import parse_scene
-from flexlin.scene.effects import known_effects
+from flexlin.scene import known_effects, parse_scene
 from tests.thinned import thin
 
 from .jury import Jury
@@ -130,7 +129,7 @@ RARE = (36, 42, 44, 45, 47, 50, 54, 62, 63, 72)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", thin([43, *range(28), *RARE]))
+@pytest.mark.parametrize("seed", thin([43, *range(16), *RARE]))
 def test_a_random_tree_entry_by_entry(seed):
     scene = random_scene(seed)
     lin, t = fl.linearize(fl.build_manipulator(scene), scene.motion), 0.21

@@ -65,7 +65,7 @@ def swing_segments(link, size, payload, count, t):
 @pytest.mark.parametrize("size", [0.1, 0.25])
 def test_a_free_link_swings_as_an_inextensible_curve(size):
     """No hub, a payload of half the mass: against segments by Richardson's rule."""
-    payload, t = 0.08, np.linspace(0.0, 0.3, 31)
+    payload, t = 0.08, np.linspace(0.0, 0.15, 16)
     arm = arm_of({**THIN, "modes": 4}, effects={**STIFFENED, "payload": {"mass": payload}})
     first = size / clamped_free(1).values(np.ones(1))[0, 0]
     tip, energy = swing(arm, np.r_[0.0, first, np.zeros(3)], t)
@@ -93,7 +93,7 @@ def light_arm(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", thin(range(30), quick=4))
+@pytest.mark.parametrize("seed", thin(range(12), quick=4))
 def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed):
     """Random light links in the plane and in space, 1 to 6 modes, no hub, tips bent by 2 to 30 % of the length."""
     arm, rng = light_arm(seed)
@@ -108,14 +108,14 @@ def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4, 7))
+@pytest.mark.parametrize("seed", range(4, 6))
 def test_light_links_swing_to_the_end_and_keep_their_energy(seed):
     """The same links, bent in all their shapes and let go without damping."""
     arm, rng = light_arm(seed)
     w = np.r_[0.0, 0.0, rng.normal(size=arm.n - 2)]
     w *= rng.uniform(0.02, 0.3) / 2 / np.abs(w).sum()
     lin = fl.linearize(arm, scene_of(THIN, THIN).motion)
-    run = fl.simulate(lin, 0.1, initial=np.r_[w, 0 * w], tol=1e-7, points_per_period=64)
+    run = fl.simulate(lin, 0.03, initial=np.r_[w, 0 * w], tol=1e-7, points_per_period=256)
     assert np.abs(run.nonlinear[:, 2 : arm.n]).max() > 0.5 * np.abs(w).max()
     assert run.energy_error < 1e-8
 
@@ -138,7 +138,7 @@ def test_a_payload_that_may_vanish_and_a_link_that_bends_upward_alone():
 
 
 OPEN = [name for name in builtin_scenes() if "geometric_stiffening" in fl.load_scene(name).effects.on()]
-TREES = (0, 2, 3, 6, 7, 19, 20, 25, 26, 36, 39, 42, 45, 46, 50, 51, 57, 58)
+TREES = (0, 2, 3, 6, 7, 19, 36, 42, 45, 50)
 """Random scenes with the effect: tapered links, shear, and sections with inertia are among them."""
 
 

@@ -16,7 +16,7 @@ from tests.periodic.non_normal_systems import reference_non_normal
 from tests.periodic.random_systems import COUNTS, draw
 from tests.thinned import thin
 
-SAMPLE = [(kind, 5_000_000 + k) for kind in COUNTS for k in range(2)]
+SAMPLE = [(kind, 5_000_000) for kind in COUNTS]
 FOUND = {
     "non-normal switched": (28,),
     "pulses": (26, 74, 113, 9909000648),
@@ -105,9 +105,9 @@ def test_claims_hold_where_an_engine_has_failed(kind, seed):
 @pytest.mark.slow
 def test_claims_do_not_exaggerate():
     kinds = ("rotation", "shear", "mixed", "multipliers 1e-300 to 1e300", "reparametrised")
-    outcomes = [judged(draw(kind, seed)) for kind in kinds for seed in range(3)]
+    outcomes = [judged(draw(kind, seed)) for kind in kinds for seed in range(2)]
     ratios = [ratio for one in outcomes for ratio in one.overestimates]
-    assert len(ratios) > 50
+    assert len(ratios) > 30
     assert np.median(ratios) < 30
     assert np.mean([one.reached for one in outcomes]) > 0.8  # tol, in all exponents
 
@@ -116,7 +116,7 @@ def test_claims_do_not_exaggerate():
 @pytest.mark.parametrize("kind", ["kinks not named", "pulses", "jumps not named, smooth between"])
 def test_claims_of_what_is_not_smooth_do_not_exaggerate(kind):
     """Some 1e4 times the true error when the place of each jump counted as uncertain, and every panel as no better than was asked."""
-    ratios = [r for seed in range(6, 22) for r in judged(replace(draw(kind, seed), tol=1e-9)).overestimates]
+    ratios = [r for seed in range(6, 14) for r in judged(replace(draw(kind, seed), tol=1e-9)).overestimates]
     assert len(ratios) > 10
     assert np.median(ratios) < 30
 

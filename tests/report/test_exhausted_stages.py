@@ -68,7 +68,7 @@ def test_what_was_not_compared_or_not_searched_is_named(tmp_path, monkeypatch):
 
 ONE_MODE = ["--set", "links.0.modes=1"]
 COMMANDS = {
-    "report": ["single-link", "--effects", "--sensitivity", "--margins", "motion.frequency=0.3:0.6", *ONE_MODE],
+    "report": ["single-link", "--sensitivity", "--margins", "motion.frequency=0.3:0.6", *ONE_MODE],
     "report margins": ["single-link", "--loop-margins", *ONE_MODE, "designs=[]"],
     "report unstable": [
         "spinning-link",
@@ -80,8 +80,8 @@ COMMANDS = {
     "chart": ["single-link", "--over", "motion.frequency=0.3:3:9", "effects.payload.mass=0.01:0.5:9"],
     "chart line": ["spinning-link", "--over", "motion.joints.0.rate=2:4:9"],
     "tune": ["single-link", "--gain", "control.feedback.kp.0=1:9", "--vary", "effects.payload.mass=0.01:0.1"],
-    "cost": ["flexible-joint-link"],
-    "effects": ["single-link", *ONE_MODE],
+    "cost": ["single-link", "--set", "links.0.modes=0", "designs=[]"],
+    "effects": ["single-link", "--set", "links.0.modes=0", "designs=[]"],
     "design": ["single-link"],
     "respond": ["single-link", "--push", "tip 1 N 20 ms"],
 }

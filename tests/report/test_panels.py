@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import Clock
-from flexlin.analyses.analysis import Analysis, analyse
-from flexlin.analyses.judging import Loop, find_response
+from flexlin.analyses import Analysis, Clock, Loop, analyse
+from flexlin.analyses.judging import find_response
 from flexlin.plots import SMALL, Linear, Logarithmic, Mark, Panel, Symlog, draw, measure_text
 from flexlin.report import draw_pictures, figures
 from flexlin.report.figures import choose_colour

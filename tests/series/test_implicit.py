@@ -112,7 +112,7 @@ def test_radius_against_reach_circles():
     for i, (x, y) in enumerate([(0.1, 0.5), (0.3, 0.45), (-0.15, 0.4), (0.05, 0.3)]):
         point = np.array([x, y])
         c = fl.implicit_taylor(f, u, v, point, arm_angles(point, [(1, 1), (-1, 1), (1, -1), (-1, -1)][i]), 2)
-        for angle in np.linspace(0.1, 2 * np.pi, 7)[:-1]:
+        for angle in np.linspace(0.1, 2 * np.pi, 4)[:-1]:
             d = np.array([np.cos(angle), np.sin(angle)])
             exact = reach_circle_distances(point, d)[0]
             radius = c.radius(2.5 * d)
@@ -121,9 +121,9 @@ def test_radius_against_reach_circles():
                 assert abs(radius - abs(exact)) < 1e-6
                 assert (radius.kind == "real singularity") == (abs(exact.imag) < 1e-9)
             assert abs(exact.imag) > 0 or radius.kind == "real singularity"
-    assert kinds["real singularity"] >= 8
-    assert kinds["complex pair"] >= 4
-    assert kinds["not found"] <= 2
+    assert kinds["real singularity"] >= 4
+    assert kinds["complex pair"] >= 2
+    assert kinds["not found"] <= 1
 
 
 @pytest.mark.parametrize("rocker", [1.3, 1.7, 2.0])

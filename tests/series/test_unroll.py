@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import flexlin as fl
-from flexlin.mechanics.closure import five_bar
+from flexlin.mechanics import five_bar
 from flexlin.mechanics.screws import OpenChain, revolute
 from flexlin.series import c_code, solve_implicit
 from flexlin.series.jets import binary, unary

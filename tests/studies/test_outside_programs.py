@@ -9,8 +9,8 @@ import pytest
 import flexlin as fl
 from flexlin.analyses import accuracy as own
 from flexlin.errors import ArgumentError
-from flexlin.linearization.free import parametric_loop
-from flexlin.periodic.transition.choose_segments import Setting
+from flexlin.linearization import parametric_loop
+from flexlin.periodic import Setting
 
 COMPILER = bool(shutil.which("gcc") or shutil.which("cc"))
 

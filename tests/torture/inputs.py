@@ -19,11 +19,11 @@ import numpy as np
 import xarray
 
 import flexlin as fl
-from flexlin.analyses.clock import time_limit
+from flexlin.analyses import time_limit
 from flexlin.errors import FlexlinError
 from flexlin.files.sets import read_manifest
 from flexlin.motion import build_motion
-from flexlin.scene.parameters import parse_assignment
+from flexlin.scene import parse_assignment
 from studies.check_certificate import holds
 from tests.torture.scenes import (
     BUILT_IN,

@@ -19,6 +19,8 @@ from tests.torture.scenes import FILES
 
 LONGEST = 300.0
 """Seconds after which a run is killed."""
+WATCHED = True
+"""Whether a parent watches each run, as it does a user's: the libraries are then loaded anew for it."""
 
 
 @dataclass(frozen=True)
@@ -83,13 +85,15 @@ def begin(arguments: Sequence[str], writer: int, space: int | None) -> None:
         os.dup2(writer, 1)
         os.dup2(writer, 2)
         sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
-        from flexlin.cli import entry
+        from flexlin.cli import entry, program
 
         if space is not None:
             resource.setrlimit(resource.RLIMIT_AS, (resident(0) + space, resident(0) + space))
         sys.argv = ["flexlin", *arguments]
         try:
-            entry()
+            if WATCHED:
+                entry()
+            code = program.run_to_its_end(program.run_program)
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else 1
         except BaseException as fault:  # what `entry` would leave to the interpreter

@@ -12,7 +12,7 @@ import numpy as np
 
 import flexlin as fl
 from flexlin import control, kronecker, screws
-from tests.public_results import arm_results, series_results, stability_results
+from tests.public_results import RIGID, arm_results, series_results, stability_results
 
 Calls = Iterator[partial]
 """Functions with their arguments by name."""
@@ -46,7 +46,7 @@ def scene_calls() -> Calls:
     yield partial(fl.linearize, arm=arm, motion=scene.motion, control=scene.control, route="jacobian")
     yield partial(fl.sweep, scene=scene, values={path: [0.1]}, tol=1e-4, grid=False)
     yield partial(fl.sensitivity, scene=scene, paths=[path], tol=1e-4)
-    yield partial(fl.audit, scene=scene)
+    yield partial(fl.audit, scene=fl.load_scene("single-link", RIGID))
     yield partial(fl.simulate, lin=lin, periods=0.05, initial=np.zeros(4), tol=1e-4, points_per_period=16)
     own, rate = ca.SX.sym("own"), ca.SX.sym("rate")
     one = {"s": own, "s_dot": rate}

@@ -77,11 +77,6 @@ def test_cantilever_is_normalised():
     assert np.all(shapes.values(ENDS, 2)[:, 0] > 0)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_modes(kind):
-    assert KINDS[kind](0).values(np.linspace(0, 1, 5), 2).shape == (0, 5)
-
-
 @pytest.mark.parametrize("wrong", [{"mass": -1}, {"inertia": -1}])
 def test_impossible_tip_bodies_are_refused(wrong):
     with pytest.raises(ArgumentError, match="rigid body"):

@@ -13,7 +13,7 @@ from tests.thinned import thin
 
 
 @pytest.mark.parametrize("complete", [False, True])
-@pytest.mark.parametrize("seed", thin(range(12), 4))
+@pytest.mark.parametrize("seed", thin(range(8), 4))
 def test_random_trigonometric_polynomials_of_up_to_60_harmonics(seed, complete):
     rng = np.random.default_rng(seed)
     T, harmonics = 10.0 ** rng.uniform(-2, 2), int(rng.integers(1, 61))
@@ -25,7 +25,7 @@ def test_random_trigonometric_polynomials_of_up_to_60_harmonics(seed, complete):
     assert harmonics <= series.degree <= 2 * harmonics + 6
 
 
-@pytest.mark.parametrize("seed", thin(range(20), 5))
+@pytest.mark.parametrize("seed", thin(range(10), 5))
 def test_gaussian_pulses_anywhere(seed):
     rng = np.random.default_rng(seed)
     T = 10.0 ** rng.uniform(-1, 1)
@@ -74,7 +74,7 @@ def test_smoothed_switches(eps, named):
     assert not series.found
 
 
-@pytest.mark.parametrize("seed", thin(range(30), 8))
+@pytest.mark.parametrize("seed", thin(range(16), 8))
 def test_jumps_are_found_to_the_last_bit(seed):
     rng = np.random.default_rng(seed)
     T, count = 10.0 ** rng.uniform(-2, 2), int(rng.choice([1, 2, 3, 20]))

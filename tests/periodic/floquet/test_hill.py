@@ -16,7 +16,7 @@ def pairs(first, second, period):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_both_routes_agree(seed):
     rng = np.random.default_rng(seed)
     constant = block_diag([[-0.3, 2.7], [-2.7, -0.3]], [[0.2]], [[-2.0]])[: 2 + seed % 3, : 2 + seed % 3]

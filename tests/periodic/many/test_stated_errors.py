@@ -33,7 +33,7 @@ def random_family(rng, full):
 def test_answers_that_meet_tol_are_within_their_errors(full):
     """Of thousands no more than one in 2,000 is missed, and none by more than three times."""
     judged, missed, worst = 0, 0, 0.0
-    for seed in range(30):
+    for seed in range(16):
         rng = np.random.default_rng([6, int(full), seed])
         family = random_family(rng, full)
         kernel, points = make_kernel(family), rng.uniform(-1.2, 1.2, (4, 2))
@@ -45,6 +45,6 @@ def test_answers_that_meet_tol_are_within_their_errors(full):
                     apart = measure_distances(found.logs[i], alone[i].exponents).min(axis=1)
                     beyond = np.max(apart / (found.errors[i] + alone[i].errors.max()))
                     judged, missed, worst = judged + 1, missed + (beyond > 1), max(worst, beyond)
-    assert judged > 250
+    assert judged > 130
     assert missed <= max(1, judged // 2000)
     assert worst < 3

@@ -90,7 +90,7 @@ def turn(rng, blocks, inputs, outputs):
     return system, lambda t: C @ np.linalg.inv(P(t))
 
 
-@pytest.mark.parametrize("seed", thin(range(50_000, 50_024), 3))
+@pytest.mark.parametrize("seed", thin(range(50_000, 50_012), 3))
 def test_no_norm_of_a_turned_system_misses_by_more_than_its_error(seed):
     rng, *modes = draw_modes(seed)
     found, exact = fl.hinf_norm(*turn(rng, *modes)), largest_gain(*modes)

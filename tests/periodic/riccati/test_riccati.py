@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexlin.errors import ArgumentError, IllPosedSegment, NotDetectable, NotStabilizable
-from flexlin.periodic.riccati.riccati import finite_horizon_riccati, periodic_riccati
+from flexlin.periodic import finite_horizon_riccati, periodic_riccati
 from flexlin.periodic.riccati.scattering import scatter_hamiltonian
 from flexlin.periodic.system import PeriodicSystem
 from tests.periodic.dense import integrate

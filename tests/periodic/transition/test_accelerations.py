@@ -6,9 +6,10 @@ import pytest
 
 import flexlin as fl
 from flexlin.errors import SingularMassMatrix
+from flexlin.periodic import gauss_transitions, radau
 from flexlin.periodic.transition import factors
 from flexlin.periodic.transition.factors import factor_segments
-from flexlin.periodic.transition.gauss import gauss, gauss_transitions, radau
+from flexlin.periodic.transition.gauss import gauss
 from tests.periodic.transition.second_order import second_order_transitions
 
 EPS = np.finfo(float).eps

@@ -3,9 +3,8 @@ import pytest
 from scipy.linalg import expm
 
 import flexlin as fl
-from flexlin.periodic import factor_by
+from flexlin.periodic import factor_by, gauss_transitions
 from flexlin.periodic.transition import gauss as collocation
-from flexlin.periodic.transition.gauss import gauss_transitions
 from tests.periodic.systems import mathieu
 
 
