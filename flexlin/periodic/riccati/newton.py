@@ -1,7 +1,7 @@
 """The Riccati equation by Newton's method on the series of X, begun from products doubled until their cost rests; error by residual."""
 
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 
@@ -42,14 +42,14 @@ EASIER = 100.0
 
 
 def solve_by_newton(
-    problem: LinearQuadratic, nodes: Nodes, end: Array | None, tol: float, eased: int = 0
+    problem: LinearQuadratic, nodes: Nodes, end: Array | None, tol: float, eased: int = 0, bounded: bool = True
 ) -> RiccatiSolution:
     """Solve on ever finer nodes until the bound on the error meets tol; the best answer, with its status.
 
     Where cheap inputs turn, steps of a coarse start let them push in more directions than they do. Then R is made larger until it is none
     too coarse: by the gain margin of the optimal loop, its X with the smaller R stabilises too.
 
-    Parameters: eased: how often that was done.
+    Parameters: eased: how often that was done; bounded: whether the error is asked about, which takes as long as X.
     Raises: NotStabilizable, NotDetectable; ToleranceNotReached where nothing is proved.
     """
     best: RiccatiSolution | None = None
@@ -77,6 +77,8 @@ def solve_by_newton(
             eased = ROUNDS // 4
             continue
         finer = nodes.refine(corrected.X, seen)
+        if finer is None and not bounded:
+            return corrected.solution(problem)
         if finer is None:
             found = bound_error(problem, corrected, tol)
             if found is None:
@@ -149,6 +151,19 @@ class Corrected:
     X: Array
     units: Array
     lyapunov: LoopLyapunov
+
+    def solution(self, problem: LinearQuadratic, **errors: float) -> RiccatiSolution:
+        """In the states' own units, with errors as far as they are known."""
+        return RiccatiSolution(
+            problem=problem,
+            horizon=float(self.nodes.edges[-1]),
+            periodic=self.nodes.wraps,
+            series=self.nodes.series(self.X * np.outer(self.units, self.units)),
+            doublings=0,
+            segments=self.nodes.count,
+            status="converged",
+            **dict.fromkeys(("error", "gain_error", "method_error"), inf) | errors,
+        )
 
 
 def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near: float) -> Corrected | None:
@@ -252,17 +267,11 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     if not np.isfinite(errors).all():
         return None
     product = 2 * EPS * float((np.abs(to_gain) @ np.abs(X * both)).max())
-    return RiccatiSolution(
-        problem=problem,
-        horizon=float(nodes.edges[-1]),
-        periodic=nodes.wraps,
-        series=nodes.series(X * both),
+    return corrected.solution(
+        problem,
         error=float(errors[0] + 2 * EPS),
         gain_error=float(errors[1] + product / gain),
         method_error=float(errors[2]),
-        doublings=0,
-        segments=nodes.count,
-        status="converged",
     )
 
 
