@@ -152,18 +152,13 @@ class Corrected:
     units: Array
     lyapunov: LoopLyapunov
 
-    def solution(self, problem: LinearQuadratic, **errors: float) -> RiccatiSolution:
-        """In the states' own units, with errors as far as they are known."""
-        return RiccatiSolution(
-            problem=problem,
-            horizon=float(self.nodes.edges[-1]),
-            periodic=self.nodes.wraps,
-            series=self.nodes.series(self.X * np.outer(self.units, self.units)),
-            doublings=0,
-            segments=self.nodes.count,
-            status="converged",
-            **dict.fromkeys(("error", "gain_error", "method_error"), inf) | errors,
-        )
+    def solution(
+        self, problem: LinearQuadratic, errors: tuple[float, float, float] = (inf, inf, inf)
+    ) -> RiccatiSolution:
+        """In the states' own units, with the errors of X, of the gain and of the method where they are known."""
+        nodes, X = self.nodes, self.X * np.outer(self.units, self.units)
+        horizon, series = float(nodes.edges[-1]), nodes.series(X)
+        return RiccatiSolution(problem, horizon, nodes.wraps, series, *errors, 0, nodes.count, "converged")
 
 
 def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near: float) -> Corrected | None:
@@ -267,12 +262,8 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     if not np.isfinite(errors).all():
         return None
     product = 2 * EPS * float((np.abs(to_gain) @ np.abs(X * both)).max())
-    return corrected.solution(
-        problem,
-        error=float(errors[0] + 2 * EPS),
-        gain_error=float(errors[1] + product / gain),
-        method_error=float(errors[2]),
-    )
+    of_X, of_gain, of_method = errors.tolist()
+    return corrected.solution(problem, (of_X + 2 * EPS, of_gain + product / gain, of_method))
 
 
 def carry_residual(problem: LinearQuadratic, nodes: Nodes, X: Array, units: Array, W: Array) -> list[Array] | None:
