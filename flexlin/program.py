@@ -7,6 +7,7 @@ carry out the operations on power series.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Self, TypeVar
 
 import casadi as ca
@@ -70,17 +71,20 @@ class Program:
             )
         every = range(function.n_instructions())
         steps = np.zeros((len(every), WORDS), dtype=np.int32)
-        steps[:, 0] = list(map(function.instruction_id, every))
+        steps[:, 0] = np.fromiter(map(function.instruction_id, every), np.int32)
         if ca.OP_CALL in steps[:, 0]:
             raise ArgumentError(
                 "the function calls another one", got=function.name(), expected="one that is written out"
             )
-        sources, targets = (list(map(ask, every)) for ask in (function.instruction_input, function.instruction_output))
-        steps[:, 1] = [target[0] for target in targets]
-        steps[:, 2] = [source[0] if source else 0 for source in sources]
-        steps[:, 3] = [source[-1] if source else 0 for source in sources]
+        sources, targets = (
+            np.fromiter(
+                chain.from_iterable((found[0], found[-1]) if found else (0, 0) for found in map(ask, every)), np.int32
+            )
+            for ask in (function.instruction_input, function.instruction_output)
+        )  # lists of so many lists would be looked through by Python's collector of garbage, again and again
         results = np.flatnonzero(steps[:, 0] == OUTPUT)
-        steps[results, 3] = [targets[k][1] for k in results]
+        steps[:, 1], steps[:, 2:] = targets[::2], sources.reshape(-1, 2)
+        steps[results, 3] = targets[2 * results + 1]
         numbers = np.flatnonzero(steps[:, 0] == CONST)
         constants = np.array([function.instruction_constant(k) for k in numbers.tolist()], dtype=float)
         steps[numbers, 2:] = constants.view(np.int32).reshape(-1, 2)  # the eight bytes of each

@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from flexlin.analyses.audit.judging import Audit
     from flexlin.analyses.nearest import NearestInstability
     from flexlin.periodic.floquet.resonance import Resonance
-    from flexlin.periodic.margins import Margins
 
 
 SIMULATED_PERIODS = 3.0

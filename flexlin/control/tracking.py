@@ -279,5 +279,5 @@ def tip_positions(lin: Linearization, t: Array, states: Array) -> Array:
 
 def arm_positions(lin: Linearization, t: Array, states: Array) -> tuple[Array, Array]:
     """World positions (N, 2, k) of joints and tip in m, and all coordinates s (N, arm.n), for deviations from the rigid motion."""
-    y = states[:, : lin.n]
-    return lin.about.of_arm("points", t, y), lin.about.positions(t, y)[0]
+    (s,) = lin.about.positions(t, states[:, : lin.n])
+    return lin.about.at_positions("points", t, s), s

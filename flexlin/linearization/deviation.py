@@ -137,11 +137,15 @@ class Deviation:
 
     def positions(self, t: Array, *deviation: Array) -> tuple[Array, ...]:
         """s, s', s'' (N, arm.n) at times (N,), as many as there are parts y, y', y'' (N, n) given."""
-        E, kept = self.arm.reference.full(), list(self.kept)
-        parts = [angles @ E.T for angles, _ in zip(self.motion.sample(t), deviation, strict=False)]
+        parts = [angles @ self._lead for angles, _ in zip(self.motion.sample(t), deviation, strict=False)]
         for part, extra in zip(parts, deviation, strict=True):
-            part[:, kept] += extra
+            part[:, self.kept] += extra
         return tuple(parts)
+
+    @lazy
+    def _lead(self) -> Array:
+        """E' in numbers."""
+        return np.asarray(self.arm.reference.full().T)
 
     def of_arm(self, name: str, t: Array, *deviation: Array) -> Array:
         """One of `arm.functions` at s = E q + P y and as many rates as it takes: (N, rows, columns)."""

@@ -23,7 +23,7 @@ from flexlin.periodic.interpolation import (
     panel_times,
 )
 from flexlin.periodic.riccati.linear_quadratic import WAVES, RiccatiSolution
-from flexlin.periodic.riccati.riccati import periodic_lyapunov
+from flexlin.periodic.riccati.riccati import solve_lyapunov
 from flexlin.periodic.riccati.scattering import symmetrize
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.precision import EPS, ROOT, TINY
@@ -331,4 +331,4 @@ def solve_equation(result: FloquetResult, resolved: Resolved) -> RiccatiSolution
         raise NumericalError("the loop decays too slowly", got=f"{shift:.3g} 1/s", expected=f"above {hidden:.3g} 1/s")
     edges, moved = resolved.edges[:-1].tolist() if resolved.panels > 1 else (), shift * np.eye(result.exponents.size)
     faster = PeriodicSystem(lambda t: resolved(t) + moved, resolved.period, breaks=edges, complete=True)
-    return periodic_lyapunov(faster, choose_weights(resolved, shift), tol)
+    return solve_lyapunov(faster, choose_weights(resolved, shift), tol, bounded=False)

@@ -25,7 +25,7 @@ from flexlin.simulation.window import Grid, Path, between
 
 LARGEST_WINDOW = 64
 """Steps of a window at the most."""
-WINDOW_BYTES = 2**19
+WINDOW_BYTES = 2**20
 """The stage matrices of a window take at most this many bytes, which a processor keeps at hand."""
 FEW = 4
 """Windows of so few steps try sturdier sweeps."""
@@ -81,12 +81,6 @@ class LinearPath:
         """Move to the end of a path."""
         self.x, self.before = path.x[-1], path.w[-1, -1]
         self.largest = np.maximum(self.largest, np.abs(path.x).max(axis=0))
-
-    @staticmethod
-    def states(grid: Grid, path: Path, t: Array) -> Array:
-        """The states (N, 2n) at times t of the grid."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            return between(grid, path, np.zeros((grid.count, grid.stages)), t)[0]
 
 
 @dataclass
@@ -203,7 +197,7 @@ class Collocation:
                 states, work = between(grid, path, power, np.append(t[done:stop], at.t))
                 out[done:stop, : 2 * n + 1] = np.column_stack([states, at.work + work])[:-1]
                 if beside is not None:
-                    out[done:stop, 2 * n + 1 :] = LinearPath.states(grid, beside, t[done:stop])
+                    out[done:stop, 2 * n + 1 :] = between(grid, beside, np.zeros_like(power), t[done:stop])[0]
                 at.work += float(work[-1])
                 done = stop
         whole_trail = at.windows and self._events is None

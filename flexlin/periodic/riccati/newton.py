@@ -1,7 +1,7 @@
 """The Riccati equation by Newton's method on the series of X, begun from products doubled until their cost rests; error by residual."""
 
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 
@@ -42,14 +42,14 @@ EASIER = 100.0
 
 
 def solve_by_newton(
-    problem: LinearQuadratic, nodes: Nodes, end: Array | None, tol: float, eased: int = 0
+    problem: LinearQuadratic, nodes: Nodes, end: Array | None, tol: float, eased: int = 0, bounded: bool = True
 ) -> RiccatiSolution:
     """Solve on ever finer nodes until the bound on the error meets tol; the best answer, with its status.
 
     Where cheap inputs turn, steps of a coarse start let them push in more directions than they do. Then R is made larger until it is none
     too coarse: by the gain margin of the optimal loop, its X with the smaller R stabilises too.
 
-    Parameters: eased: how often that was done.
+    Parameters: eased: how often that was done; bounded: whether the error is asked about, which takes as long as X.
     Raises: NotStabilizable, NotDetectable; ToleranceNotReached where nothing is proved.
     """
     best: RiccatiSolution | None = None
@@ -77,6 +77,8 @@ def solve_by_newton(
             eased = ROUNDS // 4
             continue
         finer = nodes.refine(corrected.X, seen)
+        if finer is None and not bounded:
+            return corrected.solution(problem)
         if finer is None:
             found = bound_error(problem, corrected, tol)
             if found is None:
@@ -149,6 +151,14 @@ class Corrected:
     X: Array
     units: Array
     lyapunov: LoopLyapunov
+
+    def solution(
+        self, problem: LinearQuadratic, errors: tuple[float, float, float] = (inf, inf, inf)
+    ) -> RiccatiSolution:
+        """In the states' own units, with the errors of X, of the gain and of the method where they are known."""
+        nodes, X = self.nodes, self.X * np.outer(self.units, self.units)
+        horizon, series = float(nodes.edges[-1]), nodes.series(X)
+        return RiccatiSolution(problem, horizon, nodes.wraps, series, *errors, 0, nodes.count, "converged")
 
 
 def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near: float) -> Corrected | None:
@@ -252,18 +262,8 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     if not np.isfinite(errors).all():
         return None
     product = 2 * EPS * float((np.abs(to_gain) @ np.abs(X * both)).max())
-    return RiccatiSolution(
-        problem=problem,
-        horizon=float(nodes.edges[-1]),
-        periodic=nodes.wraps,
-        series=nodes.series(X * both),
-        error=float(errors[0] + 2 * EPS),
-        gain_error=float(errors[1] + product / gain),
-        method_error=float(errors[2]),
-        doublings=0,
-        segments=nodes.count,
-        status="converged",
-    )
+    of_X, of_gain, of_method = errors.tolist()
+    return corrected.solution(problem, (of_X + 2 * EPS, of_gain + product / gain, of_method))
 
 
 def carry_residual(problem: LinearQuadratic, nodes: Nodes, X: Array, units: Array, W: Array) -> list[Array] | None:

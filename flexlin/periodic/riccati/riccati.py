@@ -234,14 +234,19 @@ def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol
     >>> print(f"{fl.periodic_lyapunov(fl.PeriodicSystem([[-2.0]], 1.0), [[1.0]]).X(0.0).item():.10f}")
     0.2500000000
     """
-    system = as_system(system)
+    return solve_lyapunov(as_system(system), Q, positive("tol", tol))
+
+
+def solve_lyapunov(
+    system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol: float, bounded: bool = True
+) -> RiccatiSolution:
+    """As `periodic_lyapunov`; bounded: whether with errors."""
     idle = with_matrices(system, system.A, Constant(np.zeros((system.n, 1))))
     vars(idle)["resolved"] = system.resolved
     posed = linear_quadratic(idle, Q, np.eye(1), definite=False)
     problem, edges = resolve_problem(posed, idle)
-    tol = positive("tol", tol)
     try:
-        return solve_by_newton(problem, choose_nodes(problem, edges, tol), None, tol)
+        return solve_by_newton(problem, choose_nodes(problem, edges, tol), None, tol, bounded=bounded)
     except NumericalError:
         found = floquet(system)
         if found.verdict != "stable":
