@@ -25,7 +25,7 @@ from flexlin.simulation.window import Grid, Path, between
 
 LARGEST_WINDOW = 64
 """Steps of a window at the most."""
-WINDOW_BYTES = 2**20
+WINDOW_BYTES = 2**19
 """The stage matrices of a window take at most this many bytes, which a processor keeps at hand."""
 FEW = 4
 """Windows of so few steps try sturdier sweeps."""
