@@ -219,17 +219,16 @@ static double known(double bound) { return bound < UNKNOWN ? bound : UNKNOWN; }
 /* Bounds on the motion of each log, (n,), when multipliers whose ratio is 1 up to `same` are left in one block. */
 static void bound_at(double same, const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise,
                      const double *scale, const Sums *s, cpx *shift, double *method, double *rounding) {
-  int n = f->n, found = sum_factors(same, f, factors, better, counts, noise, scale, s);
+  int n = f->n;
   double *own = s->own, *whole = s->squares;
-  for (int i = 0; i < n; i++) shift[i] = found ? s->shift[i] : 0.0;
-  if (found)
-    for (int e = 0; e < n * n; e++) whole[e] = DOUBTED * s->method[e] + s->sizes[e];
-  for (int i = 0; i < n; i++) own[i] = cabs(shift[i]);
+  for (int i = 0; i < n; i++) { shift[i] = 0.0; method[i] = rounding[i] = UNKNOWN; }
+  if (!sum_factors(same, f, factors, better, counts, noise, scale, s)) return;
+  for (int e = 0; e < n * n; e++) whole[e] = DOUBTED * s->method[e] + s->sizes[e];
+  for (int i = 0; i < n; i++) { shift[i] = s->shift[i]; own[i] = cabs(shift[i]); }
   for (int i = 0; i < n; i++)
-    method[i] = found ? known(fmax(own[i], CANCELLED * s->method[i * n + i]) + bound_pairs(n, i, f, s->method, own, whole, s->N)) : UNKNOWN;
+    method[i] = known(fmax(own[i], CANCELLED * s->method[i * n + i]) + bound_pairs(n, i, f, s->method, own, whole, s->N));
   for (int i = 0; i < n; i++) own[i] = s->sizes[i * n + i];
-  for (int i = 0; i < n; i++)
-    rounding[i] = found ? known(own[i] + bound_pairs(n, i, f, s->sizes, own, s->sizes, s->N) + 4 * EPS * cabs(f->logs[i])) : UNKNOWN;
+  for (int i = 0; i < n; i++) rounding[i] = known(own[i] + bound_pairs(n, i, f, s->sizes, own, s->sizes, s->N) + 4 * EPS * cabs(f->logs[i]));
 }
 
 /* Bounds on the motion of each log: by better factors (or none), and by rounding, of which each factor carries `counts`. */

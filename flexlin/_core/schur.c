@@ -178,7 +178,7 @@ typedef struct { double *R, *grouped, *ends, *W, *base, *work, *sizes; int *cut;
 static void iterate(int n, int count, const double *factors, double *Q, const Bench *at) {
   long size = (long)n * n;
   double dropped;
-  int limit = MAX_SWEEPS, grouped = 0;
+  int limit = MAX_SWEEPS;
   for (int sweep = 1;; sweep++) {
     memcpy(at->ends, Q, size * sizeof(double));
     sweep_factors(n, count, 0, factors, at->ends, at->R, at->work);
@@ -187,19 +187,17 @@ static void iterate(int n, int count, const double *factors, double *Q, const Be
     sum_log_moduli(n, count, at->R, at->sizes);
     if (find_clusters(n, at->W, at->sizes, CLEAN * n, at->cut, &dropped) <= SPREAD + sweep / 20.0 || sweep >= limit) break;
     if (sweep == FULL_SWEEPS) {
-      grouped = 1;
       memcpy(at->base, Q, size * sizeof(double));
       memcpy(at->grouped, at->R, count * size * sizeof(double));
       count = group_triangular(n, count, at->grouped, at->sizes, at->work);
       memcpy(at->grouped + count++ * size, at->W, size * sizeof(double));
       factors = at->grouped;
       end = at->W;
-      double work = MAX_WORK / ((double)size * count);
-      limit = work < MIN_SWEEPS ? MIN_SWEEPS : work > MAX_SWEEPS ? MAX_SWEEPS : (int)work;
+      limit = (int)fmin(fmax(MAX_WORK / ((double)size * count), MIN_SWEEPS), MAX_SWEEPS);
     }
     memcpy(Q, end, size * sizeof(double));
   }
-  if (grouped) {
+  if (factors == at->grouped) {
     multiply_real(n, at->base, Q, at->W);
     memcpy(Q, at->W, size * sizeof(double));
   }
@@ -207,11 +205,7 @@ static void iterate(int n, int count, const double *factors, double *Q, const Be
 
 /* A fixed orthogonal matrix (n, n) in no special position; work (n n + 2 n). */
 static void turn_anyhow(int n, double *Q, double *work) {
-  unsigned long long state = 1931;
-  for (int e = 0; e < n * n; e++) {
-    state = state * 6364136223846793005ULL + 1442695040888963407ULL; /* Knuth's MMIX */
-    work[e] = (double)(state >> 11) * 0x1p-52 - 1.0;
-  }
+  for (int e = 0; e < n * n; e++) work[e] = sin(1.0 + (double)e * e);
   make_orthogonal(n, work, Q, work + n * n);
 }
 

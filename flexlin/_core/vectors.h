@@ -29,16 +29,12 @@ static inline vec v_sqrt(vec a) {
 }
 static inline mask no_lanes(void) { return (mask)splat(0.0); }
 static inline mask every_lane(void) { return ~no_lanes(); }
-static inline int all_lanes(mask where) {
-  long long all = -1;
-  for (int l = 0; l < L; l++) all &= where[l];
-  return all != 0;
-}
 static inline int any_lane(mask where) {
   long long any = 0;
   for (int l = 0; l < L; l++) any |= where[l];
   return any != 0;
 }
+static inline int all_lanes(mask where) { return !any_lane(~where); }
 /* The nearest whole number, for |a| < 2^51. */
 static inline vec v_round(vec a) { return (a + 6755399441055744.0) - 6755399441055744.0; }
 

@@ -10,13 +10,13 @@ from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import NumericalError, counted
 from flexlin.periodic.circle import assign
-from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficient_series.sampling import RESOLVED, stratified
 from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
-from flexlin.precision import FAINT, SAFETY, SLIGHT, TINY
+from flexlin.precision import EPS, FAINT, SAFETY, SLIGHT, TINY
 from flexlin.summary import represent
 
 
@@ -150,11 +150,12 @@ def differentiate(row: ResolvedMatrix, A: MatrixFunction) -> MatrixFunction:
 
 def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) -> list[Chain]:
     """Each output's derivatives until the input appears. Raises: NumericalError where it never does, or a derivative jumps before."""
-    t, B, chains = system.period * stratified(4 * SAMPLES), system.resolved_input, []
+    t, A, B, chains = system.period * stratified(4 * SAMPLES), system.resolved, system.resolved_input, []
+    A_at, B_at, every = np.abs(A(t)), np.abs(B(t)), np.eye(system.n)
     for i in range(system.m):
         of_output = itemgetter((slice(None), slice(i, i + 1)))
         row = take(system, combine(of_output, C), C.breaks)
-        rows, by_input = [row], combine(of_output, D)
+        rows, by_input, unknown = [row], combine(of_output, D), row.error
         size = np.abs(D(t)).max()
         while not np.abs(by_input(t)).max() > FAINT * size:
             if len(rows) > system.n:
@@ -167,18 +168,26 @@ def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) ->
                     got=counted(len(rows) - 1, "derivative"),
                     todo="smooth the coefficients",
                 )
-            by_input = combine(np.matmul, row, B)
-            size = float((np.abs(row(t)) @ np.abs(B(t))).max()) + TINY
-            row = take(system, differentiate(row, system.resolved), row.breaks)
+            by_input, row_at, slope = combine(np.matmul, row, B), np.abs(row(t)), row.derivative()
+            # where entries of a row and of B vanish by turns, their product is what is not known of them
+            size = float((row_at @ B_at + (unknown @ B_at + row_at @ B.error) / FAINT).max()) + TINY
+            unknown = unknown * row.series.rate + (unknown @ A_at + couple_uncertainty(A, t, row(t), every)).max(axis=0)
+            row = take(system, differentiate(row, A), row.breaks, (np.abs(slope(t)) + row_at @ A_at).max(axis=0))
+            unknown = unknown + row.error
             rows.append(row)
         chains.append(Chain(tuple(rows), by_input))
     return chains
 
 
-def take(system: PeriodicSystem, function: MatrixFunction, breaks: tuple[float, ...]) -> ResolvedMatrix:
-    """What is made of series, as a series: smooth between the edges of their panels, which shall not chase a derivative's rounding."""
-    corners = sorted({*breaks, *edges_between(system.resolved, system.resolved_input)})
-    return resolve(function, system.period, corners, complete=True, tol=100 * RESOLVED)
+def take(
+    system: PeriodicSystem, function: MatrixFunction, breaks: tuple[float, ...], summed: Array | float = 0.0
+) -> ResolvedMatrix:
+    """What is made of series, as a series: smooth between the edges of their panels, which shall not chase a derivative's rounding.
+
+    summed: sizes of what each entry is summed from, which may cancel.
+    """
+    corners, tol = sorted({*breaks, *edges_between(system.resolved, system.resolved_input)}), 100 * RESOLVED
+    return resolve(function, system.period, corners, complete=True, tol=tol, least=tol / EPS * summed)
 
 
 def jumps(row: ResolvedMatrix) -> bool:
