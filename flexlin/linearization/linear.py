@@ -17,6 +17,7 @@ from flexlin.linearization.law import Feedback
 from flexlin.linearization.linearization import Coefficients, Linearization, Route
 from flexlin.linearization.trajectory import Trajectory, linearize_along
 from flexlin.mechanics.manipulator import Manipulator
+from flexlin.mechanics.validation import TOLERANCE, need_positive
 from flexlin.motion import Motion, build_motion
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import Control
@@ -118,7 +119,7 @@ def linearize(
     ArgumentError
         For an unknown route or gains that do not fit.
     ModelError
-        When a coefficient is not finite along the motion.
+        When a coefficient is not finite along the motion, or the mass matrix is indefinite.
 
     References
     ----------
@@ -170,17 +171,17 @@ def linearize(
     if arm.near.loops is not None:
         refuse_open_loops(about.near)
     lin = Linearization(about, coefficients(about.near, ROUTES[route](arm.near)), route)
-    need_finite(lin)
+    need_sound(lin)
     return lin if control is None else with_control(lin, control)
 
 
 def with_control(plant: Linearization, control: Control) -> Linearization:
     """The loop of a scene's control on an arm that was linearized without one: nothing is derived again.
 
-    Raises: ArgumentError for gains that do not fit; ModelError when a coefficient is not finite along the motion.
+    Raises: ArgumentError for gains that do not fit; ModelError when a coefficient is not finite along the motion, or the mass matrix is indefinite.
     """
     closed = replace(plant, control=control, feedback=Feedback.of(plant.about, control))
-    need_finite(closed, phases=1)  # the arm was looked at already
+    need_sound(closed, phases=1)  # the arm was looked at already
     return closed
 
 
@@ -219,8 +220,8 @@ def rigid_torque(about: Deviation, left: ca.SX, inputs: ca.SX) -> ca.SX:
     return ca.solve(project @ inputs, project @ left)
 
 
-def need_finite(lin: Linearization, phases: int = 33) -> None:
-    """Raise when a coefficient leaves the real numbers along the motion, naming the entry and the time."""
+def need_sound(lin: Linearization, phases: int = 33) -> None:
+    """Raise where a coefficient leaves the real numbers along the motion, naming the entry and the time, or M_L is indefinite."""
     t = np.linspace(0, lin.period, phases)
     c = lin.sample(t)
     for name, values in (("M", c.M), ("D", c.D), ("K", c.K), ("h", c.h), ("B", c.B)):
@@ -232,3 +233,10 @@ def need_finite(lin: Linearization, phases: int = 33) -> None:
                 expected="a finite number",
                 todo="keep the motion inside the model's range",
             )
+    size = np.sqrt(np.abs(np.einsum("tii->ti", c.M)))
+    size[size == 0] = 1.0
+    least = np.linalg.eigvalsh(c.M / size[:, :, None] / size[:, None, :])[:, 0]
+    if least.min() < -TOLERANCE:  # where it is singular, the coordinates without inertia may yet be left out
+        worst = int(np.argmin(least))
+        todo = "give links and motors the whole inertia of what moves with them, rotors (effects.rotor_spin) included"
+        need_positive(c.M[worst], lin.names, f"at t = {t[worst]:.6g} s", todo)

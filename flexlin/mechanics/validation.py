@@ -34,7 +34,7 @@ def validate(arm: Any) -> None:
         for name, matrix in (("M", M), ("C", C), ("g", g), ("damping", d), ("B", _value(arm.B, inputs))):
             _need_finite(name, matrix, where)
         _need_symmetric("M", M, where)
-        _need_positive(M, arm.names, where)
+        need_positive(M, arm.names, where)
         _need_symmetric("dg/ds", _value(ca.jacobian(arm.g, s), inputs), where)
         if arm.coriolis is not None:
             _need_christoffel(arm, inputs, where)
@@ -103,7 +103,8 @@ def _need_symmetric(name: str, matrix: Array, where: str) -> None:
         )
 
 
-def _need_positive(M: Array, names: tuple[str, ...], where: str) -> None:
+def need_positive(M: Array, names: tuple[str, ...], where: str, todo: str | None = None) -> None:
+    """Raises: ModelError, naming the coordinate that moves most where there is no kinetic energy."""
     values, vectors = np.linalg.eigh(M)
     if values[0] <= 0:
         entry = int(np.argmax(np.abs(vectors[:, 0])))
@@ -112,6 +113,7 @@ def _need_positive(M: Array, names: tuple[str, ...], where: str) -> None:
             "has no kinetic energy",
             got=f"smallest eigenvalue {values[0]:.6g}",
             expected="greater than 0",
+            todo=todo,
         )
 
 

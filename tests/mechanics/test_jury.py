@@ -79,7 +79,7 @@ def random_effects(rng, space, links, gyration):
         "viscous_friction": {"coefficient": numbers(0, 1), "at": str(rng.choice(["joint", "motor"]))},
         "coulomb_friction": {"torque": numbers(0, 0.4), "rate": 0.5, "static": 0.5, "stribeck": 0.8},
         "motor": {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": numbers(10, 60), "rotor_inertia": 1e-5},
-        "rotor_spin": {"inertia": numbers(1e-5, 1e-3), "gear_ratio": numbers(-80, 80)},
+        "rotor_spin": {"inertia": numbers(1e-6, 3e-5), "gear_ratio": numbers(-80, 80)},
         "tip_force": {
             "force": vector(2.0),
             "torque": [0, 0, 0.4] if not space else vector(0.4),
