@@ -80,7 +80,7 @@ class Problem:
         """Over sigma, and zero where nothing was measured or the window had not begun when the sensor saw it."""
         seen = np.isfinite(self.readings)
         for j, delay in enumerate(self.shooting.delays(p)[1]):
-            seen[:, :, j] &= self.shooting.windows.lookup(delay)[3]
+            seen[:, :, j] &= self.shooting.windows.places(delay) > -1e-6
         extra = (1,) * (values.ndim - 3)
         weights = (seen / self.sigma).reshape(*seen.shape, *extra)
         return np.where(weights > 0, values * weights, 0.0)
