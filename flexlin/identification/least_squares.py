@@ -97,7 +97,8 @@ class Problem:
     def slopes(self, point: Point) -> Array:
         """Of the weighted readings by start and p, (W, N outputs, 2n + n_p)."""
         if point.jacobian is None:
-            point.jacobian = self.shooting.jacobian(point.states, point.p)
+            with np.errstate(all="ignore"):
+                point.jacobian = self.shooting.jacobian(point.states, point.p)
         found = self.weigh(point.jacobian[..., : point.start.shape[1] + len(self.low)], point.p)
         return found.reshape(found.shape[0], -1, found.shape[3])
 
