@@ -292,7 +292,14 @@ class Logged:
         z = {j: self.motion[0][self.arm.n + k] for k, j in enumerate(self.filtered)}
         return ca.vertcat(*[(z.get(j, one.value) - one.offset) / one.gain for j, one in enumerate(self.outputs)])
 
-    @property
+    @lazy
+    def delays(self) -> Compiled:
+        """Of inputs (m, 1) and outputs (k, 1) at p, in s, and the slopes of the latter by p."""
+        inputs, outputs = (ca.vertcat(*[one.delay for one in group]) for group in (self.inputs, self.outputs))
+        p = self.arm.parameters.symbols
+        return Compiled.of([p], [inputs, outputs, ca.jacobian(outputs, p)])
+
+    @lazy
     def accelerated(self) -> bool:
         """Whether a sensor without a filter sees accelerations."""
         return bool(ca.depends_on(self.readings, self.arm.s_ddot))
@@ -303,6 +310,7 @@ class Logged:
 
     @lazy
     def reading_slopes(self) -> Compiled:
-        """Slopes of the readings by coordinates, rates, accelerations and p."""
-        by = [ca.jacobian(self.readings, one) for one in (*self.motion, self.arm.parameters.symbols)]
-        return Compiled.of([*self.given, self.motion[2]], by)
+        """Slopes of the readings by state, (k, 2n), accelerations and p."""
+        at, rate, acceleration = self.motion
+        by = [ca.vertcat(at, rate), acceleration, self.arm.parameters.symbols]
+        return Compiled.of([*self.given, acceleration], [ca.jacobian(self.readings, one) for one in by])

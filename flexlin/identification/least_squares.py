@@ -80,7 +80,7 @@ class Problem:
         """Over sigma, and zero where nothing was measured or the window had not begun when the sensor saw it."""
         seen = np.isfinite(self.readings)
         for j, delay in enumerate(self.shooting.delays(p)[1]):
-            seen[:, :, j] &= self.shooting.windows.lookup(delay)[3]
+            seen[:, :, j] &= self.shooting.windows.places(delay) > -1e-6
         extra = (1,) * (values.ndim - 3)
         weights = (seen / self.sigma).reshape(*seen.shape, *extra)
         return np.where(weights > 0, values * weights, 0.0)
@@ -97,7 +97,8 @@ class Problem:
     def slopes(self, point: Point) -> Array:
         """Of the weighted readings by start and p, (W, N outputs, 2n + n_p)."""
         if point.jacobian is None:
-            point.jacobian = self.shooting.jacobian(point.states, point.p)
+            with np.errstate(all="ignore"):
+                point.jacobian = self.shooting.jacobian(point.states, point.p)
         found = self.weigh(point.jacobian[..., : point.start.shape[1] + len(self.low)], point.p)
         return found.reshape(found.shape[0], -1, found.shape[3])
 

@@ -106,7 +106,8 @@ class Log(Shown):
         jitter = float(np.abs(spacing[spacing <= GAP * self.step] - self.step).max(initial=0.0))
         if jitter > 0.05 * self.step:
             said.append(f"times jitter by up to {1e3 * jitter:.3g} ms: readings are taken at their own times")
-        for name, values in {**self.inputs, **self.outputs}.items():
+        inputs = {f"the input {name}" if name in self.outputs else name: values for name, values in self.inputs.items()}
+        for name, values in {**inputs, **self.outputs}.items():
             missing = int(np.isnan(values).sum())
             if missing:
                 said.append(f"{missing} readings of {name} are missing and are not used")

@@ -1,7 +1,7 @@
 """Numbers of a scene that make a log most likely, with their errors, and what the log cannot say."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -265,14 +265,20 @@ class Search:
     low: Array
     high: Array
     late: Callable[[], bool]
+    built: dict[bytes, Logged] = field(default_factory=dict, init=False)
 
     def at(self, values: Array) -> Scene:
         """The scene with these numbers."""
         return revise_scene(self.scene, dict(zip(self.paths, values.tolist(), strict=True)))
 
     def model(self, values: Array) -> Logged:
-        """The equations, with shapes of links for what these carry then."""
-        return Logged.of(self.at(values), self.log, self.paths)
+        """The equations, with shapes of links for what these carry then; the same ones as before where the shapes are."""
+        scene = self.at(values)
+        shapes = b"".join(one.tobytes() for one in sample_shapes(scene))
+        if shapes not in self.built:
+            self.built.clear()
+            self.built[shapes] = Logged.of(scene, self.log, self.paths)
+        return self.built[shapes]
 
     def pose(self, model: Logged, windows: Windows, values: Array, sigma: Array | None = None) -> Problem:
         """The least-squares problem of these equations on a grid that is fine enough at these values."""
@@ -299,16 +305,17 @@ def choose_start(search: Search, windows: Windows, starts: int) -> tuple[Array, 
     model, rng = search.model(own), np.random.default_rng(0)
     problem, short = (search.pose(model, these, own) for these in (some, heads))
     cost = lambda point: float(point.costs.sum())  # noqa: E731
+    settle = lambda values: find_starts(problem.shooting, SETTLE, values, SCREENED).start  # noqa: E731
 
-    def meet(posed: Problem, values: Array, start: Array | None = None) -> Point:
-        start = find_starts(problem.shooting, SETTLE, values, SCREENED).start if start is None else start
+    def meet(posed: Problem, values: Array, start: Array) -> Point:
         return solve(posed, posed.at(start, values), SCREENED, late=search.late)
 
-    best = meet(problem, own)
+    begin = settle(own)
+    best = meet(problem, own, begin)
     good = cost(best) < 0.5 * UNEXPLAINED**2 * np.count_nonzero(best.residual) and not problem.limited(best.p).any()
     if not good and not search.late():
-        factors = [1.0, *np.exp(rng.normal(0, 0.5, (starts - 2, len(own))))]
-        head = min((meet(short, np.clip(own * factor, search.low, search.high)) for factor in factors), key=cost)
+        others = np.clip(own * np.exp(rng.normal(0, 0.5, (starts - 2, len(own)))), search.low, search.high)
+        head = min([meet(short, own, begin), *(meet(short, other, settle(other)) for other in others)], key=cost)
         best = min(best, meet(problem, head.p, head.start), key=cost)
     if not np.isfinite(cost(best)):
         got = "; ".join(search.log.notes) or None
@@ -325,7 +332,7 @@ def refine(
 
     met: starting states of some windows. No evidence where time or rounds ended first.
     """
-    model, shapes = search.model(values), sample_shapes(search.at(values))
+    model = search.model(values)
     problem = search.pose(model, windows, values)
     start = find_starts(problem.shooting, SETTLE, values).start
     for window, state in met.items():
@@ -351,10 +358,8 @@ def refine(
         settled = k > 0 and bool(np.all(np.abs(size / problem.sigma - 1) < SETTLED) and still.all())
         if settled or search.late():
             break
-        before, shapes = shapes, sample_shapes(search.at(point.p))
-        steps = STEPS
-        if not all(map(np.array_equal, before, shapes)):
-            model, steps = search.model(point.p), NEW_STEPS
+        before, model = model, search.model(point.p)
+        steps = STEPS if model is before else NEW_STEPS
         damping = min(point.damping, FREED)
         problem, point = search.pose(model, windows, point.p, size).carried_on(problem, point)
         point.damping = damping

@@ -80,6 +80,9 @@ def without_held(values: Array) -> Array:
 def take_columns(source: Any, wanted: list[str]) -> dict[str, Array]:
     """The wanted columns of a file or of a table in memory, as numbers."""
     if not isinstance(source, (str, Path)):
+        if not hasattr(source, "keys"):
+            expected = "the name of a file, or columns by name"
+            raise ArgumentError("this is no log", got=printable(repr(source))[:80], expected=expected)
         return pick_columns(source, wanted)
     path = Path(source)
     try:
@@ -130,6 +133,8 @@ def open_table(path: Path, wanted: list[str]) -> Iterator[Any]:
         if head.count(",") > MOST_COLUMNS:  # pandas takes time by the square of names that are alike
             raise ValueError(f"it has {head.count(',')} columns, more than {MOST_COLUMNS}")
         names = next(csv.reader([head], skipinitialspace=True), [])
+        if len(names) == 1 < len(wanted) and (";" in head or "\t" in head):
+            raise ValueError("its columns are parted by semicolons or tabs, not by commas")
         if twice := [name for name in wanted if names.count(name) > 1]:
             raise ValueError(f"it has several columns named {', '.join(twice)}")
         with warnings.catch_warnings():
@@ -157,6 +162,7 @@ class ArrayOfFile:
 
 def as_numbers(name: str, values: Array) -> Array:
     """A column as numbers; an empty cell, or one that says so, is a missing reading."""
+    values = values.astype(str) if np.iscomplexobj(values) else values  # none of which is a number then
     if isinstance(values, np.ndarray) and values.dtype.kind in "iuf":
         numbers = values.astype(float)
         odd = np.flatnonzero(np.abs(numbers) > LARGEST)

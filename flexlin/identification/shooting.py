@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field, replace
 
-import casadi as ca
 import numpy as np
 
 from flexlin.checks import Array, check_size
@@ -121,17 +120,19 @@ class Windows:
         moves = np.nanmin(table, axis=0) < np.nanmax(table, axis=0)
         return np.where(self.there[:, :, None] & (moves | ~moves.any()), table[self.rows], np.nan)
 
-    def lookup(self, delay: float) -> tuple[Array, Array, Array, Array]:
+    def places(self, delay: float) -> Array:
+        """Where the samples' times, less a delay, lie on the grid, in steps, (W, N)."""
+        return np.asarray((self.log.time[self.rows] - delay - self.starts[:, None]) / self.h)
+
+    def lookup(self, delay: float) -> tuple[Array, Array, Array]:
         """How a value at each sample's time, less a delay, follows from four nodes: Lagrange's cubic.
 
-        Returns: the first node (W, N), weights and their slopes by time (W, N, 4), and which samples lie on the grid (W, N).
+        Returns: the first node (W, N), weights and their slopes by time (W, N, 4).
         """
-        time = self.log.time[self.rows] - delay - self.starts[:, None]
-        place = np.where(self.there, time / self.h, 0.0)
+        place = np.where(self.there, self.places(delay), 0.0)
         first = np.clip(np.floor(place).astype(int) - 1, 0, self.steps - 3)
-        x = np.maximum(place, 0.0) - first
-        weights, slopes = lagrange(x)
-        return first, weights, slopes / self.h, (place > -1e-6) & self.there
+        weights, slopes = lagrange(np.maximum(place, 0.0) - first)
+        return first, weights, slopes / self.h
 
 
 def by_phase(values: Array) -> Array:
@@ -159,11 +160,8 @@ class Shooting:
 
     def delays(self, p: Array) -> tuple[Array, Array]:
         """Of inputs and of outputs, in s."""
-        both = [
-            ca.vertcat(ca.SX(0, 1), *[one.delay for one in group]) for group in (self.model.inputs, self.model.outputs)
-        ]
-        found = ca.Function("delays", [self.model.arm.parameters.symbols], both)(p)
-        return np.array(found[0])[:, 0], np.array(found[1])[:, 0]
+        inputs, outputs, _ = self.model.delays(p[None, :])
+        return inputs[0, :, 0], outputs[0, :, 0]
 
     def run(self, start: Array, p: Array) -> Array:
         """States at all nodes, (K + 1, W, 2n); a window that diverges holds numbers that are none."""
@@ -191,20 +189,22 @@ class Shooting:
         u, du = (one[::2].reshape(nodes * count, -1) for one in self.windows.drive(self.delays(p)[0]))
         flat = states.reshape(nodes * count, 2 * n)
         given = [flat[:, :n], flat[:, n:], u, du, *self.around(p, nodes * count)]
-        return self.model.read(*given, self.model.accelerate(*given)[0][:, :, 0])[0].reshape(nodes, count, -1)
+        a = self.model.accelerate(*given)[0][:, :, 0] if self.model.accelerated else np.zeros((nodes * count, n))
+        return self.model.read(*given, a)[0].reshape(nodes, count, -1)
 
     def predict(self, states: Array, p: Array) -> Array:
         """The readings that the outputs should have at the samples' times, (W, N, outputs)."""
-        at_nodes = self.nodes(states, p)
-        return np.stack([self.look(at_nodes[:, :, j], d)[0] for j, d in enumerate(self.delays(p)[1])], axis=-1)
+        return self.look(self.nodes(states, p), p)
 
-    def look(self, values: Array, delay: float) -> tuple[Array, Array]:
-        """Values of nodes (K + 1, W, ...) at the samples, (W, N, ...), and their slopes in time."""
-        first, *kinds, _ = self.windows.lookup(delay)
-        which = np.arange(self.windows.count)[:, None]
-        taken = np.stack([values[first + i, which] for i in range(4)], axis=2)
-        value, slope = (np.einsum("wni,wni...->wn...", one, taken) for one in kinds)
-        return value, slope
+    def look(self, values: Array, p: Array, order: int = 0) -> Array:
+        """Values of nodes (K + 1, W, outputs, ...) at the samples, each less its delay, (W, N, outputs, ...); or their slopes in time."""
+        delays, which = self.delays(p)[1].tolist(), np.arange(self.windows.count)[:, None]
+        found, columns = {delay: self.windows.lookup(delay) for delay in set(delays)}, []
+        for j, delay in enumerate(delays):
+            first, *weights = found[delay]
+            taken = np.stack([values[first + i, which, j] for i in range(4)], axis=2)
+            columns.append(np.einsum("wni,wni...->wn...", weights[order], taken))
+        return np.stack(columns, axis=2)
 
     def rates(self, p: Array) -> Array:
         """Eigenvalues of the equations at rest, in 1/s. Raises: SingularMassMatrix."""
@@ -245,10 +245,13 @@ class Shooting:
             steps = self.stages(states[first : last + 1], *inputs, p)
             carried = np.empty((last - first + 1, *S.shape))
             carried[0] = S
-            for k, one in enumerate(steps):
-                S = one[:, :, : 2 * n] @ S
-                S[:, :, 2 * n :] += one[:, :, 2 * n :]
-                carried[k + 1] = S
+            by_x, by_p = steps[..., : 2 * n], steps[..., 2 * n :]
+            for one, before, after, more, moved in zip(
+                by_x, carried[:-1], carried[1:], by_p, carried[1:, ..., 2 * n :], strict=True
+            ):
+                np.matmul(one, before, out=after)
+                moved += more
+            S = carried[-1]
             found[first : last + 1] = self.seen(states[first : last + 1], *inputs, p, carried)
         return found
 
@@ -262,8 +265,8 @@ class Shooting:
             a, by = self.model.slopes(*given)
         else:
             a, by = np.zeros((len(flat), n, 1)), None
-        by_s, by_rate, by_a, by_p = self.model.reading_slopes(*given, a[:, :, 0])
-        made = by_s @ S[:, :n] + by_rate @ S[:, n:]
+        by_x, by_a, by_p = self.model.reading_slopes(*given, a[:, :, 0])
+        made = by_x @ S
         made[:, :, 2 * n :] += by_p
         if by is not None:
             moved = by[:, :, : 2 * n] @ S
@@ -273,16 +276,10 @@ class Shooting:
 
     def jacobian(self, states: Array, p: Array) -> Array:
         """Slopes of the predicted readings at the samples by start and p, (W, N, outputs, 2n + n_p); delays are moved by their slopes."""
-        n, at_nodes, slopes = self.model.n, self.nodes(states, p), self.sensitivities(states, p)
-        delays = ca.vertcat(*[one.delay for one in self.model.outputs])
-        symbols = self.model.arm.parameters.symbols
-        by = ca.DM(ca.densify(ca.jacobian(delays, symbols))).full()
-        columns = []
-        for j, delay in enumerate(self.delays(p)[1]):
-            column = self.look(slopes[:, :, j], delay)[0]
-            column[..., 2 * n :] -= self.look(at_nodes[:, :, j], delay)[1][..., None] * by[j]
-            columns.append(column)
-        return np.stack(columns, axis=2)
+        slopes, by = self.look(self.sensitivities(states, p), p), self.model.delays(p[None, :])[2][0]
+        if by.any():
+            slopes[..., 2 * self.model.n :] -= self.look(self.nodes(states, p), p, 1)[..., None] * by
+        return slopes
 
 
 def count_substeps(shooting: Shooting, p: Array) -> int:

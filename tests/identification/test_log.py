@@ -86,6 +86,8 @@ def late(row):
         (spoiled(current_A=np.where(T[3] == T, np.inf, T)), "current_A is not numeric; got .inf. in row 4"),
         (spoiled(ms=np.where(T[3] == T, np.nan, T)), "time is not finite"),
         (spoiled(angle_rad=T[:-1]), "wrong shape"),
+        (spoiled(angle_rad=T + 1j), r"angle_rad is not numeric; got '1j' in row 1"),
+        (None, "this is no log; got None, expected the name of a file, or columns by name"),
     ],
 )
 def test_broken_logs_are_refused_in_words(columns, said):
@@ -116,6 +118,8 @@ TWICE = LINES[0].replace("other", "angle_rad")
         (["", "# a note", TWICE.replace(",", ", "), *LINES[1:]], "several columns named angle_rad"),
         ([LINES[0], *(line + ",7" for line in LINES[1:])], "header"),
         ([*LINES[:50], LINES[50] + ",7", *LINES[51:]], "Expected 4 fields in line 51, saw 5"),
+        ([line.replace(",", ";") for line in LINES], "parted by semicolons or tabs, not by commas"),
+        ([line.replace(",", "\t") for line in LINES], "parted by semicolons or tabs, not by commas"),
     ],
 )
 def test_cells_that_could_be_of_another_column_are_refused(lines, said, tmp_path):
@@ -151,6 +155,15 @@ def test_what_is_odd_is_said():
         "1 readings of r1 are missing and are not used",
     )
     assert [one.stop - one.start for one in log.stretches] == [60, 110]
+
+
+def test_what_is_odd_of_an_input_is_said_beside_an_output_of_its_name():
+    """Both groups were joined by name, so that nothing was said of the input."""
+    log = fl.Log(T, {"q1": np.r_[np.nan, np.ones(199)], "q2": 0 * T}, {"q1": np.cos(T)})
+    assert log.notes == (
+        "1 readings of the input q1 are missing and are not used",
+        "q2 is constant, so nothing can be learnt from it",
+    )
 
 
 def test_a_gauge_whose_bias_is_taken_reads_nothing_at_first():

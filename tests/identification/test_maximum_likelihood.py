@@ -8,7 +8,8 @@ from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
-from flexlin.identification import maximum_likelihood
+from flexlin.identification import Logged, Windows, maximum_likelihood, prepare
+from flexlin.identification.least_squares import Problem
 from flexlin.scene import get_value, revise_scene
 from tests.identification.logs import coordinate, simulated, swing, tip
 from tests.thinned import thin
@@ -156,6 +157,20 @@ def test_a_dead_sensor_pulls_at_no_number():
     assert np.isnan(found.fit["tip.x"])
     assert np.isnan(found.noise["tip.x"])
     assert "tip.x is constant" in found.status
+
+
+def test_slopes_of_windows_that_diverge_are_no_warning():
+    """NumPy warned of overflow to users whose log was in degrees and millimetres; that the windows diverge is said in words."""
+    scene = fl.load_scene("single-link", {"links.0.modes": 1, "effects.geometric_stiffening": "off", "designs": []})
+    time = TIME[:120]
+    log = fl.Log(time, {"q1": swing(time)[0]}, {"q1": time, "tip.y": time})
+    model = Logged.of(scene, log, FREE[:1])
+    p = model.arm.parameters.values
+    shooting = prepare(model, Windows.of(log, 0.3), p)
+    problem = Problem(shooting, shooting.windows.readings(), np.ones(2), 0 * p, 1 + p, p)
+    point = problem.at(np.tile([0.0, 0.0, 500.0, 0.0], (2, 1)), p)
+    assert np.isinf(point.costs).all()
+    assert problem.slopes(point).shape == (2, 120, 5)
 
 
 @pytest.mark.slow
