@@ -85,8 +85,19 @@ def test_of_joints_that_slide_and_turn_a_unit_decides_nothing():
     assert scene_of("prismatic", amplitude="20 mm").motion.joints[0].amplitude == pytest.approx(0.02)
     assert scene_of("revolute", amplitude="20 deg").motion.joints[0].amplitude == pytest.approx(math.pi / 9)
     for kinds, amplitude in ((["prismatic"], "20 deg"), (["revolute"], "20 mm"), (["prismatic", "revolute"], "20 deg")):
-        with pytest.raises(fl.errors.SceneError, match=r"amplitude: got '20 .*expected a number in rad or m"):
+        expected = "expected a number in rad or m, or an angle such as 0.5 deg where all joints turn, or a length"
+        with pytest.raises(
+            fl.errors.SceneError, match=rf"amplitude: got '20 .*{expected} such as 2 mm where all slide"
+        ):
             scene_of(*kinds, amplitude=amplitude)
+
+
+def test_a_fixed_link_does_not_turn():
+    """A fixed link on a slide counted as a joint that turns, so that the slide's motion could not be given in mm."""
+    links = [{"length": 0.3, "mass_per_length": 1.0, "modes": 0, "joint": kind} for kind in ("prismatic", "fixed")]
+    motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": "20 mm"}]}
+    scene = fl.parse_scene({"schema": 1, "title": "mast on a slide", "links": links, "motion": motion})
+    assert scene.motion.joints[0].amplitude == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize(
