@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -208,3 +209,27 @@ def test_completion_knows_every_command(capsys: pytest.CaptureFixture[str]) -> N
     assert end.value.code == 0
     assert all(f"_shtab_flexlin_{name}_option_strings" in script for name in COMMANDS)
     assert subprocess.run(["bash", "-n"], input=script, text=True, check=False).returncode == 0
+
+
+def test_what_to_type_next_can_be_typed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A scene's name with a space was printed without quotes, so that the printed command failed."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "my arm"]) == 0
+    check, _ = capsys.readouterr().out.split("next: ")[1].split(";")
+    assert main(shlex.split(check)[1:]) == 0
+
+
+@pytest.mark.parametrize("points", ["1e9", "many", "-5"])
+def test_a_number_of_points_is_refused_in_words(points: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is no whole number at all was refused as an "invalid count value", a name of the program's own."""
+    with pytest.raises(SystemExit):
+        main(["linearize", "single-link", f"--points={points}"])
+    assert f"got '{points}', expected a whole number from 2 on" in capsys.readouterr().err
+
+
+def test_a_folder_is_named_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder given as a scene was said not to be there."""
+    assert main(["check", str(tmp_path)]) == 2
+    assert "file: got a folder, expected a TOML file" in capsys.readouterr().err
