@@ -249,6 +249,7 @@ def explain_fault(text: str, error: tomllib.TOMLDecodeError) -> tuple[str, str]:
     return f"{lines[number - 1].strip()} in line {number}", expected
 
 
+@checked
 def scene_from_urdf(path: str | Path, base: str | None = None, tip: str | None = None) -> Scene:
     """Make a scene of a chain of a robot from its URDF file.
 
