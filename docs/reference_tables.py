@@ -54,7 +54,7 @@ def section(name: str, found: dict[str, Any]) -> str:
             kind(entry),
             entry.get("unit", ""),
             "required" if key in required else default(entry),
-            words(entry),
+            words(entry).removesuffix(f" [{entry.get('unit')}]"),
         ]
         for key, entry in found["properties"].items()
     ]
