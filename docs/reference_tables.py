@@ -29,7 +29,8 @@ def command(name: str, found: argparse.ArgumentParser) -> str:
         flag = ", ".join(action.option_strings) or str(action.metavar)
         value = "" if not action.option_strings or action.nargs == 0 else f" {action.metavar or choice(action)}"
         rows.append([f"`{flag}{value}`", (action.help or "").replace("%%", "%")])
-    return f"## flexlin {name}\n\n{found.description}.\n\n{table(['argument', 'what it does'], rows)}"
+    options = table(["argument", "what it does"], rows) if rows else ""
+    return f"## flexlin {name}\n\n{found.description}.\n\n{options}"
 
 
 def choice(action: argparse.Action) -> str:
@@ -53,7 +54,7 @@ def section(name: str, found: dict[str, Any]) -> str:
             kind(entry),
             entry.get("unit", ""),
             "required" if key in required else default(entry),
-            words(entry),
+            words(entry).removesuffix(f" [{entry.get('unit')}]"),
         ]
         for key, entry in found["properties"].items()
     ]

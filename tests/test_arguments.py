@@ -1,5 +1,6 @@
 """Arguments of another kind are refused by name; those of the kind that is stated pass, however they are given."""
 
+import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -87,6 +88,15 @@ def test_a_value_without_a_repr_is_refused_too() -> None:
 
     with pytest.raises(ArgumentError, match="got a Hostile, expected a number"):
         everything(Hostile())
+
+
+@pytest.mark.parametrize("module", [fl, fl.control])
+def test_every_public_function_refuses_other_kinds_by_name(module: Any) -> None:
+    """The norms, `tune` and `scene_from_urdf` did not: errors of Python's and NumPy's own came through."""
+    functions = [one for name in module.__all__ if inspect.isfunction(one := getattr(module, name))]
+    assert [
+        one.__name__ for one in functions if inspect.signature(one).parameters and not hasattr(one, "__wrapped__")
+    ] == []
 
 
 def test_calls_that_do_not_fit_are_python_s_own_matter() -> None:

@@ -98,3 +98,11 @@ def test_a_missing_unit_is_asked_for(capsys):
     change = ["links.0.length=1000", "designs=[]", "effects.geometric_stiffening=off"]
     assert main(["check", "single-link", "--set", *change]) == 0
     assert "no arm does; is a unit missing?" in capsys.readouterr().out
+
+
+def test_rounding_bends_no_link():
+    """The links of an unloaded arm were said to bend by some 1e-16 m."""
+    scene = scene_of({**UNIT, "modes": 2}, effects={"payload": {"mass": 0.1}, "geometric_stiffening": {}})
+    motion = {"kind": "rotation", "joints": [{"rate": 1.0}]}
+    spun = examine(fl.linearize(fl.build_manipulator(scene), motion), np.array([1.0]))
+    assert spun.bending.at_rest[0] == spun.bending.moving[0] == 0

@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -186,9 +188,10 @@ def run_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
 
 @pytest.mark.slow
 def test_a_terminal_that_knows_only_ascii_is_served(run_of_its_own: list[bytes]) -> None:
-    """Characters beyond ASCII become question marks instead of an error."""
+    """The signs and powers of numbers became question marks: ?2.52 for -2.52 and 1.3?10? s for 1.3x10^6 s."""
     assert any(b"undecided" in line for line in run_of_its_own)
-    assert any(b"?10??" in line for line in run_of_its_own)
+    assert any(re.search(rb"zero to within \d?(\.\d)?x10\^-\d+ 1/s", line) for line in run_of_its_own)
+    assert any(re.search(rb", -\d\.\d+ \+- \dx10\^-\d+ 1/s", line) for line in run_of_its_own)
     assert run_of_its_own[-1].endswith(b" 0")
 
 
@@ -208,3 +211,27 @@ def test_completion_knows_every_command(capsys: pytest.CaptureFixture[str]) -> N
     assert end.value.code == 0
     assert all(f"_shtab_flexlin_{name}_option_strings" in script for name in COMMANDS)
     assert subprocess.run(["bash", "-n"], input=script, text=True, check=False).returncode == 0
+
+
+def test_what_to_type_next_can_be_typed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A scene's name with a space was printed without quotes, so that the printed command failed."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "my arm"]) == 0
+    check, _ = capsys.readouterr().out.split("next: ")[1].split(";")
+    assert main(shlex.split(check)[1:]) == 0
+
+
+@pytest.mark.parametrize("points", ["1e9", "many", "-5"])
+def test_a_number_of_points_is_refused_in_words(points: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is no whole number at all was refused as an "invalid count value", a name of the program's own."""
+    with pytest.raises(SystemExit):
+        main(["linearize", "single-link", f"--points={points}"])
+    assert f"got '{points}', expected a whole number from 2 on" in capsys.readouterr().err
+
+
+def test_a_folder_is_named_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder given as a scene was said not to be there."""
+    assert main(["check", str(tmp_path)]) == 2
+    assert "file: got a folder, expected a TOML file" in capsys.readouterr().err

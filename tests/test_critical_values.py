@@ -160,3 +160,23 @@ def test_a_tongue_that_begins_where_the_mean_is_unstable_is_still_a_parametric_r
     onset = next(one for one in fl.critical_values(family, "a", (-1.0, 1.0)) if one.kind == "onset")
     assert onset.value == pytest.approx(mathieu_b(1, 1.0), abs=1e-7)
     assert onset.resonance.startswith("parametric resonance at w / 2 = 1 rad/s")
+
+
+@pytest.mark.slow
+def test_a_free_rigid_motion_does_not_blur_a_critical_value():
+    """Its exponents are zero on both sides and were taken for those that cross: the onset was said to be known to 132 Hz."""
+    link = {"length": 0.8, "mass_per_length": 0.324, "bending_stiffness": 6.2, "modes": 2, "mode_shapes": "pinned-hub"}
+    effects = {"hub": {"inertia": 0.01}, "payload": {"mass": 0.05}, "modal_damping": {"ratio": 0.01}}
+    motion = {"kind": "harmonic", "frequency": 2.0, "joints": [{"amplitude": 0.35}]}
+    raw = {"schema": 1, "title": "Free", "links": [link], "effects": effects, "motion": motion}
+
+    def growth(frequency):
+        changed = fl.parse_scene(raw, overrides={"motion.frequency": frequency})
+        exponents = fl.floquet(fl.linearize(fl.build_manipulator(changed), changed.motion).periodic_system()).exponents
+        return np.sort(exponents[np.abs(exponents) > 1e-6].real)[-1]
+
+    onset, recovery = fl.critical_values(fl.parse_scene(raw), "motion.frequency", (7.5, 8.0), samples=17)
+    assert [one.kind for one in (onset, recovery)] == ["onset", "recovery"]
+    for one in (onset, recovery):
+        assert one.error < 1e-3
+        assert growth(one.value - one.error) * growth(one.value + one.error) < 0

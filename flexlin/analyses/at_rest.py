@@ -61,7 +61,7 @@ def examine(plant: Linearization, lengths: Array) -> AtRest | None:
     rounding = ROUNDING * np.abs(squares).max()
     if squares[0].real <= rounding or np.abs(squares.imag).max() > rounding:
         return AtRest(np.zeros(0), True, None)
-    known = None if arm.axes is None else Bending(lengths, *(bend(lin, len(lengths)) for lin in loads))
+    known = None if arm.axes is None else Bending(lengths, *(bend(lin, lengths) for lin in loads))
     return AtRest(np.sqrt(squares.real) / (2 * np.pi), False, known)
 
 
@@ -76,18 +76,19 @@ def find_bending(scene: Scene) -> float:
     return np.inf if found.bending is None else float(found.bending.largest.max())
 
 
-def bend(lin: Linearization, links: int) -> Array:
-    """The largest deflection of each link's tip (links,) against its own base, K y = h at each posture; infinite where K is singular."""
+def bend(lin: Linearization, lengths: Array) -> Array:
+    """The largest deflection of each link's tip (links,) against its own base, K y = h at each posture; infinite where K is singular,
+    0 where it is rounding."""
     t = lin.period * np.arange(SAMPLES) / SAMPLES
     c = lin.sample(t)
     try:
         y = np.linalg.solve(c.K, c.h[..., None])[..., 0]
     except np.linalg.LinAlgError:
-        return np.full(links, np.inf)
+        return np.full(len(lengths), np.inf)
     straight = lin.about.near.of_arm("axes", t, np.zeros_like(y))
-    found = np.zeros(links)
-    for i in range(links):
+    found = np.zeros(len(lengths))
+    for i in range(len(lengths)):
         own = y * [one.kind == "elastic" and one.link == i and one.mode is not None for one in lin.coordinates]
         end = COLUMNS * (i + 1) - 1
         found[i] = np.linalg.norm(lin.about.near.of_arm("axes", t, own)[:, :, end] - straight[:, :, end], axis=1).max()
-    return found
+    return np.where(found > ROUNDING * lengths, found, 0.0)

@@ -193,10 +193,10 @@ def add_slope(found: CriticalValue, family: Family) -> CriticalValue:
         pair = [floquet(family.system_at(point + move), family.finest).exponents.real.max() for move in (-step, step)]
         return replace(found, slope=float((pair[1] - pair[0]) / (2 * step)))
     exponents, errors, slopes = exact
-    lead = int(np.argmin(np.abs(exponents.real)))
-    slope = float(slopes[0, lead].real)
-    error = (abs(float(exponents.real[lead])) + float(errors[lead])) / abs(slope) if slope else np.inf
-    return replace(found, slope=slope, error=max(error, found.error))
+    size, slope = np.abs(exponents.real) + errors, slopes[0].real
+    away = np.divide(size, np.abs(slope), out=np.full(len(size), np.inf), where=slope != 0)
+    lead = int(np.argmin(away))  # the one that crosses; a free rigid motion's is zero too, but has no slope
+    return replace(found, slope=float(slope[lead]), error=max(float(away[lead]), found.error))
 
 
 def describe_causes(family: Family, point: Array) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from flexlin.analyses.gain_search import Problem, lay_scenarios, search
 from flexlin.analyses.judging import find_response
 from flexlin.analyses.spectra import ROUGH, Source, make_family
+from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive, real_array, whole
 from flexlin.control.drives import drive_load
 from flexlin.errors import ArgumentError, NotStable
@@ -81,6 +82,7 @@ class Tuning:
     __repr__ = represent
 
 
+@checked
 def tune(
     source: Source,
     gains: Sequence[str] | Mapping[str, float] | None = None,

@@ -5,6 +5,7 @@ without a trustworthy answer, or without all of it in its time, 1 anything else.
 """
 
 import argparse
+import codecs
 import io
 import logging
 import os
@@ -12,6 +13,7 @@ import signal
 import sys
 import threading
 import time
+import unicodedata
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -173,14 +175,24 @@ def open_closed_streams() -> None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
 
 
+def write_plainly(error: UnicodeError) -> tuple[str, int]:
+    """What a terminal gets that knows no −, ± or ⁷: -, +- and ^7, since a growth rate without sign or power is another one."""
+    assert isinstance(error, UnicodeEncodeError)
+    lost = error.object[error.start : error.end]
+    words = unicodedata.normalize("NFKC", lost).translate({ord("−"): "-", ord("±"): "+-", ord("×"): "x", ord("μ"): "u"})
+    power = "^" if lost[0] in "⁻⁰¹²³⁴⁵⁶⁷⁸⁹" else ""
+    return power + words.encode("ascii", "replace").decode(), error.end
+
+
 def run_program() -> int:
     """Run the command that the program was called with: a fault of flexlin itself is one line too, with exit code 1."""
     sys.unraisablehook, warnings.showwarning = pass_over, report_warning
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # tasks of Zarr that an interruption left behind complain
     need_one_thread()
+    codecs.register_error("plain", write_plainly)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal that knows no ± gets a question mark
+            stream.reconfigure(errors="plain")
     try:
         code = main()
         sys.stdout.flush()

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import shlex
 import sys
 from collections.abc import Iterator
 from functools import partial
@@ -55,7 +56,8 @@ def new(options: argparse.Namespace) -> int:
     flexlin.parse_scene(tomllib.loads(text), str(path))
     files.write_text(path, text)
     print(f"wrote {path}, after {options.like}")
-    print(f"next: flexlin check {path}; flexlin report {path}")
+    named = shlex.quote(str(path))
+    print(f"next: flexlin check {named}; flexlin report {named}")
     return DONE
 
 

@@ -42,9 +42,9 @@ UNQUOTED = ("scene", "out", "require", "workers", "scheduler")
 
 def count(text: str) -> int:
     """Read a whole number from 2 on."""
-    number = int(text)
+    number = int(text) if text.strip().isdecimal() else 0
     if number < 2:
-        raise argparse.ArgumentTypeError(f"got {number}, expected a whole number from 2 on")
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected a whole number from 2 on")
     return number
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
@@ -77,6 +78,7 @@ class DriveLoad:
         return tuple(sorted(over, key=lambda demand: -demand.value / (demand.limit or 1.0)))
 
 
+@checked
 def drive_load(lin: Linearization, t: Array, states: Array, law: Law, drives: Drives | None = None) -> DriveLoad:
     """Find what the drives have to do along a motion of the arm.
 

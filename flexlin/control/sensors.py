@@ -330,6 +330,7 @@ class Sensors:
         return kalman_filter(lin.periodic_system(), self.C, self.W, self.V, tol)
 
 
+@checked
 def scene_sensors(scene: Scene, lin: Linearization, table: EstimatorTable) -> Sensors:
     """Make the measurements and noises that a design's estimator table speaks of.
 

@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "linearization.harmonic_balance": "balance by_law miss_between Solver",
         "linearization.free": "make_kernel parametric_loop ParametricLoop record_model",
         "linearization.law": "Law",
-        "linearization.deviation": "Layers saturating_arguments",
+        "linearization.layers": "Layers saturating_arguments",
         "linearization.linear": "by_jacobian by_kronecker with_control",
     },
 )

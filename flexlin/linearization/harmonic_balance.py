@@ -9,8 +9,9 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.lazy import lazy
-from flexlin.linearization.deviation import THICK, Deviation, Layers
+from flexlin.linearization.deviation import Deviation
 from flexlin.linearization.law import Controller, Law
+from flexlin.linearization.layers import THICK, Layers
 from flexlin.periodic.coefficient_series.sampling import graded
 from flexlin.periodic.interpolation import (
     FourierSeries,

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, at_times, positive
 from flexlin.errors import MotionError, NumericalError, ToleranceNotReached
-from flexlin.linearization.deviation import Deviation, Layers
+from flexlin.linearization.deviation import Deviation
 from flexlin.linearization.harmonic_balance import (
     Closing,
     Solver,
@@ -23,6 +23,7 @@ from flexlin.linearization.harmonic_balance import (
     size_of,
 )
 from flexlin.linearization.law import Law
+from flexlin.linearization.layers import Layers
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, extend_system

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.periodic.circle import wrap_angle
@@ -19,7 +20,7 @@ from flexlin.periodic.levels import BoundedReal, PeakSearch
 from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.roots import MOST
-from flexlin.periodic.system import PeriodicSystem, as_port, input_of, resolve_beside
+from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
 from flexlin.precision import EPS, MINOR, SAFETY, SLIGHT, TINY
 from flexlin.summary import represent
 
@@ -48,6 +49,7 @@ class H2Norm:
     __repr__ = represent
 
 
+@checked
 def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 1e-10) -> H2Norm:
     """Compute the H2 norm of x' = A x + B u, y = C x.
 
@@ -90,6 +92,7 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     >>> print(f"{fl.h2_norm(system, [[1.0, 0.0]]).value:.6f}")
     1.000000
     """
+    system = as_system(system)
     B, output = system.resolved_input, as_port("C", C, (None, system.n), system.period)
     solution = periodic_lyapunov(system, combine(multiply_transposed, output), MINOR * positive("tol", tol))
     square, quadrature = mean_power(solution, B)
@@ -156,6 +159,7 @@ class HinfNorm:
     __repr__ = represent
 
 
+@checked
 def hinf_norm(
     system: PeriodicSystem,
     C: MatrixFunction | ArrayLike,
@@ -207,6 +211,7 @@ def hinf_norm(
     >>> print(f"{fl.hinf_norm(system, [[1.0, 0.0]]).value:.6f} {1 / (0.2 * 0.99**0.5):.6f}")
     5.025189 5.025189
     """
+    system = as_system(system)
     input_of(system)
     output, tol = as_port("C", C, (None, system.n), system.period), positive("tol", tol)
     rows = output(np.zeros(1)).shape[1]

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlin.analyses.analysis import Analysis
 from flexlin.analyses.judging import REPEATABLE, Loop
+from flexlin.checks import ROUNDING
 from flexlin.control.drives import Demand, DriveLoad
 from flexlin.plots.scales import write_powers
 from flexlin.report.wording import caution, format_quantity, is_dimensionless, reason
@@ -317,9 +318,9 @@ def agreement(a: Analysis, simulation: Simulation) -> str:
     answers, length = f"linear and nonlinear {what}", a.length if np.isfinite(a.length) else 1.0
     if simulation.is_lost:
         facts = OUTGROWN
-    elif apart <= error:
+    elif apart <= max(error, ROUNDING * length):
         bound = f"{error:.0e}{'' if is_dimensionless() else unit}"
-        facts = f"{answers} {f'agree to the error of the integration, {bound}' if error else 'are the same'}"
+        facts = f"{answers} {f'agree to the error of the integration, {bound}' if error and apart <= error else 'are the same'}"
     elif apart <= REPEATABLE * length:
         facts = f"{answers} differ by no more than {format_quantity(apart, unit.strip())}".rstrip()
     else:

@@ -139,8 +139,8 @@ def parse_scene(
 
 
 def all_slide(links: Any) -> bool | None:
-    """Whether all joints of raw links slide; None where some do and others do not."""
-    kinds = {link.get("joint") == "prismatic" for link in tables_in(links)}
+    """Whether all joints of raw links slide that move; None where some do and others do not."""
+    kinds = {link.get("joint") == "prismatic" for link in tables_in(links) if link.get("joint") != "fixed"}
     return None if len(kinds) > 1 else True in kinds
 
 
@@ -198,14 +198,15 @@ def _find(source: str | Path) -> Path:
     scenes, name = builtin_scenes(), str(source)
     if name in scenes:
         return scenes[name]
-    path = Path(name)
+    path, got = Path(name), "no such file or built-in scene"
     try:
         if path.is_file():
             return path
+        got = "a folder" if path.is_dir() else got
     except OSError:  # the name is too long, or its folder may not be searched
         pass
     expected = f"a TOML file, or one of {', '.join(sorted(scenes))}{hint_at(name, scenes)}"
-    raise SceneError(printable(name), [Problem("file", "no such file or built-in scene", expected)])
+    raise SceneError(printable(name), [Problem("file", got, expected)])
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -248,6 +249,7 @@ def explain_fault(text: str, error: tomllib.TOMLDecodeError) -> tuple[str, str]:
     return f"{lines[number - 1].strip()} in line {number}", expected
 
 
+@checked
 def scene_from_urdf(path: str | Path, base: str | None = None, tip: str | None = None) -> Scene:
     """Make a scene of a chain of a robot from its URDF file.
 

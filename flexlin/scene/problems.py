@@ -59,7 +59,7 @@ def suggest_number(value: str, unit: str | None) -> str:
 def name_units(units: str) -> str:
     """In what a bare number is, and what may be written with a unit: in rad or m, or an angle such as 0.5 deg."""
     written = [NAMES[unit] for unit in re.split(r" or |, ", units) if unit in NAMES]
-    where = (" where the joint turns", " where it slides") if len(written) == 2 else ("",) * len(written)
+    where = (" where all joints turn", " where all slide") if len(written) == 2 else ("",) * len(written)
     return ", or ".join([f" in {units}", *map("".join, zip(written, where, strict=True))])
 
 

@@ -9,16 +9,17 @@ from pydantic import PlainValidator, WithJsonSchema
 from flexlin.bounds import LARGEST, SMALLEST, read_number
 from flexlin.errors import ArgumentError
 
-Dimension = tuple[int, int, int, int, int]
-"""Powers of m, kg, s, A and rad; an angle counts as a dimension, so that no degree passes for a metre."""
+Dimension = tuple[int, ...]
+"""Powers of m, kg, s, A, rad and B; an angle counts as a dimension, so that no degree passes for a metre."""
 
-_BASE = ("m", "kg", "s", "A", "rad")
+_BASE = ("m", "kg", "s", "A", "rad", "B")
 _WITH_PREFIXES = """
-    m 1 m; g 0.001 kg; s 1 s; A 1 A; rad 1 rad; N 1 kg m/s^2; Nm 1 N m; J 1 N m; W 1 J/s; V 1 W/A; Hz 1 1/s; Pa 1 N/m^2
+    m 1 m; g 0.001 kg; s 1 s; A 1 A; rad 1 rad; N 1 kg m/s^2; Nm 1 N m; J 1 N m; W 1 J/s; V 1 W/A; ohm 1 V/A; Hz 1 1/s; Pa 1 N/m^2
 """
 _PREFIXES = "k 1e3; m 1e-3; u 1e-6; µ 1e-6; μ 1e-6; n 1e-9"
 _ALONE = """
-    cm 1e-2 m; MPa 1e6 Pa; GPa 1e9 Pa; rev 6.283185307179586 rad; deg 0.017453292519943295 rad; ° 1 deg; min 60 s; rpm 1 rev/min
+    cm 1e-2 m; MPa 1e6 Pa; GPa 1e9 Pa; rev 6.283185307179586 rad; deg 0.017453292519943295 rad; ° 1 deg; min 60 s; rpm 1 rev/min;
+    kB 1e3 B; MB 1e6 B; GB 1e9 B
 """
 UNITS: dict[str, tuple[float, Dimension]] = {}
 """Every unit that may be written, with its size in SI units."""
@@ -33,6 +34,7 @@ NAMES = {
     "N": "a force such as 3 N",
     "V": "a voltage such as 6 V",
     "A": "a current such as 2 A",
+    "ohm": "a resistance such as 1.2 ohm",
     "s": "a time such as 2 ms",
     "Hz": "a frequency such as 30 Hz",
     "W": "a power such as 20 W",
@@ -43,6 +45,7 @@ NAMES = {
     "m s": "an integral of a length such as 1 mm s",
     "Pa": "an elastic modulus such as 70 GPa",
     "kg/m^3": "a density such as 2.7 g/cm^3",
+    "B": "a memory such as 500 MB",
 }
 """The dimensions that keys ask for by their SI unit, in words."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
@@ -50,9 +53,9 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*
 
 def dimension_of(unit: str) -> tuple[float, Dimension]:
     """Return the size in SI units and the dimension of a unit such as "mN m" or "deg/s^2"; raises ValueError naming what is no unit."""
-    size, powers = 1.0, [0, 0, 0, 0, 0]
+    size, powers = 1.0, [0] * len(_BASE)
     for place, side in enumerate(unit.split("/")):
-        for factor in re.split(r"[\s*·]+", side.strip()):
+        for factor in re.split(r"[\s*·]+", re.sub(r"^\((.+)\)$", r"\1", side.strip())):
             name, _, power = factor.replace("²", "^2").partition("^")
             if name in ("1", "") and place == 0:
                 continue
@@ -61,14 +64,13 @@ def dimension_of(unit: str) -> tuple[float, Dimension]:
             times = int(power or 1) * (-1 if place else 1)
             size *= UNITS[name][0] ** times
             powers = [p + times * q for p, q in zip(powers, UNITS[name][1], strict=True)]
-    return size, (powers[0], powers[1], powers[2], powers[3], powers[4])
+    return size, tuple(powers)
 
 
 def define_units() -> None:
     """Fill the table of units, each by those before it: its name, its size, and what it is a multiple of."""
     for name in _BASE:
-        m, kg, s, A, rad = (int(name == base) for base in _BASE)
-        UNITS[name] = (1.0, (m, kg, s, A, rad))
+        UNITS[name] = (1.0, tuple(int(name == base) for base in _BASE))
     prefixes = [prefix.split() for prefix in _PREFIXES.split(";")]
     for table, before in ((_WITH_PREFIXES, prefixes), (_ALONE, [])):
         for line in table.split(";"):

@@ -8,8 +8,8 @@ from flexlin.checks import Array
 from flexlin.control.sensors import encoder_rows
 from flexlin.errors import ArgumentError, SimulationStopped
 from flexlin.lazy import lazy
-from flexlin.linearization.deviation import Layers
 from flexlin.linearization.law import Controller, Law
+from flexlin.linearization.layers import Layers
 from flexlin.linearization.linearization import Linearization
 from flexlin.precision import SLIGHT
 from flexlin.simulation.drive import Drive

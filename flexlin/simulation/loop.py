@@ -7,8 +7,8 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
 from flexlin.lazy import lazy
-from flexlin.linearization.deviation import Layers
 from flexlin.linearization.law import Law
+from flexlin.linearization.layers import Layers
 from flexlin.precision import SLIGHT
 from flexlin.simulation.collocation import ROUNDING, Collocation
 from flexlin.simulation.controlled_arm import ControlledArm, explain_end, find_indefinite

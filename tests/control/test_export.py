@@ -123,3 +123,16 @@ def test_compiled_gain_equals_python(lin, made, tmp_path):
     for phase in (0.0, 0.371, 0.999):
         exact = made.K(np.array([phase * lin.period]))[0].T.ravel()
         np.testing.assert_allclose(outputs_of(program, phase)["K"], exact, rtol=1e-6, atol=1e-7 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("outputs", [np.eye(3), np.nan, 1j, [], [["a"] * 6]])
+def test_outputs_for_python_control_are_checked(lin, outputs):
+    """Errors of NumPy's and python-control's own came through."""
+    with pytest.raises(ArgumentError, match=r"^outputs "):
+        fl.control.to_control(lin, 0.2, outputs)
+
+
+def test_a_lifted_model_needs_a_positive_tol(lin):
+    """It ended with Python's "cannot convert float NaN to integer"."""
+    with pytest.raises(ArgumentError, match="tol is not positive; got -1"):
+        fl.control.lifted_model(lin, lin.period / 4, tol=-1.0)

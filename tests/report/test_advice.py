@@ -91,6 +91,8 @@ CASES = [
     (lambda a: with_difference(a, 0.048, 0.05), "96 % of the largest deviation: beyond the linear model", True),
     (lambda a: with_difference(a, 1e-7, 0.05, error=1e-6), f"the error of the integration, 1×10⁻⁶ m: {HOLDS}", True),
     (lambda a: with_difference(a, 0.0, 0.05, error=0.0), "are the same: the linear", True),
+    # a difference far below an atom's size, though above an error of nearly nothing, is rounding
+    (lambda a: with_difference(a, 5.6e-17, 0.05, error=1e-17), f"tips are the same: {HOLDS}", True),
     (lambda a: with_difference(a, 1e-3, 0.05), "agree to the error", False),
     (lambda a: with_difference(a, 1e-3, 0.05), f"2 % of the largest deviation: {HOLDS}", True),
     # the elastic motion is believed where it changes the verdict

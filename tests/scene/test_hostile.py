@@ -218,8 +218,8 @@ def test_pipes_and_devices_are_not_opened(tmp_path):
         (tmp_path / "scene.toml").write_text(with_table(f"'{name}'"), encoding="utf-8")
         with pytest.raises(MotionError, match=r"motion\.file.*regular file"):
             linearized(tmp_path / "scene.toml")
-    for source in ("pipe", "."):
-        with pytest.raises(SceneError, match="no such file"):
+    for source, got in (("pipe", "no such file"), (".", "a folder")):
+        with pytest.raises(SceneError, match=f"got {got}"):
             fl.load_scene(tmp_path / source)
 
 

@@ -43,6 +43,20 @@ def test_what_is_no_length_is_refused(text):
         in_si(text, "m")
 
 
+@pytest.mark.parametrize("unit", ["ohm", "B", "N m/(rad s)", "N/(m s)"])
+def test_the_unit_that_a_key_states_can_be_written(unit):
+    """The JSON schema allowed texts for these keys, and none could be read."""
+    same = {"ohm": "V/A", "B": "MB", "N m/(rad s)": "N m/rad/s", "N/(m s)": "N/m/s"}
+    assert dimension_of(unit)[0] == 1.0
+    assert dimension_of(unit)[1] == dimension_of(same[unit])[1]
+
+
+@pytest.mark.parametrize("unit", ["N m/(rad s", "N m/rad s)", "()", "(m)(m)"])
+def test_brackets_come_in_pairs(unit):
+    with pytest.raises(ValueError, match="a known unit"):
+        dimension_of(unit)
+
+
 def test_dimensions_of_products_and_quotients_agree():
     """W = N m / s = V A, and an angle is a dimension of its own."""
     assert dimension_of("W")[1] == dimension_of("N m/s")[1] == dimension_of("V A")[1]
@@ -57,6 +71,7 @@ WRITTEN = {
     "effects.hub.inertia": ("5859.8 g cm^2", 5.8598e-4),
     "effects.gravity.acceleration": ("981 cm/s^2", 9.81),
     "motion.frequency": ("500 mHz", 0.5),
+    "accuracy.memory": ("500 MB", 5e8),  # refused, though the JSON schema allowed such a text
     "motion.joints.0.amplitude": ("30 deg", math.pi / 6),
     "control.feedback.kp": (["3000 mN m/rad"], (3.0,)),
     "accuracy.seconds": ("1 min", 60.0),
@@ -85,8 +100,19 @@ def test_of_joints_that_slide_and_turn_a_unit_decides_nothing():
     assert scene_of("prismatic", amplitude="20 mm").motion.joints[0].amplitude == pytest.approx(0.02)
     assert scene_of("revolute", amplitude="20 deg").motion.joints[0].amplitude == pytest.approx(math.pi / 9)
     for kinds, amplitude in ((["prismatic"], "20 deg"), (["revolute"], "20 mm"), (["prismatic", "revolute"], "20 deg")):
-        with pytest.raises(fl.errors.SceneError, match=r"amplitude: got '20 .*expected a number in rad or m"):
+        expected = "expected a number in rad or m, or an angle such as 0.5 deg where all joints turn, or a length"
+        with pytest.raises(
+            fl.errors.SceneError, match=rf"amplitude: got '20 .*{expected} such as 2 mm where all slide"
+        ):
             scene_of(*kinds, amplitude=amplitude)
+
+
+def test_a_fixed_link_does_not_turn():
+    """A fixed link on a slide counted as a joint that turns, so that the slide's motion could not be given in mm."""
+    links = [{"length": 0.3, "mass_per_length": 1.0, "modes": 0, "joint": kind} for kind in ("prismatic", "fixed")]
+    motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": "20 mm"}]}
+    scene = fl.parse_scene({"schema": 1, "title": "mast on a slide", "links": links, "motion": motion})
+    assert scene.motion.joints[0].amplitude == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize(

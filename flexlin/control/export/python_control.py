@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexlin.arguments import checked
-from flexlin.checks import Array, check_size, positive
+from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.control.designed_loop import Design
 from flexlin.control.export.files import Labels
 from flexlin.control.sampled import find_round
@@ -70,7 +70,7 @@ def to_control(
     t = np.array([phase * system.period])
     A = system.A(t)[0]
     B = np.zeros((system.n, 0)) if system.B is None else system.B(t)[0]
-    C = np.eye(system.n) if outputs is None else np.asarray(outputs, dtype=float)
+    C = np.eye(system.n) if outputs is None else real_array("outputs", outputs, (None, system.n))
     labels = Labels.fitting(lin, *B.shape)
     seen = list(names) or (list(labels.states) if outputs is None else [f"y{i + 1}" for i in range(len(C))])
     if len(seen) != len(C):
@@ -207,7 +207,7 @@ def lifted_model(
     import control
 
     lin, system = arm_and_system(system)
-    h = positive("sample_time", sample_time)
+    h, tol = positive("sample_time", sample_time), positive("tol", tol)
     turn = find_round(system, h, delay)
     N, n, m = turn.samples, system.n, system.m
     check_size(f"a lifted model of {N} samples", 8 * (N * n) * (N * m + n), "take a longer sampling time")

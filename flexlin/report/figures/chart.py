@@ -262,7 +262,8 @@ SHADES = 14
 
 def strengthen(shade: float) -> float:
     """How strong a colour is at one of its shades: the faintest can be seen."""
-    return 0.18 + (1 - 0.18) * shade / SHADES
+    faintest = 0.18
+    return faintest + (1 - faintest) * shade / SHADES
 
 
 def draw_map(chart: Chart, labels: list[str], data: xarray.Dataset) -> Sequence[Panel]:
