@@ -178,7 +178,7 @@ def linearize(
 def with_control(plant: Linearization, control: Control) -> Linearization:
     """The loop of a scene's control on an arm that was linearized without one: nothing is derived again.
 
-    Raises: ArgumentError for gains that do not fit; ModelError when a coefficient is not finite along the motion, or the mass matrix is indefinite.
+    Raises: ArgumentError for gains that do not fit; ModelError when a coefficient is not finite, or the mass matrix is indefinite.
     """
     closed = replace(plant, control=control, feedback=Feedback.of(plant.about, control))
     need_sound(closed, phases=1)  # the arm was looked at already
