@@ -18,22 +18,22 @@ LARGEST_TABLE = LARGEST_MANIFEST = 64 * MEBIBYTE
 """Bytes of a table of a motion, and of a list of results."""
 LARGEST_LOG = 1024 * MEBIBYTE
 """Bytes of a log."""
-LIMIT = 1024 * MEBIBYTE
+MEMORY_LIMIT = 1024 * MEBIBYTE
 """Bytes that one request may take unless `checks.memory_limit` says otherwise."""
 MOST_ROWS, MOST_COLUMNS, MOST_ELEMENTS, MOST_ITEMS = 2**18, 1000, 50_000, 200
 """Rows of a table, columns of a log, elements of a URDF file, and links, designs, or described mistakes, of one scene."""
-DEEPEST = 32
+DEEPEST_NESTING = 32
 """Tables, lists or elements in each other; a scene needs five."""
-SHALLOW = f"at most {DEEPEST} tables and lists in each other"
+SHALLOW = f"at most {DEEPEST_NESTING} tables and lists in each other"
 LONGEST_SHOWN, MOST_NAMED = 60, 4
 """Characters of a value that are repeated in a message, and keys that it names."""
 LONGEST_NUMBER = 400
 """Characters of a number; Python itself refuses whole numbers of more than 4,300 digits, and takes time by the square of these."""
-LARGEST = 1e30
+LARGEST_NUMBER = 1e30
 """No number of an arm is larger; squares and cubes of it stay far from overflow."""
-SMALLEST = 1e-30
+SMALLEST_NUMBER = 1e-30
 """A figure of an arm that is smaller must be zero; quotients and powers then stay numbers."""
-IN_RANGE = f"a number from {-LARGEST:g} to {LARGEST:g}"
+IN_RANGE = f"a number from {-LARGEST_NUMBER:g} to {LARGEST_NUMBER:g}"
 WHOLE_IN_RANGE = "a number between -2^63 and 2^63, or one with a decimal point"
 
 
@@ -68,7 +68,7 @@ def read_number(text: str) -> float:
     if len(text) <= LONGEST_NUMBER:
         with suppress(ValueError):
             value = float(text)
-    if not abs(value) <= LARGEST:
+    if not abs(value) <= LARGEST_NUMBER:
         raise ValueError(IN_RANGE)
     return value
 
@@ -76,11 +76,11 @@ def read_number(text: str) -> float:
 NOT_KEYS = re.compile(r'"""(?:\\.|[^\\])*?"""|\'\'\'.*?\'\'\'|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|#[^\n]*', re.DOTALL)
 """Strings, quoted keys and comments of TOML."""
 ENDLESS_NUMBER = re.compile(rf"(?<![\w.+-])[+-]?\d[\w.+-]{{{LONGEST_NUMBER},}}")
-ENDLESS_KEY = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{DEEPEST},}}[ \t]*[]=]")
+ENDLESS_KEY = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{DEEPEST_NESTING},}}[ \t]*[]=]")
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Parse TOML, but no dotted key of more than `DEEPEST` steps: Python's reader takes time by the square of the steps.
+    """Parse TOML, but no dotted key of more than `DEEPEST_NESTING` steps: Python's reader takes time by the square of the steps.
 
     Raises: TOMLDecodeError, also for a number without end; RecursionError for tables in tables without end.
     """
@@ -101,9 +101,9 @@ def list_excesses(raw: Any) -> Iterator[tuple[str, str, str]]:
 
 
 def is_too_deep(raw: Any) -> bool:
-    """Whether plain data hold more than `DEEPEST` tables and lists in each other; looks no further than that."""
+    """Whether plain data hold more than `DEEPEST_NESTING` tables and lists in each other; looks no further than that."""
     level = [raw]
-    for _ in range(DEEPEST):
+    for _ in range(DEEPEST_NESTING):
         inner = (node.values() if isinstance(node, dict) else node for node in level)
         level = [child for nodes in inner for child in nodes if isinstance(child, (dict, list, tuple))]
         if not level:

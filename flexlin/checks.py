@@ -11,16 +11,16 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlin.bounds import LIMIT
+from flexlin.bounds import MEMORY_LIMIT
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit, TooLarge
 
 Array = NDArray[Any]
 Answer = TypeVar("Answer")
 SAMPLES = 256
 """Equally spaced times of a period at which something smooth is looked at, or listed."""
-ROUNDING = 1e-12
+SUM_ROUNDING = 1e-12
 """A share of the largest, below which what is left of a sum is rounding."""
-_limit: ContextVar[int] = ContextVar("limit", default=LIMIT)
+_limit: ContextVar[int] = ContextVar("limit", default=MEMORY_LIMIT)
 
 
 def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None = None) -> Array:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-SHOWN = 40
+SHOWN_PROBLEMS = 40
 """Problems of one scene that are listed."""
 
 
@@ -229,8 +229,8 @@ class SceneError(InputError):
     def __init__(self, source: str, problems: Sequence[Problem]):
         self.source, self.problems = source, tuple(problems)
         lines = [f"{source}: {counted(len(self.problems), 'problem')}"]
-        lines += [str(problem) for problem in self.problems[:SHOWN]]
-        lines += [f"... and {len(self.problems) - SHOWN} more"] if len(self.problems) > SHOWN else []
+        lines += [str(problem) for problem in self.problems[:SHOWN_PROBLEMS]]
+        lines += [f"... and {len(self.problems) - SHOWN_PROBLEMS} more"] if len(self.problems) > SHOWN_PROBLEMS else []
         super().__init__("\n  ".join(lines))
 
 

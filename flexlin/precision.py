@@ -3,11 +3,11 @@
 import numpy as np
 
 EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
-ROOT, CUBE = float(np.sqrt(EPS)), float(np.cbrt(EPS))
+ROOT_EPS, CUBE_ROOT_EPS = float(np.sqrt(EPS)), float(np.cbrt(EPS))
 """1.5e-8 and 6e-6: the relative size to which rounding parts double and threefold eigenvalues."""
-FAINT, FOURTH = CUBE * CUBE, float(np.sqrt(ROOT))
+FAINT, FOURTH_ROOT_EPS = CUBE_ROOT_EPS * CUBE_ROOT_EPS, float(np.sqrt(ROOT_EPS))
 """4e-11: what rounding makes of sums that cancel; 1e-4: of fourfold eigenvalues."""
-FARTHEST = 300.0
+LARGEST_LOG_GROWTH = 300.0
 """Logarithm of the largest growth that says anything: doubles hold its square."""
 SLIGHT, MINOR, PARTIAL = 1e-3, 0.1, 0.3
 """Shares of a whole: one that changes no decision, one that is small beside it, and one that is clearly less than it."""

@@ -19,7 +19,7 @@ from flexlin.errors import ArgumentError
 
 WORDS = 4
 """Whole numbers of a step: Step of program.h."""
-TOGETHER = 32
+POINTS_TOGETHER = 32
 """Points that go through an operation together: WIDE of program.h."""
 CONST, INPUT, OUTPUT = ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT
 T = TypeVar("T")
@@ -210,7 +210,7 @@ class Layout:
         Raises: ArgumentError for an operation that the core does not know.
         """
         read, written = addresses(arrays), addresses(outputs, written=True)
-        work = np.empty(max(1, self.slots) * TOGETHER)
+        work = np.empty(max(1, self.slots) * POINTS_TOGETHER)
         points = len(arrays[0]) if arrays else len(outputs[0])
         given = len(arrays), read, self.rows, ahead, len(outputs), written, self.sizes, beyond
         unknown = march_program(len(self.steps), self.steps, points, times, *given, work)

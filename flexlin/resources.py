@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 
-SECONDS, BYTES = 60.0, 7e8
+LIMIT_SECONDS, LIMIT_BYTES = 60.0, 7e8
 """The usual limits: time of the processor in s, and memory beside the libraries."""
-PATIENCE = 3.0
+CLOCK_RATIO = 3.0
 """Seconds of the clock for each of the processor, where other programs use it too."""
 
 

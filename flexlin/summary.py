@@ -7,7 +7,7 @@ from typing import Any
 
 WIDTH, MOST_LINES = 110, 12
 """Columns and lines of a summary."""
-FEW = 6
+FULL_ENTRIES = 6
 """Entries of an array or a tuple that are shown in full."""
 
 
@@ -69,7 +69,7 @@ def represent_array(value: Any) -> str:
     kind = getattr(value, "dtype", None)
     if kind is None:
         return f"<{type(value).__name__} {shape}>"
-    if kind.kind in "fiuc" and len(shape) <= 1 and value.size <= FEW:
+    if kind.kind in "fiuc" and len(shape) <= 1 and value.size <= FULL_ENTRIES:
         entries = [represent_number(entry) for entry in value.tolist()] if shape else [represent_number(value.item())]
         return f"[{', '.join(entries)}]" if shape else entries[0]
     return f"<{kind} {shape}>"
@@ -79,7 +79,7 @@ def represent_collection(value: Any) -> str:
     """Return a few plain entries in full, and any other collection by length and kind of its entries."""
     entries = list(value.values()) if isinstance(value, dict) else list(value)
     plain = all(entry is None or isinstance(entry, bool | int | float | complex | str) for entry in entries)
-    if not entries or (len(entries) <= FEW and plain and not isinstance(value, dict)):
+    if not entries or (len(entries) <= FULL_ENTRIES and plain and not isinstance(value, dict)):
         inside = ", ".join(represent_value(entry) for entry in entries)
         if isinstance(value, tuple):
             return f"({inside},)" if len(entries) == 1 else f"({inside})"

@@ -12,12 +12,12 @@ from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, counted
 from flexlin.program import Layout, Program
 
-CHUNK = 65536
-"""Points in one mapped call at the most: bounds the memory of a call to CHUNK * (numbers in + numbers out) * 8 bytes."""
-FEW = 3
+CHUNK_POINTS = 65536
+"""Points in one mapped call at the most: bounds the memory of a call to CHUNK_POINTS * (numbers in + numbers out) * 8 bytes."""
+FEW_POINTS = 3
 """Points below which CasADi's own way takes less time in any case."""
-WORTH, FIXED = 500, 1e5
-"""Points after which the time to read a function's instructions is won back, and more for a few of them: FIXED by their number."""
+READING_POINTS, READING_COST = 500, 1e5
+"""Points after which the time to read a function's instructions is won back, and more for a few of them: READING_COST by their number."""
 
 
 def as_expression(name: str, value: object) -> ca.SX:
@@ -75,7 +75,7 @@ def evaluate(function: ca.Function | Part, *arguments: Array) -> tuple[Array, ..
     """
     arrays = checked_inputs(function.whole if isinstance(function, Part) else function, arguments)
     points = len(arrays[0])
-    chunks = [call(function, [a[i : i + CHUNK] for a in arrays]) for i in range(0, points, CHUNK)]
+    chunks = [call(function, [a[i : i + CHUNK_POINTS] for a in arrays]) for i in range(0, points, CHUNK_POINTS)]
     if len(chunks) == 1:
         return tuple(chunks[0])
     return tuple(np.concatenate(parts) for parts in zip(*chunks, strict=True))
@@ -125,7 +125,7 @@ class Usage:
     def find_program(self, points: int) -> Program | None:
         """The program, where the points so far and these are worth one, and the compiled core knows all of its operations."""
         self.points += points
-        if not self.tried and self.points > WORTH + FIXED / self.operations:
+        if not self.tried and self.points > READING_POINTS + READING_COST / self.operations:
             self.tried, self.program = True, read_known(self.function)
         return self.program
 
@@ -161,7 +161,7 @@ def call(function: ca.Function | Part, arrays: list[Array]) -> list[Array]:
     whole, places = (function.whole, function.places) if isinstance(function, Part) else (function, None)
     usage = usage_of(whole)
     program = usage.find_program(points)
-    if program is not None and (points >= FEW or places is not None):
+    if program is not None and (points >= FEW_POINTS or places is not None):
         outputs = empty_outputs(whole, points)
         chosen = outputs if places is None else [outputs[i] for i in places]
         lay_out(program, places)(arrays, chosen)

@@ -16,7 +16,7 @@ import pytest
 
 from flexlin.analyses import Budget, Clock, limited, time_limit
 from flexlin.analyses.clock import Allowance
-from flexlin.bounds import LIMIT
+from flexlin.bounds import MEMORY_LIMIT
 from flexlin.checks import check_size, memory_limit
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
 from flexlin.resources import Stopwatch, read_processor, read_resident
@@ -233,7 +233,7 @@ def test_the_limit_of_memory_holds_within_its_block() -> None:
         check_size("a table", 1000, "less")
         with pytest.raises(TooLarge, match="1,001 bytes, expected at most 1,000 bytes"):
             check_size("a table", 1001, "less")
-    check_size("a table", LIMIT, "less")
+    check_size("a table", MEMORY_LIMIT, "less")
     for wrong in (0.0, -1.0, float("nan")):
         with pytest.raises(ArgumentError), memory_limit(wrong):
             pass

@@ -9,7 +9,7 @@ import pytest
 from flexlin import symbolic
 from flexlin._core import addresses
 from flexlin.errors import ArgumentError
-from flexlin.program import CONST, INPUT, OUTPUT, TOGETHER, Layout, Program, march_program, name_of
+from flexlin.program import CONST, INPUT, OUTPUT, POINTS_TOGETHER, Layout, Program, march_program, name_of
 
 UNARY = [
     *(ca.exp, ca.log, ca.sqrt, ca.tan, ca.asin, ca.acos, ca.atan, ca.floor, ca.ceil, ca.fabs, ca.sign),
@@ -179,15 +179,15 @@ def test_some_of_the_outputs_need_some_of_the_operations(seed: int) -> None:
 def test_a_program_in_parts_gives_the_same_numbers(seed: int) -> None:
     """What x alone or y alone decides, computed apart and given to the rest, where nothing of it is computed again."""
     function, rng = random_function(seed), np.random.default_rng(seed)
-    program, arrays = Program.read(function), [rng.normal(size=(TOGETHER, k)) for k in (3, 2, 0)]
+    program, arrays = Program.read(function), [rng.normal(size=(POINTS_TOGETHER, k)) for k in (3, 2, 0)]
     needs = program.find_needs((1, 2, 1))
     of_one = np.flatnonzero((program.steps[:, 0] != OUTPUT) & (needs < 3))
     alone = program.lay_out((), kept=of_one)
     rest = program.lay_out(given={int(k): i for i, k in enumerate(of_one)}, first=len(of_one))
     assert not np.isin(OUTPUT, alone.steps[:, 0])
     assert set(needs[rest.places >= len(of_one)]) <= {3}
-    first, second = (np.zeros((part.slots, TOGETHER)) for part in (alone, rest))
-    outputs = symbolic.empty_outputs(function, TOGETHER)
+    first, second = (np.zeros((part.slots, POINTS_TOGETHER)) for part in (alone, rest))
+    outputs = symbolic.empty_outputs(function, POINTS_TOGETHER)
     carry_out(alone, arrays, [], first)
     second[: len(of_one)] = first[alone.places[of_one]]
     carry_out(rest, arrays, outputs, second)
@@ -199,7 +199,7 @@ def carry_out(part: Layout, arrays: list[np.ndarray], outputs: list[np.ndarray],
     """A part of a program on memory whose slots may hold numbers already."""
     read, written = addresses(arrays), addresses(outputs, written=True)
     places = len(read), read, part.rows, 0 * part.rows, len(written), written, part.sizes, 0 * part.sizes
-    assert not march_program(len(part.steps), part.steps, TOGETHER, 1, *places, memory)
+    assert not march_program(len(part.steps), part.steps, POINTS_TOGETHER, 1, *places, memory)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -278,7 +278,7 @@ def test_one_reading_serves_a_function_and_its_parts(monkeypatch: pytest.MonkeyP
 
 
 def test_what_cannot_be_read_is_left_to_casadi(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(symbolic, "FIXED", 0)
+    monkeypatch.setattr(symbolic, "READING_COST", 0)
     x, matrix = ca.SX.sym("x"), ca.MX.sym("m", 2)
     inner = ca.Function("inner", [x], [ca.sin(x)], {"never_inline": True})
     calling = ca.Function("calling", [x], [inner(x) + x])

@@ -9,7 +9,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.control import linear_range, pd_feedback
-from flexlin.control.validity import LARGEST, SMALLEST
+from flexlin.control.validity import LARGEST_AMPLITUDE, SMALLEST_AMPLITUDE
 from flexlin.errors import DesignError, NumericalError, SimulationStopped, TooLarge
 from flexlin.simulation import Drive, simulate
 from flexlin.simulation.equations import NonlinearEquations
@@ -154,7 +154,7 @@ def test_the_linear_range_of_a_loop_with_absurd_modes_ends(changes):
     except (NumericalError, TooLarge):
         return
     assert "what it leaves out" in found.status
-    assert SMALLEST < found.amplitudes.min() <= LARGEST
+    assert SMALLEST_AMPLITUDE < found.amplitudes.min() <= LARGEST_AMPLITUDE
 
 
 def spring(width):

@@ -121,7 +121,7 @@ def test_no_tongue_of_a_strip_is_lost_between_lattice_lines(monkeypatch):
         exact = fl.critical_values(revise_scene(scene, {"effects.payload.mass": mass}), "motion.frequency", (0.5, 12.0))
         found = [crossed for curve in curves for crossed in cross(curve.points, mass)]
         np.testing.assert_allclose(sorted(found), [one.value for one in exact], atol=5e-3)
-    monkeypatch.setattr("flexlin.periodic.boundary.crossings.HALVED", 0)
+    monkeypatch.setattr("flexlin.periodic.boundary.crossings.LINE_HALVINGS", 0)
     broken = [curve for curve in fl.stability_boundary(scene, RANGES, tol=1e-4) if len(curve.lost)]
     assert broken
     assert all("it was lost at motion.frequency = " in curve.status for curve in broken)

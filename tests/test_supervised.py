@@ -161,7 +161,7 @@ def make_another_error() -> None:
 
 @pytest.mark.parametrize("lose", [drop_in_a_destructor, drop_in_a_library, make_another_error])
 def test_ctrl_c_that_a_library_drops_comes_again(lose: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexlin.cli.program.AGAIN", 0.1)
+    monkeypatch.setattr("flexlin.cli.program.SIGNAL_SECONDS", 0.1)
 
     def work() -> None:
         with ended_by_signal():

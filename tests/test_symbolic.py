@@ -24,7 +24,7 @@ def test_values_and_layout(function):
 def test_chunks_join(function, monkeypatch):
     x, y = np.ones((10, 2)), np.arange(10.0)[:, None]
     whole = symbolic.evaluate(function, x, y)
-    monkeypatch.setattr(symbolic, "CHUNK", 3)
+    monkeypatch.setattr(symbolic, "CHUNK_POINTS", 3)
     for a, b in zip(whole, symbolic.evaluate(function, x, y), strict=True):
         np.testing.assert_array_equal(a, b)
 

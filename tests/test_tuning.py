@@ -5,7 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.analyses import gain_search, make_family
-from flexlin.analyses.gain_search import LEVELS, Problem, follow_levels, lay_scenarios, smooth_growth
+from flexlin.analyses.gain_search import SMOOTHING_LEVELS, Problem, follow_levels, lay_scenarios, smooth_growth
 from flexlin.analyses.spectra import Family
 from flexlin.errors import ArgumentError, NotStable
 from flexlin.periodic import Spectra
@@ -51,7 +51,7 @@ def test_two_masses_and_a_spring_come_to_their_optimum():
     for _ in range(2):
         start = rng.standard_normal(9)
         problem = MatrixProblem(MatrixLoops(None, None), np.full(9, -20.0), np.full(9, 20.0), np.zeros((1, 0)))
-        growth, x = follow_levels(problem, problem.position(start), 300, LEVELS)
+        growth, x = follow_levels(problem, problem.position(start), 300, SMOOTHING_LEVELS)
         assert growth == np.linalg.eigvals(two_masses(problem.gains(x))).real.max()
         found.append(growth)
     assert max(found) <= -np.sqrt(15) / 5 + 5e-3

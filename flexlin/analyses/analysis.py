@@ -55,9 +55,9 @@ if TYPE_CHECKING:
 
 
 SIMULATED_PERIODS = 3.0
-BEYOND = 1.5
+SIMULATED_DURATIONS = 1.5
 """Durations of a one-way motion that are simulated: it rests after its end."""
-RANGE = 1e-4
+RANGE_TOL = 1e-4
 """Relative width to which the range of the linear equations is found: three digits are printed, and times are sampled."""
 
 
@@ -219,7 +219,7 @@ def find_causes(a: Analysis) -> None:
 def follow_nonlinear(a: Analysis) -> None:
     """The nonlinear equations beside the linear ones: over some periods, or to the end of a motion and beyond."""
     asked, periodic = a.asked.of_comparison, a.plant.motion.periodic
-    span, of = (SIMULATED_PERIODS, "periods") if periodic else (BEYOND, "durations")
+    span, of = (SIMULATED_PERIODS, "periods") if periodic else (SIMULATED_DURATIONS, "durations")
     work = lambda: simulate(a.closed, span, tol=asked.tol)  # noqa: E731
     a.simulation = a.attempt("simulation", f"nonlinear simulation of {span:g} {of}", work, simulation_error, asked)
     failure = a.clock.failures.get("simulation")
@@ -231,7 +231,7 @@ def find_range(a: Analysis) -> None:
     if a.own.floquet is None:
         a.problems["linear range"] = "no Floquet modes are known to measure it along"
         return
-    work = partial(linear_range, a.closed, result=a.own.floquet, tol=max(RANGE, a.asked.tol), plant=a.plant)
+    work = partial(linear_range, a.closed, result=a.own.floquet, tol=max(RANGE_TOL, a.asked.tol), plant=a.plant)
     a.linear_range = a.attempt("linear range", "range of the linear equations", work)
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexlin.checks import ROUNDING, SAMPLES, Array
+from flexlin.checks import SAMPLES, SUM_ROUNDING, Array
 from flexlin.errors import InputError
 from flexlin.linearization.linear import linearize
 from flexlin.linearization.linearization import Linearization
@@ -58,7 +58,7 @@ def examine(plant: Linearization, lengths: Array) -> AtRest | None:
         return None
     squares = np.linalg.eigvals(np.linalg.solve(loads[0].M(0.0), loads[0].K(0.0)))
     squares = squares[np.argsort(squares.real)]
-    rounding = ROUNDING * np.abs(squares).max()
+    rounding = SUM_ROUNDING * np.abs(squares).max()
     if squares[0].real <= rounding or np.abs(squares.imag).max() > rounding:
         return AtRest(np.zeros(0), True, None)
     known = None if arm.axes is None else Bending(lengths, *(bend(lin, lengths) for lin in loads))
@@ -91,4 +91,4 @@ def bend(lin: Linearization, lengths: Array) -> Array:
         own = y * [one.kind == "elastic" and one.link == i and one.mode is not None for one in lin.coordinates]
         end = COLUMNS * (i + 1) - 1
         found[i] = np.linalg.norm(lin.about.near.of_arm("axes", t, own)[:, :, end] - straight[:, :, end], axis=1).max()
-    return np.where(found > ROUNDING * lengths, found, 0.0)
+    return np.where(found > SUM_ROUNDING * lengths, found, 0.0)

@@ -20,10 +20,10 @@ import numpy as np
 from flexlin.bounds import printable
 from flexlin.checks import memory_limit
 from flexlin.errors import FlexlinError, NumericalError, TimeLimit, TooLarge, lacks_memory
-from flexlin.resources import SECONDS, Stopwatch, part, read_resident
+from flexlin.resources import LIMIT_SECONDS, Stopwatch, part, read_resident
 from flexlin.scene.scene import Accuracy
 
-TICK = 0.2
+LOOK_INTERVAL = 0.2
 """Seconds between two looks at the clock and at the memory in use; so the alarm rings once more where a calculation has taken the first
 for a failed attempt of its own."""
 
@@ -177,7 +177,7 @@ def time_limit(
     try:
         with np.errstate():
             WATCHED.append(limit)
-            signal.setitimer(signal.ITIMER_REAL, min(seconds, allowed.clock, TICK), TICK)
+            signal.setitimer(signal.ITIMER_REAL, min(seconds, allowed.clock, LOOK_INTERVAL), LOOK_INTERVAL)
             yield
     except BaseException as error:  # compiled code may hand the alarm on as an error of its own
         if limit.rung and not isinstance(error, TimeLimit | TooLarge):
@@ -189,17 +189,17 @@ def time_limit(
         finally:  # even if the alarm rings just now
             del WATCHED[depth:]
             if give_back is None:
-                signal.setitimer(signal.ITIMER_REAL, TICK, TICK)
+                signal.setitimer(signal.ITIMER_REAL, LOOK_INTERVAL, LOOK_INTERVAL)
             else:
                 give_back()
 
 
-SHARE = 2 / 3
+STAGE_SHARE = 2 / 3
 """A stage that others follow gets so much of what is left: one that never ends leaves them something."""
 
-DRAWING = 0.4
+DRAWING_SHARE = 0.4
 """Share of the time kept for drawing and writing that drawing may take: the numbers of a large arm or chart take as long."""
-USED = 0.9
+PLANNED_SHARE = 0.9
 """Share of its time that a search plans with: a call of a library may take longer than those before it."""
 
 
@@ -221,8 +221,8 @@ class Budget:
             self.held = read_resident()
         end = asked.last_end if last else asked.stages_end
         left, clock = end - self.watch.seconds, asked.patience * end - self.watch.clock
-        most, memory = at_most * max(1.0, asked.seconds / SECONDS), asked.memory + self.held - read_resident()
-        above = max(asked.seconds, SECONDS) if most < share * left else asked.seconds
+        most, memory = at_most * max(1.0, asked.seconds / LIMIT_SECONDS), asked.memory + self.held - read_resident()
+        above = max(asked.seconds, LIMIT_SECONDS) if most < share * left else asked.seconds
         seconds, waits = min(share * left, most), (1 + share) / 2 * clock
         allowed = Allowance(seconds, max(memory, 1.0), asked.seconds, asked.memory, above, waits, by_tol)
         if min(left, clock) <= 0:
@@ -234,7 +234,7 @@ class Budget:
     def plan(self, name: str, asked: Accuracy, share: float = 1.0) -> float:
         """The seconds that a search within a stage plans with, of which no more pass by the clock before the stage is ended."""
         allowed = self.allow(name, asked, share)
-        return USED * min(allowed.seconds, allowed.clock)
+        return PLANNED_SHARE * min(allowed.seconds, allowed.clock)
 
 
 LOG = logging.getLogger(__name__)
@@ -340,7 +340,7 @@ class Clock:
     ) -> Answer | None:
         """As `stage`, with time left for what follows; where there is no trustworthy answer, note why under `key` and return nothing."""
         try:
-            return self.stage(name, accuracy, work, error_of, share=SHARE, at_most=at_most)
+            return self.stage(name, accuracy, work, error_of, share=STAGE_SHARE, at_most=at_most)
         except (NumericalError, TooLarge) as error:
             error.__cause__ = error.__context__ = None  # calls that led to it would keep all their arrays in memory
             problems[key], self.failures[key] = str(error), error.with_traceback(None)

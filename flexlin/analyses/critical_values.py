@@ -12,7 +12,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError
 from flexlin.linearization.linearization import Linearization
-from flexlin.periodic.boundary.crossings import SAMPLES, Crossing, find_crossings
+from flexlin.periodic.boundary.crossings import SCAN_VALUES, Crossing, find_crossings
 from flexlin.periodic.boundary.spectra import Effort
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.scene.parameters import get_value, need_numbers
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flexlin.periodic.floquet.resonance import Resonance
 
 
-DESCRIBED = 6
+SPECTRA_PER_VALUE = 6
 """Spectra that take as long as the resonance and the slope at a value."""
 
 
@@ -83,7 +83,7 @@ def critical_values(
     tol: float = 1e-6,
     *,
     loop: str = "own",
-    samples: int = SAMPLES,
+    samples: int = SCAN_VALUES,
 ) -> list[CriticalValue]:
     """Find every value of a number, within limits, at which a loop becomes unstable or stable again.
 
@@ -149,7 +149,7 @@ def search_family(
     low: float,
     high: float,
     tol: float,
-    samples: int = SAMPLES,
+    samples: int = SCAN_VALUES,
     effort: Effort | None = None,
 ) -> list[CriticalValue]:
     """The critical values of the one number of a family; effort: ends the search, with what is known by then."""
@@ -177,7 +177,7 @@ def describe_crossing(path: str, crossing: Crossing, family: Family, effort: Eff
     if crossing.touching:
         text = f"touching tongue: closed to within rounding, narrower than {2 * crossing.error:.1e}"
         return replace(found, resonance=text, slope=0.0, touching=True)
-    if not effort.affords(DESCRIBED):
+    if not effort.affords(SPECTRA_PER_VALUE):
         effort.unfinished = True
         return found
     found = replace(found, resonance=describe_causes(family, np.array([crossing.inside])), slope=np.inf)
@@ -213,7 +213,7 @@ def describe_cause(cause: "Resonance") -> str:
     return f"{cause.kind} resonance of order {cause.order}: {cause.condition}"
 
 
-UNASKED = 2.0
+UNASKED_SECONDS = 2.0
 """Seconds of work for all numbers that nobody asked for."""
 
 

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from flexlin.analyses.spectra import Family
 from flexlin.checks import Array
-from flexlin.precision import CUBE, SLIGHT
+from flexlin.precision import CUBE_ROOT_EPS, SLIGHT
 from flexlin.resources import Stopwatch
 
 
@@ -48,26 +48,26 @@ def smooth_growth(exponents: Array, periods: Array, mu: float, horizon: float) -
     return value, np.asarray(mu * (2 * span * z / (1 - z)).sum(axis=2))
 
 
-LEVELS = 0.1 * 0.3 ** np.arange(8)
+SMOOTHING_LEVELS = 0.1 * 0.3 ** np.arange(8)
 """mu in units of the growth rate."""
-HORIZON = 2.0
+SMOOTHING_HORIZON = 2.0
 """N T in units of one over the growth rate."""
-SETTLED, PATIENCE = 0.01, 5
+LEVEL_DECREASE, LEVEL_STEPS = 0.01, 5
 """Relative decrease over so many steps that ends a level's search, as a part of the level: it is smoothed by more than that."""
-DIFFERENCE = 0.02
+DIFFERENCE_STEP = 0.02
 """Step of differences by x, in mu per growth rate."""
-SCREENED = 40
+SCREENED_GAINS = 40
 """Gains that are tried roughly before the best of them are starts."""
-FINE, RANDOM = 512, 200
+AXIS_SCENARIOS, RANDOM_SCENARIOS = 512, 200
 """Scenarios of the verification, a narrow parametric resonance lies at an edge: of an axis, over four for each, and quasi-random ones."""
-ALONE = 8
+FEWER_ONE_BY_ONE = 8
 """How many fewer where scenarios are computed one by one."""
-ROUNDS, ADDED = 6, 3
+WORST_ROUNDS, WORST_ADDED = 6, 3
 """Rounds in which the worst scenarios are added, and as many at once, while they exceed the others by a slight share; rounds of the first
 level too, while the growth rate changes by a factor of two."""
-CHECKED = 12
+CHECKED_SCENARIOS = 12
 """Scenarios of the finer set, beside those of the search, for which time is kept; and spectra that take as long as exact slopes."""
-TWICE = 2.5
+VERIFYING_SPECTRA = 2.5
 """Spectra of a scenario that verification takes: with the gains found and with the first ones, and some to confirm."""
 
 
@@ -139,11 +139,11 @@ class Problem:
     def affordable(self) -> float:
         """Scenarios that can still be verified in time."""
         spent, count = self.taken
-        return (self.until - self.watch.seconds) * count / (TWICE * spent) if spent else np.inf
+        return (self.until - self.watch.seconds) * count / (VERIFYING_SPECTRA * spent) if spent else np.inf
 
     def need_time(self, spectra: int) -> None:
         """Raise OutOfTimeError where so many spectra more leave no time for the verification."""
-        if self.affordable() < len(self.scenarios) + CHECKED + spectra / TWICE:
+        if self.affordable() < len(self.scenarios) + CHECKED_SCENARIOS + spectra / VERIFYING_SPECTRA:
             self.ended = True
             raise OutOfTimeError
 
@@ -164,8 +164,8 @@ class Problem:
             values = np.array([smooth_growth(one, periods, mu, horizon)[0] for one in spectra])
             return float(values[0]), (values[1 : len(x) + 1] - values[len(x) + 1 :]) / (2 * step)
         shares, slopes = np.abs(smooth_growth(spectra[0], periods, mu, horizon)[1]).sum(axis=1), dict[int, Array]()
-        for k in map(int, np.flatnonzero(shares > CUBE)):
-            self.need_time(CHECKED)
+        for k in map(int, np.flatnonzero(shares > CUBE_ROOT_EPS)):
+            self.need_time(CHECKED_SCENARIOS)
             found = self.family.slopes(np.concatenate([gains[0], self.scenarios[k]]))
             assert found is not None
             spectra[0, k], slopes[k] = found[0], found[2][: len(x)]
@@ -179,32 +179,34 @@ def search(problem: Problem, own: Array, ranges: Array, starts: int, steps: int,
 
     Returns: the gains, and the finer set of scenarios; where time gives out the best gains so far, and as many scenarios as it does for.
     """
-    fewer = 1 if problem.family.batched else ALONE
-    laid = lay_scenarios(ranges, FINE // fewer // 4 ** len(ranges) + 1)
-    fine = np.concatenate([laid, draw_scenarios(ranges, RANDOM // fewer, seed + 2)])
+    fewer = 1 if problem.family.batched else FEWER_ONE_BY_ONE
+    laid = lay_scenarios(ranges, AXIS_SCENARIOS // fewer // 4 ** len(ranges) + 1)
+    fine = np.concatenate([laid, draw_scenarios(ranges, RANDOM_SCENARIOS // fewer, seed + 2)])
     try:
         return minimise(problem, own, starts, steps, seed, fine), fine
     except OutOfTimeError:
         growth, x = problem.best
         found = problem.gains(x) if np.isfinite(growth) else np.clip(own, problem.low, problem.high)
-        return found, fine[: max(CHECKED, int(problem.affordable()) - len(problem.scenarios))]
+        return found, fine[: max(CHECKED_SCENARIOS, int(problem.affordable()) - len(problem.scenarios))]
 
 
 def minimise(problem: Problem, own: Array, starts: int, steps: int, seed: int, fine: Array) -> Array:
     """The gains that the search ends with. Raises: OutOfTimeError."""
-    screened = SCREENED if problem.family.batched else SCREENED // ALONE
+    screened = SCREENED_GAINS if problem.family.batched else SCREENED_GAINS // FEWER_ONE_BY_ONE
     drawn = np.random.default_rng(seed).uniform(-np.pi / 2, np.pi / 2, (screened, len(own)))
     sizes = [problem.worst(x) for x in drawn[: screened * (starts > 1)]]
-    levels = LEVELS if problem.exact else LEVELS[:5]  # differences are of spectra that are known to 1e-8
+    levels = (
+        SMOOTHING_LEVELS if problem.exact else SMOOTHING_LEVELS[:5]
+    )  # differences are of spectra that are known to 1e-8
     problem.best = np.inf, problem.position(own)
     for start in (problem.best[1], *drawn[np.argsort(sizes)[: starts - 1]]):
         follow_levels(problem, start, steps, levels)
-    for _ in range(ROUNDS):
+    for _ in range(WORST_ROUNDS):
         growth, x = problem.best
         growths = problem.growths(problem.gains(x), fine)
         if growths.max() <= growth + SLIGHT * abs(growth):
             break
-        problem.scenarios = np.concatenate([problem.scenarios, fine[np.argsort(-growths)[:ADDED]]])
+        problem.scenarios = np.concatenate([problem.scenarios, fine[np.argsort(-growths)[:WORST_ADDED]]])
         problem.best = np.inf, x
         follow_levels(problem, min((x, *drawn), key=problem.worst), steps, levels)
     return problem.gains(problem.best[1])
@@ -218,7 +220,7 @@ def follow_levels(problem: Problem, x: Array, steps: int, levels: Array) -> tupl
     """
     factor = np.eye(len(x))
     for level in levels:
-        for _ in range(ROUNDS if level == levels[0] else 1):
+        for _ in range(WORST_ROUNDS if level == levels[0] else 1):
             unit = find_unit(problem, x)
             x, factor = search_level(problem, x, level, unit, steps, factor)
             if 1 / 2 < find_unit(problem, x) / unit < 2:
@@ -235,12 +237,14 @@ def search_level(problem: Problem, x: Array, level: float, unit: float, steps: i
     past = list[float]()
 
     def judge(z: Array) -> tuple[float, Array]:
-        value, slope = problem.judge(x + S @ z, level * unit, HORIZON / unit, DIFFERENCE * level)
+        value, slope = problem.judge(x + S @ z, level * unit, SMOOTHING_HORIZON / unit, DIFFERENCE_STEP * level)
         return value, S.T @ slope
 
     def settle(intermediate_result: OptimizeResult) -> None:
         past.append(float(intermediate_result.fun))
-        if len(past) > PATIENCE and past[-1 - PATIENCE] - past[-1] <= SETTLED * level * (1 + abs(past[-1])):
+        if len(past) > LEVEL_STEPS and past[-1 - LEVEL_STEPS] - past[-1] <= LEVEL_DECREASE * level * (
+            1 + abs(past[-1])
+        ):
             raise StopIteration
 
     options = {"maxiter": steps, "gtol": 0.0}

@@ -29,13 +29,13 @@ Answer = TypeVar("Answer")
 
 BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
 """Designs whose gain has an error that can be asked for."""
-LEAST = 1e-8
+LEAST_TOL = 1e-8
 """The smallest error that is asked for of sampled loops, whose time may never fit the period, and of disturbances, of which plots show
 three digits."""
 
 WORTH_PROOF = 1e-6
 """Decay per basic frequency from which a report tries to prove it: a slower one takes 10^5 periods to show, and most drown in rounding."""
-PROOF = 5.0
+CERTIFICATE_SECONDS = 5.0
 """Seconds of a report's 60 that a loop's certificate may take; `FloquetResult.certificate` takes what it needs."""
 
 
@@ -103,13 +103,13 @@ def arm_length(plant: Linearization) -> float:
     return float(np.linalg.norm(np.diff(points, axis=1), axis=0).sum())
 
 
-SMALL = 0.2
+SMALL_SHARE = 0.2
 """The share of the arm's length beyond which a deflection is not small, and of the largest deviation by which the linear answer may miss
 the nonlinear one."""
-REPEATABLE = 1e-5
+REPEATABILITY = 1e-5
 """A share of the arm's length of the order in which good arms repeat a motion (some 0.01 mm for 1 m, ISO 9283): nothing is gained
 below it."""
-COVERED = 0.5
+COVERED_SHARE = 0.5
 """A simulation speaks for a steady deviation of which it has reached this share."""
 
 What = Literal["bending", "tip", "difference", "stopped"]
@@ -163,9 +163,9 @@ def judge_model(
 ) -> ModelValidity:
     """Judge the linear model by what is known of a loop's motion.
 
-    The steady motion's tip error may not exceed SMALL of the arm, unless a simulation that came as far agrees; nor may its bending,
+    The steady motion's tip error may not exceed SMALL_SHARE of the arm, unless a simulation that came as far agrees; nor may its bending,
     where only links that bend as curves (`curved`) make the simulation a judge of it. The linear answer may miss the nonlinear one by
-    SMALL of the largest deviation, or by what no arm repeats. A simulation that ended outside the equations' range is against it.
+    SMALL_SHARE of the largest deviation, or by what no arm repeats. A simulation that ended outside the equations' range is against it.
 
     Parameters: length: of the arm in m, not a number where it has no points; steady: bending and tip error in m of a steady motion that
     the loop keeps; simulated: how far the answers are apart, the largest deviation, the error of the first, the unit; stopped: when
@@ -174,16 +174,16 @@ def judge_model(
     found: list[ModelEvidence] = []
     if simulated is not None:
         apart, largest, error, unit = simulated
-        floor = REPEATABLE * length if unit == "m" and np.isfinite(length) else REPEATABLE
-        found.append(ModelEvidence("difference", apart, max(SMALL * largest, error, floor), unit, largest))
+        floor = REPEATABILITY * length if unit == "m" and np.isfinite(length) else REPEATABILITY
+        found.append(ModelEvidence("difference", apart, max(SMALL_SHARE * largest, error, floor), unit, largest))
     if stopped is not None:
         found.append(ModelEvidence("stopped", stopped[1], stopped[0], "s", stopped[1]))
     if steady is not None and np.all(np.isfinite([*steady, length])):
         bending, tip = steady
-        confirmed = simulated is not None and not found[0].against and simulated[1] >= COVERED * tip
+        confirmed = simulated is not None and not found[0].against and simulated[1] >= COVERED_SHARE * tip
         far = confirmed and curved
-        found.append(ModelEvidence("bending", bending, np.inf if far else SMALL * length, "m", length))
-        found.append(ModelEvidence("tip", tip, np.inf if confirmed else SMALL * length, "m", length))
+        found.append(ModelEvidence("bending", bending, np.inf if far else SMALL_SHARE * length, "m", length))
+        found.append(ModelEvidence("tip", tip, np.inf if confirmed else SMALL_SHARE * length, "m", length))
     if any(figure.against for figure in found):
         return ModelValidity("invalid", tuple(found))
     return ModelValidity("unknown" if simulated is None else "valid", tuple(found))
@@ -304,7 +304,9 @@ def judge_loop(
     loop = Loop(name, kind, result, problem, made)
     if result is None or loop.verdict != "stable" or -loop.growth[0] <= WORTH_PROOF * 2 * pi / result.period:
         return loop
-    return replace(loop, certificate=a.attempt_alone(f"certificate: {name}", result.certificate, at_most=PROOF)[0])
+    return replace(
+        loop, certificate=a.attempt_alone(f"certificate: {name}", result.certificate, at_most=CERTIFICATE_SECONDS)[0]
+    )
 
 
 def judge_designs(a: Stages) -> tuple[Loop, ...]:
@@ -323,7 +325,7 @@ def judge_design(a: Stages, table: DesignTable) -> Loop:
     if not a.plant.motion.periodic:
         return Loop(table.name, table.kind, None, describe_end(a.plant), made, ends=True)
     if made.sample_time is not None:
-        judged = a.attempt_alone(f"Floquet: {table.name}", partial(made.floquet, max(a.asked.tol, LEAST)))
+        judged = a.attempt_alone(f"Floquet: {table.name}", partial(made.floquet, max(a.asked.tol, LEAST_TOL)))
         return Loop(table.name, made.kind, *judged, made)
     return judge_loop(a, table.name, table.kind, f"Floquet: {table.name}", made.closed_loop, made)
 
@@ -350,7 +352,7 @@ def judge_sampled_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
         if loop.floquet is None or loop.kind == "open" or (loop.design is not None and loop.design.sample_time):
             continue
         rates = None if law.controller is None else law.controller.rates
-        given = law.gain, sampling.period, sampling.delay, max(a.asked.tol, LEAST), rates
+        given = law.gain, sampling.period, sampling.delay, max(a.asked.tol, LEAST_TOL), rates
         name, work = f"{loop.name}, sampled", partial(sampled_floquet, a.plant.periodic_system(), *given)
         found.append(Loop(name, "sampled", *a.attempt_alone(f"Floquet: {name}", work)))
     return tuple(found)

@@ -18,9 +18,9 @@ from flexlin.scene.loading import check_axes
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
-FURTHEST = 4.0
+FURTHEST_CHANGE = 4.0
 """Multiple of the stated changes up to which is searched, as far as the scene's schema goes."""
-BESIDE = 1e-5
+DIFFERENCE_STEP = 1e-5
 """Distance of places beside one: of the differences that stand for exact slopes where a loop is a function, and, as a share of the change,
 of those that confirm a crossing, where its error is not larger."""
 
@@ -65,7 +65,7 @@ class Box:
         """The growth rate's derivatives by u (P,): exact, or by differences to the inside where the loop is a function."""
         found = self.family.slopes(self.values(u))
         if found is None:
-            steps = np.where(u > 0, -BESIDE, BESIDE)
+            steps = np.where(u > 0, -DIFFERENCE_STEP, DIFFERENCE_STEP)
             return np.asarray([self.growth(u + one) - self.growth(u) for one in np.diag(steps)]) / steps
         exponents, _, derivative = found
         gradient = derivative[:, int(np.argmax(exponents.real))].real
@@ -81,7 +81,7 @@ def make_box(
     ranges: Ranges | None = None,
     loop: str = "own",
     own: Sequence[float] | None = None,
-    furthest: float = FURTHEST,
+    furthest: float = FURTHEST_CHANGE,
 ) -> Box:
     """The numbers with their ends, by default those of the scene's table [uncertainty], as far as its schema lets them go.
 
@@ -109,18 +109,18 @@ def allowed(source: Source, path: str, own: float, end: float, furthest: float) 
     """The multiple of a number's change to one end up to which a scene's schema accepts it."""
     if not isinstance(source, Scene):
         return furthest
-    for size in np.arange(min(furthest, FURTHEST), 1.0, -0.5).tolist():
+    for size in np.arange(min(furthest, FURTHEST_CHANGE), 1.0, -0.5).tolist():
         with suppress(InputError):
             check_axes(source, {path: np.array([own, own + size * (end - own)])}, grid=True)
             return size
     return min(furthest, 1.0)
 
 
-CORNERS, LEVELS = 64, 20
+CORNERS, RAY_DISTANCES = 64, 20
 """Directions to corners of the box, half as many spread over its faces, and distances tried on each, the nearest first."""
-FEW = 8
+GRADIENT_DISTANCES = 8
 """Distances tried along the growth rate's gradient and its parts alone, for a loop whose spectra take long."""
-STARTS, STEPS = 2, 12
+SEARCH_RAYS, RAY_STEPS = 2, 12
 """Rays from which the nearest place is sought, and steps of each."""
 
 
@@ -142,14 +142,14 @@ def list_directions(box: Box) -> Array:
 def scan(box: Box) -> list[tuple[Array, float]]:
     """The rays that are unstable at the nearest distance at which one is: direction and crossing."""
     directions = list_directions(box)
-    count = FEW if box.family.slow else LEVELS
+    count = GRADIENT_DISTANCES if box.family.slow else RAY_DISTANCES
     levels = box.furthest * np.arange(count + 1) / count
     for before, level in pairwise(levels):
         unstable = directions[box.family.rough(box.values(level * directions)).logs.real.max(axis=1) > 0]
         rays = [d for d in unstable if box.growth(level * d) > 0 > box.growth(before * d)]
         if rays:
-            found = [(d, cross(box, d, before, level)) for d in rays[: 4 * STARTS]]
-            return sorted(found, key=lambda ray: ray[1])[:STARTS]
+            found = [(d, cross(box, d, before, level)) for d in rays[: 4 * SEARCH_RAYS]]
+            return sorted(found, key=lambda ray: ray[1])[:SEARCH_RAYS]
     return []
 
 
@@ -172,7 +172,7 @@ def follow(box: Box, direction: Array, scale: float) -> Array:
         return r, -r * g / float(g @ d)
 
     bounds = [(-1.0, 1.0)] * len(direction)
-    options = {"maxiter": STEPS, "maxfun": 2 * STEPS, "ftol": 1e-7}
+    options = {"maxiter": RAY_STEPS, "maxfun": 2 * RAY_STEPS, "ftol": 1e-7}
     minimize(shortest, direction, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
     return np.asarray(places[-1])
 
@@ -258,7 +258,7 @@ def nearest_instability(
     *,
     loop: str = "own",
     own: Sequence[float] | None = None,
-    furthest: float = FURTHEST,
+    furthest: float = FURTHEST_CHANGE,
 ) -> NearestInstability:
     """Find the smallest change of uncertain numbers, all of them at once, that makes a loop unstable.
 
@@ -351,6 +351,6 @@ def measure_error(box: Box, direction: Array, scale: float) -> float:
 
 def confirm(box: Box, direction: Array, scale: float, error: float) -> bool:
     """Whether the loop is stable just before the place and unstable just behind."""
-    apart = max(2 * error, BESIDE * scale)
+    apart = max(2 * error, DIFFERENCE_STEP * scale)
     before, behind = (box.judge((scale + side) * direction).verdict for side in (-apart, apart))
     return bool(before == "stable" and behind == "unstable")

@@ -33,17 +33,17 @@ if TYPE_CHECKING:
     from flexlin.periodic.floquet.resonance import Resonance
     from flexlin.periodic.many import Logs
 
-ROUGH, FINE = 1e-8, 1e-12
+SCAN_ERROR, REPORTED_ERROR = 1e-8, 1e-12
 """Wanted errors of the exponents, in 1/s: of the scan, and of the values that are reported."""
-LOOSE = 3e-5
+LOOSE_LOG_ERROR = 3e-5
 """A log of a multiplier this uncertain still serves where two meet, as their squared distance is known well."""
-STIFF = 3000.0
+STIFF_DECAY = 3000.0
 """Decay of the fastest mode over a period, as a logarithm, beyond which loose spectra of what changes fast are found by a method that only
 bounds such a mode: where joints stick."""
 
-WIDE = 8
+MANY_STATES = 8
 """A scan one by one of systems with so many states or more leaves out what it can."""
-PILOTS = 64
+PILOT_POINTS = 64
 """Points of the ranges at which it is learnt on how many segments spectra are computed together."""
 BREAK_EVEN = 1000
 """Instructions of a loop's matrices for each spectrum that takes alone as long as it takes to prepare the kernel: delta has 58,000."""
@@ -60,8 +60,8 @@ class Family:
     make: Callable[[Array], PeriodicSystem]
     own: Array
     evaluations: int = 0
-    finest: float = FINE
-    coarsest: float = ROUGH
+    finest: float = REPORTED_ERROR
+    coarsest: float = SCAN_ERROR
 
     @property
     def loop(self) -> ParametricLoop | None:
@@ -76,7 +76,7 @@ class Family:
     @property
     def slow(self) -> bool:
         """Whether spectra take so long that a scan should leave out what it can."""
-        return self.loop is not None and self.loop.states >= WIDE and not self.batched
+        return self.loop is not None and self.loop.states >= MANY_STATES and not self.batched
 
     def system_at(self, point: Array) -> PeriodicSystem:
         """The system at one point (P,)."""
@@ -87,8 +87,8 @@ class Family:
         return np.array([self.system_at(point).period for point in points])
 
     def rough(self, points: Array) -> Spectra:
-        """Spectra at points (V, P): to LOOSE where all then decays for certain, by far more than is not known; else to `coarsest`."""
-        found = self.one_by_one(points, LOOSE)
+        """Spectra at points (V, P): to LOOSE_LOG_ERROR where all then decays by far more than is not known; else to `coarsest`."""
+        found = self.one_by_one(points, LOOSE_LOG_ERROR)
         rough = found.errors > MINOR * np.abs(found.logs.real)
         doubtful = (rough & np.isfinite(found.errors)).any(axis=1) | (found.verdicts >= 0)
         doubtful &= ~(found.errors <= self.coarsest * np.abs(found.logs)).all(axis=1)
@@ -121,7 +121,7 @@ class Family:
     def solve_at(self, point: Array, tol: float) -> FloquetResult:
         """The exponents at one point."""
         system = self.system_at(point)
-        return floquet(system, tol, method="radau" if tol >= LOOSE and is_stiff(system) else "auto")
+        return floquet(system, tol, method="radau" if tol >= LOOSE_LOG_ERROR and is_stiff(system) else "auto")
 
     def is_constant(self, point: Array) -> bool:
         """Whether A does not depend on time at a point (P,)."""
@@ -166,9 +166,9 @@ class SymbolicFamily(Family):
         from flexlin.analyses.sweep.together import Together
 
         low, high = self.box
-        shares = np.arange(1, PILOTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
+        shares = np.arange(1, PILOT_POINTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
         if len(low) > shares.shape[1]:
-            shares = np.random.default_rng(0).random((PILOTS, len(low)))
+            shares = np.random.default_rng(0).random((PILOT_POINTS, len(low)))
         return Together.prepare(self.source, self.place(low + (high - low) * shares), self.coarsest)
 
     def place(self, points: Array) -> Array:
@@ -227,14 +227,16 @@ def is_stiff(system: PeriodicSystem) -> bool:
     if system.resolved.panels == 1:
         return False
     pace = measure_pace(system)
-    return float(pace.length @ pace.spread) > STIFF
+    return float(pace.length @ pace.spread) > STIFF_DECAY
 
 
 def serves(found: "Logs", tol: float) -> Array:
     """Which spectra are accurate enough for a scan, (V,): where multipliers lie close together, their squared distance counts."""
     apart = measure_distances(found.logs.T, found.logs.T) + np.diag(np.ones(found.logs.shape[1]))[..., None]
     gap, errors = np.minimum(apart.min(axis=1).T, 1.0), found.errors
-    met = ((errors <= LOOSE) & (errors * (gap + errors) <= PARTIAL * tol)) | (errors <= tol * np.abs(found.logs))
+    met = ((errors <= LOOSE_LOG_ERROR) & (errors * (gap + errors) <= PARTIAL * tol)) | (
+        errors <= tol * np.abs(found.logs)
+    )
     return found.sound & np.asarray(met.all(axis=1))
 
 
@@ -309,7 +311,7 @@ def make_family(
     ranges: dict[str, tuple[float, float]],
     loop: str,
     known: Linearization | None = None,
-    coarsest: float = ROUGH,
+    coarsest: float = SCAN_ERROR,
 ) -> Family:
     """The systems that a scene's loop, or a function, makes of numbers in ranges; `known`: the loop whose equations keep these free.
 

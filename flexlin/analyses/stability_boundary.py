@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.analyses.critical_values import check_limits, describe_causes
-from flexlin.analyses.spectra import LOOSE, ROUGH, Family, Source, make_family
+from flexlin.analyses.spectra import LOOSE_LOG_ERROR, SCAN_ERROR, Family, Source, make_family
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError, counted
@@ -140,7 +140,9 @@ def search_boundary(
     limits = np.array([check_limits(path, limits) for path, limits in ranges.items()])
     low, span = limits[:, 0], limits[:, 1] - limits[:, 0]
     share = tol / max(1.0, float(span.max()))
-    coarsest = float(np.clip(MINOR * share, ROUGH, LOOSE))  # it moves a place by a small part of the wanted distance
+    coarsest = float(
+        np.clip(MINOR * share, SCAN_ERROR, LOOSE_LOG_ERROR)
+    )  # it moves a place by a small part of the wanted distance
     ends = {path: (float(a), float(b)) for path, (a, b) in ranges.items()}
     family = make_family(source, ends, loop, coarsest=coarsest)
     rough: SpectraFunction = lambda points: family.rough(low + span * points)  # noqa: E731

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlin.analyses.gain_search import Problem, lay_scenarios, search
 from flexlin.analyses.judging import find_response
-from flexlin.analyses.spectra import ROUGH, Source, make_family
+from flexlin.analyses.spectra import SCAN_ERROR, Source, make_family
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive, real_array, whole
 from flexlin.control.drives import drive_load
@@ -22,9 +22,9 @@ from flexlin.scene.scene import Scene
 from flexlin.scene.units import in_si
 from flexlin.summary import represent
 
-CONFIRMED = 8
+CONFIRMED_SCENARIOS = 8
 """The worst scenarios of all that `floquet` confirms."""
-NEAR = 0.01
+ACTIVE_SHARE = 0.01
 """Share of the growth rate by which an exponent may lie below the worst and still be active."""
 
 
@@ -154,7 +154,7 @@ def tune(
     bounds = np.array([gain_bounds(path, value, limits) for path, value in own.items()])
     ranges = np.array(list(vary.values()), dtype=float).reshape(-1, 2)
     spans = {path: (float(a), float(b)) for path, (a, b) in zip(own, bounds, strict=True)}
-    family = replace(make_family(source, {**spans, **vary}, "own"), finest=ROUGH)
+    family = replace(make_family(source, {**spans, **vary}, "own"), finest=SCAN_ERROR)
     problem = Problem(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, 3), until=until)
     started = np.array(list(own.values()))
     x, fine = search(problem, started, ranges, whole("starts", starts), whole("steps", steps), seed)
@@ -227,7 +227,7 @@ def report_tuning(
     every = np.concatenate([problem.scenarios, fine])
     growth = problem.growths(tuned, every)
     active = []
-    for k in np.argsort(-growth)[:CONFIRMED]:
+    for k in np.argsort(-growth)[:CONFIRMED_SCENARIOS]:
         result = floquet(problem.family.system_at(np.concatenate([tuned, every[k]])))
         scenario = named(vary, every[k])
         if result.verdict != "stable":
@@ -239,13 +239,13 @@ def report_tuning(
         active += [ActiveExponent(scenario, exponent, error) for exponent, error in pairs if exponent.imag >= 0]
     active.sort(key=lambda one: -one.exponent.real)
     worst = active[0].exponent.real
-    active = [one for one in active if one.exponent.real >= worst + NEAR * worst]
+    active = [one for one in active if one.exponent.real >= worst + ACTIVE_SHARE * worst]
     before = float(problem.growths(own, every).max())
     bound = [
         f"{path} at its limit of {edge:g}"
         for path, value, low, high in zip(gains, tuned, problem.low, problem.high, strict=True)
         for edge in (low, high)
-        if abs(value - edge) < NEAR * min(abs(edge) or np.inf, high - low)
+        if abs(value - edge) < ACTIVE_SHARE * min(abs(edge) or np.inf, high - low)
     ]
     meeting = f"{len(active)} exponents meet" if len(active) > 1 else "one exponent at one scenario"
     ended = "the time, which ended the search" if problem.ended else ""
@@ -279,5 +279,5 @@ def peak_torque(scene: Scene) -> float:
     """The largest torque of the scene's steady motion, in N m."""
     lin = linearize(build_manipulator(scene), scene.motion, scene.control)
     t = lin.period * np.arange(SAMPLES) / SAMPLES
-    states = find_response(lin, lin.periodic_system(), t, ROUGH).states
+    states = find_response(lin, lin.periodic_system(), t, SCAN_ERROR).states
     return float(np.abs(drive_load(lin, t, states, lin.law).torque).max())

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import flexlin.scene
 from flexlin import analyses, control, report, simulation
-from flexlin.cli.shared import COMPUTED, LIMITS, LONG, SCENE, Work, command, meets, print_paths, say_loop
+from flexlin.cli.shared import COMPUTED, LIMITS, SCENE, SEARCH_SECONDS, Work, command, meets, print_paths, say_loop
 from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError
 
@@ -94,7 +94,7 @@ def simulate_loop(options: argparse.Namespace) -> int:
 
 @command("tune", "find the gains that decay fastest in all scenarios", *SCENE, *LIMITS, "vary", "gain")
 def tune_gains(options: argparse.Namespace) -> int:
-    work = Work(options, LONG)
+    work = Work(options, SEARCH_SECONDS)
     spans = [*options.vary, *options.gain]
     if len({key for key, *_ in spans}) < len(spans):
         raise ArgumentError("a number is named twice", got=", ".join(key for key, *_ in spans), expected="each once")
@@ -155,7 +155,7 @@ def predict_log(options: argparse.Namespace) -> int:
     *(*SCENE, *LIMITS, "log", "free", "window", "hold_back"),
 )
 def identify_numbers(options: argparse.Namespace) -> int:
-    work = Work(options, LONG)
+    work = Work(options, SEARCH_SECONDS)
     with work.clock() as clock:
         scene = work.scene
         log = clock.stage("read the log", scene.accuracy, partial(flexlin.read_log, options.log, scene))

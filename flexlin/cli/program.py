@@ -43,9 +43,9 @@ from flexlin.resources import Stopwatch
 
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Variables by which a user says how many threads linear algebra has."""
-LONGEST = 1000
+MESSAGE_LENGTH = 1000
 """Characters of a line that says what is wrong: it may repeat what somebody else wrote."""
-AGAIN = 1.0
+SIGNAL_SECONDS = 1.0
 """Seconds within which requests to end the program count as one: a terminal, and `timeout`, send theirs to all processes."""
 COMMANDS = {one.name: one for one in (*vars(scenes).values(), *vars(loops).values()) if isinstance(one, Command)}
 """A new one is a function under `command`, in the file of what it is about."""
@@ -61,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         scene = getattr(options, "scene", None)
         named = scene is None or isinstance(error, (SceneError, OutputError))
         text = str(error) if named else f"{scene}: {error}"
-        said = (printable(line, LONGEST) for line in text.split("\n"))
+        said = (printable(line, MESSAGE_LENGTH) for line in text.split("\n"))
         print("flexlin:", "\n".join(said), file=sys.stderr)
         if isinstance(error, (InputError, TooLarge)):
             return BAD_INPUT
@@ -84,7 +84,7 @@ class Interruption(KeyboardInterrupt):
         if reached is not None and reached.tb_next is not None:
             where = str(reached.tb_frame.f_globals["__name__"])
         if not where.startswith("flexlin."):
-            ring_later(signal.SIGINT, 1.1 * AGAIN)
+            ring_later(signal.SIGINT, 1.1 * SIGNAL_SECONDS)
 
 
 @contextmanager
@@ -96,14 +96,14 @@ def ended_by_signal() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    last = -AGAIN
+    last = -SIGNAL_SECONDS
 
     def end(number: int, frame: Any) -> None:
         nonlocal last
         now = time.monotonic()
         if is_loading(frame):  # a library whose loading breaks off may say so in words of its own
             ring_later(number, 0.1)
-        elif now - last >= AGAIN:
+        elif now - last >= SIGNAL_SECONDS:
             last, Interruption.came = now, True
             raise Interruption
 
@@ -112,7 +112,7 @@ def ended_by_signal() -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if time.monotonic() - last < AGAIN:
+        if time.monotonic() - last < SIGNAL_SECONDS:
             raise KeyboardInterrupt from error
         raise
     finally:
@@ -240,7 +240,7 @@ def pass_over(lost: Any) -> None:
     What an interruption left behind, such as a loop of asyncio, may complain when it is destroyed: that is no news.
     """
     if isinstance(lost.exc_value, KeyboardInterrupt):
-        ring_later(signal.SIGINT, 1.1 * AGAIN)
+        ring_later(signal.SIGINT, 1.1 * SIGNAL_SECONDS)
     elif not Interruption.came:
         kind = "" if lost.exc_type is None else lost.exc_type.__name__
         print(f"flexlin: note: {kind} where nothing can be raised: {lost.exc_value}", file=sys.stderr)
@@ -253,7 +253,7 @@ class Parser(argparse.ArgumentParser):
         """Say what is wrong with the command line, and exit."""
         if message.endswith("required: SCENE"):
             message += ", before options that take several words, as --set does"
-        super().error(printable(message, LONGEST))
+        super().error(printable(message, MESSAGE_LENGTH))
 
 
 class PrintCompletion(argparse.Action):

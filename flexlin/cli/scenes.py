@@ -134,7 +134,7 @@ def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
         said = " and ".join(f"{say(f'{size:.3g}', 'm')} {where}" for size, where in sides if size > 0)
         if said:
             further = BEYOND + ("" if stiffened else ", with effects.geometric_stiffening")
-            beyond = "" if share <= analyses.SMALL else MISTAKEN if share > 10 else further
+            beyond = "" if share <= analyses.SMALL_SHARE else MISTAKEN if share > 10 else further
             yield f"link {i + 1}", f"bends by {said}, {100 * share:.2g} % of its length{beyond}"
 
 
@@ -213,7 +213,7 @@ def chart(options: argparse.Namespace) -> int:
         send_written(write(without("the program ended before")))
         try:
             draw = partial(report.draw_charts, made)
-            pictures = clock.stage("figures", scene.accuracy, draw, share=analyses.DRAWING, last=True)
+            pictures = clock.stage("figures", scene.accuracy, draw, share=analyses.DRAWING_SHARE, last=True)
         except (NumericalError, TooLarge) as error:  # the numbers stand without a picture
             pictures, problem = without(error), problem or str(error)
         paths = write(pictures)

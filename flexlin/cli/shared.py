@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import flexlin.scene
 from flexlin import analyses, files, report
 from flexlin.bounds import read_number
-from flexlin.cli.supervised import DONE, TICK, send_limits
+from flexlin.cli.supervised import DONE, LOOK_INTERVAL, send_limits
 from flexlin.errors import ArgumentError, OutputError
-from flexlin.resources import BYTES, SECONDS, listening
+from flexlin.resources import LIMIT_BYTES, LIMIT_SECONDS, listening
 
 if TYPE_CHECKING:
     import xarray
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from flexlin.report.figures import Picture
     from flexlin.scene.scene import Scene
 
-LIMIT = f"{BYTES:.0e}".replace("+0", "")
+LIMIT = f"{LIMIT_BYTES:.0e}".replace("+0", "")
 """Of memory, as one would write it."""
 SCENE = ("scene", "set", "data", "out")
 LIMITS = ("seconds", "memory")
 COMPUTED = (*SCENE, "tol", *LIMITS)
-LONG = 600.0
+SEARCH_SECONDS = 600.0
 """Limit in s of a search or a fit where nobody states one."""
 ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
 """Options that stand for a key of the scene's table [accuracy]."""
@@ -157,7 +157,7 @@ OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "tol": option("--tol", "ERROR", "wanted error of every stage (default 1e-9, or as in the scene)", type=float),
     "seconds": option(
-        "--limit-seconds", "S", f"time by the clock that all may take (default {SECONDS:g} of the processor, tune 600, or the scene's)",
+        "--limit-seconds", "S", f"time by the clock for all (default {LIMIT_SECONDS:g} of the processor, tune 600, or the scene's)",
         type=float,
     ),
     "memory": option(
@@ -200,9 +200,9 @@ def command(name: str, purpose: str, *takes: str) -> Callable[[Callable[[argpars
     return lambda run: Command(name, purpose, takes, run)
 
 
-PATIENCE = 2.0
+SILENT_SECONDS = 2.0
 """Seconds of silence before progress is shown."""
-APART = 5.0
+PROGRESS_SECONDS = 5.0
 """Seconds between two lines in a pipe; between two of the same step and share it is a minute."""
 
 
@@ -234,7 +234,7 @@ class Progress:
         if share < 0.02:  # too early for a guess
             return f"{self._name} ({elapsed:.0f} s so far)"
         left = elapsed * (1 - share) / share
-        if left > 1.5 * self._left + TICK:
+        if left > 1.5 * self._left + LOOK_INTERVAL:
             return f"{100 * share:.0f} %, {elapsed:.0f} s so far: {self._name}"
         self._left = min(left, self._left)
         return f"{100 * share:.0f} %, about {self._left:.0f} s left: {self._name}"
@@ -256,13 +256,13 @@ class Progress:
     def _watch(self) -> None:
         """Show the line from time to time, until the work is over."""
         stderr = sys.__stderr__
-        if self._over.wait(PATIENCE) or stderr is None or sys.stderr is not stderr:
+        if self._over.wait(SILENT_SECONDS) or stderr is None or sys.stderr is not stderr:
             return  # over already, or a program has put a stream of its own there and reads errors from it
         show = self._on_terminal if stderr.isatty() else self._in_pipe
         while not self._over.is_set():
             if self._name:
                 show()
-            self._over.wait(TICK)
+            self._over.wait(LOOK_INTERVAL)
 
     def _on_terminal(self) -> None:
         if self._status is None:
@@ -274,7 +274,7 @@ class Progress:
 
     def _in_pipe(self) -> None:
         now, saying = time.perf_counter(), (self._name, self.share)
-        if now - self._written >= (60.0 if saying == self._said else APART):
+        if now - self._written >= (60.0 if saying == self._said else PROGRESS_SECONDS):
             self._written, self._said = now, saying
             print(f"flexlin: {self.line}", file=sys.stderr, flush=True)
 

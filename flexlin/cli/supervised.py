@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from flexlin.bounds import printable
-from flexlin.resources import BYTES, PATIENCE, SECONDS, read_resident
+from flexlin.resources import CLOCK_RATIO, LIMIT_BYTES, LIMIT_SECONDS, read_resident
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 DONE, FAILED, BAD_INPUT, OTHER_VERDICT, NO_ANSWER = range(5)
 """Exit codes."""
-TICK = 0.1
+LOOK_INTERVAL = 0.1
 """Seconds between two looks at the work, and at the line that shows its progress."""
-ENDING = 1.5
+ENDING_SECONDS = 1.5
 """Seconds that Python takes to begin, and a process that is ended to give its memory back."""
-LIBRARIES = 2.5e8
+LIBRARY_BYTES = 2.5e8
 """Bytes that the libraries take: in less address space they cannot be loaded, and one of them then tries for ever."""
 PASSED_ON = (signal.SIGINT, signal.SIGTERM)
 INTERRUPTED = "interrupted; no file was left half-written"
@@ -55,7 +55,7 @@ class Channel:
 
 def send_limits(begun: float, asked: "Accuracy") -> None:
     """Let the parent know what a scene's run may take; `begun` by `time.perf_counter`, which all processes share."""
-    end = asked.patience * asked.last_end - min(ENDING, 0.05 * asked.seconds)
+    end = asked.patience * asked.last_end - min(ENDING_SECONDS, 0.05 * asked.seconds)
     Channel.send("limits", begun + end, asked.seconds, asked.memory)
 
 
@@ -81,14 +81,14 @@ def supervise(work: Sequence[str]) -> int:
     Where it is ended by something else, or goes on beyond its limits, say so.
     """
     begun = time.perf_counter()
-    if (space := read_space()) < LIBRARIES:
-        got = f"got {space / 1e6:.0f} MB of address space, expected {LIBRARIES / 1e6:.0f} MB: raise ulimit -v"
+    if (space := read_space()) < LIBRARY_BYTES:
+        got = f"got {space / 1e6:.0f} MB of address space, expected {LIBRARY_BYTES / 1e6:.0f} MB: raise ulimit -v"
         print(f"flexlin: {NO_MEMORY}; {got}", file=sys.stderr)
         return BAD_INPUT
     reader, writer = os.pipe()
     watch = Watch(reader, begun=begun, store=read_option(work, "--store"))
     if stated := read_limit(work):
-        watch.seconds, watch.deadline = stated, begun + max(stated, ENDING)
+        watch.seconds, watch.deadline = stated, begun + max(stated, ENDING_SECONDS)
     for number in PASSED_ON:
         signal.signal(number, watch.pass_on)
     given = {**os.environ, CHANNEL: f"{writer} {os.getpid()} {begun!r}"}
@@ -155,10 +155,10 @@ class Watch:
 
     reader: int
     work: "subprocess.Popen[bytes] | None" = None
-    seconds: float = SECONDS
-    memory: float = BYTES
+    seconds: float = LIMIT_SECONDS
+    memory: float = LIMIT_BYTES
     begun: float = field(default_factory=time.perf_counter)
-    deadline: float = field(default_factory=lambda: time.perf_counter() + PATIENCE * SECONDS)
+    deadline: float = field(default_factory=lambda: time.perf_counter() + CLOCK_RATIO * LIMIT_SECONDS)
     ended: bool = False
     interrupted: bool = False
     code: int = FAILED
@@ -177,11 +177,11 @@ class Watch:
         why, open_ = "", True
         while (code := self.work.poll()) is None:
             if open_:
-                select.select([self.reader], [], [], TICK)
+                select.select([self.reader], [], [], LOOK_INTERVAL)
                 open_ = self.listen()
             else:  # it has ended, or closed what it was given
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    self.work.wait(TICK)
+                    self.work.wait(LOOK_INTERVAL)
             why = why or self.excess(self.work.pid)
             if why or (self.ended and time.perf_counter() > self.deadline):
                 self.work.kill()
@@ -213,7 +213,7 @@ class Watch:
                 f"with a time limit of {self.seconds:g} s: it did not end by itself in time; "
                 f"allow more time (--limit-seconds above {self.seconds:g}, or seconds in the scene's [accuracy])"
             )
-        if read_resident(work) > 1.2 * self.memory + LIBRARIES:  # it ends itself at the limit, if it can
+        if read_resident(work) > 1.2 * self.memory + LIBRARY_BYTES:  # it ends itself at the limit, if it can
             self.code = BAD_INPUT
             return (
                 f"stopped at the limit of memory of {self.memory:,.0f} bytes, which it did not keep by itself; "

@@ -14,9 +14,9 @@ from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, linear_qu
 from flexlin.periodic.riccati.riccati import resolve_problem
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
-MARGIN = 1e-13
+REACHED_SHARE = 1e-13
 """A mode counts as reached (or seen) when its share in B (or Q) is larger than this, relative to the matrices' sizes: than rounding."""
-CANCELLED = 1e-6
+CANCELLED_SHARE = 1e-6
 """A share of this part of the terms that it sums is no rounding: the mode is reached, whatever the sizes of other modes."""
 
 
@@ -206,7 +206,7 @@ def check_constant_pair(A: Array, B: Array, Q: Array, when: str) -> None:
 
 def cancels(matrix: Array, vector: Array) -> bool:
     """Whether every entry of a product with a vector is next to nothing beside the terms that it sums."""
-    return bool(np.all(np.abs(matrix @ vector) <= CANCELLED * (np.abs(matrix) @ np.abs(vector))))
+    return bool(np.all(np.abs(matrix @ vector) <= CANCELLED_SHARE * (np.abs(matrix) @ np.abs(vector))))
 
 
 def constant_lqr(A: Array, B: Array, Q: Array, R: Array, N: Array, when: str) -> tuple[Array, Array]:
@@ -244,7 +244,7 @@ def scaled(matrix: Array, size: float) -> Array:
 def lacking(pencil: Array, by_input: bool, eigenvalue: complex, states: Array, when: str) -> None:
     """Raise when a Hautus pencil is rank deficient."""
     left, values, right = np.linalg.svd(pencil)
-    if values[-1] > MARGIN * values[0]:
+    if values[-1] > REACHED_SHARE * values[0]:
         return
     vector = np.abs(left[:, -1] / states if by_input else right[-1] * states)
     kind = NotStabilizable if by_input else NotDetectable

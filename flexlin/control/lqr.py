@@ -13,13 +13,13 @@ from flexlin.errors import ArgumentError, ToleranceNotReached
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficient_series.matrix import Series
 from flexlin.periodic.coefficient_series.resolve import resolve
-from flexlin.periodic.coefficient_series.sampling import RESOLVED
+from flexlin.periodic.coefficient_series.sampling import RESOLVED_TOL
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution, linear_quadratic
 from flexlin.periodic.riccati.riccati import finite_horizon_riccati, periodic_riccati, rough_places
 from flexlin.periodic.system import PeriodicSystem, as_system, extend_system
 
-SMOOTH = 64
+SMOOTH_PARTS = 64
 """Of the period: where coefficients change in a shorter time the gain has a series of its own."""
 
 
@@ -98,8 +98,8 @@ def represent_gain(solution: RiccatiSolution, system: PeriodicSystem, tol: float
 
     It is resolved like any coefficient, as well as its own error allows.
     """
-    corners = np.union1d(system.breaks, rough_places(solution.problem, system.period / SMOOTH))
-    tol = max(RESOLVED, tol / 10, solution.gain_error)
+    corners = np.union1d(system.breaks, rough_places(solution.problem, system.period / SMOOTH_PARTS))
+    tol = max(RESOLVED_TOL, tol / 10, solution.gain_error)
     found = resolve(solution.K, system.period, corners.tolist(), complete=True, tol=tol)
     return found.series, float(found.error.max() / (np.abs(found.series.coefficients).max() or 1.0))
 

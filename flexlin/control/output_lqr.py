@@ -18,7 +18,7 @@ from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, linear_qu
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.riccati.scattering import transpose
 from flexlin.periodic.system import PeriodicSystem, as_system, dual_system
-from flexlin.precision import FARTHEST, ROOT, SLIGHT
+from flexlin.precision import LARGEST_LOG_GROWTH, ROOT_EPS, SLIGHT
 from flexlin.summary import represent
 
 
@@ -187,7 +187,7 @@ class OutputProblem:
         from scipy.optimize import minimize
 
         sizes, V = np.linalg.eigh(first.seen)
-        kept = sizes > ROOT * sizes[-1]
+        kept = sizes > ROOT_EPS * sizes[-1]
         left, right = np.linalg.inv(np.linalg.cholesky(self.R)).T, (V[:, kept] / np.sqrt(sizes[kept])).T
         if not right.size:
             return start, first.cost, start
@@ -199,7 +199,7 @@ class OutputProblem:
             K = gain(z)
             found = self.judge(K)
             if found is None:  # the loop is not stable
-                return float(np.log(first.cost)) + FARTHEST, np.zeros_like(z)
+                return float(np.log(first.cost)) + LARGEST_LOG_GROWTH, np.zeros_like(z)
             slope = 2 * self.R @ (K - found.wanted) @ found.seen / found.cost
             return float(np.log(found.cost)), (left.T @ slope @ right.T).ravel()
 

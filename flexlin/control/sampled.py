@@ -16,7 +16,15 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.interpolation import ChebyshevPanels
 from flexlin.periodic.riccati.linear_quadratic import linear_quadratic
 from flexlin.periodic.riccati.scattering import transpose
-from flexlin.periodic.sampled import STAGES, HeldPlant, Round, find_rounds, hold_plant, judge_samples, sampled_floquet
+from flexlin.periodic.sampled import (
+    STEP_STAGES,
+    HeldPlant,
+    Round,
+    find_rounds,
+    hold_plant,
+    judge_samples,
+    sampled_floquet,
+)
 from flexlin.periodic.sampled_cost import SampledProblem, bound_rounding, solve_samples, spread_noise, weigh_samples
 from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside, with_matrices
 from flexlin.precision import SAFETY
@@ -197,7 +205,7 @@ def sampled_lqr(
     weights = resolve_beside(system, posed.Q), resolve_beside(system, posed.R)
     problems = [
         weigh_samples(system, *weights, turn.samples, turn.periods, delay / sample_time, tol, stages)
-        for stages in (STAGES, STAGES + 2)
+        for stages in (STEP_STAGES, STEP_STAGES + 2)
     ]
     (X, K), (_, other) = (solve_samples(problem) for problem in problems)
     error = state_error(K, other, bound_rounding(problems[0], X, K))
@@ -283,7 +291,7 @@ class SampledEstimator:
         delay = 0.0 if design is None else design.delay / self.sample_time
         loops = [
             self._loop(hold_plant(self.system, turn.samples, turn.periods, delay, tol, s), design)
-            for s in (STAGES, STAGES + 2)
+            for s in (STEP_STAGES, STEP_STAGES + 2)
         ]
         return judge_samples(loops[0], loops[1], turn, self.system.period, tol)
 
@@ -368,7 +376,7 @@ def sampled_estimator(
     seen, noise = output(np.mod(t, system.period)), posed.R(np.mod(t, system.period))
     excited = resolve_beside(system, posed.Q)
     found = []
-    for stages in (STAGES, STAGES + 2):
+    for stages in (STEP_STAGES, STEP_STAGES + 2):
         F, added = spread_noise(system, excited, turn.samples, turn.periods, tol, stages)
         nothing = np.zeros((turn.samples, n, p))
         dual = SampledProblem(transpose(F)[::-1], transpose(seen)[::-1], added[::-1], nothing, noise[::-1], noise)

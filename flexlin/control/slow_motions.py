@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 
-from flexlin.checks import ROUNDING, Array, check_size
+from flexlin.checks import SUM_ROUNDING, Array, check_size
 from flexlin.errors import NumericalError
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import find_coinciding
@@ -17,9 +17,9 @@ from flexlin.periodic.transition.choose_segments import METHODS, choose_setting,
 SLOW_TOL = 1e-6
 """Accuracy that is enough for a direction: of the exponents, in 1/s, of the segments where the exponents came without any (an L-stable
 method damps what is fast), and of an imaginary part against the real one, below which it belongs to a real mode."""
-GONE = 200.0
-"""A mode that decays by exp(-GONE) from one sample to the next has no motion to show."""
-COARSE = 64
+GONE_DECAY = 200.0
+"""A mode that decays by exp(-GONE_DECAY) from one sample to the next has no motion to show."""
+COARSE_TIMES = 64
 """Times of a period at which a motion is given, at the least, where a direction is all that is asked for; into so many products the
 transition matrices of a period are multiplied, too: over so small a part of it the slowest modes part by little."""
 
@@ -62,7 +62,7 @@ def slow_motions(
     system: PeriodicSystem,
     count: int,
     result: FloquetResult | None = None,
-    samples: int = COARSE,
+    samples: int = COARSE_TIMES,
     coordinates: int | None = None,
 ) -> SlowMotions:
     """Find the `count` slowest real motions of a system of second order; a complex pair gives two of them.
@@ -76,7 +76,7 @@ def slow_motions(
     NumericalError when no mode is resolved.
     """
     result = result or floquet(system, SLOW_TOL)
-    seen = np.isfinite(result.errors) & (result.exponents.real * system.period > -samples * GONE)
+    seen = np.isfinite(result.errors) & (result.exponents.real * system.period > -samples * GONE_DECAY)
     slow = np.flatnonzero((result.exponents.imag >= 0) & seen)[: max(1, count)]
     if not len(slow):
         raise no_motion(result)
@@ -107,7 +107,7 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
     )
     Phi, scale = balance_factors(factor_by(system, grid, setting.method, setting.order))
     ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
-    together = max(1, len(Phi) // COARSE)
+    together = max(1, len(Phi) // COARSE_TIMES)
     found, _ = periodic_vectors(Phi, grid, result.exponents[which], ranks, together)
     modes = np.moveaxis(found * scale[:, None], -1, 0)
     return grid, np.concatenate([modes, modes[:, :1]], axis=1)
@@ -142,7 +142,7 @@ def interpolate(system: PeriodicSystem, n: int, slow: SlowMotions) -> list[Defle
     t, x = slow.t, slow.states
     after, before = (
         np.einsum("tij,ktj->kti", system.resolved(at), states)[:, :, n : 2 * n]
-        for at, states in ((t[:-1], x[:, :-1]), (t[1:] * (1 - ROUNDING), x[:, 1:]))
+        for at, states in ((t[:-1], x[:, :-1]), (t[1:] * (1 - SUM_ROUNDING), x[:, 1:]))
     )
     h = np.diff(t)[:, None]
     (y, rate), (end, end_rate) = ((part[:, :, :n], part[:, :, n : 2 * n]) for part in (x[:, :-1], x[:, 1:]))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flexlin.linearization.harmonic_balance import Closing, Unknowns
     from flexlin.linearization.periodic_motion import PeriodicMotion
 
-LEAST = 1e-8
+LEAST_TOL = 1e-8
 """The smallest error that a scene's feedforward is asked for."""
 
 
@@ -235,7 +235,7 @@ def scene_feedforward(lin: Linearization, tol: float = 1e-8) -> Feedforward | No
     control = lin.control
     if control is None or control.feedforward not in CLOSINGS:
         return None
-    return feedforward(lin, control.feedforward, max(tol, LEAST))
+    return feedforward(lin, control.feedforward, max(tol, LEAST_TOL))
 
 
 def tip_distance(lin: Linearization, motion: "PeriodicMotion") -> float:

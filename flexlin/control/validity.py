@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.arguments import checked
-from flexlin.checks import ROUNDING, SAMPLES, Array, positive
+from flexlin.checks import SAMPLES, SUM_ROUNDING, Array, positive
 from flexlin.control.slow_motions import SLOW_TOL, Deflections, interpolate, slow_motions
 from flexlin.lazy import lazy
 from flexlin.linearization.linear import linearize
@@ -15,14 +15,14 @@ from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.roots import SignedEnds, solve_brackets
-from flexlin.precision import FARTHEST, SAFETY, SLIGHT
+from flexlin.precision import LARGEST_LOG_GROWTH, SAFETY, SLIGHT
 from flexlin.summary import represent
 
-LARGEST, SMALLEST = 10.0, 1e-7
+LARGEST_AMPLITUDE, SMALLEST_AMPLITUDE = 10.0, 1e-7
 """Amplitudes between which the border is sought, in rad or m."""
-PEAKS = 8
+REFINED_PEAKS = 8
 """Times of large shares that are looked at more closely, and places of an interval between two nodes where they are sought."""
-LOOK, ROUNDS = 9, 4
+LOOK_TIMES, LOOK_ROUNDS = 9, 4
 """Times of a look at a peak; how many looks there are, each as wide as the space between two times of the one before, and how often peaks
 are sought at the most."""
 
@@ -73,21 +73,21 @@ class Along:
     def grid(self) -> Terms:
         """The terms at the nodes and between them."""
         nodes = self.motion.x
-        t = nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(PEAKS) / PEAKS
+        t = nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(REFINED_PEAKS) / REFINED_PEAKS
         return Terms.along(self.plant, np.append(t, nodes[-1]), self.motion)
 
     @lazy
     def rounding(self) -> float:
         """Of |R|: what is left of it at an amplitude of no account."""
-        return SAFETY * float(self.grid.nonlinear(ROUNDING).max())
+        return SAFETY * float(self.grid.nonlinear(SUM_ROUNDING).max())
 
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
     def excess(self, terms: Terms, a: float) -> Array:
-        """The logarithm of |R(a)|, less its rounding, against the share of the linear terms; FARTHEST where the forces are no numbers."""
+        """The logarithm of |R(a)|, less its rounding, against the share of the linear terms; LARGEST_LOG_GROWTH where it is no number."""
         nonlinear = terms.nonlinear(a)
         ratio = np.log((nonlinear - self.rounding) / (self.share * a * terms.linear))
-        finite = np.clip(np.nan_to_num(ratio, nan=FARTHEST), -FARTHEST, FARTHEST)
-        return np.where(nonlinear <= self.rounding, -FARTHEST, finite)
+        finite = np.clip(np.nan_to_num(ratio, nan=LARGEST_LOG_GROWTH), -LARGEST_LOG_GROWTH, LARGEST_LOG_GROWTH)
+        return np.where(nonlinear <= self.rounding, -LARGEST_LOG_GROWTH, finite)
 
     def peaks(self, a: float) -> tuple[Terms, Array]:
         """The terms at the times of the largest shares at an amplitude, and how much the logarithms there rose in the last look.
@@ -96,17 +96,17 @@ class Along:
         """
         excess = np.pad(self.excess(self.grid, a), 1, constant_values=-np.inf)
         higher = np.flatnonzero((excess[1:-1] >= excess[:-2]) & (excess[1:-1] >= excess[2:]))
-        chosen = higher[np.argsort(excess[1 + higher])[-PEAKS:]]
+        chosen = higher[np.argsort(excess[1 + higher])[-REFINED_PEAKS:]]
         named = np.array(self.plant.features).reshape(-1, 2)
         t, width = np.concatenate([[self.grid.t[chosen], np.gradient(self.grid.t)[chosen]], named.T], axis=1)
         found, rose = np.full(len(t), -np.inf), np.full(len(t), np.inf)
-        for _ in range(ROUNDS):
-            near = np.clip(t[:, None] + width[:, None] * np.linspace(-1, 1, LOOK), 0.0, self.motion.x[-1])
+        for _ in range(LOOK_ROUNDS):
+            near = np.clip(t[:, None] + width[:, None] * np.linspace(-1, 1, LOOK_TIMES), 0.0, self.motion.x[-1])
             shares = self.excess(Terms.along(self.plant, near.ravel(), self.motion), a).reshape(near.shape)
             best = shares.argmax(axis=1)[:, None]
             t, largest = np.take_along_axis(near, best, 1)[:, 0], np.take_along_axis(shares, best, 1)[:, 0]
             rose, found = largest - found, largest
-            width = np.where(best[:, 0] % (LOOK - 1) > 0, 2 * width / (LOOK - 1), width)
+            width = np.where(best[:, 0] % (LOOK_TIMES - 1) > 0, 2 * width / (LOOK_TIMES - 1), width)
         return Terms.along(self.plant, t, self.motion), np.abs(rose)
 
 
@@ -154,12 +154,12 @@ class Validity:
         where = f"{at.unit} in {at.title}"
         if not np.isfinite(smallest):
             return (
-                f"the linear model serves for disturbances of up to {LARGEST:g} {where}, the largest tried: along the slowest modes "
-                f"what it leaves out stays below {percent}"
+                f"the linear model serves for disturbances of up to {LARGEST_AMPLITUDE:g} {where}, the largest tried: along the slowest "
+                f"modes what it leaves out stays below {percent}"
             )
         if smallest == 0.0:
             return (
-                f"what the linear model leaves out exceeds {percent} already at deflections of {SMALLEST:g} {where}: "
+                f"what the linear model leaves out exceeds {percent} already at deflections of {SMALLEST_AMPLITUDE:g} {where}: "
                 "it holds nowhere here; trust the nonlinear simulation, or smooth what is abrupt (Coulomb friction)"
             )
         return (
@@ -248,10 +248,10 @@ def border(along: Along, tol: float) -> tuple[float, float]:
     It is sought at the times of the largest shares, and these at the amplitude that was found, until it falls no more.
     """
     found = search_border(along, Terms.along(along.plant, along.motion.x, along.motion), tol)
-    for _ in range(ROUNDS):
+    for _ in range(LOOK_ROUNDS):
         if found == 0.0:
-            return found, SMALLEST
-        peaks, rose = along.peaks(min(found, LARGEST))
+            return found, SMALLEST_AMPLITUDE
+        peaks, rose = along.peaks(min(found, LARGEST_AMPLITUDE))
         before, found = found, min(found, search_border(along, peaks, tol))
         if found >= before * (1 - tol):
             break
@@ -259,13 +259,13 @@ def border(along: Along, tol: float) -> tuple[float, float]:
 
 
 def search_border(along: Along, terms: Terms, tol: float) -> float:
-    """The amplitude between SMALLEST and LARGEST that reaches the share at one of the times; 0 or inf beyond these."""
+    """The amplitude between SMALLEST_AMPLITUDE and LARGEST_AMPLITUDE that reaches the share at one of the times; 0 or inf beyond these."""
 
     def excess(log: float) -> float:
         """Nearly linear in log a."""
         return float(along.excess(terms, float(np.exp(log))).max())
 
-    low, high = np.log([SMALLEST, LARGEST])
+    low, high = np.log([SMALLEST_AMPLITUDE, LARGEST_AMPLITUDE])
     if (beyond := excess(high)) <= 0:
         return np.inf
     if (within := excess(low)) > 0:

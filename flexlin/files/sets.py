@@ -25,13 +25,13 @@ MANIFEST = "flexlin-results.json"
 FORMAT = 1
 Files = Mapping[str, str]
 """Names below the folder, parted by /, and their SHA-256."""
-PATIENCE = 60.0
+WRITER_SECONDS = 60.0
 """Seconds that a writer waits for another one, which holds a place only while it renames."""
 MARK, PART, WHOLE = ".flexlin-", ".part", ".whole"
 """`.NAME.flexlin-UNIQUE.part` is being written; `.whole` holds a whole set, whose files are on their way to their places."""
 INNER = "set"
 """The folder in it that has the files; the outer one is held by its writer."""
-LONGEST = 120
+NAME_BYTES = 120
 """Bytes of a name that are kept; the marks need room beside it."""
 
 
@@ -155,14 +155,14 @@ def alone(folder: Path) -> Iterator[None]:
 
     Raises: OSError where another one does not let go.
     """
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + WRITER_SECONDS
     while True:
         try:
             handle = hold(folder)
             break
         except BlockingIOError:
             if time.monotonic() > until:
-                raise OSError(f"another program has held {folder} for {PATIENCE:g} s") from None
+                raise OSError(f"another program has held {folder} for {WRITER_SECONDS:g} s") from None
             time.sleep(0.005)
     try:
         yield
@@ -173,7 +173,7 @@ def alone(folder: Path) -> Iterator[None]:
 def prefix_for(name: str) -> str:
     """How the staging folders of a file or folder of this name begin."""
     raw = os.fsencode(name)
-    return f".{name if len(raw) <= LONGEST else hashlib.sha256(raw).hexdigest()[:32]}{MARK}"
+    return f".{name if len(raw) <= NAME_BYTES else hashlib.sha256(raw).hexdigest()[:32]}{MARK}"
 
 
 def staged(place: Path, name: str, ending: str) -> list[Path]:

@@ -13,21 +13,21 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.identification.shooting import Shooting
 
-SMALLEST = 1e-5
+SMALLEST_NORM = 1e-5
 """Share of the largest column below which a column's norm counts as this much: what no reading sees then stays where it was."""
-UNKNOWN = 1.0
+UNKNOWN_DEVIATION = 1.0
 """Standard deviation of a direction, numbers in units of their own size, from which on the log does not know it."""
-SHARE = 0.2
+DIRECTION_SHARE = 0.2
 """Share of such a direction from which on a number belongs to it."""
-TOGETHER = 0.9
+NOTED_CORRELATION = 0.9
 """Correlation that is worth a word."""
-WHITE = 4.0
+WHITE_DEVIATIONS = 4.0
 """Correlation of neighbours, in standard deviations of that of white noise, from which on residuals are coloured."""
-GOOD = 0.75
+GOOD_GAIN = 0.75
 """Share of what a linear step promises that it should gain for the next to be damped less."""
-REACH = 2.0
+STEP_REACH = 2.0
 """Times its size, or that in the scene, by which a step may change a number that has no sign: farther off no slope leads back."""
-BLOCKS = 4
+RESIDUAL_BLOCKS = 4
 """Blocks of a window whose sums show how coloured residuals add up."""
 
 
@@ -91,7 +91,7 @@ class Problem:
 
     def ends(self, p: Array) -> tuple[Array, Array]:
         """Where the next step may end; a number that is 0 in the scene has no size to go by."""
-        reach = np.where((self.low >= 0) & (self.usual > 0), REACH * np.maximum(np.abs(p), self.usual), np.inf)
+        reach = np.where((self.low >= 0) & (self.usual > 0), STEP_REACH * np.maximum(np.abs(p), self.usual), np.inf)
         return np.maximum(self.low, p - reach), np.minimum(self.high, p + reach)
 
     def slopes(self, point: Point) -> Array:
@@ -142,7 +142,7 @@ def solve(
                 expected = together(problem, promise(point, slopes, residual, *to))
             better = gain > 0
             point, gained = choose(point, trial, better), np.where(better, gain, gained)
-            dampings = dampings * np.where(gain > GOOD * expected, 0.2, np.where(better, 1.0, 5.0))
+            dampings = dampings * np.where(gain > GOOD_GAIN * expected, 0.2, np.where(better, 1.0, 5.0))
             if better.any() or late():
                 break
         if np.all(gained <= tol * together(problem, point.costs)):
@@ -185,7 +185,7 @@ def eliminate(slopes: Array, residual: Array, size: int, damping: Array) -> tupl
     """
     J, other = slopes[:, :, :size], np.concatenate([slopes[:, :, size:], residual[:, :, None]], axis=2)
     norms = np.linalg.norm(J, axis=1)
-    scale = np.maximum(norms, SMALLEST * norms.max(axis=1, keepdims=True)) + 1e-300
+    scale = np.maximum(norms, SMALLEST_NORM * norms.max(axis=1, keepdims=True)) + 1e-300
     damped = np.sqrt(damping)[:, None, None] * np.eye(size)
     Q, R = np.linalg.qr(np.concatenate([J / scale[:, None, :], damped], axis=1))
     other = np.concatenate([other, np.zeros((len(J), size, other.shape[2]))], axis=1)
@@ -202,7 +202,7 @@ def take_step(problem: Problem, point: Point, slopes: Array, residual: Array, da
     if len(move):
         R_p = np.asarray(np.linalg.qr(rest.reshape(-1, rest.shape[2]), mode="r"))
         norms = np.linalg.norm(R_p[:, :-1], axis=0)
-        sizes = 1 / np.maximum(norms, SMALLEST * norms.max() + 1e-300)
+        sizes = 1 / np.maximum(norms, SMALLEST_NORM * norms.max() + 1e-300)
         rows = np.concatenate([R_p[:, :-1] * sizes, np.sqrt(damping[0]) * np.eye(len(move))])
         wanted = np.concatenate([R_p[:, -1], np.zeros(len(move))])
         low, high = problem.ends(point.p)
@@ -243,8 +243,8 @@ def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence
     J = rest[:, :, inside] * scale
     values, V = np.linalg.eigh(np.einsum("wri,wrj->ij", J, J))
     deviation = 1 / np.sqrt(np.maximum(values, 1e-300))
-    lost = deviation > UNKNOWN
-    groups = group_directions(np.abs(V[:, lost]) > SHARE)
+    lost = deviation > UNKNOWN_DEVIATION
+    groups = group_directions(np.abs(V[:, lost]) > DIRECTION_SHARE)
     out = sorted({i for group in groups for i in group})
     C = (V[:, ~lost] / values[~lost]) @ V[:, ~lost].T
     ahead = scale * (C @ np.einsum("wri,wr->i", J, rest[:, :, -1]))
@@ -285,8 +285,8 @@ def with_colour(C: Array, J: Array, residual: Array, shape: tuple[int, ...]) -> 
     """The covariance of coloured residuals, from their scores over blocks; no variance is made smaller by it."""
     windows, samples, outputs = shape
     scores = (J * residual[:, :, None]).reshape(windows, samples, outputs, -1).sum(axis=2)
-    edges = np.linspace(0, samples, BLOCKS + 1).astype(int)[:-1]
-    sums = np.add.reduceat(scores, edges, axis=1).reshape(windows * BLOCKS, -1)
+    edges = np.linspace(0, samples, RESIDUAL_BLOCKS + 1).astype(int)[:-1]
+    sums = np.add.reduceat(scores, edges, axis=1).reshape(windows * RESIDUAL_BLOCKS, -1)
     wide = C @ (sums.T @ sums) @ C
     factor = np.sqrt(np.maximum(1.0, np.diag(wide) / np.maximum(np.diag(C), 1e-300)))
     return C * np.outer(factor, factor)
@@ -299,12 +299,12 @@ def find_colour(problem: Problem, point: Point) -> tuple[Array, bool]:
     every = np.maximum(np.sum(r**2, axis=(0, 1)), 1e-300)
     count = np.count_nonzero(r, axis=(0, 1))
     found = both / every
-    return found, bool(np.any(found > WHITE / np.sqrt(np.maximum(count, 1))))
+    return found, bool(np.any(found > WHITE_DEVIATIONS / np.sqrt(np.maximum(count, 1))))
 
 
 def name_correlations(paths: list[str], C: Array) -> dict[str, float]:
     """Large correlations by the two paths."""
     error = np.sqrt(np.diag(C))
     found = C / np.outer(error, error) if len(C) else C
-    pairs = [(i, j) for i in range(len(paths)) for j in range(i) if abs(found[i, j]) >= TOGETHER]
+    pairs = [(i, j) for i in range(len(paths)) for j in range(i) if abs(found[i, j]) >= NOTED_CORRELATION]
     return {f"{paths[j]}, {paths[i]}": float(found[i, j]) for i, j in pairs}

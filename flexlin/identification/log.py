@@ -15,11 +15,11 @@ from flexlin.summary import represent
 if TYPE_CHECKING:
     import xarray
 
-MOST = 2_000_000
+MOST_SAMPLES = 2_000_000
 """Samples of one log."""
-FEWEST = 20
+FEWEST_SAMPLES = 20
 """Samples of a stretch without a gap: fewer say nothing about an arm that moves."""
-GAP = 5.0
+GAP_INTERVALS = 5.0
 """A gap is a time between rows of more than so many usual ones; over shorter ones inputs are interpolated."""
 
 
@@ -89,21 +89,21 @@ class Log(Shown):
     def stretches(self) -> list[slice]:
         """The rows between gaps, where there are enough of them."""
         known = np.all([np.isfinite(values) for values in self.inputs.values()], axis=0)
-        near = np.diff(self.time) <= GAP * self.step
+        near = np.diff(self.time) <= GAP_INTERVALS * self.step
         ends = np.flatnonzero(~(near & known[1:] & known[:-1])) + 1
         edges = [0, *ends.tolist(), len(self.time)]
-        return [slice(a, b) for a, b in itertools.pairwise(edges) if b - a >= FEWEST]
+        return [slice(a, b) for a, b in itertools.pairwise(edges) if b - a >= FEWEST_SAMPLES]
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What is missing or odd in it, in words."""
         said, spacing = [], np.diff(self.time)
-        gaps = np.flatnonzero(spacing > GAP * self.step)
+        gaps = np.flatnonzero(spacing > GAP_INTERVALS * self.step)
         if len(gaps):
             longest = gaps[np.argmax(spacing[gaps])]
             where = f"the longest of {spacing[longest]:.3g} s at {self.time[longest]:.4g} s"
             said.append(f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}, {where}: no prediction goes over one")
-        jitter = float(np.abs(spacing[spacing <= GAP * self.step] - self.step).max(initial=0.0))
+        jitter = float(np.abs(spacing[spacing <= GAP_INTERVALS * self.step] - self.step).max(initial=0.0))
         if jitter > 0.05 * self.step:
             said.append(f"times jitter by up to {1e3 * jitter:.3g} ms: readings are taken at their own times")
         inputs = {f"the input {name}" if name in self.outputs else name: values for name, values in self.inputs.items()}
@@ -194,11 +194,13 @@ class Log(Shown):
 def check_times(given: Array) -> Array:
     """Times that increase, enough and not too many of them."""
     time = real_array("time", given, (None,))
-    if len(time) > MOST:
+    if len(time) > MOST_SAMPLES:
         todo = "give a part of it, or thin it: every tenth row, after a low-pass filter"
-        raise TooLarge("the log has too many samples", got=len(time), expected=f"{MOST} at most", todo=todo)
-    if len(time) < FEWEST:
-        raise ArgumentError("the log is too short", got=counted(len(time), "sample"), expected=f"{FEWEST} at the least")
+        raise TooLarge("the log has too many samples", got=len(time), expected=f"{MOST_SAMPLES} at most", todo=todo)
+    if len(time) < FEWEST_SAMPLES:
+        raise ArgumentError(
+            "the log is too short", got=counted(len(time), "sample"), expected=f"{FEWEST_SAMPLES} at the least"
+        )
     late = np.flatnonzero(np.diff(time) <= 0)
     if len(late):
         row = int(late[0])

@@ -12,7 +12,15 @@ from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.identification.equations import Logged
 from flexlin.identification.least_squares import Evidence, Point, Problem, leave_unknown, solve, weigh_evidence
 from flexlin.identification.log import Log
-from flexlin.identification.prediction import SETTLE, Prediction, deviations, find_starts, name_missed, predict, prepare
+from flexlin.identification.prediction import (
+    START_SECONDS,
+    Prediction,
+    deviations,
+    find_starts,
+    name_missed,
+    predict,
+    prepare,
+)
 from flexlin.identification.shooting import Windows
 from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.plots.view import Series, Shown, View
@@ -21,7 +29,7 @@ from flexlin.resources import Stopwatch, part
 from flexlin.scene.links import DIRECTIONS
 from flexlin.scene.loading import raw_tables, revise_scene
 from flexlin.scene.parameters import get_value, path_in
-from flexlin.scene.scene import MOST, Scene
+from flexlin.scene.scene import MOST_UNCERTAIN, Scene
 from flexlin.summary import represent
 
 if TYPE_CHECKING:
@@ -33,25 +41,25 @@ FIRST_STEPS = 30
 """Gauss-Newton steps before that at the most: noise that is found far from the minimum misleads."""
 STEPS, NEW_STEPS = 2, 3
 """Gauss-Newton steps of a round, and of one with new shapes, for which all is simulated anew."""
-UNEXPLAINED = 0.02
+UNEXPLAINED_SHARE = 0.02
 """Share of the readings' deviations below which a start is good, and no other is tried."""
-HEAD = 0.25
+HEAD_SHARE = 0.25
 """Share of a window that is its head."""
-FAR = 10.0
+FAR_FACTOR = 10.0
 """A number that changes by more, where residuals are coloured, may make up for a column's wrong sign or unit."""
-SETTLED = 0.02
+SETTLED_NOISE = 0.02
 """Relative change of the noise below which it is known."""
-BLOCKED = 1.0
+BLOCKED_ERRORS = 1.0
 """Standard errors that one more undamped step promises, from which on its not being taken is worth a word."""
-NEAR = SLIGHT
+FIRST_GAIN = SLIGHT
 """Share of the cost that a step still gains where the first steps go on."""
-FREED = MINOR
+FREED_DAMPING = MINOR
 """Largest damping with which a round begins: one that came to a halt tries larger steps again."""
-STILL = MINOR
+STILL_ERRORS = MINOR
 """Standard errors by which a round may still move a number of a search that has settled."""
-SCREENED = 4
+SCREENED_WINDOWS = 4
 """Windows, and Gauss-Newton steps, by which starting values are compared."""
-SEARCHED = 0.6
+SEARCH_SHARE = 0.6
 """Share of the time after which no step is begun: one may take long, and so may the prediction."""
 
 
@@ -202,7 +210,7 @@ def identify(
         raise ArgumentError("free numbers are named once each", got=", ".join(paths) or "none", expected="dotted paths")
     if not 0 <= hold_back < 0.9:
         raise ArgumentError("the share that is kept back does not fit", got=hold_back, expected="0 to 0.9")
-    watch, most = Stopwatch(), np.inf if seconds is None else SEARCHED * positive("seconds", seconds)
+    watch, most = Stopwatch(), np.inf if seconds is None else SEARCH_SHARE * positive("seconds", seconds)
     edge = log.time[-1] - hold_back * (log.time[-1] - log.time[0])
     fitted, held = (log.part(log.time[0], edge), log.part(edge, log.time[-1])) if hold_back else (log, log)
     low, high = find_limits(scene, paths)
@@ -299,20 +307,22 @@ def choose_start(search: Search, windows: Windows, starts: int) -> tuple[Array, 
     own = np.array([float(get_value(search.scene, path)) for path in search.paths])
     if starts == 1:
         return own, {}
-    which = np.unique(np.linspace(0, windows.count - 1, SCREENED).astype(int))
+    which = np.unique(np.linspace(0, windows.count - 1, SCREENED_WINDOWS).astype(int))
     some = windows.chosen(which)
-    heads = some.head(HEAD * float((some.ends - some.starts).max()))
+    heads = some.head(HEAD_SHARE * float((some.ends - some.starts).max()))
     model, rng = search.model(own), np.random.default_rng(0)
     problem, short = (search.pose(model, these, own) for these in (some, heads))
     cost = lambda point: float(point.costs.sum())  # noqa: E731
-    settle = lambda values: find_starts(problem.shooting, SETTLE, values, SCREENED).start  # noqa: E731
+    settle = lambda values: find_starts(problem.shooting, START_SECONDS, values, SCREENED_WINDOWS).start  # noqa: E731
 
     def meet(posed: Problem, values: Array, start: Array) -> Point:
-        return solve(posed, posed.at(start, values), SCREENED, late=search.late)
+        return solve(posed, posed.at(start, values), SCREENED_WINDOWS, late=search.late)
 
     begin = settle(own)
     best = meet(problem, own, begin)
-    good = cost(best) < 0.5 * UNEXPLAINED**2 * np.count_nonzero(best.residual) and not problem.limited(best.p).any()
+    good = (
+        cost(best) < 0.5 * UNEXPLAINED_SHARE**2 * np.count_nonzero(best.residual) and not problem.limited(best.p).any()
+    )
     if not good and not search.late():
         others = np.clip(own * np.exp(rng.normal(0, 0.5, (starts - 2, len(own)))), search.low, search.high)
         head = min([meet(short, own, begin), *(meet(short, other, settle(other)) for other in others)], key=cost)
@@ -334,14 +344,14 @@ def refine(
     """
     model = search.model(values)
     problem = search.pose(model, windows, values)
-    start = find_starts(problem.shooting, SETTLE, values).start
+    start = find_starts(problem.shooting, START_SECONDS, values).start
     for window, state in met.items():
         start[window] = state
     point, steps, unsure = problem.at(start, values), FIRST_STEPS, np.zeros(len(values))
     for k in range(ROUNDS):
         values = point.p
         with part(k / ROUNDS, (k + 1) / ROUNDS):
-            point = solve(problem, point, steps, 1e-6 if k else NEAR, search.late)
+            point = solve(problem, point, steps, 1e-6 if k else FIRST_GAIN, search.late)
         if not np.isfinite(point.costs).any():
             got = "; ".join(search.log.notes) or None
             raise NumericalError(
@@ -354,13 +364,13 @@ def refine(
         size = np.maximum(size, 1e-9 * deviations(problem.readings))
         found = np.array([evidence.errors.get(path, np.nan) for path in search.paths])
         unsure = np.where(np.isfinite(found), found, unsure)  # at or near a limit: what it was inside
-        still = np.abs(point.p - values) <= np.maximum(STILL * unsure, 1e-3 * np.abs(values))
-        settled = k > 0 and bool(np.all(np.abs(size / problem.sigma - 1) < SETTLED) and still.all())
+        still = np.abs(point.p - values) <= np.maximum(STILL_ERRORS * unsure, 1e-3 * np.abs(values))
+        settled = k > 0 and bool(np.all(np.abs(size / problem.sigma - 1) < SETTLED_NOISE) and still.all())
         if settled or search.late():
             break
         before, model = model, search.model(point.p)
         steps = STEPS if model is before else NEW_STEPS
-        damping = min(point.damping, FREED)
+        damping = min(point.damping, FREED_DAMPING)
         problem, point = search.pose(model, windows, point.p, size).carried_on(problem, point)
         point.damping = damping
     return point, problem, evidence if settled else None
@@ -379,7 +389,7 @@ def place_uncertainty(scene: Scene, evidence: Evidence, limits: tuple[Array, Arr
     table: dict[str, dict[str, float]] = {}
     for path, error in list(evidence.errors.items()):
         k, value = paths.index(path), float(get_value(scene, path))
-        if np.isfinite(error) and not path.startswith(("log.", "uncertainty.")) and len(table) < MOST:
+        if np.isfinite(error) and not path.startswith(("log.", "uncertainty.")) and len(table) < MOST_UNCERTAIN:
             ends = max(value - 2 * error, float(limits[0][k])), min(value + 2 * error, float(limits[1][k]))
             table[path] = {"low": ends[0], "high": ends[1]}
     return parse_scene(raw_tables(scene), scene.title, {"uncertainty": table}) if table else scene
@@ -389,7 +399,7 @@ def find_far(scene: Scene, found: dict[str, float]) -> list[str]:
     """The numbers that are more than ten times what the scene had, or less than a tenth."""
     before = {path: float(get_value(scene, path)) for path in found if not path.startswith("log.")}
     sizes = {path: sorted((abs(value), abs(found[path]))) for path, value in before.items()}
-    return [path for path, (small, large) in sizes.items() if large > FAR * small > 0]
+    return [path for path, (small, large) in sizes.items() if large > FAR_FACTOR * small > 0]
 
 
 def name_unseen(problem: Problem, p: Array) -> list[str]:
@@ -422,7 +432,7 @@ def describe(
         said.append(
             "residuals are coloured, so something is missing in the equations or the noise; the errors allow for it"
         )
-    if evidence.ahead > BLOCKED:
+    if evidence.ahead > BLOCKED_ERRORS:
         said.append(
             "the search ends where no step gains, as it may where joints stick, though slopes promise one of "
             f"{evidence.ahead:.1f} standard errors: errors are larger than stated; fit fewer numbers, or begin elsewhere"

@@ -19,9 +19,9 @@ from flexlin.summary import represent
 if TYPE_CHECKING:
     import xarray
 
-HALF = 50.0
+MISSED_FIT = 50.0
 """Fit in percent below which a column is said to be missed."""
-SETTLE = 0.2
+START_SECONDS = 0.2
 """Seconds of a window from which its starting state is found."""
 
 
@@ -92,7 +92,7 @@ class Prediction(Shown):
 
 
 @checked
-def predict(scene: Scene, log: Log, window: float = 2.0, settle: float = SETTLE) -> Prediction:
+def predict(scene: Scene, log: Log, window: float = 2.0, settle: float = START_SECONDS) -> Prediction:
     """Predict what the sensors of a log read from its inputs alone, window by window, and compare.
 
         x' = f(x, u(t)),   reading = (h(x, u) - offset) / gain,   at the sample's time less the delay
@@ -210,11 +210,11 @@ def percent(measured: Array, predicted: Array) -> float:
 def name_missed(fit: dict[str, float], measured: dict[str, Array], predicted: dict[str, Array]) -> list[str]:
     """The columns of which less than half is predicted, each with the factor that would make it more than half, where one does."""
     said = []
-    for name in [name for name, value in fit.items() if value < HALF]:
+    for name in [name for name, value in fit.items() if value < MISSED_FIT]:
         known = np.isfinite(measured[name]) & np.isfinite(predicted[name])
         m, p = (group[name][known] - group[name][known].mean() for group in (measured, predicted))
         factor = float(m @ p / max(p @ p, 1e-300))
-        also = f", reads {factor:.2g} times what is predicted" if percent(m, factor * p) >= HALF else ""
+        also = f", reads {factor:.2g} times what is predicted" if percent(m, factor * p) >= MISSED_FIT else ""
         said.append(f"{name} ({fit[name]:.0f} %{also})")
     return said
 

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from flexlin.arguments import checked
-from flexlin.bounds import IN_RANGE, LARGEST, LARGEST_LOG, MOST_COLUMNS, hint_at, printable
+from flexlin.bounds import IN_RANGE, LARGEST_LOG, LARGEST_NUMBER, MOST_COLUMNS, hint_at, printable
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TooLarge
 from flexlin.files import refuse_odd
-from flexlin.identification.log import FEWEST, MOST, Log
+from flexlin.identification.log import FEWEST_SAMPLES, MOST_SAMPLES, Log
 from flexlin.scene.scene import Scene
 
 
@@ -74,7 +74,7 @@ def without_held(values: Array) -> Array:
     """The readings, those that repeat the first value at the beginning missing, where there are many and others follow."""
     moved = np.flatnonzero(values != values[0]) if len(values) else values
     held = int(moved[0]) if len(moved) else 0
-    return np.where(np.arange(len(values)) < held, np.nan, values) if held >= FEWEST else values
+    return np.where(np.arange(len(values)) < held, np.nan, values) if held >= FEWEST_SAMPLES else values
 
 
 def take_columns(source: Any, wanted: list[str]) -> dict[str, Array]:
@@ -108,9 +108,9 @@ def pick_columns(data: Any, wanted: list[str]) -> dict[str, Array]:
         raise ArgumentError("the log lacks columns", got=printable(some), expected=", ".join(missing), todo=todo)
     columns = {name: data[name] for name in wanted}
     rows = max(int(np.prod(np.shape(column), dtype=float)) for column in columns.values())
-    if rows > MOST:
+    if rows > MOST_SAMPLES:
         todo = "take a part of it, or every tenth row after a low-pass filter"
-        raise TooLarge("the log has too many rows", got=rows, expected=f"{MOST} at most", todo=todo)
+        raise TooLarge("the log has too many rows", got=rows, expected=f"{MOST_SAMPLES} at most", todo=todo)
     return {name: as_numbers(name, np.asarray(column).reshape(-1)) for name, column in columns.items()}
 
 
@@ -140,7 +140,7 @@ def open_table(path: Path, wanted: list[str]) -> Iterator[Any]:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pandas.errors.ParserWarning)  # rows that are longer than the head line
             usual = {"skipinitialspace": True, "comment": "#", "low_memory": False}
-            yield pandas.read_csv(path, index_col=False, nrows=MOST + 1, **usual)
+            yield pandas.read_csv(path, index_col=False, nrows=MOST_SAMPLES + 1, **usual)
 
 
 class ArrayOfFile:
@@ -165,12 +165,12 @@ def as_numbers(name: str, values: Array) -> Array:
     values = values.astype(str) if np.iscomplexobj(values) else values  # none of which is a number then
     if isinstance(values, np.ndarray) and values.dtype.kind in "iuf":
         numbers = values.astype(float)
-        odd = np.flatnonzero(np.abs(numbers) > LARGEST)
+        odd = np.flatnonzero(np.abs(numbers) > LARGEST_NUMBER)
     else:
         import pandas
 
         numbers = np.asarray(pandas.to_numeric(values, errors="coerce"), dtype=float)
-        odd = np.flatnonzero(~(np.abs(numbers) <= LARGEST) & ~pandas.isna(values))
+        odd = np.flatnonzero(~(np.abs(numbers) <= LARGEST_NUMBER) & ~pandas.isna(values))
     if len(odd):
         row = int(odd[0])
         raise ArgumentError(

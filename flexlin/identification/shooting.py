@@ -7,16 +7,16 @@ import numpy as np
 from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError, SingularMassMatrix
 from flexlin.identification.equations import Logged
-from flexlin.identification.log import FEWEST, Log
+from flexlin.identification.log import FEWEST_SAMPLES, Log
 from flexlin.lazy import lazy
 
-FASTEST = 0.5
+STEP_ANGLE = 0.5
 """Largest step times the fastest angular frequency of the equations: the method's error is then below 3e-4 of that motion."""
-DECAYING = 2.0
+STEP_DECAY = 2.0
 """Largest step times the fastest rate of decay, as that of joints that stick: the method damps up to 2.78."""
-FINEST = 64
+MOST_SUBSTEPS = 64
 """Steps for one of the log's, at the most."""
-BLOCK = 2**10
+BLOCK_NODES = 2**10
 """Nodes that are computed at once, and whose slopes are held: a few MB."""
 
 
@@ -41,8 +41,8 @@ class Windows:
         Raises: ArgumentError where no stretch is long enough.
         """
         step, chosen = log.step, []
-        if length < FEWEST * step:
-            expected = f"{FEWEST} samples, {FEWEST * step:.3g} s, or more"
+        if length < FEWEST_SAMPLES * step:
+            expected = f"{FEWEST_SAMPLES} samples, {FEWEST_SAMPLES * step:.3g} s, or more"
             raise ArgumentError("the windows of the log are too short", got=f"{length:.3g} s", expected=expected)
         for stretch in log.stretches:
             time = log.time[stretch]
@@ -50,10 +50,12 @@ class Windows:
             edges = edges if len(edges) else time[:1]
             first, behind = (np.searchsorted(time, at - 1e-6 * step) for at in (edges, edges + length))
             ends = zip(first, behind, strict=True)
-            chosen += [stretch.start + np.arange(a, b) for a, b in ends if b - a >= FEWEST]
+            chosen += [stretch.start + np.arange(a, b) for a, b in ends if b - a >= FEWEST_SAMPLES]
         if not chosen:
             got = f"{len(log.stretches)} stretches without a gap"
-            raise ArgumentError("the log has no stretch that is long enough", got=got, expected=f"{FEWEST} samples")
+            raise ArgumentError(
+                "the log has no stretch that is long enough", got=got, expected=f"{FEWEST_SAMPLES} samples"
+            )
         rows = np.full((len(chosen), max(map(len, chosen))), -1)
         for k, one in enumerate(chosen):
             rows[k, : len(one)] = one
@@ -172,7 +174,7 @@ class Shooting:
         same = [np.tile(value, (count, 1)) for value in (known, p, np.array([w.h]))]
         states = np.empty((w.steps + 1, count, 2 * self.model.n))
         states[0] = start
-        block = max(1, BLOCK // count)
+        block = max(1, BLOCK_NODES // count)
         for first in range(0, w.steps, block):
             self.model.step.march(
                 states[first : first + block + 1], [one[first : first + block] for one in phases], same
@@ -220,7 +222,7 @@ class Shooting:
     def fastest(self, p: Array) -> float:
         """The rate that steps have to follow, in 1/s."""
         values = self.rates(p)
-        return float(np.maximum(np.abs(values.imag), np.abs(values) * FASTEST / DECAYING).max())
+        return float(np.maximum(np.abs(values.imag), np.abs(values) * STEP_ANGLE / STEP_DECAY).max())
 
     def stages(self, states: Array, u: Array, du: Array, p: Array) -> Array:
         """The slopes of each step by x and p, (steps, W, 2n, 2n + n_p)."""
@@ -238,7 +240,7 @@ class Shooting:
         S = np.zeros((w.count, 2 * n, 2 * n + len(p)))
         S[:, :, : 2 * n] = np.eye(2 * n)
         found = np.empty((w.steps + 1, w.count, len(self.model.outputs), S.shape[2]))
-        block = max(2, BLOCK // w.count)
+        block = max(2, BLOCK_NODES // w.count)
         for first in range(0, w.steps, block):
             last = min(first + block, w.steps)
             inputs = u[2 * first : 2 * last + 1], du[2 * first : 2 * last + 1]
@@ -284,4 +286,4 @@ class Shooting:
 
 def count_substeps(shooting: Shooting, p: Array) -> int:
     """Steps for one of the log's, so that the fastest motion of the equations is followed."""
-    return int(np.clip(np.ceil(shooting.fastest(p) * shooting.windows.log.step / FASTEST), 1, FINEST))
+    return int(np.clip(np.ceil(shooting.fastest(p) * shooting.windows.log.step / STEP_ANGLE), 1, MOST_SUBSTEPS))

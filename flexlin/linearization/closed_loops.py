@@ -4,17 +4,17 @@ import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
-from flexlin.checks import ROUNDING, SAMPLES, Array
+from flexlin.checks import SAMPLES, SUM_ROUNDING, Array
 from flexlin.errors import MotionError, SingularClosure
 from flexlin.linearization.deviation import Deviation
 from flexlin.motion import SymbolicMotion
-from flexlin.motion.base import NODES
-from flexlin.precision import CUBE
-from flexlin.series.tracking import CONTRACTION, NEWTON, SHORTEST, Step, find_singular, track
+from flexlin.motion.base import MOTION_NODES
+from flexlin.precision import CUBE_ROOT_EPS
+from flexlin.series.tracking import CONTRACTION, NEWTON_STEPS, SHORTEST_STEP, Step, find_singular, track
 
 OTHER = "move the motion away from there, or give the links other lengths"
 NEARER = "give the links a posture from the middle of the motion"
-CLEAR = 50
+CLEAR_PARTS = 50
 """A motion that keeps a fiftieth of the period from its dead points has no feature of a half-width below T / 200."""
 
 
@@ -32,7 +32,7 @@ def refuse_open_loops(about: Deviation) -> None:
     step, lost = newton_along(about), None
     v = list(asked if leads_on(about, s, asked) else asked[:1])
     for k in range(len(v), SAMPLES + 1):
-        found, at = track(step, v[-1], t[k - 1], t[k], SHORTEST * about.motion.period)
+        found, at = track(step, v[-1], t[k - 1], t[k], SHORTEST_STEP * about.motion.period)
         if found is None:
             refuse_singular(about, t[:k], v)
             raise singular(at, "lets the loops follow no further: they reach a dead point")
@@ -59,10 +59,10 @@ def leads_on(about: Deviation, s: Array, v: Array) -> bool:
     if not np.isfinite(v).all():
         return False
     found, last = v[:-1], np.inf
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_STEPS):
         step = evaluate_at(about, "newton_step", s[1:], found)[:, :, 0]
         size = float(np.abs(step).max())
-        if not size < max(last / CONTRACTION, ROUNDING):
+        if not size < max(last / CONTRACTION, SUM_ROUNDING):
             return False
         found, last = found - step, size
     return bool(is_same(found, v[1:]).all())
@@ -71,7 +71,7 @@ def leads_on(about: Deviation, s: Array, v: Array) -> bool:
 def is_same(v: Array, other: Array) -> Array:
     """Whether followers agree, whole turns apart; those of another assembly differ by far more."""
     off = v - other
-    return np.asarray(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))) <= CUBE * (1 + np.abs(v)))
+    return np.asarray(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))) <= CUBE_ROOT_EPS * (1 + np.abs(v)))
 
 
 def refuse_singular(about: Deviation, t: Array, v: list[Array]) -> None:
@@ -81,7 +81,7 @@ def refuse_singular(about: Deviation, t: Array, v: list[Array]) -> None:
         V = evaluate_at(about, "closing", rigid_positions(about, t), v)
         return np.asarray(V / np.maximum(np.linalg.norm(V, axis=1, keepdims=True), 1e-300))
 
-    found = find_singular(t, np.array(v), newton_along(about), matrix, SHORTEST * about.motion.period)
+    found = find_singular(t, np.array(v), newton_along(about), matrix, SHORTEST_STEP * about.motion.period)
     if found is not None:
         at, least = found
         raise singular(at, f"has the reciprocal condition number {least:.1e}" if least else "passes through zero")
@@ -109,7 +109,7 @@ def refused(at: float, what: str, todo: str) -> MotionError:
 
 
 def keeps_clear(about: Deviation) -> bool:
-    """Whether all dead points of the loops lie at least T / CLEAR from real times, in the complex plane.
+    """Whether all dead points of the loops lie at least T / CLEAR_PARTS from real times, in the complex plane.
 
         det V(t) = 0,   V = D_v f:   t - t_0 ~ 1 / mu for the largest eigenvalue mu of V^-1 V'
 
@@ -118,7 +118,7 @@ def keeps_clear(about: Deviation) -> bool:
     looked at. The elastic coordinates are at rest.
     """
     T = about.motion.period
-    t, step = T * np.arange(NODES) / NODES, CUBE * T
+    t, step = T * np.arange(MOTION_NODES) / MOTION_NODES, CUBE_ROOT_EPS * T
     s = rigid_positions(about, np.concatenate([t - step, t + step]))
     v = evaluate_at(about, "followers", s)[:, :, 0]
     if not np.isfinite(v).all():  # a loop is open
@@ -128,7 +128,7 @@ def keeps_clear(about: Deviation) -> bool:
         rates = np.linalg.eigvals(np.linalg.solve(before + after, (after - before) / step))
     except np.linalg.LinAlgError:  # a dead point
         return False
-    return bool(np.abs(rates).max(initial=0.0) * T <= CLEAR)
+    return bool(np.abs(rates).max(initial=0.0) * T <= CLEAR_PARTS)
 
 
 def moves_followers(about: Deviation) -> bool:

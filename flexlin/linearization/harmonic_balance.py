@@ -11,7 +11,7 @@ from flexlin.errors import NumericalError
 from flexlin.lazy import lazy
 from flexlin.linearization.deviation import Deviation
 from flexlin.linearization.law import Controller, Law
-from flexlin.linearization.layers import THICK, Layers
+from flexlin.linearization.layers import LAYER_ARGUMENT, Layers
 from flexlin.periodic.coefficient_series.sampling import graded
 from flexlin.periodic.interpolation import (
     FourierSeries,
@@ -23,7 +23,7 @@ from flexlin.periodic.interpolation import (
 from flexlin.precision import FAINT, MINOR
 
 NEWTON_STEPS = 25
-SMALL = 1e-6
+SMALL_DEVIATION = 1e-6
 """Deviations below this, in rad or m, count as that large: those of a rigid arm are rounding. A step this small against |y| ends Newton's
 method where steps shrink no further."""
 
@@ -159,7 +159,7 @@ class Solver:
             except NumericalError:
                 return None
             share = moved / size_of(z[:, :n])
-            if share <= FAINT or (share <= SMALL and share >= 0.5 * last):
+            if share <= FAINT or (share <= SMALL_DEVIATION and share >= 0.5 * last):
                 return z, share
             if not np.all(np.abs(z) < 1e8) or (start is not None and best < MINOR * share):
                 return None
@@ -191,7 +191,7 @@ class Solver:
 
 def size_of(y: Array) -> float:
     """What errors of a deviation (N, n) are relative to, and steps towards it."""
-    return max(float(np.abs(y).max()), SMALL)
+    return max(float(np.abs(y).max()), SMALL_DEVIATION)
 
 
 def lost(got: str, todo: str = "slow the motion down, lower its amplitude or stiffen the feedback") -> NumericalError:
@@ -199,20 +199,25 @@ def lost(got: str, todo: str = "slow the motion down, lower its amplitude or sti
     return NumericalError("no periodic motion was found near the rigid one", got=got, todo=todo)
 
 
-PANELS, FINER = 64, 16
+PANELS, FINER_SAMPLES = 64, 16
 """Panels of a period; Gauss nodes in each, and samples for each point among which passages are looked for."""
 
 
 def find_passages(layers: Layers, y: FourierSeries, points: int) -> Array:
     """Edges about the times at which an argument goes through zero or comes near it, graded from the time it takes there."""
     T = y.period
-    t = T * np.arange(-1, points * FINER + 1) / (points * FINER)
+    t = T * np.arange(-1, points * FINER_SAMPLES + 1) / (points * FINER_SAMPLES)
     values = layers.arguments(t, y(t), y(t, 1))
     edges = [np.empty(0)]
     for one in values.T:
         size, moved = np.abs(one), np.abs(np.diff(one))
         fastest = np.maximum(moved[1:], moved[:-1])
-        low = (size[1:-1] <= size[:-2]) & (size[1:-1] < size[2:]) & (size[1:-1] - fastest < THICK) & (fastest > 0)
+        low = (
+            (size[1:-1] <= size[:-2])
+            & (size[1:-1] < size[2:])
+            & (size[1:-1] - fastest < LAYER_ARGUMENT)
+            & (fastest > 0)
+        )
         for i in np.flatnonzero(low) + 1:
             slope = (one[i + 1] - one[i - 1]) / (t[i + 1] - t[i - 1])
             crosses = one[i + 1] * one[i - 1] < 0
@@ -236,7 +241,7 @@ def miss_between(solver: Solver, layers: Layers, values: Array) -> float:
     n, N, k, T = solver.about.n, solver.points, solver.law.memory, solver.about.motion.period
     series = FourierSeries.through(values, T)
     edges = place_edges(T, find_passages(layers, FourierSeries.through(values[:, :n], T), N), PANELS)
-    nodes, weights = np.polynomial.legendre.leggauss(FINER)
+    nodes, weights = np.polynomial.legendre.leggauss(FINER_SAMPLES)
     h = np.diff(edges)[:, None]
     t, weights = (edges[:-1, None] + h * (nodes + 1) / 2).ravel(), (h * weights / 2).ravel()
     left = solver.left(t, series)

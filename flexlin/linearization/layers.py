@@ -9,9 +9,9 @@ from flexlin.checks import Array
 from flexlin.linearization.deviation import Deviation
 
 SATURATING = (ca.OP_TANH, ca.OP_ERF, ca.OP_ATAN, ca.OP_EXP)
-THICK = 5.0
+LAYER_ARGUMENT = 5.0
 """Arguments beyond which a saturating function changes little: 1 - tanh(5) is 1e-4."""
-SEEN = 2.0
+SEEN_CHANGE = 2.0
 """Change of an argument between neighbouring samples from which a step's own error estimate sees the layer."""
 
 
@@ -49,7 +49,7 @@ class Layers:
     def hurry(self, t: Array, y: Array, rate: Array) -> Array:
         """How many times too fast steps (K,) pass a layer, from y, y' (K, N, n) at times t (K, N) of each; at most 1 is well.
 
-        Where an argument comes near its layer between neighbours (by what its second difference leaves open), it may change by SEEN.
+        Where an argument comes near its layer between neighbours (by what its second difference leaves open), it may change by SEEN_CHANGE.
         """
         moved, finite = np.ones(len(t)), np.isfinite(y).all(axis=(1, 2)) & np.isfinite(rate).all(axis=(1, 2))
         if not finite.any():
@@ -58,7 +58,7 @@ class Layers:
         size, change = np.abs(values), np.abs(np.diff(values, axis=1))
         low = np.where(values[:, 1:] * values[:, :-1] < 0, 0.0, np.minimum(size[:, 1:], size[:, :-1]))
         bend = np.abs(np.diff(values, 2, axis=1)).max(axis=1, keepdims=True) / 4
-        moved[finite] = np.max(change / SEEN, axis=(1, 2), where=low - bend < THICK, initial=0.0)
+        moved[finite] = np.max(change / SEEN_CHANGE, axis=(1, 2), where=low - bend < LAYER_ARGUMENT, initial=0.0)
         return moved
 
 

@@ -115,7 +115,7 @@ def describe_singular(t: float) -> str:
 
 __all__ = ["Closing", "PeriodicMotion", "Unknowns", "periodic_motion"]
 
-COARSEST, SETS = 32, 5
+COARSEST_INTERVALS, POINT_SETS = 32, 5
 """Harmonic balance begins with one point more than this, and tries so many sets of points, each with twice the intervals."""
 SOFTER = "let friction saturate at a larger rate (effects.coulomb_friction.rate), or simulate the arm until its motion repeats"
 
@@ -300,7 +300,7 @@ def periodic_motion(
     law = law if closing is None else law.direct
     equations = balance(lin.about, closing or by_law, law.controller)
     before, layers = None, None if linear else Layers.of(lin.about)
-    tried = [COARSEST * 2**k + 1 for k in range(SETS)]
+    tried = [COARSEST_INTERVALS * 2**k + 1 for k in range(POINT_SETS)]
     for points in tried:
         solver = Solver(lin.about, equations, law, points)
         try:

@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike
 
 from flexlin import symbolic
 from flexlin.arguments import checked
-from flexlin.checks import ROUNDING, SAMPLES, Array, at_times, positive
+from flexlin.checks import SAMPLES, SUM_ROUNDING, Array, at_times, positive
 from flexlin.errors import ArgumentError, MotionError
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
-NODES = 4
+TRAJECTORY_NODES = 4
 """Panels of the trajectory, and Gauss nodes in each, on which it is held against f: exact to 1e-8 for 60 harmonics."""
 
 
@@ -188,19 +188,19 @@ def differentiate(f: ca.Function, trajectory: Trajectory) -> ca.Function:
 def refuse_wrong_rates(along: Along) -> None:
     """Hold x*(t2) - x*(t1) against the integral of f between panel edges; MotionError where the mean rates differ."""
     trajectory, edges = along.trajectory, along.trajectory.edges
-    nodes, weights = leggauss(NODES)
+    nodes, weights = leggauss(TRAJECTORY_NODES)
     lengths = np.diff(edges)
     t = (edges[:-1, None] + lengths[:, None] * (1 + nodes) / 2).ravel()
     rates, A, *B = along.sample(t)
-    means = weights / 2 @ rates[:, :, 0].reshape(len(lengths), NODES, -1)
+    means = weights / 2 @ rates[:, :, 0].reshape(len(lengths), TRAJECTORY_NODES, -1)
     x = trajectory(edges)
     missed = np.abs(np.diff(x, axis=0) / lengths[:, None] - means)
     sizes = np.abs(x).max(axis=0) / trajectory.period + np.abs(rates).max(axis=0)[:, 0]
     sizes += np.einsum("tij,tj->ti", np.abs(A), np.abs(trajectory(t))).max(axis=0)
-    rounding = ROUNDING * np.abs(A).sum(axis=2).max(axis=0)
+    rounding = SUM_ROUNDING * np.abs(A).sum(axis=2).max(axis=0)
     if B and trajectory.u is not None:
         sizes += np.einsum("tij,tjk->ti", np.abs(B[0]), np.abs(trajectory.u(t))).max(axis=0)
-        rounding += ROUNDING * np.abs(B[0]).sum(axis=2).max(axis=0)
+        rounding += SUM_ROUNDING * np.abs(B[0]).sum(axis=2).max(axis=0)
     beyond = missed - rounding > trajectory.tol * sizes
     if beyond.any():
         panel, state = np.unravel_index(

@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 
-from flexlin.checks import ROUNDING
+from flexlin.checks import SUM_ROUNDING
 from flexlin.lazy import lazy
 from flexlin.scene.links import Inertia
 
@@ -118,7 +118,7 @@ def rotation_about(axis: ca.SX, angle: ca.SX) -> ca.SX:
     """
     c, s = ca.cos(angle), ca.sin(angle)
     if angle.is_constant():  # pi/2 is no floating-point number
-        c, s = (ca.SX(0 if abs(float(part)) < ROUNDING else float(part)) for part in (c, s))
+        c, s = (ca.SX(0 if abs(float(part)) < SUM_ROUNDING else float(part)) for part in (c, s))
     if axis.nnz() == 1 and axis.is_constant():  # of length 1, so along a coordinate
         (k,), s = axis.sparsity().row(), s if float(axis.nz[0]) > 0 else -s
         i, j = (k + 1) % 3, (k + 2) % 3

@@ -324,6 +324,8 @@ def _load(arm: Manipulator, chain: Chain, effects: tuple[Effect, ...]) -> Manipu
     if power.is_zero():
         return arm
     forces = ca.densify(ca.gradient(power, arm.s_dot))
+    if ca.depends_on(power, chain.seen_rate):
+        forces = ca.substitute(forces, chain.seen_rate, chain.q_rate[0])
     phase = chain.phase if ca.depends_on(power, chain.phase) else None
     return replace(arm, residual=arm.residual - forces, damping=arm.damping - forces, phase=phase)
 

@@ -20,11 +20,11 @@ from flexlin.scene.links import BASE, Link, Loop
 from flexlin.scene.scene import Scene
 from flexlin.series.implicit import implicit_taylor, solve_implicit
 
-NEWTON_STEPS, FOLLOWING = 4, 2
+NEWTON_STEPS, FOLLOWING_STEPS = 4, 2
 """Steps of Newton's method at u, and at each place on the way there."""
 MOST_INSTRUCTIONS, MOST_PLACES = 4000, 8
 MOST_TERMS = 600
-CLOSED = 1e-9
+CLOSED_RESIDUAL = 1e-9
 """Largest |f| at which the loop counts as closed; beyond it the model answers nan instead of a wrong number."""
 
 
@@ -118,7 +118,7 @@ def refine(f: ca.SX, u: ca.SX, v: ca.SX, near: ca.SX, p: ca.SX) -> ca.SX:
     gap = ca.Function("gap", [u, v, p], [ca.sumsqr(f)])
     for _ in range(NEWTON_STEPS):
         near = step(u, near, p)
-    return ca.if_else(gap(u, near, p) < CLOSED**2, near, np.nan)
+    return ca.if_else(gap(u, near, p) < CLOSED_RESIDUAL**2, near, np.nan)
 
 
 def approximate(f: ca.SX, u: ca.SX, v: ca.SX, u0: np.ndarray, guess: np.ndarray, parameters: Parameters) -> ca.SX:
@@ -136,11 +136,11 @@ def approximate(f: ca.SX, u: ca.SX, v: ca.SX, u0: np.ndarray, guess: np.ndarray,
     order = choose_order(len(held), v.numel())
     taylor = implicit_taylor(numbers, within, v, start, v0, order).function()
     step = ca.Function("step", [within, v, p], [v - ca.solve(ca.jacobian(f, v), f)])
-    places = min(max(MOST_INSTRUCTIONS // (FOLLOWING * step.n_instructions()), 1), MOST_PLACES)
+    places = min(max(MOST_INSTRUCTIONS // (FOLLOWING_STEPS * step.n_instructions()), 1), MOST_PLACES)
     way = shorten_turns(numbers, within, v, start, v0) / places
     solution = taylor(way)
     for place in range(1, places):
-        for _ in range(FOLLOWING):
+        for _ in range(FOLLOWING_STEPS):
             solution = step(start + place * way, solution, p)
     return solution
 
@@ -149,7 +149,7 @@ def shorten_turns(f: ca.SX, u: ca.SX, v: ca.SX, u0: np.ndarray, v0: np.ndarray) 
     """u - u0, less the whole turns of angles that f does not notice: a crank that goes round is never more than half a turn away."""
     at, away = ca.Function("f", [u, v], [f]), ca.vertsplit(u - u0)
     here, turn = at(u0, v0), 2 * np.pi * np.eye(len(u0))
-    same = [float(ca.norm_inf(at(u0 + turn[k], v0) - here)) < CLOSED for k in range(len(u0))]
+    same = [float(ca.norm_inf(at(u0 + turn[k], v0) - here)) < CLOSED_RESIDUAL for k in range(len(u0))]
     shortened = [
         ca.atan2(ca.sin(part), ca.cos(part)) if whole else part for part, whole in zip(away, same, strict=True)
     ]

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import ROUNDING, Array, real_array
+from flexlin.checks import SUM_ROUNDING, Array, real_array
 from flexlin.errors import ArgumentError, SingularClosure
 from flexlin.kronecker.expansion import closure_jacobians, refuse_if_large
 from flexlin.mechanics.screws import OpenChain, revolute
@@ -140,7 +140,7 @@ class Closure:
     def checked_V(self, s: Array, dependent: Sequence[int]) -> Array:
         """Return V = D_v f, refusing a singular one."""
         V = self.derivative(s, 1)[:, dependent]
-        if np.linalg.cond(V) > 1 / ROUNDING:
+        if np.linalg.cond(V) > 1 / SUM_ROUNDING:
             raise SingularClosure("V is singular", got=f"s = {s.tolist()}", todo="choose other independent coordinates")
         return V
 

@@ -29,7 +29,7 @@ from flexlin.mechanics.beam.integrals import UNIFORM, Profile, Shapes, gauss_leg
 from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, tensor
 from flexlin.mechanics.links import PLACES, BentLink, rotations, split_rotation
 
-MOST = 40
+MOST_NODES = 40
 """Most Gauss nodes of a rule between two breaks."""
 
 
@@ -63,8 +63,8 @@ def make_rule(y: Shapes, z: Shapes, twist: Shapes, mass: Profile | None, stiffne
     mu, eps, shapes = mass or UNIFORM, stiffness or UNIFORM, (twist, z, y)
     edges = np.unique([0.0, *(place for part in (*shapes, mu, eps) for place in part.breaks), 1.0])
     least = max(-(-(2 * max(part.n for part in shapes) + 6) // (len(edges) - 1)), 3)
-    order, exact = least, [integrate_slopes(part, edges, MOST) for part in shapes]
-    while order < MOST and any(
+    order, exact = least, [integrate_slopes(part, edges, MOST_NODES) for part in shapes]
+    while order < MOST_NODES and any(
         np.abs(integrate_slopes(part, edges, order) - known).max(initial=0.0) > 1e-8 * np.abs(known).max(initial=0.0)
         for part, known in zip(shapes, exact, strict=True)
     ):

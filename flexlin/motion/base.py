@@ -16,7 +16,7 @@ from flexlin.symbolic import Expressions
 Angles = tuple[Array, Array, Array]
 MOST_HARMONICS, MOST_TURNS = 60, 15.0
 """Harmonics of the angles, and turns of all joints in a period at their fastest, that leave nothing narrower than T/200."""
-NODES = 512
+MOTION_NODES = 512
 """Times of a period at which a motion is looked at, or kept."""
 
 
@@ -101,7 +101,7 @@ class Motion:
         """
         if self.harmonics is None or self.harmonics > MOST_HARMONICS:
             return False
-        rates = np.abs(self.sample(self.period * np.arange(NODES) / NODES)[1]).max(axis=0, initial=0.0)
+        rates = np.abs(self.sample(self.period * np.arange(MOTION_NODES) / MOTION_NODES)[1]).max(axis=0, initial=0.0)
         return bool(rates.sum() * self.period <= 2 * np.pi * MOST_TURNS)
 
 

@@ -20,9 +20,9 @@ MOST_CLOSE = 32
 """Close rows that are named one by one."""
 CLOSURE = 1e-6
 """The last row must repeat the first to this share of the joint's range (whole turns apart)."""
-ALTERNATE = 0.5
+ALTERNATING_SHARE = 0.5
 """Share of neighbours of different sign among fourth differences from which on they are noise: four fifths where it is white."""
-NOISY = 2.0
+NOISY_PEAK = 2.0
 """Peak acceleration of the spline over that of the smooth part from which on noise is most of it."""
 FEWEST_NOISY = 40
 """Rows from which on differences say what is noise."""
@@ -154,36 +154,36 @@ def refuse_noise(t: Array, q: Array, file: str) -> None:
         slope = np.diff(slope, axis=0) / (t[k:] - t[:-k])[:, None]
     sides = np.sign(slope) * (np.abs(slope) > 0.1 * np.sqrt(np.mean(slope**2, axis=0)))
     turns = np.mean(sides[1:] * sides[:-1] < 0, axis=0)
-    if count < FEWEST_NOISY or not np.any(turns > ALTERNATE):
+    if count < FEWEST_NOISY or not np.any(turns > ALTERNATING_SHARE):
         return
     from scipy.interpolate import make_interp_spline
 
     period = float(t[-1] - t[0])
     peaks = np.abs(make_interp_spline(t, q, k=5)(t, 2)).max(axis=0)
     smooth = np.abs(series_angles(fit_cycles(t[:-1], q[:-1], period, 1)[0], period, t - t[0])[2]).max(axis=0)
-    noisy = np.flatnonzero((turns > ALTERNATE) & (peaks > NOISY * smooth.max()))
+    noisy = np.flatnonzero((turns > ALTERNATING_SHARE) & (peaks > NOISY_PEAK * smooth.max()))
     if len(noisy):
         j = int(noisy[np.argmax(peaks[noisy])])
         raise MotionError(
             f"motion.file: the table {printable(file)} is noisy",
             got=f"a peak acceleration of {peaks[j]:.3g} rad/s^2 of joint {j + 1}, of its smooth part {smooth[j]:.3g}",
-            expected=f"at most {NOISY:g} times that of the smooth part",
+            expected=f"at most {NOISY_PEAK:g} times that of the smooth part",
             todo="read it with kind = 'log', which keeps the harmonics that stand out of the noise",
         )
 
 
-LIKE = 0.95
+PERIODIC_CORRELATION = 0.95
 """Correlation of the log with itself a period later, from which on it counts as periodic."""
-SPEAKS = 20.0
+HARMONIC_POWER = 20.0
 """Power of a harmonic, in variances of the noise in one coefficient: noise alone reaches it once in 20,000."""
-REPEATS = 0.5
+UNREPEATED_SHARE = 0.5
 """Share of the log's power that the series of a period leaves over, from which on the log does not repeat with it."""
 
 
 def read_log_motion(table: LogMotion, joints: int, prescribed: tuple[bool, ...]) -> SampledMotion:
     """The Fourier series nearest to all whole cycles of a log: q = sum_k c_k exp(2 pi i k t / T), k up to what the noise allows.
 
-    A harmonic is kept as long as its power is above `SPEAKS` times that of the noise. Raises: MotionError for a file without these
+    A harmonic is kept as long as its power is above `HARMONIC_POWER` times that of the noise. Raises: MotionError for a file without these
     columns, and a log that does not repeat.
     """
     t, q, lost = read_columns(Path(table.file), table, joints)
@@ -194,7 +194,7 @@ def read_log_motion(table: LogMotion, joints: int, prescribed: tuple[bool, ...])
         raise MotionError("motion: the log is shorter than its period", got=f"{t[-1] - t[0]:.4g} s", todo=todo)
     kept = t < t[0] + cycles * period
     c, left = fit_cycles(t[kept], q[kept], period, cycles, table.harmonics)
-    if left > REPEATS:
+    if left > UNREPEATED_SHARE:
         got, todo = f"{100 * left:.0f} % of the motion is left over", "correct motion.period, or leave it out"
         raise MotionError(f"motion: the log does not repeat every {period:.6g} s", got=got, todo=todo)
     sampler = partial(series_angles, c, period)
@@ -217,7 +217,7 @@ def fit_cycles(t: Array, q: Array, period: float, cycles: int, harmonics: int | 
     residual = np.var(q - rows @ found, axis=0)
     left = residual.sum() / max(np.var(q, axis=0).sum(), 1e-300)
     power = found[1 : highest + 1] ** 2 + found[highest + 1 :] ** 2
-    speaking = np.flatnonzero(np.any(power > SPEAKS * residual * 2 / len(t) + 1e-12 * power.max(), axis=1))
+    speaking = np.flatnonzero(np.any(power > HARMONIC_POWER * residual * 2 / len(t) + 1e-12 * power.max(), axis=1))
     count = harmonics or (int(speaking[-1]) + 1 if len(speaking) else 1)
     c = np.zeros((count + 1, q.shape[1]), dtype=complex)
     c[0], n = found[0], min(count, highest)
@@ -240,12 +240,14 @@ def find_period(t: Array, q: Array) -> float:
     x = (x - x.mean(axis=0)) / (x.std(axis=0) + 1e-300)
     shifts = np.arange(len(x) // 50, len(x) * 2 // 3)
     like = np.array([np.mean(x[s:] * x[:-s]) / np.sqrt(np.mean(x[s:] ** 2) * np.mean(x[:-s] ** 2)) for s in shifts])
-    peaks = [i for i in range(1, len(like) - 1) if like[i - 1] <= like[i] > like[i + 1] and like[i] > LIKE]
+    peaks = [
+        i for i in range(1, len(like) - 1) if like[i - 1] <= like[i] > like[i + 1] and like[i] > PERIODIC_CORRELATION
+    ]
     if not peaks:
-        short = like.argmax() in (0, len(like) - 1) and like.max() > LIKE
+        short = like.argmax() in (0, len(like) - 1) and like.max() > PERIODIC_CORRELATION
         got = "less than two cycles" if short else f"a likeness of {like.max():.2f} a cycle later"
         todo = "give motion.period, or a log of two cycles and more"
-        expected = None if short else f"{LIKE} or more"
+        expected = None if short else f"{PERIODIC_CORRELATION} or more"
         raise MotionError("motion: the log does not repeat", got=got, expected=expected, todo=todo)
     i = next(i for i in peaks if like[i] > max(like[k] for k in peaks) - 0.02)
     bend = like[i - 1] - 2 * like[i] + like[i + 1]

@@ -8,13 +8,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from flexlin import symbolic
-from flexlin.checks import ROUNDING, Array
+from flexlin.checks import SUM_ROUNDING, Array
 from flexlin.errors import MotionError
 from flexlin.lazy import lazy
 from flexlin.mechanics.body import rotation_about
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.smooth import make_step
-from flexlin.precision import CUBE
+from flexlin.precision import CUBE_ROOT_EPS
 from flexlin.scene.motion import Circle, Polyline
 from flexlin.series.tracking import find_lowest
 from flexlin.symbolic import Expressions
@@ -60,8 +60,8 @@ def make_polyline(table: Polyline) -> PosePath:
     moves = np.roll(points, -1, axis=0) - points
     position = ca.DM(points[0]) + sum((ca.DM(moves[i - 1]) * rise for i, rise in enumerate(rises)), ca.SX(3, 1))
     ends = sorted({t + extra for t in starts for extra in (0.0, table.move_time)})
-    breaks = [t / period for t in ends if -ROUNDING * period < t < period * (1 - ROUNDING)]
-    breaks = [max(at, 0.0) for k, at in enumerate(breaks) if k == 0 or at - breaks[k - 1] > ROUNDING]
+    breaks = [t / period for t in ends if -SUM_ROUNDING * period < t < period * (1 - SUM_ROUNDING)]
+    breaks = [max(at, 0.0) for k, at in enumerate(breaks) if k == 0 or at - breaks[k - 1] > SUM_ROUNDING]
     rotation = turn_between(table.rpy, rises) if table.rpy else None
     return PosePath(phase, position, rotation, period, tuple(breaks))
 
@@ -237,7 +237,7 @@ def compare_rotations(rotation: ca.SX | None, path: PosePath, dimensions: int) -
 
 
 PHASES = 64
-STIFF = 1e3
+CLOSURE_WEIGHT = 1e3
 """Weight of the loops' closure, which must hold, against the tip's distance."""
 
 
@@ -254,7 +254,7 @@ def refuse_unreachable(equations: TipEquations, start: Array, period: float, at:
         nearest.append(y)
     size = max(float(np.abs(equations.task(start, 0.0)[1].full()[: equations.tips]).max()), 1e-300)
     k = int(np.argmax(distances))
-    if distances[k] <= CUBE * size:
+    if distances[k] <= CUBE_ROOT_EPS * size:
         return
     where, least = find_lowest(
         lambda phase: -find_distance(equations, start, nearest[k], phase)[0],
@@ -274,7 +274,7 @@ def find_distance(equations: TipEquations, start: Array, y: Array, phase: float)
 
     n, rest = equations.coordinates, start[equations.coordinates :]
     weights = np.ones(equations.c.numel())
-    weights[equations.tips :] = STIFF if equations.joints < n else 1.0
+    weights[equations.tips :] = CLOSURE_WEIGHT if equations.joints < n else 1.0
 
     def miss(y: Array) -> Array:
         return np.asarray(weights * equations.task(np.append(y, rest), phase % 1.0)[0].full()[:, 0])

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 from flexlin.checks import Array
 from flexlin.errors import MotionError, ToleranceNotReached
 from flexlin.mechanics.manipulator import Manipulator
-from flexlin.motion.base import NODES, Angles, SampledMotion
+from flexlin.motion.base import MOTION_NODES, Angles, SampledMotion
 from flexlin.motion.tip_equations import (
     TipEquations,
     make_circle,
@@ -19,11 +19,11 @@ from flexlin.motion.tip_equations import (
     refuse_unreachable,
 )
 from flexlin.periodic.circle import count_turns
-from flexlin.precision import FAINT, ROOT
+from flexlin.precision import FAINT, ROOT_EPS
 from flexlin.scene.motion import Circle, TipJoint, TipPath
-from flexlin.series.tracking import SHORTEST, find_singular, newton_from, track
+from flexlin.series.tracking import SHORTEST_STEP, find_singular, newton_from, track
 
-TRIES = 24
+POSTURE_TRIES = 24
 """Postures beside the given one from which the path's beginning is sought."""
 
 
@@ -76,7 +76,7 @@ def make_tip_path(table: TipPath, arm: Manipulator, prescribed: tuple[bool, ...]
             problems.append(error)
             continue
         angles = TipAngles(equations, path.period, CubicHermiteSpline(nodes, z, equations.rates(nodes, z)[0]))
-        angles(path.period * (np.arange(4 * NODES) + 0.5) / (4 * NODES))
+        angles(path.period * (np.arange(4 * MOTION_NODES) + 0.5) / (4 * MOTION_NODES))
         breaks = tuple(path.period * phase for phase in path.breaks)
         return SampledMotion(arm.joints, path.period, prescribed, breaks, sampler=angles)
     if not problems:
@@ -87,7 +87,7 @@ def make_tip_path(table: TipPath, arm: Manipulator, prescribed: tuple[bool, ...]
 
 def is_same_place(z: Array, other: Array, joints: int) -> bool:
     """Whether two beginnings differ by whole turns of the joints at most."""
-    return bool(np.abs(np.exp(1j * z[:joints]) - np.exp(1j * other[:joints])).max() < ROOT)
+    return bool(np.abs(np.exp(1j * z[:joints]) - np.exp(1j * other[:joints])).max() < ROOT_EPS)
 
 
 def first_start(equations: TipEquations, arm: Manipulator, q: Array) -> Array:
@@ -107,10 +107,10 @@ def list_starts(
     """Places z from which the path's beginning is sought: the posture, then others within the joints' limits, further and further."""
     yield first_start(equations, arm, posture)
     rng = np.random.default_rng(0)
-    for k in range(TRIES):
+    for k in range(POSTURE_TRIES):
         low = [p - np.pi if j.low is None else j.low for p, j in zip(posture, joints, strict=True)]
         high = [p + np.pi if j.high is None else j.high for p, j in zip(posture, joints, strict=True)]
-        share = (k + 1) / TRIES
+        share = (k + 1) / POSTURE_TRIES
         z = first_start(equations, arm, posture + share * (rng.uniform(low, high) - posture))
         if np.isfinite(z).all():
             yield z
@@ -132,9 +132,9 @@ def follow_path(equations: TipEquations, begun: Array, period: float) -> tuple[A
 
     Raises: MotionError with the time where the path leaves the reach, or is singular, or the joints do not come back.
     """
-    phases, z = np.arange(NODES + 1) / NODES, [begun]
+    phases, z = np.arange(MOTION_NODES + 1) / MOTION_NODES, [begun]
     for a, b in pairwise(phases):
-        found, at = track(equations.newton_step, z[-1], a, b, SHORTEST)
+        found, at = track(equations.newton_step, z[-1], a, b, SHORTEST_STEP)
         if found is None:
             refuse_singular(equations, phases[: len(z)], z, period)
             refuse_unreachable(equations, z[-1], period, at)
@@ -144,7 +144,7 @@ def follow_path(equations: TipEquations, begun: Array, period: float) -> tuple[A
     gap = z[-1][: equations.joints] - z[0][: equations.joints]
     turns = 2 * np.pi * count_turns(gap) if not equations.redundant else np.zeros(len(gap))
     worst = int(np.abs(gap - turns).argmax())
-    if np.abs(gap - turns).max() > ROOT:
+    if np.abs(gap - turns).max() > ROOT_EPS:
         raise MotionError(
             "the joints do not come back after a period of the path",
             got=f"joint {worst + 1} ends {gap[worst]:.3g} from where it began",
@@ -162,7 +162,7 @@ def refuse_singular(equations: TipEquations, phases: Array, z: list[Array], peri
     def matrix(phases: Array, z: Array) -> Array:
         return equations.slopes(phases, z) / lengths
 
-    found = find_singular(phases, along, equations.newton_step, matrix, SHORTEST)
+    found = find_singular(phases, along, equations.newton_step, matrix, SHORTEST_STEP)
     if found is not None:
         at, least = found
         raise singular(

@@ -22,19 +22,19 @@ from flexlin.periodic.interpolation import (
     divided,
     panel_times,
 )
-from flexlin.periodic.riccati.linear_quadratic import WAVES, RiccatiSolution
+from flexlin.periodic.riccati.linear_quadratic import PANEL_HARMONICS, RiccatiSolution
 from flexlin.periodic.riccati.riccati import solve_lyapunov
 from flexlin.periodic.riccati.scattering import symmetrize
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.precision import EPS, ROOT, TINY
+from flexlin.precision import EPS, ROOT_EPS, TINY
 from flexlin.summary import represent
 
-CLOSE = 1e-6
+CLOSE_SHARE = 1e-6
 """How small the last coefficients of X must be, relative to its largest values; and relative distance of a bound above the eigenvalues
 that were computed, ten times as large until it bounds the others too."""
-SHIFT = 0.9
+PROVED_SHARE = 0.9
 """Share of the decay that the Lyapunov equation is asked to prove, and of the margin that the bound between samples must leave."""
-ROUNDED = NODES * EPS
+SUM_ROUNDING = NODES * EPS
 """Relative rounding of a sum of as many terms as a panel has nodes."""
 Resolved = ResolvedMatrix | ResolvedCompanion
 
@@ -62,7 +62,7 @@ def represent_on_panels(resolved: Resolved, solution: RiccatiSolution) -> Common
     n = len(resolved.mean())
     both = (resolved.series, 1), (solution.series, 2)  # X to half the digits, of half the waves
     waves = max(one.degree / share if isinstance(one, FourierSeries) else 0.0 for one, share in both)
-    edges = divided(solution.series.edges, resolved.period * WAVES / max(waves, WAVES))
+    edges = divided(solution.series.edges, resolved.period * PANEL_HARMONICS / max(waves, PANEL_HARMONICS))
     t = panel_times(edges[:-1], edges[1:], NODES)
     A, X = (chebyshev_coefficients(f(t.ravel()).reshape(*t.shape, -1)) for f in (resolved, solution.X))
     A, X = (one.reshape(*one.shape[:2], n, n) for one in (A, X))
@@ -72,11 +72,11 @@ def represent_on_panels(resolved: Resolved, solution: RiccatiSolution) -> Common
     apart = np.abs(resolved(t.ravel()).reshape(*t.shape, n, n) - evaluate(A, u))
     between = 3 * apart.max(axis=(0, 1)) + np.abs(A[:, -TAIL:]).sum(axis=1).max(axis=0)
     units = np.sqrt(np.abs(X[..., range(n), range(n)]).sum(axis=1).max(axis=0))
-    error = error_of(resolved) + between + ROUNDED * np.abs(A).sum(axis=1).max(axis=0)
+    error = error_of(resolved) + between + SUM_ROUNDING * np.abs(A).sum(axis=1).max(axis=0)
     kept = trimmed(A, error / NODES)
     error = error + np.abs(A[:, kept.shape[1] :]).sum(axis=1).max(axis=0)
     error = np.where(np.any(A, axis=(0, 1)), error, 0.0)
-    return CommonPanels(edges, kept, trimmed(X, ROOT * np.outer(units, units)), error)
+    return CommonPanels(edges, kept, trimmed(X, ROOT_EPS * np.outer(units, units)), error)
 
 
 def error_of(resolved: Resolved) -> Array:
@@ -110,12 +110,12 @@ def prove(panels: CommonPanels) -> Proof:
     A = L.T @ panels.A @ back
     X = np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, panels.X), -1, -2))
     unknown = float(np.linalg.norm(np.abs(L.T) @ panels.error @ np.abs(back)))
-    rounding = ROUNDED * len(L) * float(np.linalg.cond(L / np.sqrt((L**2).sum(axis=1))[:, None]))
+    rounding = SUM_ROUNDING * len(L) * float(np.linalg.cond(L / np.sqrt((L**2).sum(axis=1))[:, None]))
     best, count = Proof(-np.inf, 0.0), TAIL * NODES + 1
     while count < NODES**2:
         found, lost = bound_margin(panels.edges, A, X, unknown, rounding, count)
         best, count = max(best, found, key=lambda one: one.margin), 4 * count - 3
-        if lost <= (1 - SHIFT) * max(found.margin, 0.0) or found.margin + lost <= 0 or found.margin == -np.inf:
+        if lost <= (1 - PROVED_SHARE) * max(found.margin, 0.0) or found.margin + lost <= 0 or found.margin == -np.inf:
             break
     tolerates = best.tolerates / float(np.linalg.cond(L))
     # a certificate that bears next to no change says more of rounding than of the loop
@@ -183,7 +183,7 @@ def bound_ratio(R: Array, X: Array) -> float:
     """
     some = slice(None, None, isqrt(R.shape[1]))
     most = float(largest_ratios(R[:, some], X[:, some]).max())
-    above = CLOSE * abs(most) + TINY
+    above = CLOSE_SHARE * abs(most) + TINY
     while not is_bound(most + above, R, X):
         above *= 10
     return most + above
@@ -294,13 +294,13 @@ def certify(result: FloquetResult) -> Certificate:
     if not proof.margin > 0:
         said = f"a margin of {proof.margin:.3g} 1/s" if np.isfinite(proof.margin) else "none beyond rounding"
         raise NotCertified("X(t) does not prove the stability", got=said)
-    claimed = 1 - CLOSE  # so that another program's rounding does not matter
+    claimed = 1 - CLOSE_SHARE  # so that another program's rounding does not matter
     return Certificate(panels, claimed * proof.margin, claimed * proof.tolerates, "Lyapunov equation")
 
 
 def find_shift(result: FloquetResult) -> float:
     """What the Lyapunov equation is asked to prove, in 1/s."""
-    return -SHIFT * float((result.exponents.real + np.where(np.isinf(result.errors), 0, result.errors)).max())
+    return -PROVED_SHARE * float((result.exponents.real + np.where(np.isinf(result.errors), 0, result.errors)).max())
 
 
 def choose_weights(resolved: Resolved, shift: float) -> Array:
@@ -312,12 +312,12 @@ def choose_weights(resolved: Resolved, shift: float) -> Array:
     mean = resolved.mean()
     values, vectors = np.linalg.eig(mean)
     if np.linalg.matrix_rank(vectors) == len(mean):
-        rates = np.maximum(-values.real - shift, shift * (1 / SHIFT - 1))
+        rates = np.maximum(-values.real - shift, shift * (1 / PROVED_SHARE - 1))
         rows = np.linalg.inv(vectors)
         return 2 * symmetrize(((rows.conj().T * rates) @ rows).real)
     sizes = np.abs(mean)
     units = np.sqrt(sizes.sum(axis=1) / np.maximum(sizes.sum(axis=0), TINY))
-    return np.diag(1 / np.maximum(units, ROOT) ** 2)
+    return np.diag(1 / np.maximum(units, ROOT_EPS) ** 2)
 
 
 def solve_equation(result: FloquetResult, resolved: Resolved) -> RiccatiSolution:
@@ -325,7 +325,7 @@ def solve_equation(result: FloquetResult, resolved: Resolved) -> RiccatiSolution
 
     Raises: NumericalError where the decay is so slow against the fastest mode that the error of X hides it.
     """
-    shift, tol = find_shift(result), CLOSE / 10
+    shift, tol = find_shift(result), CLOSE_SHARE / 10
     hidden = tol * float(np.abs(np.linalg.eigvals(resolved.mean())).max())
     if shift < hidden:
         raise NumericalError("the loop decays too slowly", got=f"{shift:.3g} 1/s", expected=f"above {hidden:.3g} 1/s")

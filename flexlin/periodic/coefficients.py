@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, at_times, real_array
 from flexlin.errors import ArgumentError, SingularMassMatrix
-from flexlin.periodic.interpolation import NAMED, ChebyshevPanels, FourierSeries, golden
+from flexlin.periodic.interpolation import NAMED_PARTS, ChebyshevPanels, FourierSeries, golden
 
 MatrixFunction = Callable[[Array], Array]
 """Times (N,) -> (N, rows, columns)."""
@@ -37,9 +37,9 @@ def has_nothing_narrow(coefficient: Callable[..., Any]) -> bool:
     if isinstance(coefficient, Constant):
         return True
     if isinstance(coefficient, FourierSeries):
-        return 2 * coefficient.degree <= NAMED
+        return 2 * coefficient.degree <= NAMED_PARTS
     if isinstance(coefficient, ChebyshevPanels):
-        return 2 * coefficient.coefficients.shape[1] <= NAMED
+        return 2 * coefficient.coefficients.shape[1] <= NAMED_PARTS
     return bool(getattr(coefficient, "complete", False))
 
 

@@ -10,15 +10,15 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, at_times, whole
 
-CACHED = 2**18
+CACHED_BYTES = 2**18
 """Bytes that are made at a time, of waves or of a coefficient's samples: with what these need on the way they stay in the processor's
 cache."""
 NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
-FINER = (1.3, 4.0)
+FINER_BOUNDS = (1.3, 4.0)
 """Bounds on how much finer the next resolution is: one that rounds independently, and one that is not far too fine."""
-NAMED = 200
-"""With `complete`, what is narrower than T / NAMED is named."""
+NAMED_PARTS = 200
+"""With `complete`, what is narrower than T / NAMED_PARTS is named."""
 
 
 def golden(i: Array) -> Array:
@@ -176,7 +176,7 @@ class FourierSeries:
 
     def _evaluate(self, t: Array) -> Array:
         flat = self.coefficients.reshape(len(self.coefficients), -1)
-        values, some = np.empty((len(t), flat.shape[1])), max(1, CACHED // (8 * len(flat)))
+        values, some = np.empty((len(t), flat.shape[1])), max(1, CACHED_BYTES // (8 * len(flat)))
         for part in (slice(i, i + some) for i in range(0, len(t), some)):
             np.matmul(fourier_basis(t[part] / self.period, self.degree)[:, 1:], flat[1:], out=values[part])
         values += flat[0]  # last: many small waves added to a large mean would round once each

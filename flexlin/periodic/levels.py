@@ -29,7 +29,7 @@ from flexlin.periodic.transition.choose_segments import (
 from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
 from flexlin.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY
 
-WAVES, STARTS = 8, 3
+INPUT_HARMONICS, START_MODES = 8, 3
 """Harmonics of inputs that are tried; modes about whose frequencies the largest gain is sought, and as many steps to it."""
 
 
@@ -215,7 +215,7 @@ class PeakSearch:
         self.edges: Array | None = None
         if not self.problem.constant:
             self.edges, self.setting = self.problem.begin(max(greatest, 2 * self.floor))
-        first = self.exponents[np.argsort(-self.shares)].imag[: 2 * STARTS]
+        first = self.exponents[np.argsort(-self.shares)].imag[: 2 * START_MODES]
         for omega in (0.0, np.pi / self.period, *first.tolist()):
             self.gain(omega)
         self.width = 0.0
@@ -237,7 +237,10 @@ class PeakSearch:
         """The gain at a frequency by segments of an order that is so much better, sought from inputs of some harmonics."""
         if self.edges is None:
             return max(self.problem.constant_gain(omega), self.floor)
-        rule, orders = find_rule(self.setting.method, self.setting.order + better), np.arange(-WAVES, WAVES + 1)
+        rule, orders = (
+            find_rule(self.setting.method, self.setting.order + better),
+            np.arange(-INPUT_HARMONICS, INPUT_HARMONICS + 1),
+        )
         t, m = place_nodes(self.edges, rule.c), self.problem.system.m
         waves = np.exp(1j * (omega + 2 * np.pi / self.period * orders) * t[..., None])
         tried = np.einsum("ks,ksl,ij->ksilj", np.sqrt(np.diff(self.edges)[:, None] * rule.b), waves, np.eye(m))
@@ -249,17 +252,17 @@ class PeakSearch:
     def climb(self, omega: float) -> None:
         """Go to the largest gain near a frequency: about a resonance 1 / gain^2 is a parabola, as wide as the mode is damped."""
         step, top = PARTIAL * abs(float(self.exponents[np.abs(np.abs(self.exponents.imag) - omega).argmin()].real)), 0.0
-        for _ in range(STARTS):
+        for _ in range(START_MODES):
             middle = self.gain(omega) ** -2.0
             if abs(middle - top) <= MODES_TOL * middle:
                 return
             before, behind = (self.gain(omega + k * step) ** -2.0 for k in (-1, 1))
             bend = before - 2 * middle + behind
-            turn = STARTS * float(np.sign(before - behind))
+            turn = START_MODES * float(np.sign(before - behind))
             if bend > 0:
                 self.width, turn = step * float(np.sqrt(2 * middle / bend)), (before - behind) / (2 * bend)
             top = middle - bend * turn**2 / 2
-            omega += step * float(np.clip(turn, -STARTS, STARTS))
+            omega += step * float(np.clip(turn, -START_MODES, START_MODES))
             step *= MINOR if abs(turn) < 1 else 1.0
         self.gain(omega)
 

@@ -17,7 +17,7 @@ WIDTH = LANES
 """Values in a vector at the most: results depend on which values are computed together, so blocks are cut at multiples of it."""
 MULTIPLES = (2, 3, 4, 6, 8)
 """Resolutions, in multiples of a coarsest grid; three neighbouring ones give an answer."""
-ORDER = 4
+METHOD_ORDER = 4
 """Of the method. It is symmetric in time, so its error has the powers h^4, h^6, h^8 ..."""
 DEGREES = (12, 18)
 """Of the polynomials of exponential.h."""
@@ -220,8 +220,8 @@ def find_gains(coarse: int, middle: int, fine: int) -> Array:
     The weights of the logs make the powers h^4 and h^6 vanish.
     """
     n = np.array([coarse, middle, fine]) / fine
-    weights = np.linalg.solve([np.ones(3), n**-ORDER, n ** -(ORDER + 2)], [1.0, 0.0, 0.0])
-    first, before = (1 / ((b / a) ** ORDER - 1) for a, b in ((middle, fine), (coarse, middle)))
+    weights = np.linalg.solve([np.ones(3), n**-METHOD_ORDER, n ** -(METHOD_ORDER + 2)], [1.0, 0.0, 0.0])
+    first, before = (1 / ((b / a) ** METHOD_ORDER - 1) for a, b in ((middle, fine), (coarse, middle)))
     return np.array([first, before, -(weights[0] + weights[1]), -weights[0]])
 
 

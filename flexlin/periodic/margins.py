@@ -16,14 +16,14 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of, with_matrices
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
-from flexlin.precision import FOURTH, ROOT, SLIGHT, TINY
+from flexlin.precision import FOURTH_ROOT_EPS, ROOT_EPS, SLIGHT, TINY
 from flexlin.summary import represent
 
-LARGEST_GAIN, STEP = 1e3, 1.4
+LARGEST_GAIN, GAIN_RATIO = 1e3, 1.4
 """Factors on the gain that are tried, and the ratio from one gain or delay to the next."""
 LONGEST_DELAY = 20.0
 """In times of the slowest exponent of A(t), or periods; the first delay is this part of the time of the fastest."""
-LINE = 8
+DELAY_ORDER = 8
 """Order of the delay line at the most, [7/8] Pade, as short as tol allows for the fastest mode; the next order shows the error."""
 
 Perturbed = Callable[[float], PeriodicSystem]
@@ -115,7 +115,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     system, tol = as_system(system), positive("tol", tol)
     B, K = input_of(system), as_matrix_function("gain", gain)
     nominal = system.feedback(K)
-    found = floquet(nominal, ROOT)
+    found = floquet(nominal, ROOT_EPS)
     if found.verdict != "stable":
         raise NotStable(f"the loop is {found.verdict} as it is", got=found.status, expected="a stable loop")
     breaks, decay = tuple(nominal.resolved.breaks), float(found.exponents[0].real)
@@ -126,7 +126,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     def with_phase(phi: float) -> PeriodicSystem:
         return with_matrices(nominal, Combined(partial(turn, phi=phi), (system.A, B, K)), breaks=breaks)
 
-    steps = STEP ** np.arange(1, int(np.log(LARGEST_GAIN) / np.log(STEP)) + 1)
+    steps = GAIN_RATIO ** np.arange(1, int(np.log(LARGEST_GAIN) / np.log(GAIN_RATIO)) + 1)
     angles = np.linspace(0.0, np.pi, len(steps) + 1)[1:]
     sizes, fastest = measure_rates(nominal, with_phase, angles)
 
@@ -199,7 +199,7 @@ def list_delays(period: float, sizes: Array) -> Array:
     """Rising delays, from a part of the fastest time of A(t) to several of the slowest."""
     longest = LONGEST_DELAY * max(period, 1 / max(float(sizes.max()) / LARGEST_GAIN, float(sizes.mean(axis=0).min())))
     first = 1 / (LONGEST_DELAY * float(sizes.max()))
-    return first * STEP ** np.arange(1 + int(np.log(longest / first) / np.log(STEP)))
+    return first * GAIN_RATIO ** np.arange(1 + int(np.log(longest / first) / np.log(GAIN_RATIO)))
 
 
 def choose_order(z: float, tol: float) -> int:
@@ -208,10 +208,10 @@ def choose_order(z: float, tol: float) -> int:
     It misses exp(-i z) by z^(2 q) q! (q - 1)! / ((2 q)! (2 q - 1)!), which is z times the share.
     """
     f = factorial
-    for q in range(1, LINE):
+    for q in range(1, DELAY_ORDER):
         if z ** (2 * q - 1) * f(q) * f(q - 1) <= tol * f(2 * q) * f(2 * q - 1):
             return q
-    return LINE
+    return DELAY_ORDER
 
 
 def find_first(
@@ -247,13 +247,13 @@ def judge_growth(loop: PeriodicSystem) -> FloquetResult:
 
     Raises: TooManySegments, far beyond twice FEWER_SEGMENTS: a search asks for dozens.
     """
-    found = floquet(loop, FOURTH, max_segments=2 * FEWER_SEGMENTS)
+    found = floquet(loop, FOURTH_ROOT_EPS, max_segments=2 * FEWER_SEGMENTS)
     size, error = abs(float(found.exponents[0].real)), float(found.errors[0])
-    if error < SLIGHT * size or error > FOURTH * max(
+    if error < SLIGHT * size or error > FOURTH_ROOT_EPS * max(
         1.0, abs(found.exponents[0])
     ):  # known, or no better with more work
         return found
-    return floquet(loop, ROOT, max_segments=2 * FEWER_SEGMENTS)
+    return floquet(loop, ROOT_EPS, max_segments=2 * FEWER_SEGMENTS)
 
 
 def find_near(make: Perturbed, value: float, reach: float) -> Found:

@@ -19,7 +19,7 @@ from flexlin.periodic.interpolation import NODES, divide_segments, fourier_nodes
 from flexlin.periodic.levels import BoundedReal, PeakSearch
 from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
-from flexlin.periodic.roots import MOST
+from flexlin.periodic.roots import MOST_STEPS
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
 from flexlin.precision import EPS, MINOR, SAFETY, SLIGHT, TINY
 from flexlin.summary import represent
@@ -264,7 +264,7 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
     search.begin()
     peak, least = search.best[0], search.least()
     low, high, aside, hidden = direct, np.inf, tol / 2, list[float]()
-    for _ in range(MOST):
+    for _ in range(MOST_STEPS):
         before, unbounded = (low, high), np.isinf(high)
         narrow = high - low <= 2 * tol * high or any(low < one < high for one in hidden)
         if unbounded or (low == direct < min(peak, high) * (1 - aside)):

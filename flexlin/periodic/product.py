@@ -10,11 +10,11 @@ from scipy.linalg import cython_lapack, lapack
 from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.errors import NumericalError, ToleranceNotReached
-from flexlin.precision import CUBE, FARTHEST, MINOR, TINY
+from flexlin.precision import CUBE_ROOT_EPS, LARGEST_LOG_GROWTH, MINOR, TINY
 
 GROUP_CONDITION = 1000.0
 """Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""
-COHERENT = 0.25
+COHERENT_PART = 0.25
 """The part of the rounding errors that may add up with one sign."""
 ROUTINES = ("dgebal", "zgees", "zgeqrf", "zungqr", "dgesv")
 """Of LAPACK, as the compiled code takes them."""
@@ -135,16 +135,16 @@ def periodic_vectors(
     Returns: p, and whether the factors know such vectors (m,): not where a mode is too fast for them.
     """
     longest = float(np.diff(np.append(times[:-1:together], times[-1])).max())
-    if together > 1 and not np.abs(exponents.real).max() * longest < FARTHEST:
+    if together > 1 and not np.abs(exponents.real).max() * longest < LARGEST_LOG_GROWTH:
         together = 1
     within, marks = multiply_within(factors, together), np.append(times[:-1:together], times[-1])
-    loss = np.clip(-exponents.real[:, None] * np.diff(marks), -FARTHEST, FARTHEST)
+    loss = np.clip(-exponents.real[:, None] * np.diff(marks), -LARGEST_LOG_GROWTH, LARGEST_LOG_GROWTH)
     decay = np.exp(loss - 1j * exponents.imag[:, None] * np.diff(marks))
     at_marks, known = find_null_modes(decay[..., None, None] * within[:, -1], ranks)
     inside = np.concatenate([at_marks[:, None], within[:, :-1] @ at_marks[:, None]], axis=1)
     since = times[:-1] - np.repeat(marks[:-1], together)[: len(factors)]
     vectors = inside.reshape(-1, *at_marks.shape[1:])[: len(factors)] * np.exp(-since[:, None] * exponents)[:, None]
-    return vectors, known & (np.abs(loss) < FARTHEST).all(axis=1)
+    return vectors, known & (np.abs(loss) < LARGEST_LOG_GROWTH).all(axis=1)
 
 
 def multiply_within(factors: Array, together: int) -> Array:
@@ -161,8 +161,8 @@ def find_null_modes(G: Array, ranks: Array) -> tuple[Array, Array]:
     """Null vectors (K, n, m) of the cyclic systems of G (m, K, n, n), members of a cluster take different ones; and which exist (m,)."""
     system = cyclic_system(G)
     x, sigma = system.null_vectors(int(ranks.max()) + 1)
-    modes = [x[i, :, :, rank if sigma[i, rank] < CUBE * system.size[i] else 0] for i, rank in enumerate(ranks)]
-    return np.stack(modes, axis=-1), sigma[:, 0] < CUBE * system.size
+    modes = [x[i, :, :, rank if sigma[i, rank] < CUBE_ROOT_EPS * system.size[i] else 0] for i, rank in enumerate(ranks)]
+    return np.stack(modes, axis=-1), sigma[:, 0] < CUBE_ROOT_EPS * system.size
 
 
 def balance_factors(factors: Array) -> tuple[Array, Array]:
@@ -181,7 +181,7 @@ def separate_triangular(T: Array) -> tuple[Array, Array]:
     """
     n, t = len(T), np.diagonal(T)
     upper = np.triu(np.ones((n, n), bool), 1)
-    same = upper & (np.abs(t[:, None] - t) <= CUBE * np.maximum(np.abs(t[:, None]), np.abs(t)))
+    same = upper & (np.abs(t[:, None] - t) <= CUBE_ROOT_EPS * np.maximum(np.abs(t[:, None]), np.abs(t)))
     free = (upper & ~same).T
     rows, columns = free[:, :, None], free[:, None, :]
     system = np.where(rows, np.where(columns, T - t[:, None, None] * np.eye(n), 0), np.eye(n))

@@ -12,7 +12,7 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, has_nothing_narrow
 from flexlin.periodic.interpolation import golden
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
-from flexlin.precision import ROOT
+from flexlin.precision import ROOT_EPS
 from flexlin.summary import represent
 
 
@@ -113,7 +113,7 @@ class PeriodicStateSpace:
         wires = sign * np.eye(*size, p) + np.eye(*size, -m), np.eye(size[0], m), np.eye(p, size[1])
         if (other.system.m, other.p) == (p, m):
             loop = np.eye(m) - sign * other.D(times) @ self.D(times)
-            if np.linalg.svd(loop, compute_uv=False)[:, -1].min() < ROOT:
+            if np.linalg.svd(loop, compute_uv=False)[:, -1].min() < ROOT_EPS:
                 raise ArgumentError("the loop through both feedthroughs has no solution", got="I - sign D2 D1 singular")
         return connect(self, other, wires, (m, other.p), (p, other.system.m))
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 
-MOST = 200
+MOST_STEPS = 200
 """Steps of a search; halving alone needs some 50, and a size may be as far off as doubling goes."""
 
 
@@ -45,7 +45,7 @@ def solve_brackets(
     a, b, at_a, at_b = (np.array(values, dtype=float) for values in (start.a, start.b, start.at_a, start.at_b))
     limit = np.broadcast_to(accuracy, a.shape)
     t = np.full(a.shape, 0.5)
-    for _ in range(MOST):
+    for _ in range(MOST_STEPS):
         which = np.flatnonzero((np.abs(b - a) > limit) & (at_a != 0) & (at_b != 0))
         if not len(which) or not affords(len(which)):
             break

@@ -12,22 +12,22 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments, counted
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_function, check_samples, hold_input
-from flexlin.periodic.floquet.by_segments import SAFETY
+from flexlin.periodic.floquet.by_segments import METHOD_SAFETY
 from flexlin.periodic.floquet.result import FloquetResult, judge
 from flexlin.periodic.interpolation import NODES, divide_segments, edges_of_short
 from flexlin.periodic.product import find_spectrum
-from flexlin.periodic.response.forced import STAGES
+from flexlin.periodic.response.forced import STEP_STAGES
 from flexlin.periodic.system import PeriodicSystem, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, Setting, choose_gauss_step, measure_pace
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.precision import EPS, SLIGHT
 
-PARTS = NODES // STAGES
+PANEL_STEPS = NODES // STEP_STAGES
 """Steps, at the least, over a panel of the coefficients: it may hold more waves than the stages of one follow."""
 MOST_STEPS = NODES * MAX_SEGMENTS
-MOST = 1024
+ROUND_SAMPLES = 1024
 """Samples of a round, unless a single period takes more."""
-EXACT = MOST * EPS
+EXACT_SHARE = ROUND_SAMPLES * EPS
 """Relative distance at which a sampling time counts as a whole part of whole periods."""
 
 
@@ -52,7 +52,7 @@ class HeldPlant:
 
 
 def hold_plant(
-    system: PeriodicSystem, samples: int, periods: int, delay: float, tol: float, stages: int = STAGES
+    system: PeriodicSystem, samples: int, periods: int, delay: float, tol: float, stages: int = STEP_STAGES
 ) -> HeldPlant:
     """Discretize x' = A x + B u over `samples` equal intervals of `periods` periods; delay as a part of one interval, in [0, 1].
 
@@ -131,7 +131,7 @@ def divide(
 ) -> Array:
     """Edges (N, c + 1) of steps inside sections, short enough for tol; none passes over a corner or a part of a panel of A, B or others."""
     T = system.period
-    longest = float(choose_gauss_step(measure_pace(system).rate.max(keepdims=True), tol, STAGES).min())
+    longest = float(choose_gauss_step(measure_pace(system).rate.max(keepdims=True), tol, STEP_STAGES).min())
     width = float((end - begin).max())
     count = max(1, int(np.ceil(width / longest)))
     if count * len(begin) > MOST_STEPS:
@@ -140,7 +140,7 @@ def divide(
         )
     edges = begin[:, None] + (end - begin)[:, None] * np.arange(count + 1) / count
     resolved = (system.resolved, system.resolved_input, *others)
-    panels = (divide_segments(one.edges, PARTS) for one in resolved if one.panels > 1)
+    panels = (divide_segments(one.edges, PANEL_STEPS) for one in resolved if one.panels > 1)
     short = [np.mod(edges_of_short(edges, width / count), T) for edges in panels]
     corners = np.unique(np.concatenate([*short, *(one.breaks for one in resolved)]))
     if len(corners):
@@ -164,16 +164,16 @@ class Round:
 
 
 def find_rounds(period: float, sample_time: float) -> tuple[Round, ...]:
-    """One exact round, or the nearest below and above with at most MOST samples, the nearer one first.
+    """One exact round, or the nearest below and above with at most ROUND_SAMPLES samples, the nearer one first.
 
     Source: the Stern-Brocot tree, Graham, Knuth, Patashnik, Concrete Mathematics (1994), section 4.5.
     """
     ratio = sample_time / period
-    most = max(MOST, int(2 / ratio) + 1)
+    most = max(ROUND_SAMPLES, int(2 / ratio) + 1)
     below, above = (int(ratio), 1), (int(ratio) + 1, 1)
     while True:
         for periods, samples in (below, above):
-            if abs(periods / (ratio * samples) - 1) <= EXACT:
+            if abs(periods / (ratio * samples) - 1) <= EXACT_SHARE:
                 return (Round(samples, periods, 0.0),)
         middle = below[0] + above[0], below[1] + above[1]
         if middle[1] > most:
@@ -255,7 +255,7 @@ def sampled_floquet(
     reason = str(best)
     for other in others:
         logs, _ = solve_round(system, K, other, delay / h, tol, own)
-        errors = errors + SAFETY * abs(logs[0].real / (other.periods * system.period) - exponents[0].real)
+        errors = errors + METHOD_SAFETY * abs(logs[0].real / (other.periods * system.period) - exponents[0].real)
         reason += f", {best.off:.0e} beside the sampling time"
     return judge(exponents, errors, time, Setting("sampled", 0, best.samples, reason), tol)
 
@@ -265,7 +265,7 @@ def solve_round(
 ) -> tuple[Array, Array]:
     """The logs of the loop's multipliers over one round, as of `solve_loops`; delay as a part of the sampling time."""
     loops, step = [], turn.periods * system.period / turn.samples
-    for stages in (STAGES, STAGES + 2):
+    for stages in (STEP_STAGES, STEP_STAGES + 2):
         plant = hold_plant(system, turn.samples, turn.periods, delay, tol, stages)
         plant = plant if rates is None else with_controller_states(plant, rates, step)
         loops.append(plant.closed_by(K(np.mod(plant.instants, system.period))))
@@ -278,7 +278,7 @@ def solve_loops(loops: Array, better: Array) -> tuple[Array, Array]:
     Parameters: better: the same steps by two more stages.
     """
     found = find_spectrum(loops, better)
-    errors = SAFETY * found.method + found.rounding
+    errors = METHOD_SAFETY * found.method + found.rounding
     below = found.logs.real[0] - found.logs.real
     return found.logs, np.where((errors > SLIGHT * below) & (below > errors[0]), np.inf, errors)
 

@@ -21,9 +21,9 @@ from flexlin.periodic.riccati.scattering import (
 )
 from flexlin.periodic.sampled import divide, step_inputs, step_sections
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.precision import EPS, MINOR, ROOT
+from flexlin.precision import EPS, MINOR, ROOT_EPS
 
-LARGEST = 1e13
+LARGEST_COST = 1e13
 """A cost so many times its first one, or a memory that does not fade, says that a mode is not moved, or not seen."""
 
 
@@ -142,7 +142,7 @@ def solve_samples(problem: SampledProblem) -> tuple[Array, Array]:
         return X, gain_samples(problem, X)
     except (np.linalg.LinAlgError, IllPosedSegment, NotStabilizable) as reason:
         grown = float(np.abs(problem.F).max())
-        if not isinstance(reason, np.linalg.LinAlgError) and grown * ROOT < MINOR:
+        if not isinstance(reason, np.linalg.LinAlgError) and grown * ROOT_EPS < MINOR:
             raise
         raise NumericalError(
             "the gains are lost to rounding", got=f"growth by {grown:.1g} within a sample", todo="sample faster"
@@ -175,7 +175,7 @@ def double_round(whole: Segment) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):
             twice = star_product(whole, whole)
         sizes = [float(np.abs(part).max()) for part in (twice.H, twice.G)]
-        if not sizes[0] < LARGEST * first:
+        if not sizes[0] < LARGEST_COST * first:
             raise NotStabilizable(
                 "a mode that does not decay cannot be reached by the held input",
                 got=f"a cost of {sizes[0]:.2g}",
@@ -184,7 +184,7 @@ def double_round(whole: Segment) -> Array:
         change = float(np.abs(twice.H - whole.H).max())
         if change <= EPS * sizes[0] and np.abs(twice.F).max() <= np.sqrt(EPS):
             return twice.H
-        if not sizes[1] < LARGEST * first:
+        if not sizes[1] < LARGEST_COST * first:
             break
         whole = twice
     raise NotDetectable(

@@ -12,7 +12,7 @@ from flexlin.errors import NumericalError, counted
 from flexlin.periodic.circle import assign
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.coefficient_series.resolve import resolve
-from flexlin.periodic.coefficient_series.sampling import RESOLVED, stratified
+from flexlin.periodic.coefficient_series.sampling import RESOLVED_TOL, stratified
 from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
@@ -186,7 +186,7 @@ def take(
 
     summed: sizes of what each entry is summed from, which may cancel.
     """
-    corners, tol = sorted({*breaks, *edges_between(system.resolved, system.resolved_input)}), 100 * RESOLVED
+    corners, tol = sorted({*breaks, *edges_between(system.resolved, system.resolved_input)}), 100 * RESOLVED_TOL
     return resolve(function, system.period, corners, complete=True, tol=tol, least=tol / EPS * summed)
 
 

@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {"plots.view": "Comparison compare plot_chart"},
     within={
-        "plots.panel": "SMALL Mark Panel draw measure_text",
+        "plots.panel": "SMALL_FONT Mark Panel draw measure_text",
         "plots.scales": "Linear Logarithmic Symlog",
         "plots.view": "MOST_POINTS Series Shown View make_card",
     },

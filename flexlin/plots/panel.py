@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array
 from flexlin.plots.scales import Linear
 
-SMALL = 9.0
+SMALL_FONT = 9.0
 """Size of the font of words among the marks."""
 SHAPES = {
     "circle": "M-{r},0a{r},{r} 0 1 0 {d},0a{r},{r} 0 1 0 -{d},0z",
@@ -110,7 +110,7 @@ class Panel:
     ) -> "Panel":
         """Write a few words at a point; a halo in the paper's colour keeps them legible on marks."""
         around = ";paint-order:stroke;stroke:var(--paper);stroke-width:2.6px;stroke-linejoin:round" if halo else ""
-        style = f"fill:var(--{colour});font-size:{SMALL}px;text-anchor:{anchor}{around}"
+        style = f"fill:var(--{colour});font-size:{SMALL_FONT}px;text-anchor:{anchor}{around}"
         return self._add(Mark("words", *_points([x], [y]), style, texts=(text,), anchor=anchor))
 
     def zero(self) -> "Panel":
@@ -154,7 +154,7 @@ def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     return np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))  # type: ignore[return-value]
 
 
-LINE, MARGIN = 16.0, 46.0
+LINE_HEIGHT, LEFT_MARGIN = 16.0, 46.0
 """A line of words below the axes, and the least margin for labels on their left."""
 
 
@@ -218,10 +218,10 @@ def draw_svg(panel: Panel) -> str:
     axes, y_ticks = lay_axes(panel)
     parts = [] if panel.bare else draw_axes(panel, axes, y_ticks)
     parts += [draw_mark(mark, axes) for mark in leave_apart(panel.marks, axes)]
-    below, foot = axes.bottom + LINE * (not panel.bare), panel.x_label or panel.footer
+    below, foot = axes.bottom + LINE_HEIGHT * (not panel.bare), panel.x_label or panel.footer
     style = f"fill:var(--{'faint' if panel.x_label else panel.footer_colour});text-anchor:middle"
     parts += [write_text(axes.left + axes.width / 2, below + 12, foot, style)] if foot else []
-    size = f"{panel.width:g} {below + LINE * bool(foot) + 4:.0f}"
+    size = f"{panel.width:g} {below + LINE_HEIGHT * bool(foot) + 4:.0f}"
     head = f'<svg class="drawing" viewBox="0 0 {size}" role="img" aria-label="{escape(panel.title)}">'
     return "\n".join([head, *parts, "</svg>"])
 
@@ -234,11 +234,11 @@ def lay_axes(panel: Panel) -> tuple[Axes, list[tuple[float, str]]]:
         return Axes(0.0, 4.0, panel.width, panel.height, x, y), []
     room = panel.width - 20.0
     if panel.equal:
-        x, y = equalize_units(x, y, room - MARGIN, panel.height)
+        x, y = equalize_units(x, y, room - LEFT_MARGIN, panel.height)
     y_ticks = y.ticks(min(7, max(3, int(panel.height / 19))))
     labels = max((measure_text(label) for _, label in y_ticks), default=0.0)
-    margin = max(labels + LINE / 2 + (LINE if panel.y_label else 0.0), MARGIN * panel.ticked)
-    return Axes(margin, LINE / 2, room - margin, panel.height, x, y), y_ticks
+    margin = max(labels + LINE_HEIGHT / 2 + (LINE_HEIGHT if panel.y_label else 0.0), LEFT_MARGIN * panel.ticked)
+    return Axes(margin, LINE_HEIGHT / 2, room - margin, panel.height, x, y), y_ticks
 
 
 def draw_axes(panel: Panel, axes: Axes, y_ticks: list[tuple[float, str]]) -> list[str]:
@@ -290,9 +290,9 @@ def leave_apart(marks: Sequence[Mark], axes: Axes) -> list[Mark]:
     kept, taken = list[Mark](), list[tuple[float, float, float]]()
     for mark in reversed(marks):
         if mark.kind == "words":
-            (x, up), width = place_words(mark, axes), measure_text(mark.texts[0], SMALL)
+            (x, up), width = place_words(mark, axes), measure_text(mark.texts[0], SMALL_FONT)
             left = x - share_before(mark) * width
-            if any(left < end and start < left + width and abs(up - other) < SMALL for start, end, other in taken):
+            if any(left < end and start < left + width and abs(up - other) < SMALL_FONT for start, end, other in taken):
                 continue
             taken.append((left, left + width, up))
         kept.append(mark)
@@ -307,9 +307,9 @@ def share_before(mark: Mark) -> float:
 def place_words(mark: Mark, axes: Axes) -> tuple[float, float]:
     """Where a few words stand: as near to their point as leaves them inside the axes."""
     x, y = float(axes.x(mark.x)[0]), float(axes.y(mark.y)[0])
-    before, width = share_before(mark), measure_text(mark.texts[0], SMALL)
+    before, width = share_before(mark), measure_text(mark.texts[0], SMALL_FONT)
     low, high = axes.left + before * width + 2, axes.right - (1 - before) * width - 2
-    return (min(max(x, low), high) if low <= high else x), min(max(y, axes.top + SMALL), axes.bottom - 3)
+    return (min(max(x, low), high) if low <= high else x), min(max(y, axes.top + SMALL_FONT), axes.bottom - 3)
 
 
 def draw_rectangles(across: Array, up: Array) -> str:

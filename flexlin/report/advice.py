@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.analyses.analysis import Analysis
-from flexlin.analyses.judging import REPEATABLE, Loop
-from flexlin.checks import ROUNDING
+from flexlin.analyses.judging import REPEATABILITY, Loop
+from flexlin.checks import SUM_ROUNDING
 from flexlin.control.drives import Demand, DriveLoad
 from flexlin.plots.scales import write_powers
 from flexlin.report.wording import caution, format_quantity, is_dimensionless, reason
@@ -277,7 +277,7 @@ def comment_on_tip(a: Analysis) -> Iterator[str]:
     if not np.isfinite(largest) or largest == 0 or said_before:
         return
     size = format_quantity(largest, "m")
-    if largest <= REPEATABLE * a.length:
+    if largest <= REPEATABILITY * a.length:
         yield f"In steady motion the tip stays within {size} of its rigid path: nothing has to be done about it."
     else:
         yield f"In steady motion the tip stays up to {size} away from its rigid path, {explain_tip_error(a, largest)}."
@@ -318,10 +318,10 @@ def agreement(a: Analysis, simulation: Simulation) -> str:
     answers, length = f"linear and nonlinear {what}", a.length if np.isfinite(a.length) else 1.0
     if simulation.is_lost:
         facts = OUTGROWN
-    elif apart <= max(error, ROUNDING * length):
+    elif apart <= max(error, SUM_ROUNDING * length):
         bound = f"{error:.0e}{'' if is_dimensionless() else unit}"
         facts = f"{answers} {f'agree to the error of the integration, {bound}' if error and apart <= error else 'are the same'}"
-    elif apart <= REPEATABLE * length:
+    elif apart <= REPEATABILITY * length:
         facts = f"{answers} differ by no more than {format_quantity(apart, unit.strip())}".rstrip()
     else:
         share = f"{100 * apart / largest:.2g} % of the largest deviation"

@@ -11,8 +11,8 @@ from flexlin.control.slow_motions import slow_motions
 from flexlin.control.tracking import arm_positions
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.linearization.linearization import Linearization
-from flexlin.precision import ROOT
-from flexlin.report.figures.exponents import SWING
+from flexlin.precision import ROOT_EPS
+from flexlin.report.figures.exponents import SWING_SHARE
 from flexlin.report.figures.over_period import trace_arm
 from flexlin.report.page import TEMPLATES
 from flexlin.scene.scene import Scene
@@ -20,7 +20,7 @@ from flexlin.simulation.result import Simulation
 
 MAGNIFIED = (1, 5, 20)
 """Factors by which bending may be shown."""
-FRAMES = 600
+MOST_FRAMES = 600
 """Pictures at the most: a longer simulation is shown in wider steps."""
 
 Frames = tuple[list[list[Array]], Array]
@@ -39,7 +39,7 @@ def list_grounds(points: Array) -> list[int]:
 
     In space it is the first of several in a row: the next lie on an axis that turns.
     """
-    near = ROOT * max(float(np.ptp(points)), 1e-300)
+    near = ROOT_EPS * max(float(np.ptp(points)), 1e-300)
     fixed = np.flatnonzero(np.ptp(points, axis=0).max(axis=0) <= near).tolist()
     kept: list[int] = []
     for i in fixed if points.shape[1] == 2 else [i for i in fixed if i - 1 not in fixed]:
@@ -86,7 +86,7 @@ def mode_states(lin: Linearization) -> list[tuple[str, Array, Array]]:
     for k, states in enumerate(slow.states):
         x = np.stack([np.interp(t, slow.t, column) for column in states.T], axis=1)
         leading = lin.coordinates[int(np.abs(states[:, : lin.n]).max(axis=0).argmax())]
-        size = SWING if leading.unit == "rad" else SWING * reach
+        size = SWING_SHARE if leading.unit == "rad" else SWING_SHARE * reach
         found.append((f"Floquet motion {k + 1}, mostly {leading.title}", t, size * x))
     return found
 
@@ -122,7 +122,7 @@ def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[st
     if lin.arm.near.points is None:
         expected = "positions of joints and tip"
         raise ArgumentError("there is nothing to draw", got="a model without points", expected=expected)
-    every = -(-len(run.t) // FRAMES)
+    every = -(-len(run.t) // MOST_FRAMES)
     t, states = run.t[::every], run.nonlinear[::every]
     plain, _ = frames_of(lin, t, states)
     rigid, points = frames_of(lin, t, np.zeros_like(states))
@@ -170,7 +170,7 @@ def play(name: str, lin: Linearization, t: Array, states: Array, digits: int) ->
 def moving(frames: list[list[Array]]) -> list[list[Array]]:
     """The links of each picture that move, or all: one that never does is ground, one without length is a carriage."""
     each = [np.stack(curves) for curves in zip(*frames, strict=True)]
-    still = ROOT * max((float(np.ptp(curves)) for curves in each), default=0.0)
+    still = ROOT_EPS * max((float(np.ptp(curves)) for curves in each), default=0.0)
     moved = [np.ptp(curves, axis=0).max() > still and np.ptp(curves, axis=2).max() > still for curves in each]
     return [[link for link, moves in zip(links, moved, strict=True) if moves] or links for links in frames]
 

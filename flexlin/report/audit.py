@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.analyses.audit.judging import Audit, Minimal, Row
 from flexlin.errors import SceneError, counted
-from flexlin.plots.panel import LINE, Panel
+from flexlin.plots.panel import LINE_HEIGHT, Panel
 from flexlin.plots.scales import Linear, Logarithmic, Named
 from flexlin.report.figures import WIDTH, Picture, make_picture
 from flexlin.report.wording import format_figures, format_quantity, format_rate, in_unit
@@ -33,7 +33,9 @@ def draw_effects(audit: Audit) -> Picture:
 
 def draw_bars(x: Linear, x_label: str, bars: dict[str, tuple[float, str]], begin: float = 0.0) -> Panel:
     """A bar for each name, of a length and a colour, from the lowest row up; none for what is no number."""
-    panel = Panel("", x, Named(-0.5, len(bars) - 0.5, tuple(bars)), x_label, width=WIDTH, height=LINE * len(bars))
+    panel = Panel(
+        "", x, Named(-0.5, len(bars) - 0.5, tuple(bars)), x_label, width=WIDTH, height=LINE_HEIGHT * len(bars)
+    )
     for i, (size, colour) in enumerate(bars.values()):
         if not np.isnan(size):
             end = float(np.clip(size, *x.ends))

@@ -16,7 +16,7 @@ from flexlin.analyses.at_rest import find_bending
 from flexlin.analyses.campbell import unfold_frequencies
 from flexlin.analyses.clock import Clock
 from flexlin.analyses.critical_values import CriticalValue, find_margin
-from flexlin.analyses.judging import SMALL
+from flexlin.analyses.judging import SMALL_SHARE
 from flexlin.analyses.stability_boundary import BoundaryCurve, search_boundary
 from flexlin.analyses.sweep import worst_error
 from flexlin.analyses.sweep.found import VERDICTS, Found
@@ -89,7 +89,7 @@ def say_bending(
         return f"How far the links bend was not found ({' '.join(problems.values())})."
     far = dict[str, list[str]]()
     for place, share in zip(places, shares, strict=True):
-        if share > SMALL:
+        if share > SMALL_SHARE:
             where = ", ".join(label_value(scene, *number) for number in place.items())
             size = f"by {100 * share:.3g} % of its length" if share < 1 else "by more than its length"
             far.setdefault(size, []).append(where)

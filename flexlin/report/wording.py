@@ -15,7 +15,7 @@ from flexlin.analyses.critical_values import CriticalValue, Margin
 from flexlin.analyses.judging import Loop, ModelEvidence, ModelValidity
 from flexlin.checks import Array
 from flexlin.errors import counted
-from flexlin.periodic.floquet.result import MARGINAL
+from flexlin.periodic.floquet.result import MARGINAL_GROWTH
 from flexlin.plots.scales import SUPERSCRIPTS, write_powers
 from flexlin.scene.control import AnyFilter, Control, LowPass, Pid
 from flexlin.scene.names import name_number, show_unit
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flexlin.analyses.nearest import NearestInstability
     from flexlin.periodic.margins import Margins
 
-SLOW = 1e5
+UNFELT_PERIODS = 1e5
 """Periods to settle beyond which a decay is not felt."""
 ANGLES = ("rad", "mrad", "µrad", "nrad", "°")
 NONE = "none"
@@ -206,9 +206,9 @@ def caution(loop: Loop, period: float) -> str:
     growth, _ = loop.growth
     if loop.verdict not in ("stable", "unstable"):
         return ""
-    if abs(growth) * period < MARGINAL:
+    if abs(growth) * period < MARGINAL_GROWTH:
         return "practically marginal"
-    if loop.verdict == "stable" and np.log(50) / -growth > SLOW * period:
+    if loop.verdict == "stable" and np.log(50) / -growth > UNFELT_PERIODS * period:
         return f"but it takes {format_duration(np.log(50) / -growth)} to settle"
     return ""
 
@@ -331,7 +331,7 @@ def describe_filter(one: AnyFilter) -> str:
     return f"{what} {PLACES[one.on]}{of}"
 
 
-DIGITS = 4
+CRITICAL_DIGITS = 4
 """Of a critical value."""
 SEARCHED = "margin "
 """What the keys of problems with critical values begin with; the number's path follows."""
@@ -360,16 +360,16 @@ def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mappin
 
 def describe_place(scene: Scene, margin: Margin, one: CriticalValue) -> str:
     """At a motion frequency of 1.37 Hz (now 0.5); both ends of what is known where they differ in what is said of them."""
-    low, high = (format_decimal(one.value + side, DIGITS) for side in (-one.error, one.error))
+    low, high = (format_decimal(one.value + side, CRITICAL_DIGITS) for side in (-one.error, one.error))
     where = f"of {high}" if low == high else f"between {low} and {high}"
     words = with_unit_of(scene, margin.path, f"at a {name_number(margin.path)} {where}")
-    return f"{words} (now {format_decimal(margin.own, DIGITS)})"
+    return f"{words} (now {format_decimal(margin.own, CRITICAL_DIGITS)})"
 
 
 def describe_gap(scene: Scene, margin: Margin, one: CriticalValue | None) -> str:
     """Shows no change at 9 values of the motion frequency from 0.1 to 2 Hz, of which nothing is known in gaps of up to 0.3 Hz."""
     tried = "no other change" if one is not None else "the same verdict"
-    ends = f"{format_decimal(margin.low, DIGITS)} to {format_decimal(margin.high, DIGITS)}"
+    ends = f"{format_decimal(margin.low, CRITICAL_DIGITS)} to {format_decimal(margin.high, CRITICAL_DIGITS)}"
     gap = with_unit_of(scene, margin.path, format_decimal(margin.gap, 2))
     where = with_unit_of(scene, margin.path, f"{name_number(margin.path)} from {ends}")
     return f"shows {tried} at the {margin.values} values of {where} that time allowed, which leave gaps of up to {gap}"
@@ -378,7 +378,7 @@ def describe_gap(scene: Scene, margin: Margin, one: CriticalValue | None) -> str
 def describe_range(scene: Scene, margin: Margin) -> str:
     """A motion frequency from 0.1 to 2 Hz: what was searched without gaps."""
     low, high = max(margin.low, margin.searched[0]), min(margin.high, margin.searched[1])
-    ends = f"{format_decimal(low, DIGITS)} to {format_decimal(high, DIGITS)}"
+    ends = f"{format_decimal(low, CRITICAL_DIGITS)} to {format_decimal(high, CRITICAL_DIGITS)}"
     return with_unit_of(scene, margin.path, f"a {name_number(margin.path)} from {ends}")
 
 
@@ -391,8 +391,8 @@ def describe_nearest(scene: Scene, found: "NearestInstability | None") -> str:
     if not math.isfinite(found.scale):
         return f"{found.status}; {spread}"
     places = (
-        with_unit_of(scene, path, f"a {name_number(path)} of {format_decimal(value, DIGITS)}")
-        + f" (now {format_decimal(own, DIGITS)})"
+        with_unit_of(scene, path, f"a {name_number(path)} of {format_decimal(value, CRITICAL_DIGITS)}")
+        + f" (now {format_decimal(own, CRITICAL_DIGITS)})"
         for path, value, own in zip(found.paths, found.values, found.own, strict=True)
     )
     return f"{found.status}, at {' and '.join(places)}; {spread}"

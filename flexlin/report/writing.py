@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import flexlin
 from flexlin import analyses
-from flexlin.analyses.clock import DRAWING, SHARE, Budget, Clock, Progress, Step
+from flexlin.analyses.clock import DRAWING_SHARE, STAGE_SHARE, Budget, Clock, Progress, Step
 from flexlin.errors import FlexlinError, InputError, NumericalError, TooLarge
 from flexlin.files import results
-from flexlin.resources import SECONDS, Stopwatch
+from flexlin.resources import LIMIT_SECONDS, Stopwatch
 from flexlin.scene.parameters import need_numbers
 from flexlin.scene.scene import Scene
 
@@ -98,7 +98,7 @@ def draw_in_time(analysis: "Analysis", clock: Clock) -> "list[Picture]":
             drawn.append(picture)
 
     with suppress(NumericalError, TooLarge):
-        clock.stage("figures", analysis.scene.accuracy, work, share=DRAWING, last=True)
+        clock.stage("figures", analysis.scene.accuracy, work, share=DRAWING_SHARE, last=True)
     return drawn
 
 
@@ -125,12 +125,12 @@ def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | Non
     be free."""
     scene, asked, watch = a.scene, a.asked, Stopwatch()
     ranges = analyses.choose_margins(scene) if chosen is None else dict(chosen)
-    unasked = analyses.UNASKED * max(1.0, asked.seconds / SECONDS)
+    unasked = analyses.UNASKED_SECONDS * max(1.0, asked.seconds / LIMIT_SECONDS)
     found: list[Margin | None] = []
     for left, (path, limits) in zip(range(len(ranges), 0, -1), ranges.items(), strict=True):
 
         def work(path: str = path, limits: tuple[float, float] = limits, left: int = left) -> "Margin | None":
-            seconds = unasked - watch.seconds if chosen is None else a.clock.budget.plan("", asked, SHARE)
+            seconds = unasked - watch.seconds if chosen is None else a.clock.budget.plan("", asked, STAGE_SHARE)
             with suppress(InputError) if chosen is None else nullcontext():
                 return analyses.find_margin(scene, path, limits, seconds / left, a.closed)
             return None

@@ -15,7 +15,7 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
-from flexlin.bounds import LARGEST, MOST_ITEMS, SMALLEST, steers
+from flexlin.bounds import LARGEST_NUMBER, MOST_ITEMS, SMALLEST_NUMBER, steers
 from flexlin.scene.units import in_unit
 
 
@@ -73,8 +73,8 @@ def with_text(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def _not_tiny(value: float) -> float:
-    if 0 < abs(value) < SMALLEST:
-        raise ValueError(f"a number of at least {SMALLEST:g}, or 0 where that is allowed")
+    if 0 < abs(value) < SMALLEST_NUMBER:
+        raise ValueError(f"a number of at least {SMALLEST_NUMBER:g}, or 0 where that is allowed")
     return value
 
 
@@ -84,9 +84,9 @@ def _shown_as_it_stands(text: str) -> str:
     return text
 
 
-Number = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
-Positive = Annotated[float, Field(strict=True, gt=0, le=LARGEST), AfterValidator(_not_tiny)]
-NonNegative = Annotated[float, Field(strict=True, ge=0, le=LARGEST), AfterValidator(_not_tiny)]
+Number = Annotated[float, Field(strict=True, ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
+Positive = Annotated[float, Field(strict=True, gt=0, le=LARGEST_NUMBER), AfterValidator(_not_tiny)]
+NonNegative = Annotated[float, Field(strict=True, ge=0, le=LARGEST_NUMBER), AfterValidator(_not_tiny)]
 Text = Annotated[str, AfterValidator(_shown_as_it_stands)]
 """One line that is printed as it stands, so nothing in it may steer a terminal."""
 

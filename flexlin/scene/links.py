@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, TypeAdapter, WrapValidator, model_validator
 
-from flexlin.bounds import MOST_ITEMS, SMALLEST, printable
+from flexlin.bounds import MOST_ITEMS, SMALLEST_NUMBER, printable
 from flexlin.errors import Problem
 from flexlin.scene.base import NonNegative, Number, Positive, Table, Text, Unit
 from flexlin.scene.problems import read_table
@@ -128,13 +128,13 @@ def _figures(key: str, link: dict[str, Any], problems: list[Problem]) -> dict[st
 
 
 Vector = tuple[Number, Number, Number]
-ROUNDING = 1e-9
+INERTIA_ROUNDING = 1e-9
 """Relative to an inertia's largest entry: what is less negative than this is rounding."""
 
 
 def _not_zero(value: Vector) -> Vector:
-    if max(map(abs, value)) < SMALLEST:
-        raise ValueError(f"three numbers, not all of them zero or smaller than {SMALLEST:g}")
+    if max(map(abs, value)) < SMALLEST_NUMBER:
+        raise ValueError(f"three numbers, not all of them zero or smaller than {SMALLEST_NUMBER:g}")
     return value
 
 
@@ -173,7 +173,7 @@ class Inertia(Table):
             import numpy as np  # a scene without bodies in space is read without it
 
             matrix = np.array(self.rows())
-            if np.linalg.eigvalsh(matrix).min() < -ROUNDING * np.abs(matrix).max():
+            if np.linalg.eigvalsh(matrix).min() < -INERTIA_ROUNDING * np.abs(matrix).max():
                 raise ValueError("principal inertias that are not negative")
         return self
 

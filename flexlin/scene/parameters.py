@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from flexlin.bounds import DEEPEST, MOST_NAMED, SHALLOW, hint_at, parse_toml, printable
+from flexlin.bounds import DEEPEST_NESTING, MOST_NAMED, SHALLOW, hint_at, parse_toml, printable
 from flexlin.errors import ArgumentError, Problem
 from flexlin.scene.effects import known_effects
 
@@ -133,7 +133,9 @@ def apply_overrides(raw: dict[str, Any], overrides: Mapping[str, Any]) -> tuple[
     result, problems = copy.deepcopy(raw), []
     for key, value in overrides.items():
         path = whole_path(key, result, result.get(PARAMETERS)).split(".")
-        problem = _place(result, path, value) if len(path) <= DEEPEST else (f"a key of {len(path)} steps", SHALLOW)
+        problem = (
+            _place(result, path, value) if len(path) <= DEEPEST_NESTING else (f"a key of {len(path)} steps", SHALLOW)
+        )
         if problem:
             problems.append(Problem(printable(key), *problem))
     return result, problems

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from flexlin.bounds import MOST_ITEMS, printable
 from flexlin.errors import ArgumentError, Problem, counted
 from flexlin.plots.view import Shown, View
-from flexlin.resources import BYTES, PATIENCE, SECONDS
+from flexlin.resources import CLOCK_RATIO, LIMIT_BYTES, LIMIT_SECONDS
 from flexlin.scene.base import NonNegative, NotEndless, Number, Positive, Table, Text, Unit
 from flexlin.scene.control import Control, DesignTable, Drives
 from flexlin.scene.effects import AnyEffects
@@ -16,11 +16,11 @@ from flexlin.scene.links import FOLLOW, AnyModes, CrossSection, Link, Loop
 from flexlin.scene.motion import AnyMotion
 from flexlin.scene.parameters import get_value
 
-COMPARED = 1e-6
+COMPARED_TOL = 1e-6
 """The error of a report's nonlinear check where no tol is given: a thousandth of the smallest difference that such a check speaks of."""
-CLOSING, MOST_CLOSING, LEAST = 0.2, 30.0, 1.5
+CLOSING_SHARE, MOST_CLOSING, LEAST_CLOSING = 0.2, 30.0, 1.5
 """Share of the time that is kept for drawing and writing what was found, and its limits in s."""
-MOST = 12
+MOST_UNCERTAIN = 12
 """Uncertain numbers of one scene: the search tries combinations of them."""
 Sensor = Literal["coordinate", "rate", "encoder", "strain", "tip", "tip-acceleration"]
 
@@ -35,30 +35,30 @@ class Accuracy(Table):
 
     tol: Annotated[float, Field(strict=True, ge=1e-15, le=0.1)] = 1e-9
     """Wanted error of each stage's answer; left out, the nonlinear check of a report is asked for 1e-6."""
-    seconds: Annotated[float, Field(strict=True, gt=0, le=1e7), Unit("s")] = SECONDS
+    seconds: Annotated[float, Field(strict=True, gt=0, le=1e7), Unit("s")] = LIMIT_SECONDS
     """Time of the processor that a run may take; given, it limits the clock too, else other programs may make it wait."""
-    memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50), Unit("B")] = BYTES
+    memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50), Unit("B")] = LIMIT_BYTES
     """Memory that a run may hold beside its libraries: with these less than 1 GB."""
 
     @property
     def stages_end(self) -> float:
         """When all stages but the last are over, in s after the begin."""
-        return self.seconds - min(CLOSING * self.seconds, MOST_CLOSING)
+        return self.seconds - min(CLOSING_SHARE * self.seconds, MOST_CLOSING)
 
     @property
     def last_end(self) -> float:
         """When everything is: after its time; where that is short, after what drawing and writing needs."""
-        return max(self.seconds, self.stages_end + LEAST)
+        return max(self.seconds, self.stages_end + LEAST_CLOSING)
 
     @property
     def patience(self) -> float:
         """Seconds of the clock for each of the processor."""
-        return 1.0 if "seconds" in self.model_fields_set else PATIENCE
+        return 1.0 if "seconds" in self.model_fields_set else CLOCK_RATIO
 
     @property
     def of_comparison(self) -> "Accuracy":
-        """What a comparison of linear and nonlinear motion is asked for: tol if the user gave one, else COMPARED."""
-        return self if "tol" in self.model_fields_set else self.model_copy(update={"tol": COMPARED})
+        """What a comparison of linear and nonlinear motion is asked for: tol if the user gave one, else COMPARED_TOL."""
+        return self if "tol" in self.model_fields_set else self.model_copy(update={"tol": COMPARED_TOL})
 
 
 class RobotTable(Table):
@@ -269,7 +269,7 @@ class Scene(Shown, Table):
     """Controllers to design and compare, one [[designs]] each."""
     drives: Drives | None = None
     """Limits of the drives: torque, speed, power, current."""
-    uncertainty: dict[str, Uncertain] = Field(default_factory=dict, max_length=MOST)
+    uncertainty: dict[str, Uncertain] = Field(default_factory=dict, max_length=MOST_UNCERTAIN)
     """How well numbers of the scene are known, each by its dotted path: "effects.payload.mass" = { low = 0.0, high = 0.3 }."""
     log: LogTable | None = None
     """Which columns of a measured log are which inputs and sensors."""

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import PlainValidator, WithJsonSchema
 
-from flexlin.bounds import LARGEST, SMALLEST, read_number
+from flexlin.bounds import LARGEST_NUMBER, SMALLEST_NUMBER, read_number
 from flexlin.errors import ArgumentError
 
 Dimension = tuple[int, ...]
@@ -142,7 +142,7 @@ def kept_quantities(*units: str) -> Callable[[Any], Any]:
             if not value:
                 raise ValueError("a list of 1 or more")
             return tuple(keep(item) for item in value)
-        if not SMALLEST <= in_si(value, *units) <= LARGEST:
+        if not SMALLEST_NUMBER <= in_si(value, *units) <= LARGEST_NUMBER:
             raise ValueError("a number greater than 0")
         return value
 

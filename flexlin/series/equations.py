@@ -173,7 +173,7 @@ def second_order(equations: Equations, u0: Array, S: Array, t: Array, v: Array) 
     return coefficients[:, 0], coefficients[:, table.degree(1)], H
 
 
-ORDER = 40
+SINGULARITY_ORDER = 40
 """Order of the series in one variable from which singularities are estimated."""
 NEAR_POLE, NEAR_GROWTH = 0.08, 0.035
 """A fold counts when it lies this near (relative) to where it was sought; the nearest one must lie this near to the radius
@@ -257,7 +257,7 @@ def radius_along(equations: Equations, u0: Array, v0: Array, direction: Array) -
     scale = growth(line_series(equations, Space(1, 8), u0, v0, direction))
     if not np.isfinite(scale):
         return Radius("not found", complex(np.nan), np.full(len(v0), np.nan), float("inf"))
-    series = line_series(equations, Space(1, ORDER), u0, v0, scale * direction)
+    series = line_series(equations, Space(1, SINGULARITY_ORDER), u0, v0, scale * direction)
     estimate, S = growth(series), (scale * direction)[:, None]
     folds = [fold for side in (estimate, -estimate) for fold in real_fold(equations, u0, S, series, side)]
     for pole in singularities(series):

@@ -14,9 +14,9 @@ from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.summary import represent
 
-UNDIVIDED = 4
+UNDIVIDED_VARIABLES = 4
 """Up to so many variables, the monomials of a degree stand in one row."""
-TABLES = 50_000
+LISTED_PRODUCTS = 50_000
 """Products of two coefficients up to which they are listed; more are made by blocks."""
 AT_ONCE = 200_000
 """Entries of products before summation that are held at once, so that they stay in the cache."""
@@ -64,7 +64,7 @@ class Indices:
     @lazy
     def tabulated(self) -> bool:
         """Whether products are few enough to be listed one by one."""
-        return self.n <= UNDIVIDED or comb(2 * self.n + self.order, self.order) <= TABLES
+        return self.n <= UNDIVIDED_VARIABLES or comb(2 * self.n + self.order, self.order) <= LISTED_PRODUCTS
 
     def blocks(self, k: int, part: Array) -> list[Array]:
         """Return views of a part of degree k as its matrices, by the degree 0 ... k of the head's factor."""
@@ -220,7 +220,7 @@ def kept_indices(head: int, tail: int, order: int) -> Indices:
 
 def head_of(n: int) -> int:
     """Return how many of n variables are the head."""
-    return n if n <= UNDIVIDED else (n + 2) // 2
+    return n if n <= UNDIVIDED_VARIABLES else (n + 2) // 2
 
 
 def shared_indices(n: int, order: int) -> Indices:
@@ -235,7 +235,7 @@ def indices(n: int, order: int, series: int) -> Indices:
     """
     if order < 0 or n < 1:
         raise ArgumentError("a series needs variables and an order", got=(n, order), expected="n >= 1, order >= 0")
-    size = series + 32 * (comb(2 * n + order, order) if n <= UNDIVIDED else comb(n + 2 + order, order))
+    size = series + 32 * (comb(2 * n + order, order) if n <= UNDIVIDED_VARIABLES else comb(n + 2 + order, order))
     check_size(
         f"a series of order {order} in {n} variables", size, "lower the order, or take a series in one direction"
     )

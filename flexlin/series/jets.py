@@ -16,7 +16,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.precision import EPS
 from flexlin.program import CONST, INPUT, OUTPUT, Program, name_of
-from flexlin.series.indices import TABLES, Indices, head_of, kept_indices, sum_products
+from flexlin.series.indices import LISTED_PRODUCTS, Indices, head_of, kept_indices, sum_products
 
 
 def atan2(y: Array, x: Array) -> Array:
@@ -432,7 +432,7 @@ def bytes_of(program: Program, n: int, inputs: Sequence[Sequence[tuple[int, ...]
             live += sizes[k]
             most = max(most, live)
         live -= sum(sizes[value] for value in ends[i])
-    return 8 * (most + (2 * int(program.sizes.sum()) + 4) * comb(n + order, order) + TABLES)
+    return 8 * (most + (2 * int(program.sizes.sum()) + 4) * comb(n + order, order) + LISTED_PRODUCTS)
 
 
 def scalar_function(name: str, expressions: Sequence[Any], symbols: Sequence[Any]) -> ca.Function:

@@ -4,28 +4,28 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexlin.checks import ROUNDING, Array
+from flexlin.checks import SUM_ROUNDING, Array
 
 Step = Callable[[float, Array], Array]
 """Time and place to Newton's step F_z^-1 F."""
-NEWTON, CONTRACTION = 8, 16
+NEWTON_STEPS, CONTRACTION = 8, 16
 """Newton's steps at each time, and how much shorter each must be than the one before."""
-SHORTEST = 1e-10
+SHORTEST_STEP = 1e-10
 """Of a period, the shortest step, and how exactly a time is found; also of an interval in which a least value is sought."""
-SUSPECT, SINGULAR = 0.05, 1e-6
+SUSPECT_CONDITION, SINGULAR_CONDITION = 0.05, 1e-6
 """Reciprocal condition numbers below which a matrix is looked at closer where it is least, and called singular."""
 
 
 def newton_from(step: Step, t: float, z: Array) -> Array | None:
     """z with F(z, t) = 0, by steps that shrink fast from the first one on; None where they do not."""
     last = np.inf
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_STEPS):
         change = step(t, z)
         size = float(np.abs(change).max(initial=0.0))
-        if not size < max(last / CONTRACTION, ROUNDING):
+        if not size < max(last / CONTRACTION, SUM_ROUNDING):
             return None
         z, last = z - change, size
-        if size < ROUNDING * (1 + float(np.abs(z).max(initial=0.0))):
+        if size < SUM_ROUNDING * (1 + float(np.abs(z).max(initial=0.0))):
             return z
     return None
 
@@ -67,9 +67,9 @@ def find_singular(
     for k in range(1, len(t)):
         if signs[k] != signs[k - 1]:
             return find_turn(lambda at, k=k: sign_of(between(k - 1, at)), t[k - 1], t[k], shortest), 0.0  # type: ignore[misc]
-        if 1 < k < len(t) and size[k - 1] <= min(size[k - 2], size[k], SUSPECT):
+        if 1 < k < len(t) and size[k - 1] <= min(size[k - 2], size[k], SUSPECT_CONDITION):
             at, found = find_lowest(lambda at, k=k: worth(between(k - 2, at)), t[k - 2], t[k])  # type: ignore[misc]
-            if found < SINGULAR:
+            if found < SINGULAR_CONDITION:
                 return at, found
     return None
 
@@ -98,5 +98,5 @@ def find_lowest(value: Callable[[float], float], a: float, b: float) -> tuple[fl
     """Where between a and b a function is least, and its value there."""
     from scipy.optimize import minimize_scalar  # takes longer to load than most motions to look through
 
-    found = minimize_scalar(value, bounds=(a, b), method="bounded", options={"xatol": SHORTEST * (b - a)})
+    found = minimize_scalar(value, bounds=(a, b), method="bounded", options={"xatol": SHORTEST_STEP * (b - a)})
     return float(found.x), float(found.fun)

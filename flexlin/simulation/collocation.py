@@ -18,8 +18,8 @@ from flexlin.simulation.equations import (
     with_controller,
 )
 from flexlin.simulation.events import Event, Events
-from flexlin.simulation.mesh import INSIDE, Mesh, Trail, find_rough_times, with_breaks
-from flexlin.simulation.stopping import GENTLER, SHORTER, SHORTEST, stopped
+from flexlin.simulation.mesh import BREAK_DISTANCE, Mesh, Trail, find_rough_times, with_breaks
+from flexlin.simulation.stopping import GENTLER, SHORTER, SHORTEST_STEP, stopped
 from flexlin.simulation.sweeps import Rigid, Solved, Start, solve_window
 from flexlin.simulation.window import Grid, Path, between
 
@@ -27,23 +27,23 @@ LARGEST_WINDOW = 64
 """Steps of a window at the most."""
 WINDOW_BYTES = 2**19
 """The stage matrices of a window take at most this many bytes, which a processor keeps at hand."""
-FEW = 4
+FEW_STEPS = 4
 """Windows of so few steps try sturdier sweeps."""
 MANY_SWEEPS = 6
 """Sweeps after which windows grow no further, and begin from better slopes."""
-ABSOLUTE = 1e-2
+ABSOLUTE_STATE = 1e-2
 """States below this (rad, m and their rates) are resolved to this times the tolerance."""
 MOST_STEPS = 200_000
 """Steps, refused ones counted, after which a simulation is given up."""
-EVEN, EXCESS = 10.0, 4.0
+FORESEEN_PERIODS, EXCESS_STEPS = 10.0, 4.0
 """Periods after which the steps that are needed are foreseen, and how many times too many end the simulation."""
-FURTHER = 1.3
+WINDOW_GROWTH = 1.3
 """How much further windows reach, one after another, behind one whose sweeps did not settle."""
 Accept = Callable[[Array, Array, Array], None]
 """Looks at times (N,) and states (N, 2n) that were reached, and the torque (.., m) at the stages before; raises if they must not be."""
 Hurries = Callable[[Grid, Path], Array]
 """How many times too long each step (K,) of a window is for what it passes."""
-ROUNDING = 1e-12
+LEAST_RUN_TOL = 1e-12
 """A tolerance below this is not asked of a run."""
 RUNS = ((7, 0.25), (8, 0.025))
 """Stages and share of the tolerance of the two runs that are compared: other steps, other places of the stages, another order.
@@ -131,13 +131,13 @@ class Progress:
         self.passed.append(Mesh(known.edges[: event.step + 2], known.lengths[: event.step + 1]))
         edges = np.concatenate([[event.time], known.edges[event.step + 1 : -1], self.mesh.edges])
         self.mesh = Mesh(edges, np.concatenate([known.lengths[event.step :], self.mesh.lengths]))
-        self.t, self.x, self.before, self.count = event.time, x, None, max(FEW, 2 * event.step + 2)
+        self.t, self.x, self.before, self.count = event.time, x, None, max(FEW_STEPS, 2 * event.step + 2)
 
     def shorten(self, grid: Grid) -> None:
         """A window that did not settle: fewer steps, or where they are few already shorter ones; later windows reach hardly further."""
-        if grid.count <= FEW:
+        if grid.count <= FEW_STEPS:
             self.mesh = self.mesh.shortened(self.t, float(grid.h[0]) / 4)
-        self.count = max(FEW, grid.count // 4)
+        self.count = max(FEW_STEPS, grid.count // 4)
         self.reach = float(grid.h.sum()) / 2
 
 
@@ -205,8 +205,8 @@ class Collocation:
 
     def _foresee(self, at: Progress, passed: float, whole: float) -> None:
         """Give up where too many steps were taken, or would be: some periods show how many the whole time needs."""
-        even = passed > EVEN * self._period
-        if even and at.steps > MOST_STEPS / 100 and at.steps * whole > EXCESS * MOST_STEPS * passed:
+        even = passed > FORESEEN_PERIODS * self._period
+        if even and at.steps > MOST_STEPS / 100 and at.steps * whole > EXCESS_STEPS * MOST_STEPS * passed:
             needed = f"about {at.steps * whole / passed:.1g} steps would be needed, at most {MOST_STEPS} are taken"
             raise stopped(at.t, needed, at.x, SHORTER)
         if at.steps > MOST_STEPS:
@@ -218,12 +218,12 @@ class Collocation:
         """Try a window: the steps of it that hold, and `at` moved to their end; None where none does, and `at` has shorter steps."""
         grid = Grid(at.mesh.next_edges(at.t, mark, at.count, at.reach), self._stages)
         at.steps += grid.count
-        if grid.h.min() < SHORTEST * whole:
+        if grid.h.min() < SHORTEST_STEP * whole:
             raise stopped(at.t, "no step is short enough", at.x)
-        about, before = Rigid.of(self._equations, grid, INSIDE * self._period), self._acceleration(at)
-        tried, ratio, beside, scale = grid, np.zeros(grid.count), None, np.maximum(at.largest, ABSOLUTE)
+        about, before = Rigid.of(self._equations, grid, BREAK_DISTANCE * self._period), self._acceleration(at)
+        tried, ratio, beside, scale = grid, np.zeros(grid.count), None, np.maximum(at.largest, ABSOLUTE_STATE)
         if at.linear is not None:
-            beside, missed = at.linear.on(about, ABSOLUTE)
+            beside, missed = at.linear.on(about, ABSOLUTE_STATE)
             ratio = missed.max(axis=1) / self._tol
             good = first_refused(ratio)
             if good <= grid.count // 2:
@@ -241,7 +241,7 @@ class Collocation:
             ratio[: grid.count] = np.maximum(ratio[: grid.count], hurried)
         good = first_refused(ratio)
         at.learn(tried, ratio, good)
-        at.count, at.reach = min(most, max(FEW, 2 * at.count)), at.reach * FURTHER
+        at.count, at.reach = min(most, max(FEW_STEPS, 2 * at.count)), at.reach * WINDOW_GROWTH
         if not good:
             return None
         part, path, begin = grid.first(good), solved.path.first(good), at.t
@@ -276,7 +276,7 @@ class Collocation:
                 if begin > at.begin or (begin is Start.RIGID and solved.sweeps > MANY_SWEEPS):
                     at.begin, at.far = max(begin, Start.SHIFTED), size
                 return solved
-            if about.grid.count > FEW:
+            if about.grid.count > FEW_STEPS:
                 return None
         return None
 
@@ -284,7 +284,7 @@ class Collocation:
         """The acceleration (n,) from which the window starts."""
         if at.before is None:
             n = len(at.x) // 2
-            t, y, v = np.array([at.t + INSIDE * self._period]), at.x[None, :n], at.x[None, n:]
+            t, y, v = np.array([at.t + BREAK_DISTANCE * self._period]), at.x[None, :n], at.x[None, n:]
             (at.before,), places = self._equations.acceleration(t, y, v)
             if at.linear is not None:
                 at.linear.behind_break(places)
@@ -341,7 +341,7 @@ def predict(lin: Linearization, t: Array, start: Array, law: Law, tol: float) ->
     n, k = lin.n, law.memory
 
     def run(stages: int, share: float, trail: Trail | None = None) -> tuple[Array, Trail | None]:
-        integrator = Collocation(equations, lin.period, stages, max(share * tol, ROUNDING))
+        integrator = Collocation(equations, lin.period, stages, max(share * tol, LEAST_RUN_TOL))
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 found, trail = integrator.integrate(t, to_coordinates(start, n), marks, trail=trail)

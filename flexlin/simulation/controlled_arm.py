@@ -15,12 +15,12 @@ from flexlin.precision import SLIGHT
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.friction import Friction
 from flexlin.simulation.mesh import Trail, find_rough_times, law_times
-from flexlin.simulation.result import FARTHEST
+from flexlin.simulation.result import LARGEST_DEVIATION
 
 if TYPE_CHECKING:
     from flexlin.simulation.friction import Acceleration
 
-SINGULAR = SLIGHT
+SINGULAR_SHARE = SLIGHT
 """The mass matrix of a state is called singular where its smallest eigenvalue has fallen to this share of that on the rigid motion."""
 
 
@@ -141,7 +141,7 @@ class ControlledArm:
         """
         self.reached.extend(t.tolist())
         deviations = np.abs(z[:, : self.n])
-        inside = deviations.max(axis=1, initial=0.0) < FARTHEST
+        inside = deviations.max(axis=1, initial=0.0) < LARGEST_DEVIATION
         if not inside.all():
             first = int(np.argmin(inside))
             where = name_largest(self.lin, deviations[first])
@@ -186,12 +186,12 @@ def explain_end(lin: Linearization, end: SimulationStopped) -> SimulationStopped
     t, x = np.array([end.t]), np.asarray(end.reached)[None]
     here, rigid = (float(smallest_masses(lin, t, state)[0]) for state in (x, np.zeros_like(x)))
     where = f"{name_largest(lin, np.abs(x[0, : lin.n]))} off the rigid motion"
-    if here <= SINGULAR * rigid:
+    if here <= SINGULAR_SHARE * rigid:
         got = f"a mass matrix that becomes singular, {where}: the equations, which are those of small bending, have no meaning beyond it"
     else:
         got = f"{end.got}; the state that was reached is {where}, and its mass matrix is sound"
     return SimulationStopped(
-        end.what, got=got, todo=end.todo, t=end.t, reached=end.reached, left_range=here <= SINGULAR * rigid
+        end.what, got=got, todo=end.todo, t=end.t, reached=end.reached, left_range=here <= SINGULAR_SHARE * rigid
     )
 
 

@@ -12,22 +12,22 @@ from flexlin.periodic.sampled import hold_controller
 from flexlin.precision import EPS
 from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.equations import Places, from_coordinates, to_coordinates
-from flexlin.simulation.mesh import INSIDE, law_times
+from flexlin.simulation.mesh import BREAK_DISTANCE, law_times
 from flexlin.simulation.modes import SAMPLED, Modes, find_holding
 from flexlin.simulation.stopping import stopped
 from flexlin.simulation.window import Grid, Path, Rule, between
 
-LOOKS = np.arange(1, 17) / 16
+GUARD_PLACES = np.arange(1, 17) / 16
 """Parts of a step at which the guards are looked at."""
-HALVINGS = 16
+GUARD_HALVINGS = 16
 """Of a sixteenth of a step, in which a guard is looked for that rises from zero."""
 MOST_EVENTS, MOST_AT_ONCE = 20_000, 20
 """Events of a run, and at one time, after which it is given up."""
-SLACK = 1e-9
+LIMIT_SLACK = 1e-9
 """Of the static friction and of the largest torque: what is exactly at the limit stays within."""
-NEAR = 1e-6
+NEAR_SAMPLE = 1e-6
 """An instant nearer than this share of a sample is meant."""
-JUMP = 1e-8
+JUMP_SHARE = 1e-8
 """A torque further from what is asked than this share of it has not caught up."""
 
 
@@ -90,7 +90,7 @@ class Events:
         self._begin_inputs(t, x)
         if self._friction is not None:
             rates = self._rates(t, x)
-            self.modes.slip = np.where(np.abs(rates) > SLACK, np.sign(rates), 0.0)
+            self.modes.slip = np.where(np.abs(rates) > LIMIT_SLACK, np.sign(rates), 0.0)
             x = self._settle(t, x.copy())
         self.passed.append((t, self.modes.copy()))
         return x
@@ -104,7 +104,9 @@ class Events:
     def pass_break(self, t: float, x: Array, before: Array | None) -> None:
         """Behind a break of the motion what is asked may have jumped; before: the torque (m,) that was given until then."""
         if np.isfinite(self._fastest).any() and before is not None:
-            asked = self._asked(t + INSIDE * self._loop.lin.period, from_coordinates(x, self._loop.n, self._memory))
+            asked = self._asked(
+                t + BREAK_DISTANCE * self._loop.lin.period, from_coordinates(x, self._loop.n, self._memory)
+            )
             for which in range(len(asked)):
                 self._choose(t, which, asked[which], 0.0, before[which])
             self.passed.append((t, self.modes.copy()))
@@ -114,10 +116,10 @@ class Events:
         if self._friction is None and np.all(self.modes.held == SAMPLED):
             return None
         signals = self._signals(grid, path, at)
-        t = grid.edges[:-1, None] + grid.h[:, None] * LOOKS
-        left = self._guards(t, *signals.at(slice(None), LOOKS)) < 0
+        t = grid.edges[:-1, None] + grid.h[:, None] * GUARD_PLACES
+        left = self._guards(t, *signals.at(slice(None), GUARD_PLACES)) < 0
         for step, look in np.argwhere(left.any(axis=2)).tolist():
-            ends = LOOKS[look - 1] if look else 0.0, LOOKS[look]
+            ends = GUARD_PLACES[look - 1] if look else 0.0, GUARD_PLACES[look]
             roots = [(self._root(signals, path, step, ends, int(i)), int(i)) for i in np.flatnonzero(left[step, look])]
             u, guard = min(roots)
             if np.isfinite(u):
@@ -167,7 +169,7 @@ class Events:
         n, half = self._loop.n, path.x.shape[1] // 2
         y, v, w = path.stages
         parts = tuple(np.ascontiguousarray(part[:, :n]) for part in (y, v, w))
-        begun = grid.edges[:-1] + INSIDE * self._loop.lin.period
+        begun = grid.edges[:-1] + BREAK_DISTANCE * self._loop.lin.period
         stages, starts = self._follow(at.t, y, v), self._follow(begun, path.x[:-1, :half], path.x[:-1, half:])
         values = np.concatenate([starts[:, None], stages.reshape(grid.count, grid.stages, -1)], axis=1)
         if self._friction is not None:
@@ -200,13 +202,13 @@ class Events:
         """What stays above zero (.., 2 m + p) as long as the modes hold."""
         modes, sign = self.modes, np.sign(self.modes.held)
         behind = sign * (np.clip(asked, -self._limit, self._limit) - modes.given(t, asked))
-        beyond = sign * asked - (1 - SLACK) * self._limit
-        free = (1 + SLACK) * self._limit - np.abs(asked)
+        beyond = sign * asked - (1 - LIMIT_SLACK) * self._limit
+        free = (1 + LIMIT_SLACK) * self._limit - np.abs(asked)
         size = np.choose(np.abs(modes.held).astype(int), [free, beyond, behind, np.ones(len(sign))])
         speed = np.where(modes.held == 0, self._fastest - np.abs(pace), 1.0)
         if self._friction is None:
             return np.concatenate([size, speed], axis=-1)
-        stuck = (1 + SLACK) * self._friction.static - np.abs(holding)
+        stuck = (1 + LIMIT_SLACK) * self._friction.static - np.abs(holding)
         return np.concatenate([size, speed, np.where(modes.slip == 0, stuck, modes.slip * rates)], axis=-1)
 
     def _root(self, signals: Signals, path: Path, step: int, ends: tuple[float, float], guard: int) -> float:
@@ -224,7 +226,7 @@ class Events:
         if below > 0:
             return np.inf
         above = first if over > 0 else last
-        for _ in range(HALVINGS if above == last else 0):
+        for _ in range(GUARD_HALVINGS if above == last else 0):
             above = (first + above) / 2
             if (over := at(above)) > 0:
                 break
@@ -240,7 +242,7 @@ class Events:
         target = np.clip(asked, -limit, limit)
         apart = target - given if np.isfinite(fastest) else 0.0
         held, base, ramp = 0.0, target, 0.0
-        if abs(apart) > JUMP * max(abs(target), abs(given)):
+        if abs(apart) > JUMP_SHARE * max(abs(target), abs(given)):
             held, base, ramp = 2 * np.sign(apart), given, np.sign(apart) * fastest
         elif abs(asked) >= limit:
             held = np.sign(asked)
@@ -279,7 +281,7 @@ class Events:
             if not len(stuck):
                 break
             holding = self._holding(t, x)
-            over = np.abs(holding) - (1 + SLACK) * self._friction.static[stuck]
+            over = np.abs(holding) - (1 + LIMIT_SLACK) * self._friction.static[stuck]
             worst = int(np.argmax(over))
             if over[worst] <= 0:
                 break
@@ -313,21 +315,21 @@ class Samples(Events):
         """When samples are taken and torques take effect, up to a time."""
         samples = self._start + self._step * np.arange(np.ceil((end - self._start) / self._step))
         late = self._delay / self._step
-        found = np.union1d(samples, samples + self._delay) if NEAR < late < 1 - NEAR else samples
+        found = np.union1d(samples, samples + self._delay) if NEAR_SAMPLE < late < 1 - NEAR_SAMPLE else samples
         return found[found < end]
 
     def pass_break(self, t: float, x: Array, before: Array | None) -> None:
         """Let the torque of the last sample act, or take the next one, where it is time; a torque without delay acts behind its sample."""
         passed, late = (t - self._start) / self._step, self._delay / self._step
-        sampled, acts = (abs(part - round(part)) < NEAR for part in (passed, passed - late))
-        if acts and late >= NEAR and passed > late - NEAR:
+        sampled, acts = (abs(part - round(part)) < NEAR_SAMPLE for part in (passed, passed - late))
+        if acts and late >= NEAR_SAMPLE and passed > late - NEAR_SAMPLE:
             self._act(t)
         if sampled:
             seen, asked, self._next = self._take_sample(t, x)
             self.remembered.append((t, self._after))
             if self._moves is not None:
                 self._after = self._after + self._moves @ self._loop.remembered(t, seen, asked - self._next)
-        if acts and late < NEAR:
+        if acts and late < NEAR_SAMPLE:
             self._act(t)
 
     def _act(self, t: float) -> None:

@@ -10,7 +10,7 @@ from flexlin.lazy import lazy
 from flexlin.linearization.law import Law
 from flexlin.linearization.layers import Layers
 from flexlin.precision import SLIGHT
-from flexlin.simulation.collocation import ROUNDING, Collocation
+from flexlin.simulation.collocation import LEAST_RUN_TOL, Collocation
 from flexlin.simulation.controlled_arm import ControlledArm, explain_end, find_indefinite
 from flexlin.simulation.equations import (
     Equations,
@@ -22,13 +22,13 @@ from flexlin.simulation.equations import (
 from flexlin.simulation.events import Events, Samples
 from flexlin.simulation.mesh import Trail, law_times, with_breaks
 from flexlin.simulation.modes import ModedEquations, with_modes
-from flexlin.simulation.result import PARTS
+from flexlin.simulation.result import PEAK_PARTS
 from flexlin.simulation.stopping import stopped
 from flexlin.simulation.window import Grid, Path, between
 
-CLOSE = 1 - SLIGHT
+NEAR_LIMIT = 1 - SLIGHT
 """A torque nearer to its limit than this, at any stage of the collocation, may be cut between the stages."""
-CHECKED = 64
+CHECKED_WINDOWS = 64
 """Windows after which the mass matrices of the states that they reached are looked at, all in one call."""
 
 
@@ -164,15 +164,15 @@ class NonlinearLoop(ControlledArm):
         passed: list[tuple[Array, Array]] = []
 
         def accept(t: Array, x: Array, torque: Array) -> None:
-            if events is None and limit is not None and np.any(np.abs(torque) > CLOSE * np.array(limit)):
+            if events is None and limit is not None and np.any(np.abs(torque) > NEAR_LIMIT * np.array(limit)):
                 raise TorqueCut
             self.accept(t, x)
             passed.append((t, x))
-            if len(passed) >= CHECKED:
+            if len(passed) >= CHECKED_WINDOWS:
                 self._check_mass(passed)
 
         watched = None if self.layers is None else partial(hurries, self.layers)
-        tol = max(rtol, ROUNDING)
+        tol = max(rtol, LEAST_RUN_TOL)
         integrator = Collocation(equations, self.lin.period, stages, tol, accept, watched, events)
         try:
             return integrator.integrate(t, start, marks, linear, trail)
@@ -192,6 +192,6 @@ class NonlinearLoop(ControlledArm):
 
 def hurries(layers: Layers, grid: Grid, path: Path) -> Array:
     """`Layers.hurry` of the steps (K,) of a window; coordinates of a controller stand behind those of the arm."""
-    t, n = grid.edges[:-1, None] + grid.h[:, None] * np.linspace(0, 1, PARTS + 1), layers.about.n
+    t, n = grid.edges[:-1, None] + grid.h[:, None] * np.linspace(0, 1, PEAK_PARTS + 1), layers.about.n
     x = between(grid, path, np.zeros((grid.count, grid.stages)), t.ravel())[0].reshape(*t.shape, -1)
     return layers.hurry(t, x[..., :n], x[..., x.shape[-1] // 2 :][..., :n])

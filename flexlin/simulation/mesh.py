@@ -19,17 +19,17 @@ from flexlin.periodic.interpolation import ChebyshevPanels, edges_of_short
 from flexlin.precision import SLIGHT
 from flexlin.simulation.window import Grid, Path, Rule
 
-INSIDE = 1e-12
+BREAK_DISTANCE = 1e-12
 """How far beside a break of the motion what holds there is taken, in periods."""
-SHORT = 64
+SHORT_PARTS = 64
 """Of the period: panels that are shorter begin and end with a step."""
-SAFETY = 0.9
+STEP_SAFETY = 0.9
 """A step is this much shorter than its error would have it."""
-CHANGE = (0.02, 2.0)
+STEP_CHANGE = (0.02, 2.0)
 """How much shorter or longer than a step that was tried one is wished for."""
-NEARLY = SLIGHT
+MARK_REMAINDER = SLIGHT
 """Of a step: what is left to the mark joins the steps before."""
-FIRST, GRADED, WIDEST = 1 / 2048, 1.3, 1 / 8
+FIRST_STEP, STEP_GROWTH, WIDEST_STEP = 1 / 2048, 1.3, 1 / 8
 """Steps behind a start, where fast modes ring: the first at tolerance 1e-6, in periods; how each is longer than the last; the longest."""
 
 
@@ -43,9 +43,9 @@ class Mesh:
     @classmethod
     def graded(cls, t: float, period: float, stages: int, tol: float) -> "Mesh":
         """Steps from a time on of whose errors nothing is known."""
-        first = period * FIRST * (1e6 * tol) ** (1 / (stages + 1))
-        count = 1 + int(np.log(max(1.0, WIDEST * period / first)) / np.log(GRADED))
-        lengths = first * GRADED ** np.arange(count)
+        first = period * FIRST_STEP * (1e6 * tol) ** (1 / (stages + 1))
+        count = 1 + int(np.log(max(1.0, WIDEST_STEP * period / first)) / np.log(STEP_GROWTH))
+        lengths = first * STEP_GROWTH ** np.arange(count)
         return cls(t + np.append(0.0, np.cumsum(lengths)), lengths)
 
     def moved(self, t: float) -> "Mesh":
@@ -61,7 +61,9 @@ class Mesh:
         if mark > edges[-1] or end - begin > most:
             found = np.interp(begin + np.arange(most + 1), passed, edges)
         else:
-            found = np.interp(np.linspace(begin, end, max(1, int(np.ceil(end - begin - NEARLY))) + 1), passed, edges)
+            found = np.interp(
+                np.linspace(begin, end, max(1, int(np.ceil(end - begin - MARK_REMAINDER))) + 1), passed, edges
+            )
             found[-1] = mark
         found[0] = t
         inside = max(1, int(np.searchsorted(found, t + reach, side="right")) - 1)
@@ -71,8 +73,8 @@ class Mesh:
     def learn(self, edges: Array, ratio: Array, order: int, good: int) -> tuple["Mesh", "Mesh"]:
         """The mesh of the first `good` steps of a window, and behind them, by their errors against the allowed ones, of order h^order."""
         with np.errstate(divide="ignore", over="ignore"):
-            factor = np.clip(SAFETY * ratio ** (-1 / order), *CHANGE)
-        wished = np.diff(edges) * np.where(np.isfinite(ratio), factor, CHANGE[0])
+            factor = np.clip(STEP_SAFETY * ratio ** (-1 / order), *STEP_CHANGE)
+        wished = np.diff(edges) * np.where(np.isfinite(ratio), factor, STEP_CHANGE[0])
         beside = np.concatenate([wished[:1], wished, wished[-1:]])
         wished = np.minimum(wished, np.minimum(beside[:-2], beside[2:]))
         known = int(np.sum(self.edges > edges[-1]))
@@ -178,11 +180,11 @@ def find_edges_of_motion(lin: Linearization) -> Array:
     T = lin.period
     if lin.complete:
         edges = first_edges(T, np.array(lin.breaks, dtype=float), np.reshape(lin.features, (-1, 2)))
-        return np.mod(edges_of_short(edges, T / SHORT), T)
+        return np.mod(edges_of_short(edges, T / SHORT_PARTS), T)
     if not lin.motion.periodic:
         return find_edges(lin.A, lin)
     found = lin.periodic_system().resolved
-    return np.union1d(found.breaks, np.mod(edges_of_short(found.edges, T / SHORT), T))
+    return np.union1d(found.breaks, np.mod(edges_of_short(found.edges, T / SHORT_PARTS), T))
 
 
 def is_rigid(part: VectorFunction) -> bool:
@@ -200,4 +202,4 @@ def find_edges(part: MatrixFunction, lin: Linearization) -> Array:
     periodic = lin.motion.periodic
     breaks = sorted({*lin.breaks, *([] if periodic else [0.0])})
     found = resolve(part, T, breaks, lin.features, repeats=periodic)
-    return np.union1d(found.breaks, np.mod(edges_of_short(found.edges, T / SHORT), T))
+    return np.union1d(found.breaks, np.mod(edges_of_short(found.edges, T / SHORT_PARTS), T))

@@ -5,20 +5,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlin.checks import ROUNDING, Array
+from flexlin.checks import SUM_ROUNDING, Array
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
 
 if TYPE_CHECKING:
     import xarray
 
-PARTS = 8
+PEAK_PARTS = 8
 """Parts of a step at whose ends peaks, and what saturates, are looked for; between these they are a parabola's."""
 MOST_NUMBERS = 2**24
 """Numbers that are looked at, at the most; where steps are very many each has fewer parts."""
-FARTHEST = 100.0
+LARGEST_DEVIATION = 100.0
 """A deviation from the rigid motion, in rad or m, at which a simulation is given up as diverging, and a linear motion as lost."""
-OUTGROWN = f"the linear motion grows beyond {FARTHEST:g} rad or m, the nonlinear one does not"
+OUTGROWN = f"the linear motion grows beyond {LARGEST_DEVIATION:g} rad or m, the nonlinear one does not"
 """What to say of a linear motion that is lost."""
 
 
@@ -71,7 +71,7 @@ def find_peaks(t: Array, values: Array) -> Array:
 def subdivide(t: Array, reached: Array, columns: int) -> Array:
     """The output times t and, in order with them, the ends of the parts of all steps that ended at `reached`."""
     edges = np.union1d(t[[0, -1]], reached[(reached > t[0]) & (reached < t[-1])])
-    parts = min(PARTS, MOST_NUMBERS // (columns * len(edges)))
+    parts = min(PEAK_PARTS, MOST_NUMBERS // (columns * len(edges)))
     if parts == 0:
         return t
     inner = edges[:-1, None] + np.diff(edges)[:, None] * np.arange(parts) / parts
@@ -187,7 +187,7 @@ class Simulation(Shown):
         if apart <= error:
             agree = f"agree to the error of the integration, {error:.0e}{self.unit}" if error else "are the same"
             return f"linear and nonlinear {what} {agree}: the linear model holds here"
-        if apart <= ROUNDING * max(1.0, float(np.abs(np.nan_to_num(self.tip)).max())):
+        if apart <= SUM_ROUNDING * max(1.0, float(np.abs(np.nan_to_num(self.tip)).max())):
             return f"linear and nonlinear {what} agree to rounding: the linear model holds here"
         share = apart / largest
         facts = f"linear and nonlinear {what} differ by {apart:.3g}{self.unit}, {100 * share:.2g} % of the largest deviation"
@@ -220,7 +220,7 @@ class Simulation(Shown):
     @property
     def is_lost(self) -> bool:
         """Whether the linear motion has left all that an arm can do."""
-        return not bool((np.abs(self.linear[:, : len(self.names)]) < FARTHEST).all())
+        return not bool((np.abs(self.linear[:, : len(self.names)]) < LARGEST_DEVIATION).all())
 
     @property
     def apart(self) -> tuple[str, float, float, float]:

@@ -3,7 +3,7 @@
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
 
-SHORTEST = 1e-13
+SHORTEST_STEP = 1e-13
 """A step this short against the whole time is no step any more."""
 GENTLER = "slow the motion down, stiffen the links or raise the gains; or simulate fewer periods"
 """What helps where a step is too hard; where there are only too many, SHORTER does."""

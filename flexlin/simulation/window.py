@@ -13,21 +13,21 @@ from flexlin.lazy import lazy
 from flexlin.periodic.transition.factors import tabulate
 from flexlin.periodic.transition.gauss import Tableau, radau
 from flexlin.precision import MINOR
-from flexlin.program import TOGETHER, Layout
+from flexlin.program import POINTS_TOGETHER, Layout
 
-SWEEPS = 14
+MOST_SWEEPS = 14
 """Sweeps after which a window is given up, and made shorter."""
-SLOW = 0.4
+SLOW_SWEEP = 0.4
 """A sweep that leaves more of the last one's change than this calls for slopes of where it is, and a second one for exact ones."""
-GROWN = 2.0
+GROWN_CHANGE = 2.0
 """A sweep that enlarges the change so much leads nowhere."""
-SHARE = 0.02
+SWEEP_SHARE = 0.02
 """The share of the tolerance that the sweeps may leave over."""
-STALLED = MINOR
+STALLED_SHARE = MINOR
 """The share of the tolerance at which rounding may stop the sweeps."""
-LEAST = 0.01
+LEAST_CHANGE = 0.01
 """A sweep is not believed to leave less of the last one's change than this."""
-RULE = np.array([SLOW, SHARE, STALLED, LEAST, GROWN, SWEEPS])
+RULE = np.array([SLOW_SWEEP, SWEEP_SHARE, STALLED_SHARE, LEAST_CHANGE, GROWN_CHANGE, MOST_SWEEPS])
 
 factor_steps = declare(
     "int factor_steps(int m, int stages, int steps, const double *blocks, const double *lengths, const double *tableau, double *kept, "
@@ -93,7 +93,7 @@ class Ready:
     @lazy
     def work(self) -> Array:
         """Room for the values of the program."""
-        return np.empty(max(1, self.layout.slots) * TOGETHER)
+        return np.empty(max(1, self.layout.slots) * POINTS_TOGETHER)
 
 
 @dataclass(frozen=True)

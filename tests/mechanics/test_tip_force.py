@@ -162,6 +162,17 @@ def test_a_phase_needs_a_harmonic() -> None:
         scene_of({}, effects={"tip_force": {"phase": 0.4}})
 
 
+def test_a_load_grows_with_the_square_of_the_first_joints_rate() -> None:
+    """The torque F l (q'/r)^2 of a rigid link, alike to and fro; about a rotation it is D_L = -2 F l Omega/r^2."""
+    load = {"tip_force": {"force": [0.0, 2.0, 0.0], "frame": "tip", "rate": 3.0}}
+    arm = arm_of({"length": 0.7, "modes": 0}, effects=load)
+    for rate in (-6.0, 0.0, 1.5):
+        assert value(arm, "damping", [0.4], [rate]).item() == pytest.approx(-2.0 * 0.7 * (rate / 3) ** 2, abs=1e-15)
+    turning = {"kind": "rotation", "joints": [{"rate": -5.0}]}
+    lin = fl.linearize(arm, fl.parse_scene({**SHAKEN, "motion": turning}).motion)
+    assert lin.D(0.1).item() == pytest.approx(2 * 2.0 * 0.7 * 5.0 / 9, rel=1e-13)
+
+
 def test_a_force_across_a_cantilever_bends_it_into_the_elastica() -> None:
     """Both components of the tip's way at P l^2/EI = 1, 2, 5, 10 (Bisshopp, Drucker 1945; Mattiasson 1981)."""
     load = {"geometric_stiffening": {}, "tip_force": {"force": [0.0, 1.0, 0.0]}}

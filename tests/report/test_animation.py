@@ -45,7 +45,7 @@ def test_the_page_is_whole_and_asks_for_nothing(played):
 
 def test_long_simulations_are_thinned(played, monkeypatch):
     """Wider steps over the whole simulation, not its beginning alone; the tips stay with their times."""
-    monkeypatch.setattr("flexlin.report.animation.FRAMES", 20)
+    monkeypatch.setattr("flexlin.report.animation.MOST_FRAMES", 20)
     run, data = played[2], collect_frames(*played)
     times, step = (data["plays"][0][name] for name in ("t", "step"))
     assert 10 < len(times) <= 20

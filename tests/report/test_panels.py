@@ -10,7 +10,7 @@ import pytest
 import flexlin as fl
 from flexlin.analyses import Analysis, Clock, Loop, analyse
 from flexlin.analyses.judging import find_response
-from flexlin.plots import SMALL, Linear, Logarithmic, Mark, Panel, Symlog, draw, measure_text
+from flexlin.plots import SMALL_FONT, Linear, Logarithmic, Mark, Panel, Symlog, draw, measure_text
 from flexlin.report import draw_pictures, figures
 from flexlin.report.figures import choose_colour
 from flexlin.report.figures.chart import follow_lines
@@ -174,7 +174,7 @@ def test_words_stay_inside_their_axes() -> None:
             r'<text x="([\d.]+)" y="([\d.]+)" style="[^"]*text-anchor:(\w+)[^"]*">principal', svg
         )
         assert anchor == asked
-        width = measure_text("principal, order 2", SMALL)
+        width = measure_text("principal, order 2", SMALL_FONT)
         start = float(x) - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * width
         assert left <= start <= start + width <= right
         assert top <= float(y) <= bottom
@@ -186,7 +186,7 @@ def test_words_are_not_written_over_each_other() -> None:
     for at, text in ((0.5, "0.2"), (0.9, "0.4"), (0.51, "principal, order 2")):
         panel.words(0.5, at, text)
     svg, said = draw([panel]), ("0.2", "0.4", "principal, order 2")
-    assert [text for text in said if f'font-size:{SMALL}px;text-anchor:middle">{text}<' in svg] == [*said[1:]]
+    assert [text for text in said if f'font-size:{SMALL_FONT}px;text-anchor:middle">{text}<' in svg] == [*said[1:]]
 
 
 def test_lines_of_the_campbell_diagram_cross_without_a_kink() -> None:

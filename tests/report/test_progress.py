@@ -48,7 +48,7 @@ def test_planned_stages_share_the_work_alike() -> None:
 
 def open_pipe(monkeypatch: pytest.MonkeyPatch, patience: float) -> io.StringIO:
     """Standard error of a program."""
-    for name, seconds in {"PATIENCE": patience, "TICK": 0.01, "APART": 0.1}.items():
+    for name, seconds in {"SILENT_SECONDS": patience, "LOOK_INTERVAL": 0.01, "PROGRESS_SECONDS": 0.1}.items():
         monkeypatch.setattr(shown, name, seconds)
     pipe = io.StringIO()
     monkeypatch.setattr("sys.stderr", pipe)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from flexlin.bounds import LARGEST, LONGEST_NUMBER, read_number
+from flexlin.bounds import LARGEST_NUMBER, LONGEST_NUMBER, read_number
 from flexlin.cli import main
 from tests.torture.accidents import ROBOT
 from tests.torture.scenes import sampled_cycle
@@ -112,8 +112,8 @@ def test_read_number_refuses(wrong: str) -> None:
 
 def test_read_number_reads_to_its_bounds() -> None:
     assert [read_number(text) for text in (" 1e30", "-1E30 ", ".5", "0" * (LONGEST_NUMBER - 1) + "7")] == [
-        LARGEST,
-        -LARGEST,
+        LARGEST_NUMBER,
+        -LARGEST_NUMBER,
         0.5,
         7.0,
     ]

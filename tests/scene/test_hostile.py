@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.bounds import SMALLEST
+from flexlin.bounds import SMALLEST_NUMBER
 from flexlin.cli import BAD_INPUT, main
 from flexlin.errors import FlexlinError, MotionError, SceneError
 from flexlin.files import read_text
@@ -43,7 +43,7 @@ def problem_of(raw: str, folder: Path, key: str) -> str:
     return found[0]
 
 
-@pytest.mark.parametrize("size", [1e-300, 5e-324, SMALLEST / 2])
+@pytest.mark.parametrize("size", [1e-300, 5e-324, SMALLEST_NUMBER / 2])
 def test_numbers_too_small_to_divide_by_are_refused(size):
     beam = ["links.1.length", "links.1.mass_per_length", "links.1.bending_stiffness"]
     cases = [("three-link", {path: size}, path) for path in beam]
@@ -63,7 +63,7 @@ def test_numbers_too_small_to_divide_by_are_refused(size):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [SMALLEST, 1e15])
+@pytest.mark.parametrize("size", [SMALLEST_NUMBER, 1e15])
 @pytest.mark.parametrize("name", ["single-link", "flexible-joint-link"])
 def test_every_number_may_be_extreme_without_a_fault(name, size):
     """What the schema lets through is either built and finite, or refused by a flexlin error: no overflow, no division by zero."""

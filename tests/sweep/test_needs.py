@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexlin.analyses.sweep.together import MOST, PILOTS, STARTS, learn_needs
+from flexlin.analyses.sweep.together import MOST_SEGMENTS, PILOT_VALUES, SEGMENT_NUMBERS, learn_needs
 from flexlin.periodic.many import WIDTH, Logs
 
 TOL, PERIOD = 1e-8, 3.0
@@ -34,10 +34,10 @@ def test_needs_are_learnt_from_values_all_over_the_plane():
     kernel = MadeUp(need)
     needs = learn_needs(kernel, points, np.ones(2), TOL)
     found = needs.predict(points)
-    off = STARTS[found] / need(points)
+    off = SEGMENT_NUMBERS[found] / need(points)
     assert np.mean(off < 1) < 0.05
     assert np.mean(off) < 1.6
-    assert kernel.work <= 9 * need(points).max() * PILOTS[1] / WIDTH
+    assert kernel.work <= 9 * need(points).max() * PILOT_VALUES[1] / WIDTH
     assert np.array_equal(needs.predict(points[::-1]), found[::-1])
 
 
@@ -50,8 +50,8 @@ def test_values_without_a_need_do_not_cost_the_others():
     points = np.random.default_rng(1).uniform(-1, 1, (400, 1))
     kernel = MadeUp(need)
     needs = learn_needs(kernel, points, np.ones(2), TOL)
-    assert np.all(STARTS[needs.predict(points)] <= 23)
+    assert np.all(SEGMENT_NUMBERS[needs.predict(points)] <= 23)
     assert needs.spread == 0.0
-    assert kernel.work < 40 * 20 * PILOTS[0] / WIDTH
+    assert kernel.work < 40 * 20 * PILOT_VALUES[0] / WIDTH
     nothing = learn_needs(MadeUp(lambda p: np.full(len(p), np.inf)), points, np.ones(2), TOL)
-    assert np.all(STARTS[nothing.predict(points)] == MOST)
+    assert np.all(SEGMENT_NUMBERS[nothing.predict(points)] == MOST_SEGMENTS)

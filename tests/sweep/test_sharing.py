@@ -64,7 +64,7 @@ def test_two_processes_and_one_that_dies(whole, tmp_path):
 
 @pytest.mark.slow
 def test_a_block_that_kills_every_process_is_marked(tmp_path, monkeypatch):
-    monkeypatch.setattr("flexlin.analyses.sweep.sharing.ATTEMPTS", 1)
+    monkeypatch.setattr("flexlin.analyses.sweep.sharing.BLOCK_ATTEMPTS", 1)
     job = prepare_job(SCENE, {"effects.payload.mass": [0.1, 0.2]}, 1e-8, True, "own")
     for i in range(5):
         (tmp_path / str(i)).touch()
@@ -97,7 +97,7 @@ def test_a_cluster_that_loses_a_worker(whole):
 
 
 def test_clusters_that_are_not_there_are_refused(monkeypatch):
-    monkeypatch.setattr("flexlin.analyses.sweep.sharing.PATIENCE", 0.5)
+    monkeypatch.setattr("flexlin.analyses.sweep.sharing.SCHEDULER_SECONDS", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         closed = taken.getsockname()[1]
     for address in ("nowhere:1", f"tcp://127.0.0.1:{closed}", "nowhere:port"):

@@ -96,9 +96,9 @@ def test_memory_is_little_more_than_the_results(scene):
 
 def test_values_that_the_kernel_cannot_certify_go_one_by_one(scene, monkeypatch):
     """With few segments no error estimate can be small: the kernel must say so and hand over."""
-    monkeypatch.setattr("flexlin.analyses.sweep.together.STARTS", np.array([1, 2]))
-    monkeypatch.setattr("flexlin.analyses.sweep.together.FEWEST", 1)
-    monkeypatch.setattr("flexlin.analyses.sweep.together.MOST", 2)
+    monkeypatch.setattr("flexlin.analyses.sweep.together.SEGMENT_NUMBERS", np.array([1, 2]))
+    monkeypatch.setattr("flexlin.analyses.sweep.together.FEWEST_SEGMENTS", 1)
+    monkeypatch.setattr("flexlin.analyses.sweep.together.MOST_SEGMENTS", 2)
     result = sweep(scene, {"effects.payload.mass": [0.03, 0.05]})
     assert result.attrs["one_by_one"] == 2
     assert result.one_by_one.all()

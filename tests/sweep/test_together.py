@@ -83,7 +83,7 @@ def test_results_do_not_depend_on_the_blocks_nor_on_pickling():
 
 def test_threads_share_values_and_pass_errors_on(monkeypatch):
     """Two threads, one: the same bits. A block that raises ends the sweep with its error."""
-    monkeypatch.setattr("flexlin.analyses.sweep.together.BLOCK", 8 * 16)
+    monkeypatch.setattr("flexlin.analyses.sweep.together.BLOCK_VALUES", 8 * 16)
     values = {"effects.payload.mass": np.linspace(0.0, 0.3, 61)}
     job = prepare_job(fl.load_scene("single-link", SINGLE), values, 1e-8, False, "own")
     assert len(job.blocks) == 8

@@ -22,7 +22,7 @@ from flexlin.analyses.accuracy.result import (
     measure_trials,
 )
 from flexlin.analyses.accuracy.scipy_methods import (
-    PLACES,
+    COMPARED_TIMES,
     derive_loop_rate,
     derive_response_rate,
     derive_riccati_rate,
@@ -56,9 +56,9 @@ from flexlin.scene.scene import Scene
 from flexlin.series.explicit import taylor
 from flexlin.simulation.run import simulate
 
-TOLS = (1e-9, 1e-6, 1e-10, 1e-4, 1e-8)
+MEASURED_TOLS = (1e-9, 1e-6, 1e-10, 1e-4, 1e-8)
 """The default first: it is measured even where there is time for one alone."""
-FINE = 1e-11
+REFERENCE_TOL = 1e-11
 """What references are asked for."""
 MOST_SEGMENTS = 4096
 """Segments of a trial of the engine at the most, and segments times order of one of collocation."""
@@ -75,8 +75,8 @@ def against(exact: Array, *trials: Iterable[Trial]) -> Trials:
 
 
 def at_each_tol(method: str, run: Callable[[float], Any], detail: Callable[[Any], str] | None = None) -> list[Trial]:
-    """What flexlin does when it is asked for each of TOLS."""
-    return [Trial(method, f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}", detail=detail) for tol in TOLS]
+    """What flexlin does when it is asked for each of MEASURED_TOLS."""
+    return [Trial(method, f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}", detail=detail) for tol in MEASURED_TOLS]
 
 
 def try_coefficients(closed: Linearization) -> Trials:
@@ -101,7 +101,7 @@ def multiply_period(system: PeriodicSystem, setting: Setting) -> Array:
 
 def try_transition_matrices(system: PeriodicSystem) -> Iterator[Trial]:
     """The setting that the engine starts from at each tol, and every method at every order."""
-    for tol in TOLS:
+    for tol in MEASURED_TOLS:
         setting = choose_setting(system, tol)
         if setting.segments <= MOST_SEGMENTS:
             yield try_setting(system, setting, f"{tol:.0e}")
@@ -118,8 +118,8 @@ def try_setting(system: PeriodicSystem, setting: Setting, chosen: str = "") -> T
 
 
 def choose_reference(system: PeriodicSystem, order: int = 24) -> Setting:
-    """A setting that is finer than all that are tried, on twice the segments that the engine would take for FINE."""
-    count = 2 * choose_setting(system, FINE).segments
+    """A setting that is finer than all that are tried, on twice the segments that the engine would take for REFERENCE_TOL."""
+    count = 2 * choose_setting(system, REFERENCE_TOL).segments
     return Setting("gauss", order, int(np.clip(count, 64, 2048)), "")
 
 
@@ -135,7 +135,7 @@ def try_exponents(closed: Linearization) -> Trials:
         return floquet(replace(closed).periodic_system(), tol, method=method, max_segments=MOST_SEGMENTS)
 
     trials = at_each_tol("floquet, auto", run, lambda found: name_setting(found.setting))
-    for tol, method in product(TOLS, ("gauss", "hill")):
+    for tol, method in product(MEASURED_TOLS, ("gauss", "hill")):
         trials.append(Trial(f"floquet, {method}", f"tol {tol:.0e}", partial(run, tol, method)))
     return trials, lambda found: compare_exponents(found.exponents, exact, closed.period)
 
@@ -149,25 +149,25 @@ def name_setting(setting: Setting) -> str:
 
 def try_riccati(plant: Linearization, tols: Sequence[float]) -> Trials:
     """The periodic Riccati equation of the open loop with unit weights, X at 32 times."""
-    t, Q, R = plant.period * np.arange(PLACES) / PLACES, np.eye(2 * plant.n), np.eye(plant.about.m)
+    t, Q, R = plant.period * np.arange(COMPARED_TIMES) / COMPARED_TIMES, np.eye(2 * plant.n), np.eye(plant.about.m)
 
     def run(tol: float) -> Array:
         return periodic_riccati(replace(plant).periodic_system(), Q, R, tol=tol).X(t)
 
     outside = try_scipy(plant, derive_riccati_rate, forget_start, tols)
-    return against(run(FINE), at_each_tol("periodic_riccati", run), outside)
+    return against(run(REFERENCE_TOL), at_each_tol("periodic_riccati", run), outside)
 
 
 def try_forced_response(closed: Linearization, tols: Sequence[float]) -> Trials:
     """The periodic response to what the rigid motion leaves over, at 32 times."""
-    t = closed.period * np.arange(PLACES) / PLACES
+    t = closed.period * np.arange(COMPARED_TIMES) / COMPARED_TIMES
 
     def run(tol: float) -> Array:
         system = replace(closed).periodic_system()
         return forced_response(system, OfPlant(closed.forcing, system.n, system.n), tol)(t)
 
     outside = try_scipy(closed, derive_response_rate, respond_periodically, tols)
-    return against(run(FINE), at_each_tol("forced_response", run), outside)
+    return against(run(REFERENCE_TOL), at_each_tol("forced_response", run), outside)
 
 
 def try_simulation(closed: Linearization, tols: Sequence[float]) -> Trials:
@@ -180,7 +180,7 @@ def try_simulation(closed: Linearization, tols: Sequence[float]) -> Trials:
         return simulate(closed, 1.0, tol=tol, points_per_period=SAMPLES).nonlinear
 
     outside = try_scipy(closed, derive_loop_rate, integrate_loop, tols)
-    return against(run(FINE), at_each_tol("simulate", run), outside)
+    return against(run(REFERENCE_TOL), at_each_tol("simulate", run), outside)
 
 
 def try_modes(scene: Scene) -> Trials:
@@ -262,7 +262,7 @@ def cost(scene: Scene, *, peers: bool = True, seconds: float | None = None) -> C
     closed, plant = linearize(arm, scene.motion, scene.control), linearize(arm, scene.motion)
     if not closed.motion.periodic:
         raise ArgumentError("a one-way motion has no period, so there is nothing to measure", got=scene.motion.kind)
-    system, floor, tols = closed.periodic_system(), math.nan, sorted(TOLS, reverse=True) if peers else []
+    system, floor, tols = closed.periodic_system(), math.nan, sorted(MEASURED_TOLS, reverse=True) if peers else []
 
     def transition_matrices() -> Trials:
         nonlocal floor

@@ -14,7 +14,7 @@ from flexlin.linearization.linearization import Linearization
 from flexlin.motion import SymbolicMotion
 from flexlin.simulation.equations import loop_expressions
 
-PLACES = 32
+COMPARED_TIMES = 32
 """Times in a period at which periodic answers are compared."""
 METHODS = ("DOP853", "Radau")
 Rate = Callable[[float, Array], Array]
@@ -90,8 +90,8 @@ def derive_response_rate(lin: Linearization) -> ca.Function:
 
 def respond_periodically(rate: Rate, states: int, method: str, tol: float) -> Array:
     """The periodic response (32, 2n) from the transition matrix and the motion from rest."""
-    start, t = np.eye(states + 1, states).ravel(), np.arange(PLACES + 1) / PLACES
-    columns = integrate(rate, start, t, method, tol).reshape(PLACES + 1, states + 1, states)
+    start, t = np.eye(states + 1, states).ravel(), np.arange(COMPARED_TIMES + 1) / COMPARED_TIMES
+    columns = integrate(rate, start, t, method, tol).reshape(COMPARED_TIMES + 1, states + 1, states)
     X, x = columns[:, :-1].swapaxes(1, 2), columns[:, -1]
     return (X @ np.linalg.solve(np.eye(states) - X[-1], x[-1]) + x)[:-1]
 
@@ -109,9 +109,9 @@ def forget_start(rate: Rate, states: int, method: str, tol: float) -> Array:
     """The periodic X (32, 2n, 2n): backward from 0, period after period, until it repeats itself to ten times tol."""
     start, change = np.zeros(states**2), np.inf
     while not change <= 10 * tol * np.abs(start).max():
-        found = integrate(rate, start, np.arange(PLACES + 1) / PLACES, method, tol)
+        found = integrate(rate, start, np.arange(COMPARED_TIMES + 1) / COMPARED_TIMES, method, tol)
         start, change = found[-1], float(np.abs(found[-1] - start).max())
-    return found[:0:-1].reshape(PLACES, states, states)
+    return found[:0:-1].reshape(COMPARED_TIMES, states, states)
 
 
 def integrate(rate: Rate, start: Array, t: Array, method: str, tol: float) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from flexlin.analyses.judging import find_response
-from flexlin.checks import ROUNDING, SAMPLES, Array, try_to
+from flexlin.checks import SAMPLES, SUM_ROUNDING, Array, try_to
 from flexlin.control.drives import Demand, drive_load
 from flexlin.control.tracking import tip_positions
 from flexlin.linearization.linear import linearize
@@ -23,7 +23,7 @@ from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
-SEGMENTS = 4000
+MOST_SEGMENTS = 4000
 """A version that needs more segments than these for its margin is not judged."""
 
 
@@ -178,9 +178,9 @@ def part_coordinates(lin: Linearization) -> tuple[Array, Array]:
     coupled = np.zeros(M.shape[1:], dtype=bool)
     for matrix in (M, D, K):
         size = np.abs(matrix * unit[:, None] * unit).max(axis=0)
-        coupled |= size > ROUNDING * np.minimum(size.max(axis=1)[:, None], size.max(axis=1))
+        coupled |= size > SUM_ROUNDING * np.minimum(size.max(axis=1)[:, None], size.max(axis=1))
     force = np.abs(h * unit).max(axis=0)
-    felt = force > ROUNDING * force.max()
+    felt = force > SUM_ROUNDING * force.max()
     felt[: lin.n] |= (np.abs(lin.sample(t).B) > 0).any(axis=(0, 2))
     labels = connected_components(coupled, directed=False)[1]
     return labels, felt if felt.any() else np.ones_like(felt)
@@ -196,7 +196,7 @@ def _judge_margin(
         if places is not None:
             states = np.concatenate([places[places < n], places[places < n] + n, places[places >= n] + n])
             system = with_matrices(system, lambda t: lin.A(t)[:, states[:, None], states], None)
-        return floquet(system, tol, max_segments=SEGMENTS)
+        return floquet(system, tol, max_segments=MOST_SEGMENTS)
 
     result = try_to(solve)
     if isinstance(result, Exception):

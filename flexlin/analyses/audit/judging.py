@@ -9,7 +9,7 @@ import numpy as np
 
 from flexlin.analyses.audit.figures import Measure, Part, join_parts, measure
 from flexlin.analyses.audit.versions import Version, list_mode_versions
-from flexlin.analyses.judging import SMALL
+from flexlin.analyses.judging import SMALL_SHARE
 from flexlin.checks import try_to
 from flexlin.control.drives import Demand
 from flexlin.resources import advance
@@ -197,7 +197,7 @@ class Audit:
         return tuple(row.subject for row in self.effects if not row.on and row.significance > self.tolerance)
 
 
-TINY = 1e-6
+NEGLIGIBLE_SHARE = 1e-6
 """A torque, or a motion of the tip, that is nothing beside the largest of all joints, or beside the arm."""
 
 
@@ -234,7 +234,7 @@ class Judge:
         if marks or ("unknown" not in (own.verdict, theirs.verdict) and own.verdict != theirs.verdict):
             size = float("inf")
         judged = bool(np.isfinite([margin, path, torque]).all())
-        broken = max(other.tip_error, base.tip_error) > SMALL * self.reach
+        broken = max(other.tip_error, base.tip_error) > SMALL_SHARE * self.reach
         advice = advise(version, size > self.tolerance, judged, broken, unfelt)
         grown = (getattr(other, what) - getattr(base, what) for what in ("instructions", "microseconds", "coordinates"))
         instructions, microseconds, coordinates = grown
@@ -248,7 +248,7 @@ class Judge:
         if first is None or second is None:
             return float("nan")
         moves = float(np.linalg.norm(first - first.mean(axis=0), axis=1).max())
-        size = moves if moves > TINY * self.reach else self.reach
+        size = moves if moves > NEGLIGIBLE_SHARE * self.reach else self.reach
         return float(np.linalg.norm(second - first, axis=1).max() / size)
 
 
@@ -275,7 +275,7 @@ def compare_torques(base: Measure, other: Measure) -> float:
     largest = {
         unit: max(max(a.value, b.value) for a, b in pairs if a.unit == unit) for unit in {a.unit for a, _ in pairs}
     }
-    known = [(a.value, b.value) for a, b in pairs if max(a.value, b.value) > TINY * largest[a.unit]]
+    known = [(a.value, b.value) for a, b in pairs if max(a.value, b.value) > NEGLIGIBLE_SHARE * largest[a.unit]]
     return max((abs(a - b) / max(a, b) for a, b in known), default=0.0)
 
 

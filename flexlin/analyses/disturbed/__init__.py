@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlin.analyses.clock import Clock
 from flexlin.analyses.disturbed.stated import Directions, Disturbance, Kind, disturbing, state_disturbance
-from flexlin.analyses.judging import LEAST
+from flexlin.analyses.judging import LEAST_TOL
 from flexlin.analyses.loops import need_continuous
 from flexlin.checks import SAMPLES, Array, check_size, positive
 from flexlin.control.catalogue import design
@@ -22,7 +22,7 @@ from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
-from flexlin.periodic.sampled import STAGES, sections
+from flexlin.periodic.sampled import STEP_STAGES, sections
 from flexlin.periodic.system import Backward, OfPlant, PeriodicSystem, dual_system
 from flexlin.precision import SLIGHT
 from flexlin.scene.control import Drives
@@ -32,11 +32,11 @@ from flexlin.simulation.equations import NonlinearEquations, Places
 from flexlin.simulation.loop import NonlinearLoop
 from flexlin.summary import represent
 
-PHASES = 16
+BEGIN_PHASES = 16
 """Phases at which the disturbance begins."""
-INSIDE = 8
+TIMES_IN_PUSH = 8
 """Times at which a push is looked at while it lasts."""
-BAND = 0.02
+SETTLING_BAND = 0.02
 """The answer has settled when it stays within this part of its largest size."""
 
 
@@ -63,22 +63,24 @@ def answer_linearly(
     tol: float,
 ) -> LinearAnswer:
     """Follow x' = A x + enters(t) u from x = start, u = size for `duration` s (for ever when 0), over `count` steps of T / SAMPLES."""
-    T, n, phases = loop.period, loop.n, PHASES
+    T, n, phases = loop.period, loop.n, BEGIN_PHASES
     driven = PeriodicSystem(loop.A, T, enters, loop.breaks, loop.second_order, loop.features, loop.complete)
     begin = np.arange(phases) / phases
     z = np.empty((phases, n + 1))
     z[:, :n], z[:, n] = start, size
     kept, t = [z[:, :n].copy()], [0.0]
     if duration:
-        edges = (begin[:, None] * T + duration * np.arange(INSIDE) / INSIDE).ravel()
-        inside = sections(driven, edges, edges + duration / INSIDE, tol, STAGES).reshape(phases, INSIDE, n + 1, n + 1)
-        for k in range(INSIDE):
+        edges = (begin[:, None] * T + duration * np.arange(TIMES_IN_PUSH) / TIMES_IN_PUSH).ravel()
+        inside = sections(driven, edges, edges + duration / TIMES_IN_PUSH, tol, STEP_STAGES).reshape(
+            phases, TIMES_IN_PUSH, n + 1, n + 1
+        )
+        for k in range(TIMES_IN_PUSH):
             z = np.einsum("pij,pj->pi", inside[:, k], z)
             kept.append(z[:, :n].copy())
-            t.append(duration * (k + 1) / INSIDE)
+            t.append(duration * (k + 1) / TIMES_IN_PUSH)
         z[:, n] = 0.0
     grid = duration + T * np.arange(SAMPLES) / SAMPLES
-    steps, place = sections(driven, grid, grid + T / SAMPLES, tol, STAGES), np.arange(phases) * (SAMPLES // phases)
+    steps, place = sections(driven, grid, grid + T / SAMPLES, tol, STEP_STAGES), np.arange(phases) * (SAMPLES // phases)
     for k in range(count):
         z = np.einsum("pij,pj->pi", steps[(place + k) % SAMPLES], z)
         kept.append(z[:, :n].copy())
@@ -251,7 +253,7 @@ def respond(
         raise ArgumentError("the loop keeps no steady motion", got=f"{found.verdict}", expected="a stable loop")
     enters, T = OfPlant(disturbing(closed, stated), 2 * closed.n, loop.n), closed.period
     count = steps_of(float(found.exponents[0].real), T, periods)
-    size = 8 * PHASES * count * (2 * loop.n + 4)
+    size = 8 * BEGIN_PHASES * count * (2 * loop.n + 4)
     check_size(f"an answer over {count / SAMPLES:.3g} periods", size, "ask for fewer periods")
     lasting = stated.time if stated.kind == "push" else 0.0
     start = np.array(stated.start) if stated.start else np.zeros(2 * closed.n)
@@ -288,8 +290,8 @@ def observe(lin: Linearization, stated: Disturbance) -> tuple[Seen, str, str]:
 
 
 def settling_time(t: Array, values: Array, end: Array) -> float:
-    """The time after which values stay within BAND of their largest size about their end; inf where they do not."""
-    outside = np.flatnonzero(np.abs(values - end) > BAND * np.abs(values).max())
+    """The time after which values stay within SETTLING_BAND of their largest size about their end; inf where they do not."""
+    outside = np.flatnonzero(np.abs(values - end) > SETTLING_BAND * np.abs(values).max())
     if not len(outside):
         return 0.0
     return float(t[outside[-1] + 1]) if outside[-1] + 1 < len(t) else float("inf")
@@ -393,7 +395,7 @@ def answer_in_scene(
         if loop not in tables:
             raise ArgumentError("there is no such loop", got=repr(loop), expected=" | ".join(["own", *tables]))
         need_continuous(tables[loop])
-    tol = max(asked.tol, LEAST)
+    tol = max(asked.tol, LEAST_TOL)
     arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
     closed = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
     stated = state_disturbance(kind, words, closed)

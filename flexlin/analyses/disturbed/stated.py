@@ -8,7 +8,7 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
-from flexlin.bounds import LARGEST, SMALLEST
+from flexlin.bounds import LARGEST_NUMBER, SMALLEST_NUMBER
 from flexlin.checks import Array
 from flexlin.control.export.files import Labels
 from flexlin.control.sensors import tip_position
@@ -79,8 +79,8 @@ def state_disturbance(kind: Kind, words: str, lin: Linearization) -> Disturbance
 def sane_size(text: str, unit: str, zero: bool = False) -> float:
     """A quantity as a number that other numbers of an arm can be compared with; raises ValueError."""
     value = in_si(text, unit)
-    if not (SMALLEST <= abs(value) <= LARGEST or (zero and not value)):
-        raise ValueError(f"a number from {SMALLEST:g} to {LARGEST:g} in the place of {text!r}")
+    if not (SMALLEST_NUMBER <= abs(value) <= LARGEST_NUMBER or (zero and not value)):
+        raise ValueError(f"a number from {SMALLEST_NUMBER:g} to {LARGEST_NUMBER:g} in the place of {text!r}")
     return value
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 VERDICTS = np.array(["undecided", "stable", "unstable", "failed", "missing"])
 FAILED, MISSING = np.flatnonzero(np.isin(VERDICTS, ["failed", "missing"]))
-LONGEST = 240
+REASON_LENGTH = 240
 """Characters of a reason."""
 WITHIN = "the growth rate is zero to within its error: a smaller tol may decide"
 
@@ -54,10 +54,10 @@ class Found:
         self.one_by_one[i] = True
         result = solve_alone(make, tol)
         if isinstance(result, Exception):
-            self.verdict[i], self.reason[i] = FAILED, str(result)[:LONGEST]
+            self.verdict[i], self.reason[i] = FAILED, str(result)[:REASON_LENGTH]
             return
         self.exponents[i], self.error[i], self.period[i] = result.exponents, result.error, result.period
-        self.verdict[i], self.reason[i] = VERDICTS.tolist().index(result.verdict), result.reason[:LONGEST]
+        self.verdict[i], self.reason[i] = VERDICTS.tolist().index(result.verdict), result.reason[:REASON_LENGTH]
 
     def is_confirmed(self, i: int, make: Callable[[], "PeriodicSystem"], tol: float) -> bool:
         """Whether `floquet` finds the exponents of a value too, but for those that it only bounds, within the errors of both; imaginary

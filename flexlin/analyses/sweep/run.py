@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-LOADED = 3.0
+SECONDS_ALONE = 3.0
 """Seconds of work from which other processes are started, which take about one to load. Results do not depend on it."""
 
 
@@ -129,7 +129,7 @@ def choose_crew(
         return compute_here
     if job.work.threaded:
         return partial(share_among_threads, workers=several)
-    if workers is None and (not is_portable(job.work) or predict_seconds(job) < LOADED):
+    if workers is None and (not is_portable(job.work) or predict_seconds(job) < SECONDS_ALONE):
         return compute_here
     need_portable(job.work)
     return partial(share_among_processes, workers=several)

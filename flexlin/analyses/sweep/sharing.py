@@ -23,12 +23,12 @@ from flexlin.resources import listening
 if TYPE_CHECKING:
     from flexlin.analyses.sweep.job import Job
 
-AHEAD = 4
+BLOCKS_AHEAD = 4
 """Blocks for each worker that are given out at once: on a cluster they wait where they are computed."""
-ATTEMPTS = 3
+BLOCK_ATTEMPTS = 3
 """Times that a block is tried before it is given up as what kills the processes."""
 ENDED = "the process that computed it ended, three times"
-PATIENCE = 10.0
+SCHEDULER_SECONDS = 10.0
 """Seconds in which a scheduler must answer."""
 
 
@@ -37,7 +37,7 @@ def share(job: "Job", submit: Callable[[Array], "Future[Found]"], workers: int) 
     blocks, pending = iter(job.blocks), dict[Future[Found], int]()
     try:
         while True:
-            for start, stop in islice(blocks, AHEAD * workers - len(pending)):
+            for start, stop in islice(blocks, BLOCKS_AHEAD * workers - len(pending)):
                 pending[submit(job.points[start:stop])] = start
             if not pending:
                 return
@@ -86,7 +86,7 @@ def share_on_cluster(job: "Job", client: Any) -> Iterator[tuple[int, Found]]:
         from distributed import KilledWorker
 
         work = known.scatter(job.work, broadcast=True, hash=False)
-        pool = known.get_executor(pure=False, retries=ATTEMPTS)
+        pool = known.get_executor(pure=False, retries=BLOCK_ATTEMPTS)
         try:
             threads = max(1, sum(known.nthreads().values()))
             yield from share(job, lambda points: pool.submit(type(job.work).compute, work, points.copy()), threads)
@@ -113,7 +113,7 @@ def connect(client: Any) -> Iterator[Any]:
         raise ArgumentError("client is of another kind", got=repr(client)[:80], expected=expected)
     try:
         refuse_silence(client)
-        known = Client(client, timeout=PATIENCE)
+        known = Client(client, timeout=SCHEDULER_SECONDS)
     except (OSError, ValueError, TimeoutError) as error:
         todo = "start one: dask scheduler, and dask worker ADDRESS on each machine"
         raise ArgumentError("no scheduler answers", got=f"{client}: {str(error)[:120]}", todo=todo) from None
@@ -125,7 +125,7 @@ def refuse_silence(address: str) -> None:
     """Raise OSError or ValueError where nobody listens; Dask's client, on a busy machine, may then wait without end."""
     place = urlsplit(address if "://" in address else f"tcp://{address}")
     if place.scheme in ("tcp", "tls"):
-        socket.create_connection((place.hostname, place.port or 8786), PATIENCE).close()
+        socket.create_connection((place.hostname, place.port or 8786), SCHEDULER_SECONDS).close()
 
 
 class Crew:
@@ -141,7 +141,7 @@ class Crew:
         """A block, by a process that is idle. Raises: what the block raised there."""
         process, answer = self._idle.get(), None
         try:
-            for _ in range(ATTEMPTS):
+            for _ in range(BLOCK_ATTEMPTS):
                 with suppress(EOFError, OSError, pickle.UnpicklingError):
                     process = process or self._start()
                     send(process.stdin, points)  # type: ignore[arg-type]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import flexlin
-from flexlin.analyses.sweep.found import LONGEST, VERDICTS, Found
+from flexlin.analyses.sweep.found import REASON_LENGTH, VERDICTS, Found
 from flexlin.analyses.sweep.job import Job, lay_out
 from flexlin.bounds import LARGEST_MANIFEST
 from flexlin.checks import Array
@@ -139,7 +139,7 @@ def refuse_odd_files(path: Path, job: Job) -> None:
     Raises: OSError.
     """
     n, lengths = job.found.exponents.shape[1], [len(axis) for axis in list_values(job).values()]
-    largest = max(16 * n, LONGEST) * job.work.block + 8 * max(lengths) + LARGEST_MANIFEST
+    largest = max(16 * n, REASON_LENGTH) * job.work.block + 8 * max(lengths) + LARGEST_MANIFEST
     for file in path.rglob("*"):
         with suppress(FileNotFoundError):  # what another writer has just renamed
             if not file.is_dir():
@@ -259,11 +259,11 @@ def shorten(text: str, other: str) -> str:
 
 
 def encode(reasons: Any) -> Any:
-    """Texts as bytes (V, LONGEST), cut where a character ends."""
-    cut = [text.encode()[:LONGEST].decode(errors="ignore").encode() for text in reasons]
-    return np.array(cut, dtype=f"S{LONGEST}").view(np.uint8).reshape(-1, LONGEST)
+    """Texts as bytes (V, REASON_LENGTH), cut where a character ends."""
+    cut = [text.encode()[:REASON_LENGTH].decode(errors="ignore").encode() for text in reasons]
+    return np.array(cut, dtype=f"S{REASON_LENGTH}").view(np.uint8).reshape(-1, REASON_LENGTH)
 
 
 def decode(table: Any) -> Any:
-    """Bytes (V, LONGEST) as texts."""
+    """Bytes (V, REASON_LENGTH) as texts."""
     return np.array([bytes(row).rstrip(b"\0").decode() for row in table], dtype=object)

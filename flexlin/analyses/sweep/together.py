@@ -18,32 +18,32 @@ if TYPE_CHECKING:
     from flexlin.linearization.free import ParametricLoop
 
 
-FEWEST, MOST = 4, 1024
+FEWEST_SEGMENTS, MOST_SEGMENTS = 4, 1024
 """Least and largest number of segments among which is chosen."""
-STARTS = np.unique(np.geomspace(FEWEST, MOST, 97).round().astype(int))
+SEGMENT_NUMBERS = np.unique(np.geomspace(FEWEST_SEGMENTS, MOST_SEGMENTS, 97).round().astype(int))
 """The numbers themselves, twelve in a factor of two; the resolutions are multiples of them."""
-FEW = 3
+TRIAL_RESOLUTIONS = 3
 """Resolutions of a first trial."""
-ORDER = 8
+LOG_ORDER = 8
 """Of the extrapolated logs, by the length of the segments."""
-STEPS = 1.15, 2.0
+SEGMENT_FACTORS = 1.15, 2.0
 """Factors between the numbers of segments of a value's trials."""
-MARGIN = 1.06
+PILOT_MARGIN = 1.06
 """What values are given over what pilots needed: a second trial costs more."""
-PILOTS = 16, 256
+PILOT_VALUES = 16, 256
 """Least and largest number of values that are tried, one of 64 between them: a trial of one costs as much as three of the values."""
 
 
 @dataclass
 class Needs:
-    """What pilots (K, P) needed, as places in STARTS (K,); `spread`: of the logs of their moduli."""
+    """What pilots (K, P) needed, as places in SEGMENT_NUMBERS (K,); `spread`: of the logs of their moduli."""
 
     pilots: Array
     rungs: Array
     spread: float
 
     def predict(self, points: Array) -> Array:
-        """Places in STARTS for points (V, P): the largest of the P + 1 nearest pilots', by how many pilots lie between."""
+        """Places in SEGMENT_NUMBERS for points (V, P): the largest of the P + 1 nearest pilots', by how many pilots lie between."""
         near = min(points.shape[1] + 1, len(self.rungs))
         distances = np.zeros((len(points), len(self.rungs)))
         for x, known in zip(points.T, self.pilots.T, strict=True):
@@ -54,7 +54,7 @@ class Needs:
 
     def learn(self, points: Array, segments: Array, misses: Array, logs: Array) -> None:
         """Take one more pilot, the middle one of values (V, P) that met the tolerance on more segments (V,) than were predicted."""
-        needed = MARGIN * segments * np.clip(misses ** (1 / ORDER), 1 / STEPS[1], 1.0)
+        needed = PILOT_MARGIN * segments * np.clip(misses ** (1 / LOG_ORDER), 1 / SEGMENT_FACTORS[1], 1.0)
         middle = np.argsort(needed)[len(needed) // 2]
         self.pilots = np.vstack([self.pilots, points[middle]])
         self.rungs = np.append(self.rungs, find_rungs(needed[[middle]]))
@@ -63,12 +63,12 @@ class Needs:
     @property
     def usual(self) -> int:
         """The number of segments that a pilot needs in the middle."""
-        return int(STARTS[np.sort(self.rungs)[len(self.rungs) // 2]])
+        return int(SEGMENT_NUMBERS[np.sort(self.rungs)[len(self.rungs) // 2]])
 
 
 def find_rungs(wanted: Array) -> Array:
-    """The least places in STARTS with as many segments as wanted."""
-    return np.searchsorted(STARTS, wanted * (1 - 1e-9)).clip(max=len(STARTS) - 1)
+    """The least places in SEGMENT_NUMBERS with as many segments as wanted."""
+    return np.searchsorted(SEGMENT_NUMBERS, wanted * (1 - 1e-9)).clip(max=len(SEGMENT_NUMBERS) - 1)
 
 
 def pack(rungs: Array) -> Iterator[tuple[int, Array]]:
@@ -81,49 +81,49 @@ def pack(rungs: Array) -> Iterator[tuple[int, Array]]:
     of_vectors = rungs[order[last]]
     for rung in np.unique(of_vectors):
         vectors = np.flatnonzero(of_vectors == rung)
-        yield int(STARTS[rung]), order[WIDTH * vectors[0] : WIDTH * (vectors[-1] + 1)]
+        yield int(SEGMENT_NUMBERS[rung]), order[WIDTH * vectors[0] : WIDTH * (vectors[-1] + 1)]
 
 
 def learn_needs(kernel: Kernel, points: Array, scale: Array, tol: float) -> Needs:
     """What values spread over the points (V, P) need."""
-    count = np.arange(np.clip(len(points) // 64, *PILOTS))
+    count = np.arange(np.clip(len(points) // 64, *PILOT_VALUES))
     pilots = points[np.unique((count * 0.6180339887498949 % 1.0 * len(points)).astype(int))]
     needs, spread = try_pilots(kernel, pilots, scale, tol)
     met = np.isfinite(pilots).all(axis=1) & np.isfinite(needs)
     if not met.any():
-        return Needs(np.zeros((1, points.shape[1])), np.array([len(STARTS) - 1]), spread)
-    return Needs(pilots[met], find_rungs(MARGIN * needs[met]), spread)
+        return Needs(np.zeros((1, points.shape[1])), np.array([len(SEGMENT_NUMBERS) - 1]), spread)
+    return Needs(pilots[met], find_rungs(PILOT_MARGIN * needs[met]), spread)
 
 
 def try_pilots(kernel: Kernel, pilots: Array, scale: Array, tol: float) -> tuple[Array, float]:
     """Segments (V,) on which each pilot just meets tol, infinite where none does, and the spread of the logs of their moduli."""
     needs, spread = np.full(len(pilots), np.inf), -np.inf
-    wanted = np.full(len(pilots), float(FEWEST))
+    wanted = np.full(len(pilots), float(FEWEST_SEGMENTS))
     left = np.arange(len(pilots))
     while len(left):
         left = left[np.argsort(wanted[left], kind="stable")]
         segments = int(wanted[left[0]])
-        now = left[wanted[left] <= STEPS[0] * segments]
+        now = left[wanted[left] <= SEGMENT_FACTORS[0] * segments]
         segments = int(wanted[now].max())
-        found = kernel.find_logs(pilots[now], segments, scale, tol / 100, np.inf, np.inf, FEW)
+        found = kernel.find_logs(pilots[now], segments, scale, tol / 100, np.inf, np.inf, TRIAL_RESOLUTIONS)
         misses = found.misses(tol)
-        growth = misses ** (1 / ORDER)
+        growth = misses ** (1 / LOG_ORDER)
         met = misses <= 1
-        needs[now[met]] = np.maximum(segments * growth[met], segments / STEPS[1])
+        needs[now[met]] = np.maximum(segments * growth[met], segments / SEGMENT_FACTORS[1])
         if met.any():
             spread = max(spread, measure_spread(found.logs[met]))
-        wanted[now] = np.ceil(segments * np.clip(growth, *STEPS))
+        wanted[now] = np.ceil(segments * np.clip(growth, *SEGMENT_FACTORS))
         known = needs[np.isfinite(needs)]
         most = (
-            min(MOST, STEPS[1] ** 2 * known.max()) if known.size else MOST
+            min(MOST_SEGMENTS, SEGMENT_FACTORS[1] ** 2 * known.max()) if known.size else MOST_SEGMENTS
         )  # who needs far more than the others is given up
         left = left[np.isinf(needs[left]) & (wanted[left] <= most)]
     return needs, spread if np.isfinite(spread) else np.inf
 
 
-SLACK = 1.1
+SPREAD_SLACK = 1.1
 """The spread of the moduli may exceed the pilots' by this factor."""
-BLOCK = 65536
+BLOCK_VALUES = 65536
 """Values of a block at the most, times the square of the states: in a larger one more are alike, but it is seen later."""
 
 
@@ -162,7 +162,7 @@ class Together:
         scale = kernel.balance(points[spread_over(len(points), 3 * WIDTH)])
         needs = learn_needs(kernel, points, scale, tol)
         made = cls(source, source.may_be_narrow, tol, kernel, scale, needs, len(points))
-        if needs.usual >= MOST or not (source.is_smooth or made.is_confirmed(points)):
+        if needs.usual >= MOST_SEGMENTS or not (source.is_smooth or made.is_confirmed(points)):
             return None
         return made
 
@@ -188,7 +188,7 @@ class Together:
     def block(self) -> int:
         """Values of a block: an eighth of all, or twelve vectors; as many wherever it is computed: no result depends on the cuts."""
         shared = max(12 * WIDTH, self.values // 8)
-        return WIDTH * max(1, min(shared, BLOCK // self.kernel.model.states**2) // WIDTH)
+        return WIDTH * max(1, min(shared, BLOCK_VALUES // self.kernel.model.states**2) // WIDTH)
 
     def compute(self, points: Array) -> Found:
         """All values of a block: together, and those that are narrow or miss tol one by one."""
@@ -210,8 +210,13 @@ class Together:
 
     def solve(self, points: Array, rest: Array, enter: Callable[[Array, Logs, int], Array]) -> Array:
         """Compute values on more and more segments until `enter`, which takes both, says that errors are 1 or less; return the others."""
-        rungs, spread, levels, alone = self.needs.predict(points[rest]), SLACK * self.needs.spread, FEW, [rest[:0]]
-        least = STEPS[0]
+        rungs, spread, levels, alone = (
+            self.needs.predict(points[rest]),
+            SPREAD_SLACK * self.needs.spread,
+            TRIAL_RESOLUTIONS,
+            [rest[:0]],
+        )
+        least = SEGMENT_FACTORS[0]
         while len(rest):
             misses, used = np.empty(len(rest)), np.empty(len(rest))
             for segments, which in pack(rungs):
@@ -219,13 +224,13 @@ class Together:
                 misses[which] = enter(rest[which], self.kernel.find_logs(points[rest[which]], *given), segments)
                 used[which] = segments
             missed = misses > 1
-            wanted = used * np.clip(misses ** (1 / ORDER), least, STEPS[1])
-            alone.append(rest[missed & (used >= MOST)])
-            again = missed & (used < MOST)
-            rest, rungs = rest[again], find_rungs(np.minimum(wanted[again], MOST))
-            if least == STEPS[1]:
+            wanted = used * np.clip(misses ** (1 / LOG_ORDER), least, SEGMENT_FACTORS[1])
+            alone.append(rest[missed & (used >= MOST_SEGMENTS)])
+            again = missed & (used < MOST_SEGMENTS)
+            rest, rungs = rest[again], find_rungs(np.minimum(wanted[again], MOST_SEGMENTS))
+            if least == SEGMENT_FACTORS[1]:
                 levels = len(MULTIPLES)
-            spread, least = np.inf, STEPS[1]  # moduli may lie further apart than the pilots'
+            spread, least = np.inf, SEGMENT_FACTORS[1]  # moduli may lie further apart than the pilots'
         return np.concatenate(alone)
 
     def find_narrow(self, points: Array) -> Array:

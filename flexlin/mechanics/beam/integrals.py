@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import ROUNDING, Array, real_array
+from flexlin.checks import SUM_ROUNDING, Array, real_array
 from flexlin.errors import ArgumentError
 
 
@@ -155,7 +155,7 @@ def shape_integrals(
 def orthogonal(products: Array) -> Array:
     """Set to zero what is zero but for rounding, relative to the diagonal: modes are orthogonal, and each zero saves instructions."""
     size = np.sqrt(np.diag(products))
-    return np.where(np.abs(products) > ROUNDING * np.outer(size, size), products, 0.0)
+    return np.where(np.abs(products) > SUM_ROUNDING * np.outer(size, size), products, 0.0)
 
 
 @lru_cache(maxsize=64)

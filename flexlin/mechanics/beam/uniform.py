@@ -16,7 +16,7 @@ from flexlin.mechanics.beam.integrals import Shapes, gauss_legendre
 Boundary = Callable[[Array, Array, Array], Array]
 """Boundary conditions: (beta, basis at xi = 0, basis at xi = 1) -> (N, 4, 4); a basis is (N, derivative, function)."""
 
-STEP = 0.02
+SCAN_STEP = 0.02
 """Width of the scan for roots; roots of a uniform beam lie near pi apart."""
 
 
@@ -58,7 +58,7 @@ def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShap
 
         det boundary_matrix(beta) = 0,   boundary_matrix(beta) c = 0,   int_0^1 X^2 = 1
 
-    Assumes that no root lies below `lowest` (rigid modes have beta = 0 and are left out) and that roots lie further apart than STEP.
+    Assumes that no root lies below `lowest` (rigid modes have beta = 0 and are left out) and that roots lie further apart than SCAN_STEP.
 
     Parameters: n modes; boundary: the four conditions in scaled derivatives X^(d) / beta^d.
     Returns: modes whose curvature at the base, or slope where that is zero, is positive.
@@ -71,7 +71,7 @@ def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShap
         return np.linalg.det(boundary_matrix(beta, boundary))
 
     # below beta = 0.1 the scan is logarithmic: a heavy tip drives the first root towards zero
-    grid = np.concatenate([np.geomspace(lowest, 0.1, 200), np.arange(0.1, np.pi * (n + 2), STEP)[1:]])
+    grid = np.concatenate([np.geomspace(lowest, 0.1, 200), np.arange(0.1, np.pi * (n + 2), SCAN_STEP)[1:]])
     values = determinant(grid)
     brackets = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)[:n]
     if len(brackets) < n:

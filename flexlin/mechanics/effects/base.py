@@ -50,7 +50,7 @@ class Chain:
     same as the motors see them, behind any joint flexibility; moving: the number of the link behind each of these joints. For each link:
     the frame before its joint, the joint's axis (3, 1), the frame behind it, the link, the frame at its tip, the number of the link that
     carries it, -1 for the ground, what its bearing gives, (2, 1) or nothing, with the rates. All bodies that have mass, and as forms
-    those of links that bend far; the symbol of the basic motion's phase t/T.
+    those of links that bend far; the symbols of the basic motion's phase t/T, and of the rates that loads from outside depend on.
     """
 
     q: ca.SX
@@ -69,6 +69,7 @@ class Chain:
     masses: tuple[InertiaForm, ...] = ()
     parents: tuple[int, ...] = ()
     phase: ca.SX = field(default_factory=lambda: ca.SX.sym("phase"))
+    seen_rate: ca.SX = field(default_factory=lambda: ca.SX.sym("seen_rate"))
 
 
 class Effect(EffectTable):
@@ -398,7 +399,7 @@ class Effect(EffectTable):
         Returns
         -------
         casadi.SX
-            The power, in W, linear in the rates; it may hold the chain's phase.
+            The power, in W, linear in the rates; it may hold the chain's phase, and `seen_rate` in the place of the first joint's rate.
         """
         return ca.SX(0)
 

@@ -12,15 +12,15 @@ Rates = Callable[[Array], tuple[Array, Array]]
 """Times -> q' and q'' of a joint."""
 Features = tuple[tuple[float, float], ...]
 """Pairs (time, half-width) in s, times in [0, T)."""
-SAMPLES = 8192
+TURNING_SAMPLES = 8192
 """Times of a period among which turn-arounds are bracketed; two that are closer are found as a minimum of |q'| between them."""
-SATURATED = 20.0
+SATURATED_RATES = 20.0
 """Rates over the saturating one at which nothing is left: sech^2(20) is 2e-17."""
-WIDE = 0.05
+WIDE_SHARE = 0.05
 """Of the period: what is wider is not narrow."""
-COVERED = 4.5
+COVERED_WIDTHS = 4.5
 """Where q' leaves zero as t^p, it passes the rate after p times the half-width there; p is at most 4 in the shipped motions."""
-PARTS, ROUNDS = 256, 5
+DIVISION_PARTS, DIVISION_ROUNDS = 256, 5
 """Into how many parts an interval is divided at a time, and how often: to rounding."""
 
 
@@ -50,16 +50,16 @@ def slow_passages(motion: Moving, joint: int, rate: float) -> Features:
     Returns: features narrower than T / 20, by rising time; those that another beside them covers are left out.
     """
     T, (of, t, speed, turning, touching) = motion.period, turn_rounds(motion, joint)
-    still = touching[np.abs(of(touching)[0]) <= SATURATED * rate]
+    still = touching[np.abs(of(touching)[0]) <= SATURATED_RATES * rate]
     turns = np.union1d(turning, still)
     leaving = crossings(lambda s: np.abs(of(s)[0]) - rate, t, np.abs(speed) - rate)
     with np.errstate(divide="ignore"):
         passing = rate / np.abs(of(leaving)[1])
     narrow = [
         (float(time), float(width), float(covered * width))
-        for times, lasting, covered in ((turns, widths(of, turns, rate, T), 1.5), (leaving, passing, COVERED))
+        for times, lasting, covered in ((turns, widths(of, turns, rate, T), 1.5), (leaving, passing, COVERED_WIDTHS))
         for time, width in sorted(zip(np.mod(times, T), lasting, strict=True), key=lambda pair: pair[1])
-        if 0 < width < WIDE * T
+        if 0 < width < WIDE_SHARE * T
     ]
     return uncovered(narrow, T)
 
@@ -75,7 +75,7 @@ def turn_rounds(motion: Moving, joint: int) -> tuple[Rates, Array, Array, Array,
         _, speed, acceleration = motion.sample(np.mod(t.ravel(), T))
         return speed[:, joint].reshape(t.shape), acceleration[:, joint].reshape(t.shape)
 
-    t = np.union1d(T * np.arange(-1, SAMPLES + 1) / SAMPLES, edges)
+    t = np.union1d(T * np.arange(-1, TURNING_SAMPLES + 1) / TURNING_SAMPLES, edges)
     speed, acceleration = of(t)
     bent = crossings(lambda s: of(s)[1], t, acceleration)
     after = np.searchsorted(t, bent)
@@ -98,8 +98,8 @@ def crossings(f: Callable[[Array], Array], t: Array, values: Array) -> Array:
 def pin_down(before: Callable[[Array], Array], low: Array, high: Array) -> tuple[Array, Array]:
     """Ends (N,) of intervals within which `before` turns false, for times (P, N) at once: what costs is each call, not its times."""
     each = np.arange(len(low))
-    for _ in range(ROUNDS):
-        t = np.linspace(low, high, PARTS + 1)
+    for _ in range(DIVISION_ROUNDS):
+        t = np.linspace(low, high, DIVISION_PARTS + 1)
         passed = np.logical_and.accumulate(before(t[1:-1])).sum(axis=0)
         low, high = t[passed, each], t[passed + 1, each]
     return low, high

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.boundary.spectra import (
-    SCAN,
+    SCAN_SHARE,
     Effort,
     Spectra,
     SpectraFunction,
@@ -17,18 +17,18 @@ from flexlin.periodic.boundary.spectra import (
     measure_meetings,
 )
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.roots import MOST, SignedEnds, solve_brackets, solve_uncertain
-from flexlin.precision import MINOR, PARTIAL, ROOT, SAFETY, TINY
+from flexlin.periodic.roots import MOST_STEPS, SignedEnds, solve_brackets, solve_uncertain
+from flexlin.precision import MINOR, PARTIAL, ROOT_EPS, SAFETY, TINY
 
-SAMPLES = 1025
+SCAN_VALUES = 1025
 """Values of the scan: no interval of instability wider than 1/1024 of the range lies between two of them."""
-COARSE, CELLS = 8, 32
+COARSE_CELLS, CELLS = 8, 32
 """Cells of a scan at the least, of one with the time for it, and of a lattice on either side."""
-REACH = 2.0
+DECAY_REACH = 2.0
 """A pair whose decay over a period exceeds its motion across a cell by this factor is not lifted to growth inside the cell alone."""
-HALVED = 4
+LINE_HALVINGS = 4
 """How often, at the most, cells of a lattice's lines are halved."""
-UNLIKE = 0.5
+UNLIKE_ANGLES = 0.5
 """Angles of multipliers that differ by more belong to different tongues."""
 
 LinesFunction = Callable[[Array, Array], Spectra]
@@ -115,7 +115,7 @@ def find_crossings(
     low: float,
     high: float,
     tol: float,
-    samples: int = SAMPLES,
+    samples: int = SCAN_VALUES,
     narrow: bool = True,
     effort: Effort | None = None,
 ) -> list[Crossing]:
@@ -141,13 +141,13 @@ def find_crossings(
 
     scan = Scan(np.zeros(len(points), dtype=int), points, drop_resting(spectra, resting), without_rest(rough))
     if narrow and not effort.gap:
-        accuracy = max(tol / 4, ROOT**1.5 * (high - low))
+        accuracy = max(tol / 4, ROOT_EPS**1.5 * (high - low))
         scan, peaks = add_tongues(scan, accuracy, effort)
         touching = list_touching(peaks, scan.spectra)
     changes = list_changes(scan)
     if not len(changes.line):
         return touching
-    near = max(tol / 4, ROOT * (high - low))
+    near = max(tol / 4, ROOT_EPS * (high - low))
     values, errors, slopes = solve_changes(changes, scan.at, near, effort)
     if effort.affords(4 * len(changes.line)) and not effort.unfinished:  # what the last digits of a place take
         values, errors, slopes = solve_changes(changes, without_rest(fine), tol / 4, effort, values, 4 * near)
@@ -159,7 +159,7 @@ def find_crossings(
 
 
 def scan_line(function: SpectraFunction, grid: Array, effort: Effort) -> tuple[Array, Spectra]:
-    """Values of a rising grid and spectra there: all where a verdict could change, and fewer elsewhere, COARSE cells at the least.
+    """Values of a rising grid and spectra there: all where a verdict could change, and fewer elsewhere, COARSE_CELLS cells at the least.
 
     A cell is divided unless `settles` says that its verdict is one, however multipliers turn in it where it is one of fewer than CELLS;
     these are divided at last, where time does. Where it does not do for all, a part of it goes to those nearest to what is asked about
@@ -172,9 +172,9 @@ def scan_line(function: SpectraFunction, grid: Array, effort: Effort) -> tuple[A
         if len(chosen) > last:
             return grid, found
         settled, widths = settles(found), np.diff(chosen)
-        wide, widest = (widths > max(1, last // cells) for cells in (CELLS, COARSE))
+        wide, widest = (widths > max(1, last // cells) for cells in (CELLS, COARSE_CELLS))
         sure = settled & ~widest & (~wide | settles(found, turning=True))
-        share = SCAN if np.ptp(found.verdicts) else (1 + SCAN) / 2
+        share = SCAN_SHARE if np.ptp(found.verdicts) else (1 + SCAN_SHARE) / 2
         count, open_ = effort.count(share), np.flatnonzero((widths > 1) & ~sure)
         if not len(open_) and wide.sum() <= count:
             open_ = np.flatnonzero(wide)
@@ -196,7 +196,7 @@ def scan_line(function: SpectraFunction, grid: Array, effort: Effort) -> tuple[A
 def list_touching(peaks: Peaks, scan: Spectra) -> list[Crossing]:
     """Tongues closed to within rounding: an undamped multiplier meets its conjugate and no growth is seen."""
     closed = (
-        peaks.conjugate & ~peaks.unstable & (peaks.bend > 0) & (peaks.gap <= SAFETY * np.maximum(peaks.error, ROOT))
+        peaks.conjugate & ~peaks.unstable & (peaks.bend > 0) & (peaks.gap <= SAFETY * np.maximum(peaks.error, ROOT_EPS))
     )
     if (scan.verdicts < 0).any():
         return []
@@ -212,9 +212,9 @@ def list_touching(peaks: Peaks, scan: Spectra) -> list[Crossing]:
 def settles(scan: Spectra, turning: bool = False) -> Array:
     """Between which neighbours of a scan (V,) the verdict cannot change, (V - 1,).
 
-    Where both are stable: every log of a multiplier is further from the axis than it moves across the cell, by the factor REACH, as for
-    peaks of a scan, and by MINOR, since one that decays less may meet others anywhere. Where both are unstable: one that grows is so.
-    Where neither has an answer there is nothing to find.
+    Where both are stable: every log of a multiplier is further from the axis than it moves across the cell, by the factor DECAY_REACH, as
+    for peaks of a scan, and by MINOR, since one that decays less may meet others anywhere. Where both are unstable: one that grows is
+    so. Where neither has an answer there is nothing to find.
 
     Parameters: turning: multipliers may have turned by any angle across a cell, which a wide one does not show.
     """
@@ -222,7 +222,7 @@ def settles(scan: Spectra, turning: bool = False) -> Array:
     logs = np.where(known[:, None], scan.felt, 0.0)
     seen, turn = (logs.real + 0j, np.pi) if turning else (logs, 0.0)
     apart = np.hypot(measure_distances(seen[:-1].T, seen[1:].T), turn)  # (n, n, V - 1)
-    there, back = REACH * apart.min(axis=1).T, REACH * apart.min(axis=0).T
+    there, back = DECAY_REACH * apart.min(axis=1).T, DECAY_REACH * apart.min(axis=0).T
     a, b = logs[:-1].real, logs[1:].real
     decays = np.all((-a > there + MINOR) & (-b > back + MINOR), axis=1)
     grows = np.any(a > there + MINOR, axis=1) & np.any(b > back + MINOR, axis=1)
@@ -240,7 +240,7 @@ def add_tongues(scan: Scan, accuracy: float, effort: Effort) -> tuple[Scan, Peak
 def divide_unsettled(scan: Scan) -> Scan:
     """The scan with its unsettled cells halved, and again where multipliers turn so far that tongues inside may not show beside them."""
     cell = np.flatnonzero(scan.joined & ~settles(scan.spectra))
-    for _ in range(HALVED):
+    for _ in range(LINE_HALVINGS):
         scan = scan.with_values(scan.line[cell], (scan.values[cell] + scan.values[cell + 1]) / 2)
         first = cell + np.arange(len(cell))
         first = first[turns_unevenly(*(scan.spectra.at(first + k).logs for k in range(3)))]
@@ -270,7 +270,7 @@ def list_end_peaks(scan: Scan, settled: Array) -> tuple[Array, Array]:
     for three, cell in ((first + np.arange(3)[:, None], 0), (last + np.arange(-2, 1)[:, None], 1)):
         x = scan.values[three][..., None]
         top = fit_parabola(x, measure_heights(scan.spectra.at(three.ravel())).reshape(*three.shape, -1))[0]
-        step = ROOT * (x[2] - x[0])
+        step = ROOT_EPS * (x[2] - x[0])
         inside = (top > x[cell] + step) & (top < x[cell + 1] - step)
         owner, column = np.nonzero(inside & ~settled[three[cell]][:, None])
         lines.append(scan.line[first[owner]])
@@ -296,7 +296,7 @@ def may_grow(spectra: Spectra, heights: Array, column: Array) -> Array:
     largest = spectra.logs.real.max(axis=1, keepdims=True)
     growth = np.concatenate([measure_meetings(spectra)[1], largest], axis=1)
     decay = -np.take_along_axis(growth, column.reshape(len(growth), -1), axis=1).reshape(column.shape)
-    return np.asarray(decay <= REACH * np.where(column < growth.shape[1] - 1, np.sqrt(drop), drop))
+    return np.asarray(decay <= DECAY_REACH * np.where(column < growth.shape[1] - 1, np.sqrt(drop), drop))
 
 
 def climb_peaks(scan: Scan, accuracy: float, settled: Array, effort: Effort) -> Peaks:
@@ -310,11 +310,11 @@ def climb_peaks(scan: Scan, accuracy: float, settled: Array, effort: Effort) -> 
     x, f, error = scan.values[three], heights[three, column], widest_error(scan.spectra)[index]
     unstable, climbing = np.zeros(len(index), dtype=bool), np.ones(len(index), dtype=bool)
     bend, slow = np.maximum(-fit_parabola(x, f)[1], 0.0), np.zeros(len(index), dtype=bool)
-    for _ in range(MOST):
+    for _ in range(MOST_STEPS):
         which = np.flatnonzero(climbing)
         if not len(which):
             break
-        if not effort.affords(len(which), (1 + SCAN) / 2):
+        if not effort.affords(len(which), (1 + SCAN_SHARE) / 2):
             effort.leave(x[:, which].min(axis=0), x[:, which].max(axis=0))
             break
         new, width = place_top(x[:, which], f[:, which], slow[which]), np.ptp(x[:, which], axis=0)
@@ -372,7 +372,7 @@ def add_quiet_strips(scan: Scan, accuracy: float) -> Scan:
     """
     angle = np.abs(scan.spectra.logs.imag[np.arange(len(scan.line)), scan.spectra.leading])
     unstable = scan.spectra.verdicts > 0
-    index = np.flatnonzero(unstable[1:] & unstable[:-1] & scan.joined & (np.abs(np.diff(angle)) > UNLIKE))
+    index = np.flatnonzero(unstable[1:] & unstable[:-1] & scan.joined & (np.abs(np.diff(angle)) > UNLIKE_ANGLES))
 
     def signed(which: Array, values: Array) -> Array:
         found, cell = scan.at(scan.line[index[which]], values), index[which]

@@ -8,8 +8,8 @@ from numpy.polynomial import chebyshev
 from flexlin.checks import Array
 from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.follow import (
-    EXACT,
-    STEP,
+    EXACT_PARTS,
+    GRADIENT_STEP,
     Vertices,
     find_directions,
     find_islands,
@@ -28,13 +28,13 @@ from flexlin.periodic.boundary.spectra import (
     measure_margins,
 )
 from flexlin.periodic.interpolation import NODES, chebyshev_nodes, divide_evenly
-from flexlin.precision import CUBE, TINY
+from flexlin.precision import CUBE_ROOT_EPS, TINY
 
-INNER = 4
+INNER_CELLS = 4
 """Cells on either side of a cell that is divided again."""
-SMALLEST = 2e-3
+SMALLEST_BOX = 2e-3
 """Boxes smaller than this part of the ranges are searched for a tongue's tip before they are divided."""
-DEGREE = 5
+MARGIN_DEGREE = 5
 """Of the polynomials through the margin on a box, along either side."""
 
 
@@ -98,9 +98,9 @@ class Tracer:
         spectra, whole = self.function(spread(xs, ys)), low.max() == 0.0 and high.min() == 1.0
         if whole:
             xs, ys, spectra = find_islands(xs, ys, spectra, self.function)
-        nodes, entered, left = find_nodes(xs, ys, spectra, self.function, self.tol / EXACT, self.narrow)
+        nodes, entered, left = find_nodes(xs, ys, spectra, self.function, self.tol / EXACT_PARTS, self.narrow)
         size = float((high - low).max())
-        step = STEP * min(1.0, CELLS * size)
+        step = GRADIENT_STEP * min(1.0, CELLS * size)
         directions = find_directions(nodes.points, nodes.angles, nodes.undamped, self.function, step)
         nodes = replace(nodes, directions=directions)
         following = link_nodes(nodes, entered, left)
@@ -124,16 +124,16 @@ class Tracer:
         follower, off, size = trace.follower.copy(), trace.off.copy(), float((high - low).max())
         for node, last in pairs.tolist():
             follower[trace.passes(node, last)] = -1
-        if size <= self.tol * EXACT / 2:
+        if size <= self.tol * EXACT_PARTS / 2:
             follower[pairs[:, 0]], off[pairs[:, 0]] = pairs[:, 1], size
             return Trace(trace.vertices, follower, off)
         trace = Trace(trace.vertices, follower, off)
-        if size <= SMALLEST:
+        if size <= SMALLEST_BOX:
             first = trace.vertices.at(pairs[:1, 0])
             tip = find_tip(low, high, first.angles, first.undamped, self.function, self.tol)
             if tip is not None:
                 return join_through(trace, pairs, tip)
-        return join_traces(trace, self.trace(low, high, INNER), pairs, self.tol)
+        return join_traces(trace, self.trace(low, high, INNER_CELLS), pairs, self.tol)
 
 
 def find_curves(
@@ -158,7 +158,7 @@ def find_curves(
 
     trace = Tracer(moving, tol, not constant, effort or Effort()).trace(np.zeros(2), np.ones(2), cells)
     curves = [draw_curve(chain, trace, tol) for chain in list_chains(trace.follower)]
-    return [curve for curve in curves if np.ptp(curve.points, axis=0).max() > SMALLEST]
+    return [curve for curve in curves if np.ptp(curve.points, axis=0).max() > SMALLEST_BOX]
 
 
 def find_lost_ends(curves: list[Curve]) -> list[Array]:
@@ -166,8 +166,8 @@ def find_lost_ends(curves: list[Curve]) -> list[Array]:
     ends = np.array([curve.points[k] for curve in curves for k in (0, -1)]).reshape(-1, 2)
     apart = np.linalg.norm(ends[:, None] - ends, axis=2)
     apart[np.diag_indices(len(ends))] = np.inf
-    inside = np.minimum(ends, 1 - ends).min(axis=1) > CUBE
-    lost = (inside & (apart.min(axis=1, initial=np.inf) > SMALLEST)).reshape(-1, 2)
+    inside = np.minimum(ends, 1 - ends).min(axis=1) > CUBE_ROOT_EPS
+    lost = (inside & (apart.min(axis=1, initial=np.inf) > SMALLEST_BOX)).reshape(-1, 2)
     return [ends[2 * k : 2 * k + 2][lost[k]] for k in range(len(curves))]
 
 
@@ -261,25 +261,25 @@ def find_tip(
     Parameters: low, high (2,): of the box; angle, undamped (1,): of the margin.
     Source: Seyranian, Mailybaev, Multiparameter Stability Theory (2003), section 2.9 (singularities of stability boundaries).
     """
-    nodes = spread(*2 * [chebyshev.chebpts1(DEGREE + 1)])
+    nodes = spread(*2 * [chebyshev.chebpts1(MARGIN_DEGREE + 1)])
     places, count = (low + high) / 2 + nodes * (high - low) / 2, len(nodes)
     values, errors = measure_margins(function(places), np.repeat(undamped, count), np.repeat(angle, count))
     if not (np.isfinite(values).all() and np.isfinite(errors).all()):
         return None
-    margin = np.linalg.solve(chebyshev.chebvander2d(nodes[:, 0], nodes[:, 1], [DEGREE, DEGREE]), values).reshape(
-        DEGREE + 1, DEGREE + 1
-    )
+    margin = np.linalg.solve(
+        chebyshev.chebvander2d(nodes[:, 0], nodes[:, 1], [MARGIN_DEGREE, MARGIN_DEGREE]), values
+    ).reshape(MARGIN_DEGREE + 1, MARGIN_DEGREE + 1)
     tail, rounding = float(np.abs(margin[-1]).sum() + np.abs(margin[:, -1]).sum()), float(np.median(errors))
     borders = [(axis, end) for axis in range(2) for end, at in ((-1, low[axis] <= 0), (1, high[axis] >= 1)) if at]
     for sides in (borders, [None]):
         close = []
         for side in sides:
             point, bend = find_critical(margin, side)
-            if np.abs(point).max() <= 1 + CUBE and bend > 0:
+            if np.abs(point).max() <= 1 + CUBE_ROOT_EPS and bend > 0:
                 left = abs(float(value_of(margin, point)))
                 apart = np.sqrt(2 * (left + rounding + tail) / bend) * (high - low).max() / 2
                 place = np.clip((low + high) / 2 + point * (high - low) / 2, 0.0, 1.0)
-                close.append(Tip(place, float(apart), left + tail <= EXACT * rounding))
+                close.append(Tip(place, float(apart), left + tail <= EXACT_PARTS * rounding))
         close = [tip for tip in close if tip.zero or tip.error <= tol]
         if close:
             return min(close, key=lambda tip: tip.error)
@@ -299,7 +299,7 @@ def find_critical(margin: Array, side: tuple[int, int] | None) -> tuple[Array, f
     for _ in range(NODES):
         gradient = np.array([value_of(slopes[axis], point) for axis in free])
         hessian = np.array([[value_of(bends[i][j], point) for i in free] for j in free])
-        point[free] = np.clip(point[free] + np.linalg.lstsq(hessian, -gradient, rcond=CUBE)[0], -2.0, 2.0)
+        point[free] = np.clip(point[free] + np.linalg.lstsq(hessian, -gradient, rcond=CUBE_ROOT_EPS)[0], -2.0, 2.0)
     return point, float(np.abs(np.linalg.eigvalsh(hessian)).max())
 
 

@@ -16,18 +16,18 @@ from flexlin.periodic.boundary.crossings import (
 )
 from flexlin.periodic.boundary.spectra import Effort, Spectra, SpectraFunction, measure_margins
 from flexlin.periodic.roots import SignedEnds, solve_uncertain
-from flexlin.precision import FOURTH, TINY
+from flexlin.precision import FOURTH_ROOT_EPS, TINY
 
-STEP = FOURTH
+GRADIENT_STEP = FOURTH_ROOT_EPS
 """Of the ranges: the step of the differences that give the margin's gradient, whose only use is the direction of the boundary.
 
 Exact derivatives cost 170 to 400 times as much as four values of the compiled kernel (13 times with 12 states), and turn it by 1e-5 rad
 at the most.
 """
-EXACT = 8.0
+EXACT_PARTS = 8.0
 """Points of the boundary are placed to this part of the wanted error; also how many times farther from a piece's middle each next look
 for the boundary goes."""
-ROUNDS = 4
+PEAK_ROUNDS = 4
 """How often a peak of a lattice is looked at more closely, at nine points of a square a third as large each time."""
 
 
@@ -75,7 +75,7 @@ def find_islands(xs: Array, ys: Array, spectra: Spectra, function: SpectraFuncti
     step = np.array([xs[1] - xs[0], ys[1] - ys[0]])
     square = spread(*2 * [np.array([-1.0, 0.0, 1.0])])
     found, every = np.zeros(len(at), dtype=bool), np.arange(len(at))
-    for _ in range(ROUNDS):
+    for _ in range(PEAK_ROUNDS):
         step = step / 3
         tried = np.clip(places[:, None] + square * step, 0.0, 1.0)
         result = function(tried.reshape(-1, 2))
@@ -159,7 +159,7 @@ def link_nodes(nodes: Vertices, entered: Array, left: Array) -> Array:
 
 
 def find_directions(
-    points: Array, angles: Array, undamped: Array, function: SpectraFunction, step: float = STEP
+    points: Array, angles: Array, undamped: Array, function: SpectraFunction, step: float = GRADIENT_STEP
 ) -> Array:
     """Unit tangents (V, 2) of the boundary, unstable side on the left, by central differences of the margin."""
     moves = step * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
@@ -200,12 +200,12 @@ def find_middles(
 
     every = np.arange(len(middle))
     here, outer = margin(every, 0.0 * length)[0], np.zeros(len(middle))
-    there, offset, which = here.copy(), STEP, np.flatnonzero(here)
+    there, offset, which = here.copy(), GRADIENT_STEP, np.flatnonzero(here)
     while len(which):  # the margin's sign says on which side the boundary lies
         outer[which] = -np.sign(here[which]) * min(offset, 1.0) * length[which]
         there[which] = margin(which, outer[which])[0]
         which = which[(np.sign(there) == np.sign(here))[which] & (offset < 1)]
-        offset *= EXACT
+        offset *= EXACT_PARTS
     met = np.flatnonzero(here * there <= 0)
     start = SignedEnds(np.zeros(len(met)), outer[met], here[met], there[met])
     ends, left = solve_uncertain(lambda k, x: margin(met[k], x), start, accuracy)
@@ -248,16 +248,16 @@ def refine_pieces(
     follower, distance = np.full(len(vertices.points), -1), np.zeros(len(vertices.points))
     while len(pairs):
         first, second = vertices.at(pairs[:, 0]), vertices.at(pairs[:, 1])
-        found, off, slope = find_middles(first, second, function, tol / EXACT)
+        found, off, slope = find_middles(first, second, function, tol / EXACT_PARTS)
         length = np.linalg.norm(second.points - first.points, axis=1)
-        short = length <= np.maximum(tol, EXACT * np.maximum(first.errors, second.errors))
+        short = length <= np.maximum(tol, EXACT_PARTS * np.maximum(first.errors, second.errors))
         near = np.flatnonzero((off <= tol / 4) & ~short)
         quarters = measure_quarters(first.at(near), second.at(near), found.at(near), slope[near], function)
         off[near] = np.maximum(off[near], quarters)
         done = (off <= tol / 4) | short | ~np.isfinite(off)
         if not effort.affords(0):
             effort.unfinished |= not done.all()
-            off = np.where(done, off, EXACT * off)  # between an end and the middle of such a piece nobody looked
+            off = np.where(done, off, EXACT_PARTS * off)  # between an end and the middle of such a piece nobody looked
             done = np.full(len(pairs), True)
         follower[pairs[done, 0]] = pairs[done, 1]
         distance[pairs[done, 0]] = np.where(short, np.minimum(off, length), off)[done]

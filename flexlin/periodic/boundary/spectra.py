@@ -7,10 +7,10 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import wrap_angle
-from flexlin.precision import CUBE, EPS
+from flexlin.precision import CUBE_ROOT_EPS, EPS
 from flexlin.resources import Stopwatch
 
-SCAN = 0.6
+SCAN_SHARE = 0.6
 """Share of the time that the scan may take: the rest is for the places that it finds."""
 
 
@@ -61,7 +61,7 @@ SpectraFunction = Callable[[Array], Spectra]
 def count_resting(spectra: Spectra) -> int:
     """How many logs are zero at every value: free rigid motions, whose drift is no instability."""
     known = spectra.at(spectra.known)
-    near = np.abs(known.logs) <= np.where(np.isfinite(known.errors), known.errors, 0.0) + CUBE
+    near = np.abs(known.logs) <= np.where(np.isfinite(known.errors), known.errors, 0.0) + CUBE_ROOT_EPS
     return int(near.sum(axis=1).min()) if len(near) else 0
 
 
@@ -121,7 +121,7 @@ def measure_margins(spectra: Spectra, undamped: Array, angles: Array) -> tuple[A
     a, b = pair[:, 0], pair[:, -1]
     passing = -((np.hypot((a - b).real, wrap_angle((a - b).imag)) / 2) ** 2)
     neutral = np.where(spectra.verdicts > 0, growth**2, passing)
-    own = np.abs(np.sin(angles)) < CUBE
+    own = np.abs(np.sin(angles)) < CUBE_ROOT_EPS
     product = np.where(own, np.abs(a * b), np.abs(a.real * b.real))
     mirror = np.minimum(np.abs(wrap_angle(angles)), np.pi - np.abs(wrap_angle(angles)))
     partner = own | (np.abs(b.imag) < mirror)  # the conjugate of a is none

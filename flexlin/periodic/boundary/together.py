@@ -13,18 +13,18 @@ from flexlin.periodic.interpolation import NODES, golden, place_edges
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import factor
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss, place_nodes
-from flexlin.precision import EPS, ROOT, SAFETY
+from flexlin.precision import EPS, ROOT_EPS, SAFETY
 
-STAGES = 5
+RULE_STAGES = 5
 """Gauss stages of the rule that shows how wrong the one with a stage more may be."""
-SEGMENTS = tuple(NODES // 4 << k for k in range(6))
+SEGMENT_NUMBERS = tuple(NODES // 4 << k for k in range(6))
 """Of a period; systems that miss tol on the first are tried on the next. Interpolants have a point more than the second to the last."""
 
 
 @dataclass(frozen=True)
 class Products:
-    """Transition matrices of periods (V, n, n), what is not known of each entry, and the periods (V,) in s; `enough`: the first of SEGMENTS
-    on which half of them meet the tolerance."""
+    """Transition matrices of periods (V, n, n), what is not known of each entry, and the periods (V,) in s; `enough`: the first of
+    SEGMENT_NUMBERS on which half of them meet the tolerance."""
 
     P: Array
     moved: Array
@@ -49,20 +49,20 @@ def find_together(
     """The products of systems of n states, on segments that serve for exponents to tol, where any do.
 
     Nothing is resolved: what A does between the nodes is seen by the difference of the two rules alone.
-    Parameters: start: the first of SEGMENTS that is tried; phases: of the period at which the systems may jump.
+    Parameters: start: the first of SEGMENT_NUMBERS that is tried; phases: of the period at which the systems may jump.
     """
     if len(sizes := {one.n for one in systems}) > 1:
         raise ArgumentError("the systems are not of one size", got=sorted(sizes), expected="as many states in each")
     n, left, enough = systems[0].n, np.arange(len(systems)), start
     periods = np.array([one.period for one in systems])
     P, moved = np.full((len(left), n, n), np.nan), np.full((len(left), n, n), np.inf)
-    for place, segments in enumerate(SEGMENTS[start:], start):
-        size = max(1, CHUNK_BYTES // (8 * segments * ((STAGES + 1) * n) ** 2))
+    for place, segments in enumerate(SEGMENT_NUMBERS[start:], start):
+        size = max(1, CHUNK_BYTES // (8 * segments * ((RULE_STAGES + 1) * n) ** 2))
         for part in (left[i : i + size] for i in range(0, len(left), size)):
             P[part], moved[part] = multiply_on([systems[i] for i in part.tolist()], periods[part], segments, phases)
         left = left[~Products(P[left], moved[left], periods[left]).meets(tol)]
         if 2 * len(left) > len(systems):
-            enough = min(place + 1, len(SEGMENTS) - 1)
+            enough = min(place + 1, len(SEGMENT_NUMBERS) - 1)
         if not len(left):
             break
     return Products(P, moved, periods, enough)
@@ -87,13 +87,13 @@ class Interpolant:
         cls, products_at: Callable[[Array, int], Products], low: float, high: float, tol: float
     ) -> "Interpolant | None":
         """The interpolant on as few points as serve, none where the most do not; `products_at` values, from a number of segments on."""
-        fewest = SEGMENTS[1] + 1
+        fewest = SEGMENT_NUMBERS[1] + 1
         between = low + (high - low) * golden(np.arange(1, fewest + 1))
         sure = products_at(between, 0)
         if not sure.meets(tol).all():  # none does where even these do not: growth hides the other multipliers
             return None
         scaled = sure.periods * between
-        inverse = bool(low > 0 and np.ptp(scaled) < ROOT * scaled[0])
+        inverse = bool(low > 0 and np.ptp(scaled) < ROOT_EPS * scaled[0])
         missed = np.zeros(sure.P.shape[1:])
         known = products_at(cls.place(low, high, fewest, inverse), sure.enough)
         while True:
@@ -105,7 +105,7 @@ class Interpolant:
             if found.at(between).meets(tol).all():
                 return found
             count = 2 * len(known.P) - 1
-            if count > SEGMENTS[-1] + 1:
+            if count > SEGMENT_NUMBERS[-1] + 1:
                 return None
             more = products_at(cls.place(low, high, count, inverse)[1::2], known.enough)
             both, every = ((one.P, one.moved, one.periods) for one in (known, more)), np.arange(1, len(known.P))
@@ -142,7 +142,7 @@ def multiply_on(
     shifted = even[:-1] + (3 - np.sqrt(5)) / 2 * np.diff(even)
     corners = np.array([0.0, *phases, 1.0])
     grids = np.union1d(corners, shifted), even  # where an unnamed jump seems to lie for one rule, it does for no other
-    rules = gauss(STAGES), gauss(STAGES + 1)
+    rules = gauss(RULE_STAGES), gauss(RULE_STAGES + 1)
     shares = [place_nodes(grid, rule.c).ravel() for grid, rule in zip(grids, rules, strict=True)]
     times, second = np.concatenate(shares), [one.second_order for one in systems]
     given = [one.stacked for one in second if one is not None]

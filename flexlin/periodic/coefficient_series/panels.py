@@ -12,11 +12,11 @@ from flexlin.checks import Array, check_size
 from flexlin.errors import UnresolvedCoefficient
 from flexlin.periodic.coefficient_series.matrix import Discontinuity, ResolvedMatrix
 from flexlin.periodic.coefficient_series.sampling import (
-    BLOCKS,
-    LEAST,
-    NEAR,
+    JUMP_WIDTH,
+    LEAST_SIZE,
+    NOISE_DEVIATIONS,
     POINTS,
-    SIGMAS,
+    SEARCH_BLOCKS,
     Sampler,
     end_phases,
     graded,
@@ -28,7 +28,7 @@ from flexlin.periodic.coefficient_series.sampling import (
     stratified,
 )
 from flexlin.periodic.interpolation import (
-    NAMED,
+    NAMED_PARTS,
     NODES,
     TAIL,
     ChebyshevPanels,
@@ -40,11 +40,11 @@ from flexlin.periodic.interpolation import (
 )
 from flexlin.precision import EPS, SAFETY
 
-MOST_PANELS = BLOCKS * NODES
+MOST_PANELS = SEARCH_BLOCKS * NODES
 """The largest number of panels."""
 STENCIL = NODES // TAIL
 """Nodes of the polynomial on either side of a place, which is as long as half as many brackets."""
-NARROWEST = EPS * NODES * NODES
+NARROWEST_PANEL = EPS * NODES * NODES
 """Width, of the period, below which a panel is not divided any more: the first of its nodes would not differ."""
 
 
@@ -97,7 +97,9 @@ def left_over(panels: PanelSet, sample: Sampler) -> Array:
     low = np.abs(panels.coefficients[:, : NODES // 2])
     rate = np.einsum("k,qke->qe", np.arange(NODES // 2) ** 2.0, low) * 2 / panels.width[:, None]
     rounding = np.minimum(EPS * sample.period * rate, 1e-6 * sample.scale)
-    return np.asarray(np.maximum(np.maximum(sample.tol * sample.scale + LEAST, SIGMAS * panels.noise), rounding))
+    return np.asarray(
+        np.maximum(np.maximum(sample.tol * sample.scale + LEAST_SIZE, NOISE_DEVIATIONS * panels.noise), rounding)
+    )
 
 
 def panel_error(panels: PanelSet, degree: int) -> tuple[Array, Array]:
@@ -114,7 +116,7 @@ def panel_error(panels: PanelSet, degree: int) -> tuple[Array, Array]:
 
 def shown_degree(panels: PanelSet, scale: Array) -> int:
     """The degree beyond which the coefficients are rounding or noise in every panel and entry, by the root of the sum of their squares."""
-    floor = np.maximum(2 * EPS * scale + LEAST, panels.noise)
+    floor = np.maximum(2 * EPS * scale + LEAST_SIZE, panels.noise)
     left = ((panels.coefficients[:, ::-1] / floor[:, None]) ** 2).cumsum(axis=1)[:, ::-1]
     return max(int(np.count_nonzero(np.any(left > 1, axis=(0, 2)))) - 1, 0)
 
@@ -149,7 +151,9 @@ def miss_beside(sample: Sampler, series: ChebyshevPanels, places: Array, looked_
     if not len(edges):
         return missed
     T = sample.period
-    away = np.maximum(np.spacing(edges), EPS * T / 8)[:, None] * 2.0 ** np.arange(int(np.log2(8 * NEAR / EPS)) + 2)
+    away = np.maximum(np.spacing(edges), EPS * T / 8)[:, None] * 2.0 ** np.arange(
+        int(np.log2(8 * JUMP_WIDTH / EPS)) + 2
+    )
     t = np.mod(edges[:, None, None] + away[:, None] * np.array([[-1.0], [1.0]]), T)
     apart = np.abs(sample(t.ravel()) - series(t.ravel()).reshape(t.size, -1)).reshape(*t.shape, -1)
     nearer = np.concatenate([apart[:, :, :1], apart[:, :, :-1]], axis=2)
@@ -215,11 +219,11 @@ class PanelResolver:
         middle = panels.begin + width / 2
         allowed = left_over(panels, self.sample)
         brackets, useful = scan(self.sample, panels.begin, panels.end, allowed)
-        which = np.flatnonzero(useful & (width > 10 * NARROWEST * self.sample.period))
+        which = np.flatnonzero(useful & (width > 10 * NARROWEST_PANEL * self.sample.period))
         place, last = locate(self.sample, brackets.some(which), allowed[which])
         sharp, off = last / width[which], np.abs(place - middle[which]) / width[which]
         margin = np.minimum(place - panels.begin[which], panels.end[which] - place)
-        kept = ((sharp < 1e-4) | ((sharp < 1 / 300) & (off < 0.25))) & (margin > NARROWEST * self.sample.period)
+        kept = ((sharp < 1e-4) | ((sharp < 1 / 300) & (off < 0.25))) & (margin > NARROWEST_PANEL * self.sample.period)
         middle[which[kept]] = place[kept]
         return middle
 
@@ -228,9 +232,9 @@ class PanelResolver:
         width = panels.width
         worst = int(width.argmin())
         count = len(self.done.begin) + 2 * len(width)
-        if count > NAMED:  # noise of its own would be cut to the last bit
+        if count > NAMED_PARTS:  # noise of its own would be cut to the last bit
             need_repeatability(self.sample, panels.begin + 0.38 * width)
-        if width[worst] > NARROWEST * self.sample.period and count <= MOST_PANELS:
+        if width[worst] > NARROWEST_PANEL * self.sample.period and count <= MOST_PANELS:
             entries = len(self.sample.scale)
             check_size(
                 f"A(t) on {count} panels", 8 * NODES * count * entries, "name jumps in `breaks`, pulses in `features`"
@@ -240,7 +244,7 @@ class PanelResolver:
         raise UnresolvedCoefficient(
             f"A(t) cannot be resolved near t = {middle:.15g} s",
             got=f"{count} panels, the narrowest {width[worst]:.3g} s wide",
-            expected=f"at most {MOST_PANELS} panels, none below {NARROWEST * self.sample.period:.3g} s",
+            expected=f"at most {MOST_PANELS} panels, none below {NARROWEST_PANEL * self.sample.period:.3g} s",
             todo="look at A there: is it bounded? Name jumps in `breaks` and pulses in `features`",
         )
 
@@ -265,7 +269,7 @@ class PanelResolver:
         panels, T = self.done, self.sample.period
         own = panels.begin[:, None] + panels.width[:, None] * stratified(NODES // 2, 0.5)
         rough = np.union1d(rough_edges(panels, self.sample)[0], self.named) if self.wary else self.named[:0]
-        near = np.mod(graded(rough, NEAR * T, T / 64, np.pi), T)
+        near = np.mod(graded(rough, JUMP_WIDTH * T, T / 64, np.pi), T)
         t = np.unique(np.concatenate([self.checks, own.ravel(), near]))
         return t[(t >= 0) & (t < T)]
 
@@ -284,7 +288,7 @@ def resolve_on_panels(sample: Sampler, named: Array, pairs: Array, wary: bool, r
     sample(T * stratified(POINTS))
     shape = sample.shape or (0, 0)
     about = [np.mod(centre + 4 * width * (2 * stratified(2 * NODES) - 1), T) for centre, width in pairs]
-    phases = np.concatenate([search_phases(), end_phases()]) if wary else stratified(NAMED)
+    phases = np.concatenate([search_phases(), end_phases()]) if wary else stratified(NAMED_PARTS)
     checks = np.unique(np.concatenate([T * phases, *about]))
     done = PanelResolver(sample, named, checks, wary).run(first_edges(T, named, pairs))
     rough, jumps = rough_edges(done, sample)
@@ -312,11 +316,11 @@ def resolve_on_panels(sample: Sampler, named: Array, pairs: Array, wary: bool, r
 def first_edges(period: float, named: Array, pairs: Array) -> Array:
     """Return the first edges from 0 to T: breaks, a graded mesh about each feature, and as many nodes as for a Fourier series."""
     fixed = np.unique(np.concatenate([[0.0, period], named]))
-    longest = period * NODES / BLOCKS
+    longest = period * NODES / SEARCH_BLOCKS
     meshes = [graded([centre], width, max(longest / 2, width), np.pi) for centre, width in pairs]
     free = np.sort(np.mod(np.concatenate([np.empty(0), *meshes]), period))
-    free = free[np.diff(free, append=np.inf) > NEAR * period]
-    free = free[np.abs(free[:, None] - fixed).min(axis=1) > NEAR * period]
+    free = free[np.diff(free, append=np.inf) > JUMP_WIDTH * period]
+    free = free[np.abs(free[:, None] - fixed).min(axis=1) > JUMP_WIDTH * period]
     return divided(np.union1d(fixed, free), longest)
 
 
@@ -375,7 +379,7 @@ def locate(sample: Sampler, brackets: Brackets, allowed: Array) -> tuple[Array, 
 def _cut(sample: Sampler, part: Brackets, allowed: Array) -> tuple[tuple[Array, Array], Array]:
     """One step: the new brackets, and whether the sides were still apart across the old ones."""
     low, high, span = part.low, part.high, part.high - part.low
-    reach = np.maximum(STENCIL / 2 * span, NEAR * sample.period)
+    reach = np.maximum(STENCIL / 2 * span, JUMP_WIDTH * sample.period)
     below, above = np.minimum(reach, low - part.floor), np.minimum(reach, part.roof - high)
     inner = low[:, None] + span[:, None] * np.arange(1, 2 * STENCIL) / (2 * STENCIL)
     u = chebyshev_nodes(STENCIL)

@@ -11,12 +11,12 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficient_series.matrix import Discontinuity, ResolvedMatrix
 from flexlin.periodic.coefficient_series.panels import resolve_on_panels
 from flexlin.periodic.coefficient_series.sampling import (
-    BLOCKS,
-    LEAST,
+    LEAST_SIZE,
+    NOISE_DEVIATIONS,
     POINTS,
-    RESOLVED,
-    SIGMAS,
-    WITHIN,
+    RESOLVED_TOL,
+    SEARCH_BLOCKS,
+    TIMES_IN_BLOCK,
     Least,
     Sampler,
     end_phases,
@@ -38,8 +38,8 @@ from flexlin.periodic.interpolation import (
 from flexlin.precision import EPS, SAFETY
 
 __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
-MOST = NODES * NODES
-"""Nodes at most, where a matrix of waves costs as much as those of as many panels; the first ones, BLOCKS, lie closer than T / 100."""
+MOST_NODES = NODES * NODES
+"""Nodes at most, where a matrix of waves costs as much as those of as many panels; the first SEARCH_BLOCKS lie closer than T / 100."""
 
 
 def resolve(
@@ -49,7 +49,7 @@ def resolve(
     features: Sequence[tuple[float, float]] = (),
     *,
     complete: bool = False,
-    tol: float = RESOLVED,
+    tol: float = RESOLVED_TOL,
     least: Least = 0.0,
     repeats: bool = True,
 ) -> ResolvedMatrix:
@@ -163,7 +163,9 @@ class FourierFit:
         """Double the nodes until the series agrees; False where panels serve better. Raises: NotPeriodic."""
         sample, T, worst = self.sample, self.sample.period, np.inf
         self.phases = stratified(POINTS)
-        values, self.there = np.split(sample(T * np.append(np.arange(BLOCKS) / BLOCKS, self.phases)), [BLOCKS])
+        values, self.there = np.split(
+            sample(T * np.append(np.arange(SEARCH_BLOCKS) / SEARCH_BLOCKS, self.phases)), [SEARCH_BLOCKS]
+        )
         first = self.there
         while True:
             size = self.transform(values)
@@ -179,8 +181,8 @@ class FourierFit:
                 return True
             last, worst, count = worst, float(excess.max()), len(values)
             # if the harmonics fall on as they did
-            ahead = worst * min(worst / max(last, LEAST), 1.0) ** (2 * (MOST / count - 1))
-            if count >= MOST or (count > BLOCKS and not ahead <= 1 < worst):
+            ahead = worst * min(worst / max(last, LEAST_SIZE), 1.0) ** (2 * (MOST_NODES / count - 1))
+            if count >= MOST_NODES or (count > SEARCH_BLOCKS and not ahead <= 1 < worst):
                 return False
             between = sample(fourier_nodes(count, T) + T / (2 * count))
             values = np.stack([values, between], axis=1).reshape(2 * count, -1)
@@ -199,8 +201,8 @@ class FourierFit:
     def allowed(self) -> Array:
         """What may be left over (E,): tol of each entry's size, noise, and A' times the rounding of t."""
         scale = self.sample.scale
-        allowed = np.maximum(self.sample.tol * scale + LEAST, np.minimum(self.rounding, 1e-6 * scale))
-        return allowed if self.noise is None else np.maximum(allowed, SIGMAS * self.noise)
+        allowed = np.maximum(self.sample.tol * scale + LEAST_SIZE, np.minimum(self.rounding, 1e-6 * scale))
+        return allowed if self.noise is None else np.maximum(allowed, NOISE_DEVIATIONS * self.noise)
 
     def measure_noise(self) -> None:
         """Estimate the noise of each entry, from both halves of the period."""
@@ -226,7 +228,7 @@ class FourierFit:
 
     def trim(self) -> None:
         """Drop the last harmonics that are rounding or noise in every entry."""
-        floor = np.maximum(2 * EPS * self.sample.scale, self.rounding / 8) + LEAST
+        floor = np.maximum(2 * EPS * self.sample.scale, self.rounding / 8) + LEAST_SIZE
         floor = floor if self.noise is None else np.maximum(floor, 1.5 * self.noise)
         H, heard = len(self.size), (self.size > floor).any(axis=1)
         kept = H - int(heard[::-1].argmax()) if heard.any() else 0
@@ -246,11 +248,13 @@ class FourierFit:
         entries cancels in the sum but with probability zero.
         """
         sample, T, c = self.sample, self.sample.period, self.coefficients
-        weights = _draw(c.shape[1]) / (np.maximum(self.deviation, EPS * sample.scale) + LEAST)
+        weights = _draw(c.shape[1]) / (np.maximum(self.deviation, EPS * sample.scale) + LEAST_SIZE)
         heard = sample.contract(T * search_phases(), weights)
         with np.errstate(over="ignore", invalid="ignore"):
             apart = np.abs(heard - _evaluate_search(c @ weights))
-        in_block = apart.reshape(BLOCKS, WITHIN).argmax(axis=1) + WITHIN * np.arange(BLOCKS)
+        in_block = apart.reshape(SEARCH_BLOCKS, TIMES_IN_BLOCK).argmax(axis=1) + TIMES_IN_BLOCK * np.arange(
+            SEARCH_BLOCKS
+        )
         loudest = in_block[np.argpartition(apart[in_block], -POINTS)[-POINTS:]]  # what is no number comes last too
         phases = np.concatenate([search_phases()[loudest], end_phases()])
         there = sample(T * phases)
@@ -278,9 +282,11 @@ def _draw(entries: int) -> Array:
 
 @lru_cache(maxsize=16)
 def _search_waves(harmonics: int) -> tuple[Array, Array]:
-    """Waves at the beginnings of the blocks, (BLOCKS, 2 H): cosines and sines, and complex ones within a block, (H, WITHIN)."""
-    outer = fourier_waves(np.arange(BLOCKS) / BLOCKS, harmonics)
-    return np.concatenate([outer.real, -outer.imag], axis=1), fourier_waves(search_phases()[:WITHIN], harmonics).T
+    """Waves at the beginnings of the blocks, (SEARCH_BLOCKS, 2 H): cosines and sines, and complex ones within, (H, TIMES_IN_BLOCK)."""
+    outer = fourier_waves(np.arange(SEARCH_BLOCKS) / SEARCH_BLOCKS, harmonics)
+    return np.concatenate([outer.real, -outer.imag], axis=1), fourier_waves(
+        search_phases()[:TIMES_IN_BLOCK], harmonics
+    ).T
 
 
 def _evaluate_search(series: Array) -> Array:

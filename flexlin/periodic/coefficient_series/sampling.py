@@ -9,21 +9,21 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
 from flexlin.periodic.coefficients import check_array, check_finite
-from flexlin.periodic.interpolation import CACHED, chebyshev_coefficients, chebyshev_nodes, golden
-from flexlin.precision import CUBE, EPS, FAINT, ROOT, SLIGHT, TINY
+from flexlin.periodic.interpolation import CACHED_BYTES, chebyshev_coefficients, chebyshev_nodes, golden
+from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, ROOT_EPS, SLIGHT, TINY
 
-LEAST = TINY / EPS
-RESOLVED = 1e-13
+LEAST_SIZE = TINY / EPS
+RESOLVED_TOL = 1e-13
 """Of an entry's size: agreement of its series with A that is asked for."""
-BLOCKS, WITHIN = 128, 80
+SEARCH_BLOCKS, TIMES_IN_BLOCK = 128, 80
 """The times of a search: blocks of a period, and times in each, at the same places in all: gaps stay below T / 10000."""
-NEAR = 1e-11
+JUMP_WIDTH = 1e-11
 """Of the period: what happens closer to a jump counts as part of it, and edges closer to another are left out."""
-SIGMAS = 6.0
+NOISE_DEVIATIONS = 6.0
 """Standard deviations of measured noise that count as agreement."""
-POINTS, ORDER = 16, 5
+POINTS, DIFFERENCE_ORDER = 16, 5
 """Times of a place at which noise is measured, and the least order of their differences."""
-AHEAD = 4
+PERIODS_AHEAD = 4
 """Periods beyond the first over which a list of pieces must stay smooth."""
 
 Least = float | Array | Callable[[Array], Array]
@@ -36,7 +36,9 @@ class Sampler:
     Parameters: tol: agreement that is asked for, of each entry's size; least: sizes whose rounding is no worse than tol of an entry.
     """
 
-    def __init__(self, function: Callable[[Array], Array], period: float, tol: float = RESOLVED, least: Least = 0.0):
+    def __init__(
+        self, function: Callable[[Array], Array], period: float, tol: float = RESOLVED_TOL, least: Least = 0.0
+    ):
         self.function, self.period, self.tol, self.least = function, period, tol, least
         self.count = 0
         self.shape: tuple[int, int] | None = None
@@ -75,9 +77,9 @@ class Sampler:
     def chunk(self) -> int:
         """How many times go into one call: at first a few hundred; of large matrices fewer than that, but enough to be worth a call."""
         if self.shape is None:
-            return 2 * BLOCKS
-        few = CACHED // (8 * self.shape[0] * self.shape[1])
-        return max(few, min(10 * few, 2 * WITHIN), POINTS)
+            return 2 * SEARCH_BLOCKS
+        few = CACHED_BYTES // (8 * self.shape[0] * self.shape[1])
+        return max(few, min(10 * few, 2 * TIMES_IN_BLOCK), POINTS)
 
     def _ask(self, t: Array) -> Array:
         """A at the times, (N, rows, columns)."""
@@ -116,8 +118,8 @@ def stratified(count: int, jitter: float = 0.2) -> Array:
 
 @lru_cache(maxsize=1)
 def search_phases() -> Array:
-    """Increasing phases (BLOCKS * WITHIN,) at which a function of which nothing is known is looked at, on no regular grid."""
-    phases = np.add.outer(np.arange(BLOCKS), stratified(WITHIN, 0.03)).ravel() / BLOCKS
+    """Increasing phases (SEARCH_BLOCKS * TIMES_IN_BLOCK,) at which an unknown function is looked at, on no regular grid."""
+    phases = np.add.outer(np.arange(SEARCH_BLOCKS), stratified(TIMES_IN_BLOCK, 0.03)).ravel() / SEARCH_BLOCKS
     phases.setflags(write=False)
     return phases
 
@@ -125,7 +127,7 @@ def search_phases() -> Array:
 @lru_cache(maxsize=1)
 def end_phases() -> Array:
     """Phases ever closer to the ends of the period: a pulse there begins or ends with it."""
-    return np.mod(graded([0.0], NEAR, 1 / (BLOCKS * WITHIN), np.pi), 1.0)
+    return np.mod(graded([0.0], JUMP_WIDTH, 1 / (SEARCH_BLOCKS * TIMES_IN_BLOCK), np.pi), 1.0)
 
 
 def graded(centres: Sequence[float] | Array, nearest: float, farthest: float, ratio: float) -> Array:
@@ -147,14 +149,14 @@ def noise_level(sample: Sampler, begin: Array, end: Array) -> Array:
     """
     where = 0.1 + 0.8 * golden(1 + np.arange(2) + 0.37 * np.arange(len(begin))[:, None])
     width = (end - begin)[:, None]
-    t = (begin[:, None] + where * width)[:, :, None] + CUBE * width[:, :, None] * np.arange(POINTS)
+    t = (begin[:, None] + where * width)[:, :, None] + CUBE_ROOT_EPS * width[:, :, None] * np.arange(POINTS)
     size = np.where(sample.scale > 0, sample.scale, 1.0)
     values = sample(t.ravel()).reshape(*t.shape, -1) / size
     levels = []
-    for k in (ORDER, ORDER + 1):
+    for k in (DIFFERENCE_ORDER, DIFFERENCE_ORDER + 1):
         gamma = factorial(k) ** 2 / factorial(2 * k)
         levels.append(np.sqrt(gamma * (np.diff(values, k, axis=2) ** 2).mean(axis=2)))
-    faint = 2 ** (ORDER + 4) * EPS * sample.scale.max()
+    faint = 2 ** (DIFFERENCE_ORDER + 4) * EPS * sample.scale.max()
     quiet, loud = (extreme(np.maximum(*levels), axis=1) * size for extreme in (np.min, np.max))
     level = np.where(loud <= np.maximum(FAINT * sample.scale, faint), loud, quiet)
     return np.asarray(np.where(level <= np.maximum(SLIGHT * sample.scale, faint), level, 0.0))
@@ -193,7 +195,7 @@ def need_repetition(
     if beyond is None:
         return
     gap, T = np.abs(beyond - here), sample.period
-    limit = ROOT * sample.scale + 4 * allowed
+    limit = ROOT_EPS * sample.scale + 4 * allowed
     if (gap <= limit).all():
         return
     if (np.any(np.asarray(rough) > 0) and _goes_on(sample)) or (0.0 not in rough and _settles(sample, t, limit)):
@@ -204,7 +206,7 @@ def need_repetition(
     raise NotPeriodic(
         f"A(t) does not repeat with the period T = {T:.15g} s",
         got=f"|A(t + T) - A(t)| = {gap[at, entry]:.3g} at t = {t[at]:.6g} s in entry ({rows}, {columns}), {relative:.3g} of its size",
-        expected=f"at most {ROOT:.2g} of its size",
+        expected=f"at most {ROOT_EPS:.2g} of its size",
         todo="give the period of A; if A is written for 0 <= t < T only, take t modulo T in it",
     )
 
@@ -220,11 +222,11 @@ def look_beyond(sample: Sampler, t: Array) -> Array | None:
 def _goes_on(sample: Sampler) -> bool:
     """Whether A is one smooth piece on (T, 5 T)."""
     for count in 1 + 2 ** np.array([6, 8, 10]):
-        values = look_beyond(sample, sample.period * (1 + AHEAD * (1 + chebyshev_nodes(count)) / 2))
+        values = look_beyond(sample, sample.period * (1 + PERIODS_AHEAD * (1 + chebyshev_nodes(count)) / 2))
         if values is None:
             return True
         tail = np.abs(chebyshev_coefficients(values[None])[0, -max(4, count // 16) :]).max(axis=0)
-        if np.all(tail <= ROOT * np.maximum(sample.scale, np.abs(values).max(axis=0))):
+        if np.all(tail <= ROOT_EPS * np.maximum(sample.scale, np.abs(values).max(axis=0))):
             return True
     return False
 
@@ -234,4 +236,4 @@ def _settles(sample: Sampler, t: Array, limit: Array) -> bool:
     T = sample.period
     times = np.concatenate([t, T * stratified(1024)])
     first = sample.unwrapped(times + T)
-    return all(np.all(np.abs(sample.unwrapped(times + k * T) - first) <= limit) for k in range(2, AHEAD + 1))
+    return all(np.all(np.abs(sample.unwrapped(times + k * T) - first) <= limit) for k in range(2, PERIODS_AHEAD + 1))

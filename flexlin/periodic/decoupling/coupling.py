@@ -16,11 +16,11 @@ from flexlin.periodic.decoupling.frames import (
     sylvester,
     weigh_harmonics,
 )
-from flexlin.precision import FARTHEST, SLIGHT, TINY
+from flexlin.precision import LARGEST_LOG_GROWTH, SLIGHT, TINY
 
-STILL = 8.0
-"""Modes that grow by less than exp(STILL) against each other within a period do not bring out what is hidden."""
-UNRESOLVED = 0.5
+HIDING_GROWTH = 8.0
+"""Modes that grow by less than exp(HIDING_GROWTH) against each other within a period do not bring out what is hidden."""
+UNRESOLVED_LOG = 0.5
 """Logs of multipliers with larger errors are ill-conditioned beyond measuring; they are only enclosed."""
 
 
@@ -77,7 +77,7 @@ class Coupled:
         behind *= -np.sign(behind.mean(axis=0))
         run = np.cumsum(np.concatenate([behind, behind]), axis=0) * self.period / len(self.B)
         growth = (run - np.minimum.accumulate(run, axis=0)).max(axis=0)
-        return np.asarray(np.expm1(np.minimum(growth, FARTHEST) / 2))
+        return np.asarray(np.expm1(np.minimum(growth, LARGEST_LOG_GROWTH) / 2))
 
 
 def block_values(B: Array, groups: tuple[Group, ...]) -> Array:
@@ -107,7 +107,7 @@ def group_separation(values: Array, period: float, groups: tuple[Group, ...]) ->
     run = np.cumsum(mean - mean.mean(axis=0), axis=0) * period / len(values)
     swing = np.ptp(run[:, :, None] - run[:, None, :], axis=0)
     oblique = np.divide(gap, damping, out=np.full_like(gap, np.inf), where=damping > 0)
-    return Separation(gap, oblique, np.exp(np.minimum(swing, FARTHEST)), ~block_mask(groups))
+    return Separation(gap, oblique, np.exp(np.minimum(swing, LARGEST_LOG_GROWTH)), ~block_mask(groups))
 
 
 def pair_effects(B: Array, S: Array, apart: Separation, rough: Array) -> Array:
@@ -165,7 +165,7 @@ def hidden_effect(coupled: Coupled, rounding: Array) -> Array:
     """
     total = np.zeros(rounding.shape)
     B, period, groups = coupled.B, coupled.period, coupled.groups
-    if find_growth(B, period) < STILL:
+    if find_growth(B, period) < HIDING_GROWTH:
         return total
     F, caught_up = hidden_couplings(coupled, rounding), coupled.catch_up
     logs = np.einsum("tii->ti", B).mean(axis=0) * period

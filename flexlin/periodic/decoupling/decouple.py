@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.coefficient_series.sampling import POINTS, RESOLVED, stratified
+from flexlin.periodic.coefficient_series.sampling import POINTS, RESOLVED_TOL, stratified
 from flexlin.periodic.decoupling.coupling import (
     Coupled,
     Decoupled,
@@ -36,21 +36,21 @@ from flexlin.periodic.decoupling.frames import (
     tail,
 )
 from flexlin.periodic.interpolation import NODES
-from flexlin.periodic.product import COHERENT, GROUP_CONDITION
+from flexlin.periodic.product import COHERENT_PART, GROUP_CONDITION
 from flexlin.periodic.system import MatrixFunction
-from flexlin.precision import EPS, MINOR, PARTIAL, ROOT, SLIGHT
+from flexlin.precision import EPS, MINOR, PARTIAL, ROOT_EPS, SLIGHT
 
 Uncertainty = Callable[[Array, Array, Array], Array]
 FIRST_NODES, MAX_NODES = NODES, 256
-HIDDEN = 10.0
+HIDDEN_FACTOR = 10.0
 """By what factor A(t), on no grid, may differ from its nodes' series by more than is seen half-way between these, or than rounding."""
-ADIABATIC = 0.05
+ADIABATIC_GAP = 0.05
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""
-HOPELESS = 300.0
+HOPELESS_FACTOR = 300.0
 """On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
 MOST_TRIES = 14
 """Groupings of the modes, and rounds of each, at the most."""
-ENOUGH = MINOR * MINOR
+ENOUGH_EFFECT = MINOR * MINOR
 """Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than the slowest harmonics do."""
 
 
@@ -154,8 +154,10 @@ def hides_waves(A: MatrixFunction, period: float, samples: Array, between: Array
     both, t = interleaved(samples, between), period * stratified(POINTS)
     apart = np.abs(interpolated(both, period, t) - A(t)).max(axis=0)
     seen, size = np.abs(shifted(samples, 0.5) - between).max(axis=0), np.abs(both).max(axis=0)
-    wave = apart > HIDDEN * (seen + RESOLVED * size) + EPS * size.max()
-    return bool(np.any(wave | (apart > np.maximum(PARTIAL * seen, ROOT * size) + HIDDEN * RESOLVED * size.max())))
+    wave = apart > HIDDEN_FACTOR * (seen + RESOLVED_TOL * size) + EPS * size.max()
+    return bool(
+        np.any(wave | (apart > np.maximum(PARTIAL * seen, ROOT_EPS * size) + HIDDEN_FACTOR * RESOLVED_TOL * size.max()))
+    )
 
 
 def checked(
@@ -172,7 +174,7 @@ def checked(
     B, times = inverse @ (A @ T - slope), period / len(A) * np.arange(len(A))
     rounding = EPS * (np.abs(inverse) @ (np.abs(A) @ np.abs(T) + np.abs(slope))).mean(axis=0)
     if uncertainty is not None:
-        rounding = rounding + COHERENT / 3 * uncertainty(times, inverse, T).mean(axis=0)
+        rounding = rounding + COHERENT_PART / 3 * uncertainty(times, inverse, T).mean(axis=0)
     means = np.einsum("tii->ti", B)
     allowed, noise = tol * np.maximum(1, np.abs(means.mean(axis=0))), 4 * np.diagonal(rounding)
     apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
@@ -213,7 +215,7 @@ def built_on(
     """
     modes = follow_modes(samples)
     apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
-    together = joined | (apart < 2 * np.pi / period / ADIABATIC)
+    together = joined | (apart < 2 * np.pi / period / ADIABATIC_GAP)
     for _ in range(tries):
         columns, groups = grouped_modes(modes, together)
         if len(groups) == 1:
@@ -223,7 +225,7 @@ def built_on(
         allowed = tol * np.maximum(1, np.abs(taken.values).min(axis=0))[:, None]
         found = part_frame(smooth(T), groups, turning, samples, period, allowed)
         stuck = found.stuck
-        if not stuck.any() or (few and found.excess < HOPELESS):
+        if not stuck.any() or (few and found.excess < HOPELESS_FACTOR):
             return found
         pairs = np.ix_(columns, columns)
         together[pairs] |= stuck | stuck.T
@@ -268,7 +270,7 @@ def part_groups(
         if turn and not size < SLOW_PART * least:
             break
         best, least = (T, B, S, turn, left), size
-        if size < ENOUGH or turn == MOST_TRIES:
+        if size < ENOUGH_EFFECT or turn == MOST_TRIES:
             break
         step = np.eye(S.shape[-1]) + low_harmonics(S, period, apart.gap)
         T, B = T @ step, np.linalg.solve(step, B @ step - circle_derivative(step, period))

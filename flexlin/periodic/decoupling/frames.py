@@ -8,7 +8,7 @@ from flexlin.checks import Array
 from flexlin.periodic.circle import assign
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.product import complex_schur
-from flexlin.precision import PARTIAL, ROOT
+from flexlin.precision import PARTIAL, ROOT_EPS
 
 SLOW_PART = 0.8
 """Harmonics of the coupling below this part of the gap shrink from round to round."""
@@ -246,7 +246,7 @@ def tail(values: Array) -> float:
     """The largest harmonic of the upper half against the largest of all, entry by entry where that is not rounding."""
     spectrum = np.abs(np.fft.rfft(values, axis=0)).reshape(len(values) // 2 + 1, -1)
     whole = spectrum.max(axis=0)
-    moving = spectrum[1:].max(axis=0) > ROOT * whole
+    moving = spectrum[1:].max(axis=0) > ROOT_EPS * whole
     return float((spectrum[len(spectrum) // 2 :].max(axis=0)[moving] / whole[moving]).max()) if moving.any() else 0.0
 
 

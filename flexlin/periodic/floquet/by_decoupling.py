@@ -10,7 +10,7 @@ from flexlin.errors import NumericalError
 from flexlin.periodic.circle import assign, measure_distances, pair_conjugates, wrap_angle, wrap_log
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.decoupling.coupling import (
-    UNRESOLVED,
+    UNRESOLVED_LOG,
     Coupled,
     Decoupled,
     DecoupledExponents,
@@ -34,19 +34,19 @@ from flexlin.periodic.floquet.by_segments import SegmentedSpectrum, solve_by_seg
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choose_segments import BESIDE, FEWER_SEGMENTS, VECTORS, choose_setting
+from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS, OTHER_WORK, VECTOR_WORK, choose_setting
 from flexlin.periodic.transition.gauss import gauss_transitions
-from flexlin.precision import CUBE, FAINT, FARTHEST, FOURTH, MINOR, ROOT, SAFETY
+from flexlin.precision import CUBE_ROOT_EPS, FAINT, FOURTH_ROOT_EPS, LARGEST_LOG_GROWTH, MINOR, ROOT_EPS, SAFETY
 
-MARK = 0.7
+GROUP_ANGLE = 0.7
 """The angle by which the members of a complex group are turned, to separate them from their conjugates."""
-TURNS = 40
+COUPLING_TURNS = 40
 """In which what is left of the coupling is found to a small part of itself."""
 
 
 def estimate_decoupling_work(n: int) -> float:
     """Multiplications to decouple n states, as measured: overhead, and eigenvectors and products at the nodes and between them."""
-    return 2 * FIRST_NODES * (BESIDE * (40 + 2.4 * n) + 6 * VECTORS * n**3)
+    return 2 * FIRST_NODES * (OTHER_WORK * (40 + 2.4 * n) + 6 * VECTOR_WORK * n**3)
 
 
 def solve_decoupled(
@@ -115,7 +115,7 @@ def singles(
     values = np.where(real, values.real + 1j * half * np.round(values.imag / half), values)
     apart = np.maximum(np.abs(B[::2].mean(axis=0) - B[1::2].mean(axis=0)), aliasing(B))
     coupling = SAFETY * decoupled.residual[places, places]
-    loose = coupling * decoupled.period > UNRESOLVED
+    loose = coupling * decoupled.period > UNRESOLVED_LOG
     if loose.any():
         low, high = (each[places] for each in enclose())
         reach = np.hypot(np.maximum(high - values.real, values.real - low), np.pi / decoupled.period)
@@ -131,9 +131,9 @@ def solve_group(
     Where the group may take the place of others at any time its own equations say nothing; then its enclosure is that of all of them.
     """
     group, T = decoupled.groups[index], decoupled.period
-    linked = SAFETY * decoupled.residual[group.part, group.part].max() * T > UNRESOLVED
+    linked = SAFETY * decoupled.residual[group.part, group.part].max() * T > UNRESOLVED_LOG
     found = None if linked else follow_group(decoupled, index, tol)
-    if found is not None and found[1].max() * T < UNRESOLVED:
+    if found is not None and found[1].max() * T < UNRESOLVED_LOG:
         return found
     own, mean = decoupled.traceless(index)
     low, high = (mean.real + bound for bound in bound_growth(own))
@@ -147,8 +147,8 @@ def solve_group(
 def follow_group(decoupled: Decoupled, index: int, tol: float = 1e-9) -> tuple[Array, Array] | None:
     """The exponents (p,) of a group of several modes by segments, and their errors; None where these do not serve.
 
-    A complex one stands there with its conjugates. It is turned by MARK, which turns these by -MARK: of the logs, its own are those that
-    lie by MARK above others when turned.
+    A complex one stands there with its conjugates. It is turned by GROUP_ANGLE, which turns these by -GROUP_ANGLE: of the logs, its own
+    are those that lie by GROUP_ANGLE above others when turned.
     """
     group, T = decoupled.groups[index], decoupled.period
     own, mean = decoupled.traceless(index)
@@ -160,16 +160,16 @@ def follow_group(decoupled: Decoupled, index: int, tol: float = 1e-9) -> tuple[A
             found = solve_series(own, T, unknown, tol)
             logs, errors = pair_conjugates(found.logs, found.errors)
             return mean + logs / T, errors / T
-        turn = as_real(1j * MARK / T * np.eye(group.size))
+        turn = as_real(1j * GROUP_ANGLE / T * np.eye(group.size))
         both = [solve_series(values, T, np.tile(unknown, (2, 2)), tol) for values in (own + turn, own)]
     except (NumericalError, np.linalg.LinAlgError):
         return None
-    logs = both[0].logs - 1j * MARK
+    logs = both[0].logs - 1j * GROUP_ANGLE
     apart = logs[:, None] - both[1].logs
-    miss = np.minimum(np.hypot(apart.real, wrap_angle(apart.imag)), MARK)
+    miss = np.minimum(np.hypot(apart.real, wrap_angle(apart.imag)), GROUP_ANGLE)
     miss = miss[np.arange(len(logs)), assign(miss)]
     order = np.argsort(miss, kind="stable")[: group.size]
-    return (mean + logs[order] / T, both[0].errors[order] / T) if miss[order].max() < MARK / 4 else None
+    return (mean + logs[order] / T, both[0].errors[order] / T) if miss[order].max() < GROUP_ANGLE / 4 else None
 
 
 def solve_series(values: Array, period: float, unknown: Array, tol: float) -> SegmentedSpectrum:
@@ -228,10 +228,10 @@ def solve_decoupled_modes(decoupled: Decoupled, exponents: Array) -> tuple[Array
         own[group.part], V[:, group.part, group.part], moved[:, group.part] = found
     apart = measure_distances(exponents * period, own * period)
     column = assign(apart)
-    if not apart[np.arange(n), column].max() < CUBE * max(1.0, float(np.abs(own).max()) * period):
+    if not apart[np.arange(n), column].max() < CUBE_ROOT_EPS * max(1.0, float(np.abs(own).max()) * period):
         return None
     S, run = correct_modes(decoupled, V, own, moved), integrate_circle(moved, period)
-    if S is None or not np.ptp(run.real, axis=0).max() < FARTHEST:
+    if S is None or not np.ptp(run.real, axis=0).max() < LARGEST_LOG_GROWTH:
         return None
     plain = decoupled.frame @ V @ (np.eye(n) + S)
     scale = np.exp(run + 1j * (own.imag - exponents[np.argsort(column)].imag) * decoupled.times[:, None])[:, None]
@@ -253,13 +253,13 @@ def follow_block(decoupled: Decoupled, index: int, group: Group) -> tuple[Array,
     if followed is None:
         return None
     exponents, errors = followed
-    if not errors.max() * period < CUBE:
+    if not errors.max() * period < CUBE_ROOT_EPS:
         return None
     middle, times = exponents.mean(), np.append(decoupled.times, period)
     values = B - middle * np.eye(group.size)
     factors = gauss_transitions(lambda t: interpolated(values, period, t), times)
     V, known = periodic_vectors(factors, times, exponents - middle, np.zeros(group.size, int), 1)
-    if not known.all() or not np.linalg.cond(V).max() < 1 / ROOT:  # else modes coincide nearly
+    if not known.all() or not np.linalg.cond(V).max() < 1 / ROOT_EPS:  # else modes coincide nearly
         return None
     return exponents, V, np.zeros(V.shape[:2])
 
@@ -283,11 +283,11 @@ def correct_modes(decoupled: Decoupled, V: Array, own: Array, moved: Array) -> A
     k = 2 * np.pi / decoupled.period * harmonics(len(B))[:, None, None]
     over = np.where(mask, 0, 1 / np.where(mask, 1, 1j * k + own - own[:, None]))
     apart, S = moved[:, :, None] - moved[:, None], np.zeros_like(R)
-    for _ in range(TURNS):
+    for _ in range(COUPLING_TURNS):
         before, S = S, weigh_harmonics(R + R @ S + apart * S, over)
         size = np.abs(S).max(axis=0)
         if not np.isfinite(size).all():
             return None
         if np.all(np.abs(S - before).max(axis=0) <= FAINT * (size + size @ size)):
-            return S if mixing(S).max() < FOURTH else None
+            return S if mixing(S).max() < FOURTH_ROOT_EPS else None
     return None

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import assign, measure_distances
-from flexlin.periodic.interpolation import FINER, NODES
+from flexlin.periodic.interpolation import FINER_BOUNDS, NODES
 from flexlin.periodic.product import ProductSpectrum, Unknown, find_spectrum
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import (
@@ -17,19 +17,19 @@ from flexlin.periodic.transition.choose_segments import (
     place_segments,
     report_too_many,
 )
-from flexlin.precision import CUBE, EPS, FAINT, ROOT, SLIGHT
+from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, ROOT_EPS, SLIGHT
 
-SAFETY = 2.0
+METHOD_SAFETY = 2.0
 """Factor on the method's error, which is measured against a better method."""
-SHARED = 0.003
+SHARED_ERROR = 0.003
 """Part of the worst mode's error, relative to what is allowed, that every mode is given: a small one may be so by accident."""
-LOST = 1e-2
+LOST_ERROR = 1e-2
 """A mode whose error exceeds this part of its size is not followed at all, and says nothing of the others."""
-TURNED, LOOKS = 2.0, 256
+RADAU_TURN, LOOK_SEGMENTS = 2.0, 256
 """Radians by which a mode may turn in a segment of Radau's method, and segments at which the eigenvalues of A(t) are looked at."""
-EXTINCT = -float(np.log(EPS))
+EXTINCT_DECAY = -float(np.log(EPS))
 """Decay over a period, beside that of the slowest mode, after which rounding hides what is left."""
-HELPED = 0.7
+HELPED_PART = 0.7
 """Where rounding alone makes segments shorter: the part of it that half as long ones leave at the most."""
 
 
@@ -68,7 +68,7 @@ def solve_by_segments(
     Parameters: tol: wanted error of an exponent, relative beyond 1/s; fixed: take the setting as it is.
     Raises: TooManySegments, where many more seem to be needed.
     """
-    most = int(np.ceil(FINER[0] * max_segments))
+    most = int(np.ceil(FINER_BOUNDS[0] * max_segments))
     if setting.segments > most:
         raise report_too_many(setting.segments, max_segments, tol)
     setting = setting.with_segments(min(setting.segments, max_segments))
@@ -76,11 +76,11 @@ def solve_by_segments(
     while True:
         factored = factored or factor(system, place_segments(system, setting), setting)
         spectrum, method = measure_spectrum(system, setting, factored, start)
-        wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / SAFETY
+        wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / METHOD_SAFETY
         if setting.method == "radau":
             spectrum = bound_extinct(spectrum, method > wanted)
         resolved = np.isfinite(spectrum.errors)
-        noise = (SAFETY if refined else 1.0) * spectrum.rounding  # below it, rounding alone may stand
+        noise = (METHOD_SAFETY if refined else 1.0) * spectrum.rounding  # below it, rounding alone may stand
         excess = float((method / np.maximum(wanted, noise))[resolved].max(initial=0.0))
         if start is None and (spectrum.rounding > wanted)[resolved].any():
             start = spectrum.start
@@ -88,14 +88,14 @@ def solve_by_segments(
         rounded = float((spectrum.rounding / wanted)[resolved].max(initial=0.0))
         twice = 2 * setting.segments
         if (
-            1 < rounded < HELPED * before
+            1 < rounded < HELPED_PART * before
             and spectrum.stretched
             and not fixed
             and twice <= min(max_segments, FEWER_SEGMENTS)
         ):
             setting, start, before, factored = setting.with_segments(twice), spectrum.start, rounded, None
             continue
-        finer = np.clip(1.1 * excess ** (1 / setting.order), *FINER) if np.isfinite(excess) else FINER[1]
+        finer = np.clip(1.1 * excess ** (1 / setting.order), *FINER_BOUNDS) if np.isfinite(excess) else FINER_BOUNDS[1]
         count = int(np.ceil(setting.segments * finer))
         if fixed or excess <= 1 or (setting.segments == max_segments and count <= most):
             noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
@@ -112,7 +112,7 @@ def bound_extinct(spectrum: SegmentedSpectrum, missed: Array) -> SegmentedSpectr
     By an L-stable method they decay beside the slowest one, however long the segments are; to follow them would take most of these.
     """
     below = spectrum.logs.real[0] - spectrum.logs.real
-    extinct = missed & (below > max(EXTINCT, spectrum.errors[0]))
+    extinct = missed & (below > max(EXTINCT_DECAY, spectrum.errors[0]))
     return replace(spectrum, errors=np.where(np.logical_or.accumulate(extinct), np.inf, spectrum.errors))
 
 
@@ -120,7 +120,7 @@ def add_blind(spectrum: SegmentedSpectrum, system: PeriodicSystem, tol: float) -
     """Add to the errors what both methods may miss alike at the ends of narrow panels, where neither has a node."""
     if np.diff(system.resolved.edges).min() > system.period / (2 * NODES):
         return spectrum
-    return replace(spectrum, errors=spectrum.errors + ROOT * tol * np.maximum(system.period, np.abs(spectrum.logs)))
+    return replace(spectrum, errors=spectrum.errors + ROOT_EPS * tol * np.maximum(system.period, np.abs(spectrum.logs)))
 
 
 def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum, factor: Factoring) -> SegmentedSpectrum:
@@ -129,12 +129,12 @@ def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum, factor: F
     The rounding of a strongly non-normal factor is far above that of its entries, in both methods, which may agree by accident.
     """
     setting, panels = spectrum.setting, len(spectrum.setting.shares)
-    finer = setting.with_segments(int(np.ceil(FINER[0] * setting.segments)) + panels)  # more in every panel
+    finer = setting.with_segments(int(np.ceil(FINER_BOUNDS[0] * setting.segments)) + panels)  # more in every panel
     factored = factor(system, place_segments(system, finer), finer)
     other = measure_spectrum(system, finer, factored, spectrum.start)[0]
     apart = measure_distances(spectrum.logs, other.logs)
     moved = apart[np.arange(len(apart)), assign(apart)]
-    return replace(spectrum, errors=np.maximum(spectrum.errors, SAFETY * moved))
+    return replace(spectrum, errors=np.maximum(spectrum.errors, METHOD_SAFETY * moved))
 
 
 def measure_spectrum(
@@ -146,11 +146,11 @@ def measure_spectrum(
     found = find_spectrum(plain, better, unknown, start=start, steps=None if damped else steps)
     logs, rounding = found.logs, found.rounding
     method = share_errors(found, system.period)
-    errors = SAFETY * method + rounding
+    errors = METHOD_SAFETY * method + rounding
     if damped:
         grid = place_segments(system, setting)
         below, hidden = logs.real[0] - logs.real, system.period * hidden_growth(system, grid) - logs.real[0]
-        errors = np.where((errors > SLIGHT * below) & (below > max(EXTINCT, errors[0])), np.inf, errors)
+        errors = np.where((errors > SLIGHT * below) & (below > max(EXTINCT_DECAY, errors[0])), np.inf, errors)
         method, errors = (np.append(np.maximum(part[0], hidden), part[1:]) for part in (method, errors))
     errors = errors + liouville_excess(system, logs, errors)
     # a multiplier of which no digit is known may be any that roundings lead to
@@ -164,14 +164,14 @@ def hidden_growth(system: PeriodicSystem, grid: Array) -> float:
 
         growth = Re lambda - Re l' r',   |r| = 1,   l' r = 1
 
-    The mean in time of the largest over those eigenvalues of A(t) whose size exceeds TURNED of a segment, with what every other look
+    The mean in time of the largest over those eigenvalues of A(t) whose size exceeds RADAU_TURN of a segment, with what every other look
     says less; -inf where there are none. The second term is what a mode gains by the change of its shape.
     """
-    t = system.period * (np.arange(LOOKS) + 0.5) / LOOKS
+    t = system.period * (np.arange(LOOK_SEGMENTS) + 0.5) / LOOK_SEGMENTS
     h = np.diff(grid)[np.searchsorted(grid, t, side="right") - 1]
-    later = CUBE * system.period
+    later = CUBE_ROOT_EPS * system.period
     values, right = np.linalg.eig(system.resolved(t))
-    turning = np.abs(values) * h[:, None] > TURNED
+    turning = np.abs(values) * h[:, None] > RADAU_TURN
     some = turning.any(axis=1)
     if not some.any():
         return -np.inf
@@ -192,9 +192,9 @@ def share_errors(found: ProductSpectrum, period: float) -> Array:
     A mode whose rounding exceeds its error by the method says nothing of the others: what moves it is rounding too.
     """
     size = np.maximum(period, np.abs(found.logs))
-    known = (found.method < LOST * size) & (found.method > found.rounding)
+    known = (found.method < LOST_ERROR * size) & (found.method > found.rounding)
     worst = float((found.method / size)[known].max(initial=0.0))
-    return np.maximum(found.method, SHARED * worst * size)
+    return np.maximum(found.method, SHARED_ERROR * worst * size)
 
 
 def liouville_excess(system: PeriodicSystem, logs: Array, errors: Array) -> float:

@@ -9,7 +9,7 @@ from flexlin.checks import Array, positive, whole
 from flexlin.errors import TooManySegments
 from flexlin.periodic.circle import assign, match_logs, measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, couple_uncertainty
-from flexlin.periodic.coefficient_series.sampling import BLOCKS, stratified
+from flexlin.periodic.coefficient_series.sampling import SEARCH_BLOCKS, stratified
 from flexlin.periodic.decoupling.coupling import Decoupled, Refusal
 from flexlin.periodic.decoupling.decouple import MOST_TRIES
 from flexlin.periodic.floquet.by_decoupling import estimate_decoupling_work, solve_decoupled
@@ -26,9 +26,9 @@ from flexlin.periodic.transition.choose_segments import (
     fall_back,
 )
 from flexlin.periodic.transition.gauss import CHUNK_BYTES
-from flexlin.precision import CUBE, EPS, FAINT, SAFETY
+from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, SAFETY
 
-PATIENCE = 4e9
+COLLOCATION_WORK = 4e9
 """Multiplications of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
 FACTOR_BYTES = 4 * CHUNK_BYTES
 """The transition matrices of a period take at most this many bytes."""
@@ -159,7 +159,7 @@ def answer_by_segments(
 def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
     """The exponents by decoupling where that promises less work, else by segments; by the better one where decoupling misses tol."""
     decoupled = try_decoupling(system, setting, tol)
-    patient = setting.segments <= limit and estimate_segment_work(system, setting) < PATIENCE
+    patient = setting.segments <= limit and estimate_segment_work(system, setting) < COLLOCATION_WORK
     if decoupled is not None and not (patient and count_missed(decoupled, tol)):
         return decoupled
     try:
@@ -189,7 +189,7 @@ def count_missed(found: FloquetResult, tol: float) -> int:
     """How many exponents miss tol; those that are enclosed only do not, nor those that coincide with another one as far as can be
     known: a double one that rounding splits, which segments know no better."""
     size, logs = np.maximum(1.0, np.abs(found.exponents)), found.exponents * found.period
-    alike = find_coinciding_within(logs, found.errors * found.period) & (found.errors <= CUBE * size)
+    alike = find_coinciding_within(logs, found.errors * found.period) & (found.errors <= CUBE_ROOT_EPS * size)
     reached = find_reached(found.exponents, found.errors, tol)
     return int(np.sum(~(reached | np.isinf(found.errors) | alike)))
 
@@ -272,7 +272,7 @@ def is_hamiltonian(system: PeriodicSystem) -> bool:
     M', G' are those of the series.
     Source: Yakubovich, Starzhinskii, Linear Differential Equations with Periodic Coefficients (1975), ch. III.
     """
-    resolved, t = system.resolved, system.period * stratified(BLOCKS)
+    resolved, t = system.resolved, system.period * stratified(SEARCH_BLOCKS)
     if isinstance(resolved, ResolvedCompanion):
         return is_symmetric_motion(resolved, t)
     n, odd = divmod(system.n, 2)

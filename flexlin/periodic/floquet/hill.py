@@ -14,7 +14,7 @@ from flexlin.periodic.interpolation import NODES
 from flexlin.periodic.product import balance_factors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import count_waves
-from flexlin.precision import EPS, FOURTH, PARTIAL, SAFETY
+from flexlin.precision import EPS, FOURTH_ROOT_EPS, PARTIAL, SAFETY
 
 MAX_SIZE = 900
 """Rows of the largest Hill matrix: its eigenvalues take some seconds."""
@@ -148,7 +148,7 @@ def is_copy(i: int, taken: list[int], values: Array, modes: Array, w: float) -> 
     span = [
         np.roll(modes[:, :, j], m, axis=0).ravel()
         for j, m, d in zip(taken, shift, apart, strict=True)
-        if m != 0 and d < FOURTH * w  # modulo i w
+        if m != 0 and d < FOURTH_ROOT_EPS * w  # modulo i w
     ]
     if not span:
         return False

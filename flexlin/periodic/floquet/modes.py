@@ -24,7 +24,7 @@ from flexlin.periodic.transition.choose_segments import (
 )
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss
 from flexlin.plots.view import Series, Shown, View
-from flexlin.precision import ROOT
+from flexlin.precision import ROOT_EPS
 
 if TYPE_CHECKING:
     import pandas
@@ -245,7 +245,7 @@ def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Arra
 
 def find_coinciding(logs: Array) -> Array:
     """Which logs of multipliers agree modulo 2 pi i, (n, n) booleans."""
-    return measure_distances(logs, logs) < ROOT
+    return measure_distances(logs, logs) < ROOT_EPS
 
 
 def biorthogonalize(left: Array, right: Array, same: Array) -> Array:
@@ -298,7 +298,7 @@ class FrozenModes:
     @property
     def frequencies(self) -> Array:
         """Im / 2 pi in Hz of the eigenvalue of each pair that turns forward, (N, n); nan where a mode does not oscillate."""
-        turns = self.values.imag > ROOT * np.abs(self.values)
+        turns = self.values.imag > ROOT_EPS * np.abs(self.values)
         return np.where(turns, self.values.imag / (2 * np.pi), np.nan)
 
 

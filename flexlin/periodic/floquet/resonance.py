@@ -8,7 +8,7 @@ from flexlin.arguments import instance
 from flexlin.checks import Array
 from flexlin.periodic.floquet.modes import FloquetModes
 from flexlin.periodic.system import PeriodicSystem, as_system
-from flexlin.precision import CUBE, MINOR
+from flexlin.precision import CUBE_ROOT_EPS, MINOR
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Resonance:
     def own_cause(self) -> str:
         """Why one mode grows where no two averaged ones meet, in words: it may turn by w / 2, which no average of its own does."""
         own, half = self.frequencies[0], self.w / 2
-        locked, by_chance = (abs(one % self.w - half) <= CUBE * self.w for one in (self.exponent.imag, own))
+        locked, by_chance = (abs(one % self.w - half) <= CUBE_ROOT_EPS * self.w for one in (self.exponent.imag, own))
         if locked and not by_chance:
             return f"parametric resonance at w / 2 = {half:.4g} rad/s"
         return f"flutter near {own:.4g} rad/s, by no resonance with the motion"

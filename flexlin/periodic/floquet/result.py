@@ -11,7 +11,7 @@ from flexlin.checks import Array
 from flexlin.errors import counted
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix
-from flexlin.periodic.coefficient_series.sampling import RESOLVED
+from flexlin.periodic.coefficient_series.sampling import RESOLVED_TOL
 from flexlin.periodic.decoupling.coupling import Decoupled
 from flexlin.periodic.transition.choose_segments import Setting
 from flexlin.plots.view import Series, Shown, View
@@ -20,7 +20,7 @@ from flexlin.summary import represent
 if TYPE_CHECKING:
     import xarray
 
-MARGINAL = 1e-9
+MARGINAL_GROWTH = 1e-9
 """Growth per basic frequency below which no arm shows whether a motion grows or decays."""
 MARGINAL_ADVICE = (
     "add damping, write A in coordinates in which its entries are smaller, or treat the system as marginal "
@@ -187,7 +187,7 @@ def judge(
     isolated = (
         undamped and verdict == "undecided" and not find_coinciding_within(period * exponents, period * errors).any()
     )
-    rounded = off[critical] <= RESOLVED * max(1 / period, max(map(abs, values)))
+    rounded = off[critical] <= RESOLVED_TOL * max(1 / period, max(map(abs, values)))
     reason = explain(verdict, growth[critical], off[critical], period, tol, isolated, coarse, rounded)
     advice = {
         "stable": "every disturbance decays",
@@ -230,8 +230,8 @@ def explain(
         )
     if verdict == "undecided":
         return f"the growth rate is zero to within its error{', which rounding makes' if rounded else ': a smaller tol may decide'}"
-    if abs(growth) * period < MARGINAL * 2 * np.pi:
-        return f"practically marginal: the growth rate is below {MARGINAL:.0e} of the basic frequency"
+    if abs(growth) * period < MARGINAL_GROWTH * 2 * np.pi:
+        return f"practically marginal: the growth rate is below {MARGINAL_GROWTH:.0e} of the basic frequency"
     return ""
 
 

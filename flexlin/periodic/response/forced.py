@@ -15,10 +15,16 @@ from flexlin.errors import ArgumentError, ResonantForcing, TooManySegments
 from flexlin.periodic.coefficient_series.matrix import couple_uncertainty
 from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficients import PROBES, Constant, has_nothing_narrow, hold_input, refuse_signature
-from flexlin.periodic.interpolation import FINER, NODES, TAIL, edges_of_short, place_edges
-from flexlin.periodic.product import COHERENT, cyclic_system, find_spectrum
+from flexlin.periodic.interpolation import FINER_BOUNDS, NODES, TAIL, edges_of_short, place_edges
+from flexlin.periodic.product import COHERENT_PART, cyclic_system, find_spectrum
 from flexlin.periodic.system import PeriodicSystem, as_system
-from flexlin.periodic.transition.choose_segments import MARGIN, MAX_SEGMENTS, Setting, choose_setting, report_too_many
+from flexlin.periodic.transition.choose_segments import (
+    GUESS_MARGIN,
+    MAX_SEGMENTS,
+    Setting,
+    choose_setting,
+    report_too_many,
+)
 from flexlin.periodic.transition.factors import factor, follow_rates
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
@@ -30,7 +36,7 @@ from flexlin.periodic.transition.gauss import (
     sample_at,
 )
 from flexlin.plots.view import Series, Shown, View
-from flexlin.precision import EPS, FOURTH, MINOR, ROOT, SAFETY, TINY
+from flexlin.precision import EPS, FOURTH_ROOT_EPS, MINOR, ROOT_EPS, SAFETY, TINY
 from flexlin.summary import represent
 
 if TYPE_CHECKING:
@@ -38,11 +44,11 @@ if TYPE_CHECKING:
 
 
 VectorFunction = Callable[[Array], Array]
-RESONANT = 100.0
+RESONANT_LOSS = 100.0
 """A response that loses this factor beyond tol to rounding is resonant."""
-STAGES = 6
+STEP_STAGES = 6
 """Of a step, where two more show the error; of Radau IIA, and of Gauss collocation at the least, where finer steps do."""
-STIFF = 1024
+STIFF_SEGMENTS = 1024
 """Segments of Gauss collocation beyond which Radau IIA is tried first: it does not feel fast modes that are damped."""
 
 
@@ -241,7 +247,7 @@ def find_corners(system: PeriodicSystem, force: VectorFunction, breaks: Array) -
         np.union1d(known, 0.0).tolist(),
         system.features,
         complete=system.complete and has_nothing_narrow(force),
-        tol=ROOT,
+        tol=ROOT_EPS,
         repeats=False,
     )
     return np.union1d(
@@ -262,19 +268,19 @@ def follow_response(
     Raises: TooManySegments.
     """
     enough, found = setting.segments, None
-    if enough > STIFF:
-        rule = radau(STAGES)
+    if enough > STIFF_SEGMENTS:
+        rule = radau(STEP_STAGES)
         with suppress(TooManySegments):
-            found = refine_response(system, force, corners, tol, rule, (STIFF // 4, min(enough, most)))
+            found = refine_response(system, force, corners, tol, rule, (STIFF_SEGMENTS // 4, min(enough, most)))
         if found is not None and found[2] <= tol * found[3]:
             return rule, found
     try:
-        rule = gauss(max(STAGES, setting.order // 2))
-        return rule, refine_response(system, force, corners, tol, rule, (enough, most), at_once=enough > STIFF)
+        rule = gauss(max(STEP_STAGES, setting.order // 2))
+        return rule, refine_response(system, force, corners, tol, rule, (enough, most), at_once=enough > STIFF_SEGMENTS)
     except TooManySegments:
         if found is None:
             raise
-        return radau(STAGES), found
+        return radau(STEP_STAGES), found
 
 
 def refine_response(
@@ -296,7 +302,7 @@ def refine_response(
         grid = place_edges(system.period, corners, count, -(-count // first))
         solution, sigma, Phi = solve_periodic(system, force, grid, rule)
         rounding = SAFETY * EPS / max(sigma, TINY)
-        if solution is None or rounding > RESONANT * max(tol, 1e-10):
+        if solution is None or rounding > RESONANT_LOSS * max(tol, 1e-10):
             if count >= limits[0]:
                 raise report_resonance(Phi, sigma)
             previous, count = None, 2 * count
@@ -312,9 +318,9 @@ def refine_response(
                 best = solution, sigma, scale, rounded, len(misses)
             if stagnant(misses):
                 break
-            wanted = len(previous.start) * (MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
-        previous, count = solution, int(np.ceil(np.clip(wanted, FINER[0] * count, 2 * count)))
-    if best is None or (count > limits[1] and misses[-1] > FOURTH * np.abs(best[0].start).max()):
+            wanted = len(previous.start) * (GUESS_MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
+        previous, count = solution, int(np.ceil(np.clip(wanted, FINER_BOUNDS[0] * count, 2 * count)))
+    if best is None or (count > limits[1] and misses[-1] > FOURTH_ROOT_EPS * np.abs(best[0].start).max()):
         raise report_too_many(count, limits[1], tol)
     solution, sigma, scale, rounded, at = best
     missed = max(misses[at - 1 : at + 1])
@@ -369,7 +375,7 @@ def unknown_response(
         return couple_uncertainty(system.resolved, t, eye, solution(t)[:, :, None])[:, :, 0]
 
     moved = solve_periodic(system, force, place_edges(system.period, corners, count), rule)[0]
-    return np.inf if moved is None else COHERENT * float(np.abs(moved.start).max())
+    return np.inf if moved is None else COHERENT_PART * float(np.abs(moved.start).max())
 
 
 def as_vector_function(f: VectorFunction | Sequence[float], system: PeriodicSystem) -> VectorFunction:

@@ -20,7 +20,7 @@ from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
-    STAGES,
+    DEFAULT_STAGES,
     Tableau,
     place_nodes,
     radau,
@@ -29,7 +29,7 @@ from flexlin.periodic.transition.gauss import (
     weigh_stages,
 )
 from flexlin.plots.view import Series, Shown, View
-from flexlin.precision import CUBE, EPS, SAFETY, TINY
+from flexlin.precision import CUBE_ROOT_EPS, EPS, SAFETY, TINY
 from flexlin.summary import represent
 
 if TYPE_CHECKING:
@@ -163,7 +163,7 @@ def frequency_response(
     if verdict.verdict != "stable":
         raise NotStable("there is no response that lasts", got=verdict.status, expected="a stable system")
     output = resolve_beside(system, given)
-    count, before = STAGES, np.zeros((len(frequencies), 1, *output.shape[:1], system.m), complex)
+    count, before = DEFAULT_STAGES, np.zeros((len(frequencies), 1, *output.shape[:1], system.m), complex)
     while True:
         found = find_harmonics(system, output, count, frequencies, min(count, FARTHEST_ORDER))
         size = np.abs(found).max(axis=(1, 2, 3)) + TINY
@@ -186,9 +186,9 @@ def frequency_response(
 def find_harmonics(system: PeriodicSystem, C: ResolvedMatrix, count: int, omega: Array, highest: int) -> Array:
     """H (W, 2 highest + 1, p, m) under u = exp(i omega t), on so many segments of a period, between all edges of the coefficients."""
     every = (system.resolved, system.resolved_input, C)
-    least = max((-(-2 * one.degree // STAGES) for one in every if one.panels > 1), default=1)
+    least = max((-(-2 * one.degree // DEFAULT_STAGES) for one in every if one.panels > 1), default=1)
     edges = place_edges(system.period, np.unique(np.concatenate([one.edges for one in every])), count, least)
-    rule, h = radau(STAGES), np.diff(edges)
+    rule, h = radau(DEFAULT_STAGES), np.diff(edges)
     t = place_nodes(edges, rule.c)
     A, *ports = (sample_at(one, t) for one in every)
     (K, s), p, m = t.shape, C.shape[0], system.m
@@ -244,7 +244,10 @@ class Segments:
             left, gains, right = np.linalg.svd(outputs, full_matrices=False)
             answer = outputs[:, -1] if step < NOISY_STEPS else left[:, 0]
             u = back(answer.reshape(K, -1, 1)[::-1])[::-1].ravel()
-            if step >= NOISY_STEPS and np.linalg.norm(u - gains[0] * inputs @ right[0].conj()) <= CUBE * gains[0]:
+            if (
+                step >= NOISY_STEPS
+                and np.linalg.norm(u - gains[0] * inputs @ right[0].conj()) <= CUBE_ROOT_EPS * gains[0]
+            ):
                 break
             for _ in range(2):  # once more, for what rounding left
                 u = u - inputs @ (inputs.conj().T @ u)

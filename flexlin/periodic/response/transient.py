@@ -13,7 +13,7 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
 from flexlin.periodic.interpolation import divide_evenly
-from flexlin.periodic.response.forced import STAGES
+from flexlin.periodic.response.forced import STEP_STAGES
 from flexlin.periodic.system import PeriodicSystem, as_system, edges_between, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, choose_gauss_step, measure_pace
 from flexlin.periodic.transition.gauss import gauss_transitions
@@ -148,7 +148,7 @@ def respond(
     if push is not None:
         start = start + system.resolved_input(times[:1])[0] @ real_array("push", push, (m,))
     edges = divide_times(system, times, positive("tol", tol))
-    runs = [follow(driven, excited, start, edges, stages) for stages in (STAGES, STAGES + 2)]
+    runs = [follow(driven, excited, start, edges, stages) for stages in (STEP_STAGES, STEP_STAGES + 2)]
     at = np.searchsorted(edges, times)
     (x, P), (better, spread) = ((states[at], covariance[at]) for states, covariance in runs)
     roots = [np.sqrt(np.abs(np.diagonal(one, axis1=1, axis2=2))) for one in (P, spread)]
@@ -164,7 +164,7 @@ def divide_times(system: PeriodicSystem, times: Array, tol: float) -> Array:
     turns = np.arange(np.floor(times[0] / T), np.floor(times[-1] / T) + 1)
     marks = np.union1d(times, (turns[:, None] * T + corners).ravel())
     marks = marks[(marks >= times[0]) & (marks <= times[-1])]
-    longest = float(choose_gauss_step(measure_pace(system).rate.max(keepdims=True), tol, STAGES).min())
+    longest = float(choose_gauss_step(measure_pace(system).rate.max(keepdims=True), tol, STEP_STAGES).min())
     counts = np.maximum(np.ceil(np.diff(marks) / longest), 1).astype(int)
     if counts.sum() > 16 * MAX_SEGMENTS:
         raise TooManySegments(

@@ -13,12 +13,12 @@ from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
 from flexlin.periodic.floquet.modes import find_coinciding, floquet_modes
 from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, divided
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, dual_system, input_of
-from flexlin.precision import CUBE, EPS, ROOT, SLIGHT, TINY
+from flexlin.precision import CUBE_ROOT_EPS, EPS, ROOT_EPS, SLIGHT, TINY
 from flexlin.summary import represent
 
-SAMPLES = 64
+WEIGHT_TIMES = 64
 """Times of a period at which the weights are checked, and on which X is begun."""
-WAVES = 3.0
+PANEL_HARMONICS = 3.0
 """Harmonics of a Fourier series for each panel of degree NODES - 1 that replaces it."""
 
 
@@ -100,7 +100,7 @@ def linear_quadratic(
     ]
     problem = LinearQuadratic(system.A, B, *weights)
     if definite:
-        check_weights(problem, system.period * np.arange(SAMPLES) / SAMPLES)
+        check_weights(problem, system.period * np.arange(WEIGHT_TIMES) / WEIGHT_TIMES)
     return problem
 
 
@@ -203,7 +203,7 @@ class RiccatiSolution:
         """Times from 0 to the horizon between which polynomials follow X and the coefficients."""
         if isinstance(self.series, ChebyshevPanels):
             return self.series.edges
-        return divided(self.series.edges, self.horizon * WAVES / max(self.series.degree, 1))
+        return divided(self.series.edges, self.horizon * PANEL_HARMONICS / max(self.series.degree, 1))
 
     def X(self, t: ArrayLike) -> Array:
         """Return the cost matrix.
@@ -299,13 +299,13 @@ def find_blocked(unreached: bool, problem: LinearQuadratic, loop: PeriodicSystem
     weight = problem.reduced(np.mod(-modes.times, loop.period) if unreached else modes.times)[1 if unreached else 2]
     weight = weight / np.maximum(np.linalg.norm(weight, 2, axis=(1, 2)), TINY)[:, None, None]
     same, found = find_coinciding(loop.period * modes.exponents), []
-    for i in np.flatnonzero(modes.exponents.real >= -np.maximum(ROOT, modes.errors)):
+    for i in np.flatnonzero(modes.exponents.real >= -np.maximum(ROOT_EPS, modes.errors)):
         p = modes.right[:, :, same[i]]
         p = p @ np.linalg.svd(np.linalg.qr((weight @ p).reshape(-1, p.shape[2]), mode="r"))[2][-1].conj()
         length = np.linalg.norm(p, axis=1)
         share = float((np.linalg.norm((weight @ p[:, :, None])[:, :, 0], axis=1) / length).max())
         condition = float((np.linalg.norm(modes.left[:, :, i], axis=1) * length).max())
-        rounding = min(CUBE, 1e2 * len(modes.exponents) * EPS * max(condition, 1.0))
+        rounding = min(CUBE_ROOT_EPS, 1e2 * len(modes.exponents) * EPS * max(condition, 1.0))
         found.append((float(modes.exponents[i].real), share, rounding, (p[0] / length[0]).real))
     nothing = 0.0, 1.0, 0.0, np.zeros(loop.n)
     return min(found, key=lambda mode: mode[1] if mode[1] > mode[2] else 0.0, default=nothing)

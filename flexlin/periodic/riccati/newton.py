@@ -10,7 +10,7 @@ from flexlin.errors import IllPosedSegment, NumericalError, ToleranceNotReached
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.coefficients import assemble_hamiltonian
 from flexlin.periodic.riccati.linear_quadratic import (
-    SAMPLES,
+    WEIGHT_TIMES,
     LinearQuadratic,
     RiccatiSolution,
     bound_sizes,
@@ -31,14 +31,14 @@ from flexlin.periodic.riccati.scattering import (
     twice,
 )
 from flexlin.periodic.transition.gauss import CHUNK_BYTES
-from flexlin.precision import EPS, MINOR, PARTIAL, ROOT, SAFETY, SLIGHT
+from flexlin.precision import EPS, MINOR, PARTIAL, ROOT_EPS, SAFETY, SLIGHT
 
-MOST = 8192
+MOST_NODES = 8192
 """Nodes at the most."""
-ROUNDS = 24
+CORRECTIONS = 24
 """Corrections on a grid."""
-EASIER = 100.0
-"""The factor on R, taken ROUNDS // 4 times at the most."""
+EASIER_FACTOR = 100.0
+"""The factor on R, taken CORRECTIONS // 4 times at the most."""
 
 
 def solve_by_newton(
@@ -53,13 +53,13 @@ def solve_by_newton(
     Raises: NotStabilizable, NotDetectable; ToleranceNotReached where nothing is proved.
     """
     best: RiccatiSolution | None = None
-    coarse = nodes.resize(SAMPLES)
+    coarse = nodes.resize(WEIGHT_TIMES)
     begun = begin(problem, coarse, end)
     nodes = begun.nodes if begun.nodes.count > coarse.count else nodes
     X, seen = begun.nodes.series(begun.X)(nodes.places), MINOR * tol
     while nodes.count <= most_nodes(X.shape[1]):
         corrected = correct_until_closed(problem, nodes, X, SLIGHT * tol)
-        if corrected is None and begun.nodes.count < MOST // (4 if begun.idle else 8):
+        if corrected is None and begun.nodes.count < MOST_NODES // (4 if begun.idle else 8):
             begun = begin(problem, begun.nodes.resize(4 * begun.nodes.count), end)
             nodes = nodes.resize(max(nodes.count, begun.nodes.count))
             X = begun.nodes.series(begun.X)(nodes.places)
@@ -68,13 +68,13 @@ def solve_by_newton(
             if begun.idle:
                 break
             begin(problem, begun.nodes, end, exact=True)
-            if best is not None or eased == ROUNDS // 4:
+            if best is not None or eased == CORRECTIONS // 4:
                 break
             try:
-                X = solve_by_newton(problem.ease(EASIER), nodes, end, SLIGHT, eased + 1).X(nodes.places)
+                X = solve_by_newton(problem.ease(EASIER_FACTOR), nodes, end, SLIGHT, eased + 1).X(nodes.places)
             except NumericalError:
                 break
-            eased = ROUNDS // 4
+            eased = CORRECTIONS // 4
             continue
         finer = nodes.refine(corrected.X, seen)
         if finer is None and not bounded:
@@ -95,7 +95,7 @@ def solve_by_newton(
     if best is None:
         raise ToleranceNotReached(
             "the Riccati equation was not solved to the asked accuracy: its coefficients may lie too far apart to be computed with",
-            got=problem.describe_sizes(nodes.t[:SAMPLES]),
+            got=problem.describe_sizes(nodes.t[:WEIGHT_TIMES]),
             expected=f"a proof of an error of at most {tol:.2g} on up to {nodes.count} nodes",
             todo="bring states, inputs and weights to like sizes (a small R makes fast modes), or ask for a larger tol",
         )
@@ -134,13 +134,13 @@ def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool
     gaps = star_product(halves[len(halves) - count :], before)
     levels, doublings = combine_in_tree(gaps), 0
     if end is None:
-        end, doublings = double_period(levels[-1][0], problem, nodes.edges, ROOT if exact else 1.0)
+        end, doublings = double_period(levels[-1][0], problem, nodes.edges, ROOT_EPS if exact else 1.0)
     return Begun(nodes, carry_costs_down(levels, end)[:count], doublings)
 
 
 def most_nodes(n: int) -> int:
     """Nodes at the most for n states."""
-    return min(MOST, CHUNK_BYTES // (8 * n**2))
+    return min(MOST_NODES, CHUNK_BYTES // (8 * n**2))
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
     units = measure_states(X, plain.A)
     samples, X = plain.rescale(units), X / np.outer(units, units)
     last, grown = np.inf, 0
-    for k in range(ROUNDS):
+    for k in range(CORRECTIONS):
         F, M = samples.compare(X, nodes.slopes(X))
         with np.errstate(over="ignore", invalid="ignore"):  # of loops that are not stable
             if not k or (last > SLIGHT and samples.G.any()):
@@ -185,7 +185,9 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
         moved = float(np.abs(D).max())
         X = X + (lyapunov.sharpen(D) if moved < SLIGHT else D)
         grown = grown + 1 if moved > last else 0
-        if not moved * SLIGHT < 1 or grown > ROUNDS // 8:  # steps that grow again and again are those of too few nodes
+        if (
+            not moved * SLIGHT < 1 or grown > CORRECTIONS // 8
+        ):  # steps that grow again and again are those of too few nodes
             return None
         small = moved <= near or (k and moved * moved / last <= near)
         if small or (moved < SLIGHT and (moved <= nodes.tail(X) or moved > PARTIAL * last)):
@@ -217,7 +219,7 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     noise = samples.rounding(X_between, slopes)
     doubt = samples.doubt(problem, between, X_between)
     rows = [np.abs(part).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for part in (F, noise + doubt)]
-    short = np.diff(nodes.edges) <= ROOT * nodes.edges[-1]
+    short = np.diff(nodes.edges) <= ROOT_EPS * nodes.edges[-1]
     for part in rows:
         part[~short] = part[~short].max(axis=0)
     W = rows[0] + rows[1]
@@ -225,7 +227,7 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     W_between, W_nodes = (np.repeat(W, count // panels, axis=0) for count in (len(between), nodes.count))
     weight = W_nodes[:, :, None] * np.eye(len(units))
     D, left = np.zeros_like(X), weight
-    for _ in range(ROUNDS // 4):
+    for _ in range(CORRECTIONS // 4):
         more = lyapunov.solve(left)
         if more is None:
             return None
@@ -285,7 +287,7 @@ def carry_residual(problem: LinearQuadratic, nodes: Nodes, X: Array, units: Arra
         return None
     E, *others = np.swapaxes(carried, 0, 1)
     E, moved = loop.sharpen(E), np.inf
-    for _ in range(ROUNDS // 4):
+    for _ in range(CORRECTIONS // 4):
         more = loop.solve((F + nodes.slopes(E) + twice(E @ M))[:, None])
         if more is None:
             return None

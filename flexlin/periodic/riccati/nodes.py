@@ -7,9 +7,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from flexlin.checks import Array
-from flexlin.periodic.coefficient_series.sampling import NEAR
+from flexlin.periodic.coefficient_series.sampling import JUMP_WIDTH
 from flexlin.periodic.interpolation import (
-    FINER,
+    FINER_BOUNDS,
     ChebyshevPanels,
     FourierSeries,
     divide_evenly,
@@ -18,11 +18,11 @@ from flexlin.periodic.interpolation import (
 )
 from flexlin.precision import EPS, SAFETY, TINY
 
-SHOWN = 0.36
+SHOWN_WAVES = 0.36
 """Waves that N equally spaced nodes show, as a part of N: a correction of the next ones could grow, see `FourierNodes.sharpen`."""
-DEGREE = 16
+PANEL_DEGREE = 16
 """Of the polynomials on panels."""
-LOST = SAFETY * EPS
+LOST_WAVES = SAFETY * EPS
 """Waves below this part of the largest are rounding."""
 
 
@@ -73,7 +73,7 @@ class FourierNodes:
 
         So D' = -F is solved exactly. A fast mode needs no such factor; with one below 2 the corrections converge for it too.
         """
-        waves, turn = np.fft.rfft(D, axis=0), np.pi / self.count * np.arange(1, int(SHOWN * self.count))
+        waves, turn = np.fft.rfft(D, axis=0), np.pi / self.count * np.arange(1, int(SHOWN_WAVES * self.count))
         waves[1 : 1 + len(turn)] /= (turn / np.tan(turn) + gaps * turn**2 / 3)[:, None, None]
         waves[1 + len(turn) :] = 0.0
         return np.fft.irfft(waves, self.count, axis=0)
@@ -93,7 +93,7 @@ class FourierNodes:
         """X as a series without waves that are rounding."""
         every = FourierSeries.through(X, self.period)
         mean, high = every.coefficients[:1], np.maximum(*map(np.abs, every.waves)).max(axis=(1, 2))
-        kept = int(np.flatnonzero(high > LOST * np.abs(mean).max()).max(initial=-1)) + 1
+        kept = int(np.flatnonzero(high > LOST_WAVES * np.abs(mean).max()).max(initial=-1)) + 1
         return FourierSeries(np.concatenate([mean, *(one[:kept] for one in every.waves)]), self.period)
 
     def tail(self, X: Array) -> float:
@@ -104,12 +104,12 @@ class FourierNodes:
         """As many nodes as the fall of X's waves says are needed to show all above `seen`; none where these do."""
         heights = self._heights(X)
         shown, high = len(heights), float(heights[-self.count // 16 :].max())
-        if high <= max(seen, LOST):
+        if high <= max(seen, LOST_WAVES):
             return None
         half = max(float(heights[shown // 2 - self.count // 16 : shown // 2].max()), 2 * high)
         needed = 1 + 0.5 * np.log(high / seen) / np.log(half / high)
         step = max(16, 2 ** int(np.log2(self.count)) // 8)
-        return FourierNodes(step * int(np.ceil(self.count * np.clip(needed, *FINER) / step)), self.period)
+        return FourierNodes(step * int(np.ceil(self.count * np.clip(needed, *FINER_BOUNDS) / step)), self.period)
 
     def resize(self, count: int) -> "FourierNodes":
         """So many."""
@@ -117,7 +117,7 @@ class FourierNodes:
 
     def _heights(self, X: Array) -> Array:
         waves = np.abs(np.fft.rfft(X, axis=0)).max(axis=(1, 2)) * (2 / self.count)
-        return np.asarray(waves[: int(SHOWN * self.count)]) + TINY
+        return np.asarray(waves[: int(SHOWN_WAVES * self.count)]) + TINY
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,12 +138,12 @@ class PanelNodes:
     @property
     def count(self) -> int:
         """The number of nodes."""
-        return (len(self.edges) - 1) * (DEGREE + 1)
+        return (len(self.edges) - 1) * (PANEL_DEGREE + 1)
 
     @property
     def t(self) -> Array:
         """The times (N,), those of the edges just inside the panels."""
-        return self._place(np.clip(lobatto()[0], NEAR - 1, 1 - NEAR))
+        return self._place(np.clip(lobatto()[0], JUMP_WIDTH - 1, 1 - JUMP_WIDTH))
 
     @property
     def places(self) -> Array:
@@ -177,7 +177,7 @@ class PanelNodes:
 
     def series(self, X: Array) -> ChebyshevPanels:
         """X as polynomials."""
-        return ChebyshevPanels(self.edges, self._apply(lobatto()[3], X).reshape(-1, DEGREE + 1, *X.shape[1:]))
+        return ChebyshevPanels(self.edges, self._apply(lobatto()[3], X).reshape(-1, PANEL_DEGREE + 1, *X.shape[1:]))
 
     def tail(self, X: Array) -> float:
         """The size of the last terms."""
@@ -187,9 +187,11 @@ class PanelNodes:
         """Panels divided where their last terms are above `seen`; none where none is."""
         heights = self._heights(X)
         high = heights[:, -1]
-        wanted = max(seen, LOST)
+        wanted = max(seen, LOST_WAVES)
         fall = np.log2(np.maximum(heights[:, 0], 2 * high) / high)
-        parts = np.where(high > wanted, np.clip(np.ceil((high / wanted) ** (1 / (DEGREE + 1))), 2, 4), 1).astype(int)
+        parts = np.where(high > wanted, np.clip(np.ceil((high / wanted) ** (1 / (PANEL_DEGREE + 1))), 2, 4), 1).astype(
+            int
+        )
         parts = np.where((high > wanted) & (fall < 2), 4, parts)
         if parts.max() == 1:
             return None
@@ -202,13 +204,15 @@ class PanelNodes:
     def _heights(self, X: Array) -> Array:
         """The largest of the middle and of the last terms of each panel (P, 2)."""
         sizes = np.abs(self.series(X).coefficients).max(axis=(2, 3)) + TINY
-        return np.stack([sizes[:, DEGREE // 2 - 2 : DEGREE // 2 + 1].max(axis=1), sizes[:, -3:].max(axis=1)], axis=1)
+        return np.stack(
+            [sizes[:, PANEL_DEGREE // 2 - 2 : PANEL_DEGREE // 2 + 1].max(axis=1), sizes[:, -3:].max(axis=1)], axis=1
+        )
 
     def _place(self, u: Array) -> Array:
         return np.asarray((self.edges[:-1, None] + np.outer(np.diff(self.edges), 0.5 * (u + 1))).ravel())
 
     def _apply(self, matrix: Array, X: Array, by_time: bool = False) -> Array:
-        found = matrix @ X.reshape(len(self.edges) - 1, DEGREE + 1, -1)
+        found = matrix @ X.reshape(len(self.edges) - 1, PANEL_DEGREE + 1, -1)
         if by_time:
             found *= (2 / np.diff(self.edges))[:, None, None]
         return np.asarray(found.reshape(-1, *X.shape[1:]))
@@ -221,9 +225,9 @@ Nodes = FourierNodes | PanelNodes
 def lobatto(shift: float = 0.0) -> tuple[Array, Array, Array, Array]:
     """Chebyshev's extreme points (or, by a shift of 1/2, the zeros of T_p between them), the matrices from values at extreme points to
     values and slopes at these, and to coefficients."""
-    extreme, u = (-np.cos(np.pi * np.arange(shift, DEGREE + 1 - shift) / DEGREE) for shift in (0.0, shift))
-    to_coefficients = np.linalg.inv(chebyshev.chebvander(extreme, DEGREE))
-    derivatives = chebyshev.chebder(np.eye(DEGREE + 1), axis=0)
-    slopes = chebyshev.chebvander(u, DEGREE - 1) @ derivatives @ to_coefficients
+    extreme, u = (-np.cos(np.pi * np.arange(shift, PANEL_DEGREE + 1 - shift) / PANEL_DEGREE) for shift in (0.0, shift))
+    to_coefficients = np.linalg.inv(chebyshev.chebvander(extreme, PANEL_DEGREE))
+    derivatives = chebyshev.chebder(np.eye(PANEL_DEGREE + 1), axis=0)
+    slopes = chebyshev.chebvander(u, PANEL_DEGREE - 1) @ derivatives @ to_coefficients
     slopes[:, : len(u)] -= np.diag(slopes.sum(axis=1))
-    return u, chebyshev.chebvander(u, DEGREE) @ to_coefficients, slopes, to_coefficients
+    return u, chebyshev.chebvander(u, PANEL_DEGREE) @ to_coefficients, slopes, to_coefficients

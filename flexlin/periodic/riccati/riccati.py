@@ -16,14 +16,14 @@ from flexlin.periodic.coefficients import Constant, MatrixFunction, assemble_ham
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.interpolation import FourierSeries, divided, edges_of_short
 from flexlin.periodic.riccati.linear_quadratic import (
-    SAMPLES,
-    WAVES,
+    PANEL_HARMONICS,
+    WEIGHT_TIMES,
     LinearQuadratic,
     RiccatiSolution,
     check_between,
     linear_quadratic,
 )
-from flexlin.periodic.riccati.newton import MOST, solve_by_newton
+from flexlin.periodic.riccati.newton import MOST_NODES, solve_by_newton
 from flexlin.periodic.riccati.nodes import FourierNodes, Nodes, PanelNodes
 from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside, with_matrices
 from flexlin.precision import MINOR
@@ -114,9 +114,9 @@ def choose_nodes(problem: LinearQuadratic, edges: Array, tol: float) -> Nodes:
     """Equally spaced times where all coefficients are Fourier series, else panels, with few waves of those that are in each."""
     every, T = [highest_wave(one, tol) for one in coefficients(problem)], float(edges[-1])
     most, waves = max(every, default=0.0), max((one for one in every if np.isfinite(one)), default=0.0)
-    if PER_WAVE * most <= MOST:
-        return FourierNodes(16 * int(np.ceil(max(SAMPLES, PER_WAVE * most) / 16)), T)
-    return PanelNodes(divided(edges, T * WAVES / max(waves, 1.0)), True)
+    if PER_WAVE * most <= MOST_NODES:
+        return FourierNodes(16 * int(np.ceil(max(WEIGHT_TIMES, PER_WAVE * most) / 16)), T)
+    return PanelNodes(divided(edges, T * PANEL_HARMONICS / max(waves, 1.0)), True)
 
 
 def finite_horizon_riccati(

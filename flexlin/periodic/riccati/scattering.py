@@ -10,14 +10,14 @@ from flexlin.errors import IllPosedSegment
 from flexlin.periodic.coefficients import Constant, MatrixFunction
 from flexlin.periodic.riccati.nodes import Nodes
 from flexlin.periodic.transition.factors import factor_states
-from flexlin.periodic.transition.gauss import STAGES, collect_chunks, gauss, sample_at
+from flexlin.periodic.transition.gauss import DEFAULT_STAGES, collect_chunks, gauss, sample_at
 from flexlin.precision import EPS, TINY
 
 MAX_DOUBLINGS = 64
 """Of a period: a loop that hardly forgets takes 2^64 of them."""
-REACH = 0.25
+POWER_REACH = 0.25
 """Size of a step times the loop from which on a few powers give its exponential."""
-SLOW = 3
+SLOW_DOUBLINGS = 3
 """Doublings of a half step up to which no mode oscillates in it."""
 
 
@@ -206,7 +206,7 @@ class LoopLyapunov:
         steps = (self.halves * self.M).reshape(-1, *self.M.shape[1:])
         square = steps @ steps
         size = float(np.linalg.norm(square @ square, 1, axis=(-2, -1)).max()) ** 0.25
-        self.share = 0.5 ** max(0.0, np.ceil(np.log2(max(size, REACH) / REACH)))
+        self.share = 0.5 ** max(0.0, np.ceil(np.log2(max(size, POWER_REACH) / POWER_REACH)))
         self.steps = self.share * steps
         square *= self.share**2
         power = self.steps + 0.5 * square + square @ (self.steps / 6 + square / 24) + np.eye(self.M.shape[-1])
@@ -225,7 +225,7 @@ class LoopLyapunov:
             return self._carry_back(self._integrate_gaps(F))
         constant = self._integrate(F)
         D = self._carry_back(self._join(constant, constant))
-        if D is None or len(self.powers) <= SLOW:
+        if D is None or len(self.powers) <= SLOW_DOUBLINGS:
             return D
         line, whole = self._integrate_line(self.nodes.slopes(F) + twice(D @ self.nodes.slopes(self.M)))
         return self._carry_back(self._join(constant + line, constant + line - whole))
@@ -307,7 +307,7 @@ def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
     fourth = np.linalg.matrix_power(halves.max() * A(nodes.t), 4)  # as fast as the modes, whatever the units
     if not np.abs(fourth).sum(axis=2).max() < 1:
         return None
-    rule, h = gauss(STAGES), np.diff(edges)
+    rule, h = gauss(DEFAULT_STAGES), np.diff(edges)
     steps = collect_chunks(lambda t, k: factor_states(sample_at(A, np.mod(t, nodes.period)), h[k], rule), edges, rule)
     steps *= units[:, None] / units
     return np.concatenate([steps[0::2], steps[1::2]])

@@ -22,17 +22,17 @@ METHODS: dict[str, Callable[[int], Tableau]] = {"gauss": gauss, "radau": radau}
 """Each: stages -> tableau, of order 2 s and 2 s - 1."""
 MOST_STAGES = NODES
 """More than a panel's polynomials have nodes see nothing new."""
-MARGIN = 400.0
+GUESS_MARGIN = 400.0
 """The first guess aims at this part of tol: a third more segments cost less than a second try."""
-STAGES = np.arange(4, 11)
+STAGE_CHOICES = np.arange(4, 11)
 """Gauss stages among which the engine chooses."""
-LEAST = 4
+LEAST_SEGMENTS = 4
 """Segments of a period at the least: on fewer, a method and a better one err alike."""
-WAVES = 3.0
+NODES_PER_HARMONIC = 3.0
 """Gauss nodes for each harmonic of the coefficients, so that none hides between them."""
-VECTORS, BESIDE = 40, 10_000
+VECTOR_WORK, OTHER_WORK = 40, 10_000
 """Multiplications, times n^3, that carrying left and right vectors through a segment takes, and those that all else counts as."""
-PLACES = 6
+EIGENVALUE_TIMES = 6
 """Times of a panel at which the eigenvalues of A(t) are looked at, at the most; of all panels sixteen times as many."""
 
 
@@ -132,7 +132,7 @@ def measure_pace(system: PeriodicSystem, accuracy: float = 1e-9) -> Pace:
     """Look at the eigenvalues of A(t) on every panel, and at the coefficients' series."""
     resolved = system.resolved
     length = np.diff(resolved.edges)
-    each = max(1, min(PLACES, 16 * PLACES // len(length)))
+    each = max(1, min(EIGENVALUE_TIMES, 16 * EIGENVALUE_TIMES // len(length)))
     t = (resolved.edges[:-1, None] + length[:, None] * (np.arange(each) + 0.37) / each).ravel()
     A = resolved(t)
     values = np.linalg.eigvals(A).reshape(len(length), -1)
@@ -177,7 +177,7 @@ def choose_setting(
     rate = float(pace.rate.max())
     if method == "radau":
         return spread_out("radau", order or 9, radau_demand(pace), "as asked", rate, segments)
-    stages = STAGES if order is None else np.array([order // 2])
+    stages = STAGE_CHOICES if order is None else np.array([order // 2])
     demand = gauss_demand(pace, tol, stages[:, None])
     counts = np.ceil(demand).sum(axis=1)
     unknowns = pace.unknowns
@@ -197,22 +197,26 @@ def spread_out(method: str, order: int, demand: Array, reason: str, rate: float,
 
 def gauss_demand(pace: Pace, tol: float, stages: Array) -> Array:
     """Segments that each panel needs with s Gauss stages, (S, P) for stages (S, 1); in none do modes part by more than GROUP_CONDITION."""
-    least = np.maximum(pace.length * pace.spread / math.log(GROUP_CONDITION), max(1.0, LEAST / len(pace.rate)))
+    least = np.maximum(pace.length * pace.spread / math.log(GROUP_CONDITION), max(1.0, LEAST_SEGMENTS / len(pace.rate)))
     steps = pace.length / choose_gauss_step(pace.rate, tol, stages)
-    return np.maximum(np.maximum(steps, WAVES * pace.waves / stages), least)
+    return np.maximum(np.maximum(steps, NODES_PER_HARMONIC * pace.waves / stages), least)
 
 
 def radau_demand(pace: Pace) -> Array:
     """Segments short enough that an L-stable method does not damp what grows: h times the fastest growth stays below 1/2, (P,)."""
     return np.maximum.reduce(
-        [2 * pace.length * pace.top, WAVES * pace.waves / 5, np.full(len(pace.rate), 32.0 / len(pace.rate))]
+        [
+            2 * pace.length * pace.top,
+            NODES_PER_HARMONIC * pace.waves / 5,
+            np.full(len(pace.rate), 32.0 / len(pace.rate)),
+        ]
     )
 
 
 def choose_gauss_step(rate: Array, tol: float, stages: Array | int) -> Array:
-    """The step at which s Gauss stages reach tol / MARGIN on the eigenvalue `rate`."""
+    """The step at which s Gauss stages reach tol / GUESS_MARGIN on the eigenvalue `rate`."""
     s = np.asarray(stages)
-    return np.asarray((tol / MARGIN * np.maximum(1.0, rate) / (rate * gauss_constants()[s])) ** (0.5 / s) / rate)
+    return np.asarray((tol / GUESS_MARGIN * np.maximum(1.0, rate) / (rate * gauss_constants()[s])) ** (0.5 / s) / rate)
 
 
 @cache
@@ -226,7 +230,7 @@ def estimate_work(n: int, unknowns: int, stages: Array, segments: Array) -> Arra
     """The work for n states, in multiplications: elimination for s stages and for two more, and vectors along the product."""
     sizes = [np.asarray(unknowns * (stages + extra), dtype=float) for extra in (0, 2)]
     solved = sum(size**2 * (size / 3 + n) for size in sizes)
-    return np.asarray(segments * (solved + VECTORS * n**3 + BESIDE))
+    return np.asarray(segments * (solved + VECTOR_WORK * n**3 + OTHER_WORK))
 
 
 def estimate_segment_work(system: PeriodicSystem, setting: Setting) -> float:

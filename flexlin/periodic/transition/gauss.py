@@ -11,7 +11,7 @@ from flexlin.checks import Array
 from flexlin.errors import NumericalError, SingularMassMatrix
 from flexlin.periodic.coefficients import MatrixFunction, check_finite
 
-STAGES = 8
+DEFAULT_STAGES = 8
 """Where nobody asks for a number of them: of order 16."""
 CHUNK_BYTES = 2**25
 """What is computed at once takes at most this many bytes (one segment or one mode at the least)."""
@@ -52,7 +52,7 @@ def place_nodes(edges: Array, c: Array) -> Array:
     return np.minimum(t, np.nextafter(edges[1:, None], -np.inf))
 
 
-def gauss_transitions(A: MatrixFunction, edges: Array, stages: int = STAGES) -> Array:
+def gauss_transitions(A: MatrixFunction, edges: Array, stages: int = DEFAULT_STAGES) -> Array:
     """Transition matrices of x' = A(t) x over the segments between consecutive edges.
 
         Y_i = I + h sum_j a_ij A_j Y_j,   Phi = I + h sum_j b_j A_j Y_j

@@ -13,7 +13,7 @@ from flexlin.report.wording import time_label
 
 WIDTH, GAP = 760.0, 16.0
 """Of a page, and of what is free between two panels."""
-POINTS = 2000
+CURVE_POINTS = 2000
 """Points of a curve at the most, about two a pixel."""
 SERIES = tuple(COLOURS)
 PARTS = ("indigo", "rose", "teal", "olive", "wine", "ink")

@@ -11,7 +11,7 @@ from flexlin.identification.prediction import Prediction
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear
 from flexlin.report.advice import describe_demand
-from flexlin.report.figures import POINTS, Picture, make_period_panel, make_picture, resize
+from flexlin.report.figures import CURVE_POINTS, Picture, make_period_panel, make_picture, resize
 from flexlin.report.numbers import record_fields
 from flexlin.report.wording import format_decimal, format_duration, format_quantity, in_unit, scale_values, with_unit_of
 from flexlin.scene.names import name_number
@@ -96,7 +96,7 @@ def draw_column(found: Prediction, name: str) -> Panel:
 
 def thin_curve(t: Array, values: Array) -> tuple[Array, Array]:
     """So many points of a curve at the most."""
-    step = 1 + len(t) // POINTS
+    step = 1 + len(t) // CURVE_POINTS
     return t[::step], values[::step]
 
 

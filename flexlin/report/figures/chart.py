@@ -14,7 +14,7 @@ from flexlin.errors import counted
 from flexlin.periodic.circle import assign
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Symlog
-from flexlin.report.figures import GAP, POINTS, SERIES, WIDTH, Picture, make_picture, make_wide_panel, resize
+from flexlin.report.figures import CURVE_POINTS, GAP, SERIES, WIDTH, Picture, make_picture, make_wide_panel, resize
 from flexlin.report.wording import in_unit, page_unit, with_unit, with_unit_of, without_units
 from flexlin.scene.names import label_number, name_number
 from flexlin.scene.parameters import get_value
@@ -127,7 +127,7 @@ def describe_distance(chart: Chart, nearest: Array) -> str:
     return f"From the scene's own numbers ({where}) to the nearest boundary: {', '.join(moves)}."
 
 
-FLOOR = 1e-6
+RATE_FLOOR = 1e-6
 """In 1/s, below which differences of growth rates are not drawn larger."""
 
 
@@ -157,7 +157,7 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
 def choose_scale(growth: Array, error: Array) -> Linear:
     """Decades where the rates differ much, else equal steps; never finer than the errors of the rates."""
     known = growth[np.isfinite(growth)]
-    noise = max(20 * float(error[np.isfinite(error)].max(initial=0.0)), FLOOR)
+    noise = max(20 * float(error[np.isfinite(error)].max(initial=0.0)), RATE_FLOOR)
     low, high = float(known.min(initial=0.0)), float(known.max(initial=0.0))
     sizes = np.abs(known[np.abs(known) > noise])
     if sizes.size and sizes.max() > 30 * sizes.min():
@@ -189,7 +189,7 @@ def mark_critical(panel: Panel, critical: Sequence[CriticalValue], scale: Linear
 def thin(data: xarray.Dataset) -> xarray.Dataset:
     """The sweep itself where it is small; else blocks of neighbours, each with the numbers of its fastest growing value."""
     dims = [str(dim) for dim in data["verdict"].dims]
-    most = POINTS if len(dims) == 1 else 300  # cells of two pixels
+    most = CURVE_POINTS if len(dims) == 1 else 300  # cells of two pixels
     if max(data["verdict"].shape) <= most:
         return data
     size = {dim: -(-data.sizes[dim] // most) for dim in dims}
@@ -237,7 +237,7 @@ def draw_campbell(label: str, data: xarray.Dataset, error: float) -> Picture:
     ordered = follow_lines(np.sort(frequency, axis=1)[:, ::2])
     for i in range(ordered.shape[1]):
         panel.line(x, ordered[:, i], SERIES[i % len(SERIES)], width=1.6)
-    unstable = (growth > max(error, FLOOR)) & np.isfinite(frequency)
+    unstable = (growth > max(error, RATE_FLOOR)) & np.isfinite(frequency)
     row, mode = np.nonzero(unstable)
     if len(row):
         pairs = zip(frequency[row, mode], growth[row, mode], strict=True)

@@ -9,7 +9,7 @@ from flexlin.checks import Array
 from flexlin.periodic.floquet.modes import follow_frozen_modes
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic, Symlog
-from flexlin.precision import CUBE, ROOT, SLIGHT
+from flexlin.precision import CUBE_ROOT_EPS, ROOT_EPS, SLIGHT
 from flexlin.report.figures import SHAPES, Picture, choose_colour, make_period_panel, make_picture, resize, share_width
 from flexlin.report.figures.over_period import trace_arm
 from flexlin.report.wording import (
@@ -131,7 +131,7 @@ def draw_circle(a: Analysis, loop: Loop) -> Panel:
     return panel.dots(r * np.cos(logs.imag), r * np.sin(logs.imag), choose_colour(a, loop), size=4.2, texts=texts)
 
 
-SWING = 0.15
+SWING_SHARE = 0.15
 """The largest displacement in a picture, against the arm's size."""
 
 
@@ -159,15 +159,15 @@ def draw_modes(a: Analysis) -> Picture | None:
 
 def order_modes(values: Array) -> list[int]:
     """One of each pair by rising frequency, then those without by falling growth rate."""
-    turning = [i for i in range(len(values)) if values[i].imag > ROOT * abs(values[i])]
-    real = [i for i in range(len(values)) if abs(values[i].imag) <= ROOT * abs(values[i])]
+    turning = [i for i in range(len(values)) if values[i].imag > ROOT_EPS * abs(values[i])]
+    real = [i for i in range(len(values)) if abs(values[i].imag) <= ROOT_EPS * abs(values[i])]
     return [*sorted(turning, key=lambda i: values[i].imag), *sorted(real, key=lambda i: -values[i].real)]
 
 
 def draw_mode(a: Analysis, value: complex, leading: int, rest: list[Array], swing: list[Array]) -> Panel:
     """One mode: both ends of its swing over the arm at rest."""
     frequency = with_unit(f"{value.imag / (2 * np.pi):.4g}", "Hz")
-    panel = Panel(frequency if value.imag > ROOT * abs(value) else "no oscillation", equal=True, bare=True)
+    panel = Panel(frequency if value.imag > ROOT_EPS * abs(value) else "no oscillation", equal=True, bare=True)
     panel.footer = f"{a.plant.names[leading]}, {describe_decay(value)}"
     for sign, opacity in ((-1, 0.35), (1, 1.0)):
         for still, moved in zip(rest, swing, strict=True):
@@ -180,7 +180,7 @@ def draw_mode(a: Analysis, value: complex, leading: int, rest: list[Array], swin
 
 def describe_decay(value: complex) -> str:
     """Halves in 12 ms, doubles in 2 s, undamped."""
-    if abs(value.real) <= ROOT * abs(value) or value.real == 0:
+    if abs(value.real) <= ROOT_EPS * abs(value) or value.real == 0:
         return "undamped" if abs(value) else "drifts"
     return f"{'halves' if value.real < 0 else 'doubles'} in {format_duration(np.log(2) / abs(value.real))}"
 
@@ -188,9 +188,9 @@ def describe_decay(value: complex) -> str:
 def bend_arm(a: Analysis, shapes: list[Array]) -> tuple[list[Array], list[list[Array]]]:
     """Curves of the links at rest at t = 0, and their displacements along deflections (n,), scaled to be seen.
 
-    They are those of the linear equations: magnified from deflections of `CUBE`, in rad or m.
+    They are those of the linear equations: magnified from deflections of `CUBE_ROOT_EPS`, in rad or m.
     """
-    states = CUBE * np.array([np.zeros(a.plant.n), *shapes])
+    states = CUBE_ROOT_EPS * np.array([np.zeros(a.plant.n), *shapes])
     sight = -helmert(3)  # the directions across and up in space, seen from (1, 1, 1) with z upwards
     seen = [
         [curve if len(curve) == 2 else sight @ curve for curve in arm]
@@ -200,8 +200,8 @@ def bend_arm(a: Analysis, shapes: list[Array]) -> tuple[list[Array], list[list[A
     size = float(np.ptp(np.concatenate(rest, axis=1), axis=1).max()) or 1.0
     swings = []
     for curves in bent:
-        moved = [(after - before) / CUBE for before, after in zip(rest, curves, strict=True)]
+        moved = [(after - before) / CUBE_ROOT_EPS for before, after in zip(rest, curves, strict=True)]
         largest = max(float(np.linalg.norm(part, axis=0).max()) for part in moved)
-        factor = SWING * size / largest if np.isfinite(largest) and largest > 0 else 0.0
+        factor = SWING_SHARE * size / largest if np.isfinite(largest) and largest > 0 else 0.0
         swings.append([factor * part for part in moved])
     return rest, swings

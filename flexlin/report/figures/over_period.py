@@ -7,13 +7,13 @@ from itertools import cycle
 import numpy as np
 
 from flexlin.analyses.analysis import Analysis
-from flexlin.checks import ROUNDING, Array
+from flexlin.checks import SUM_ROUNDING, Array
 from flexlin.control.tracking import arm_positions
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.links import COLUMNS
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import SUPERSCRIPTS, Linear
-from flexlin.precision import ROOT, SLIGHT
+from flexlin.precision import ROOT_EPS, SLIGHT
 from flexlin.report.advice import agreement, sentence
 from flexlin.report.figures import (
     DASHES,
@@ -57,17 +57,17 @@ def trace_arm(lin: Linearization, t: Array, states: Array) -> list[list[Array]]:
 def find_corners(curves: Array) -> list[int]:
     """Which points of a link's axis (N, d, COLUMNS) draw it: both ends of a straight one, all of one that bends, and a piece before it.
 
-    Straight is what is off a line by no more than `ROOT`, relative to what it sweeps.
+    Straight is what is off a line by no more than `ROOT_EPS`, relative to what it sweeps.
     """
     base, tip = curves[:, :, 1:2], curves[:, :, -1:]
     off = curves[:, :, 1:] - base - (tip - base) * np.linspace(0.0, 1.0, COLUMNS - 1)
     size = max(float(np.ptp(curves)), 1e-300)
-    own = [1, COLUMNS - 1] if np.abs(off).max() <= ROOT * size else list(range(1, COLUMNS))
-    before = np.abs(curves[:, :, 0] - curves[:, :, 1]).max() > ROOT * size
+    own = [1, COLUMNS - 1] if np.abs(off).max() <= ROOT_EPS * size else list(range(1, COLUMNS))
+    before = np.abs(curves[:, :, 0] - curves[:, :, 1]).max() > ROOT_EPS * size
     return [0, *own] if before else own
 
 
-PHASES = 12
+ARM_PICTURES = 12
 """Pictures of the arm in one period."""
 
 
@@ -80,7 +80,7 @@ def draw_arm(a: Analysis) -> Picture:
     known = "bent by the steady response under the scene's loop"
     bent = known if a.response else "rigid, because there is no steady response"
     caption = (
-        f"The arm at {PHASES} equal steps of a period, {bent}, to scale; later pictures are stronger. Grey: the rigid motion. "
+        f"The arm at {ARM_PICTURES} equal steps of a period, {bent}, to scale; later pictures are stronger. Grey: the rigid motion. "
         f"Red: the path of the tip. Beside it: {caption[0].lower()}{caption[1:]}"
     )
     views = draw_stroboscope(a)
@@ -128,7 +128,7 @@ def draw_stroboscope(a: Analysis) -> list[Panel]:
     """The arm at equal steps of a period, seen along each axis that it is not flat to."""
     states = a.response.states if a.response else np.zeros((len(a.t), 2 * a.plant.n))
     bent, _ = arm_positions(a.plant, a.t, states)
-    picked = np.arange(PHASES) * (len(a.t) - 1) // PHASES
+    picked = np.arange(ARM_PICTURES) * (len(a.t) - 1) // ARM_PICTURES
     still, moving = (
         [np.concatenate(links, axis=1) for links in trace_arm(a.plant, a.t[picked], x[picked])]
         for x in (np.zeros_like(states), states)
@@ -140,7 +140,7 @@ def draw_stroboscope(a: Analysis) -> list[Panel]:
         for curve in still:
             panel.line(curve[across], curve[up], "faint", width=0.8, opacity=0.5)
         for k, curve in enumerate(moving):
-            panel.line(curve[across], curve[up], "blue", width=2.0, opacity=0.25 + 0.75 * (k + 1) / PHASES)
+            panel.line(curve[across], curve[up], "blue", width=2.0, opacity=0.25 + 0.75 * (k + 1) / ARM_PICTURES)
         panel.line(bent[:, across, -1], bent[:, up, -1], "rose", width=1.5)
         panels.append(panel.dots(bent[picked[-1], across, :-1], bent[picked[-1], up, :-1], "ink", size=3.5))
     return panels
@@ -169,9 +169,9 @@ def shift_and_scale(title: str, values: Array, unit: str) -> tuple[str, Array]:
     return in_unit(title, unit, times), values / 10.0**power
 
 
-MOST = 12
+MOST_PANELS = 12
 """Panels shown."""
-THIN = 4
+FOLDED_STRIDE = 4
 """Every so many times are drawn of what is folded."""
 COLOURS = {"M": "teal", "D": "wine", "K": "indigo", "h": "rose"}
 
@@ -183,7 +183,7 @@ def choose_shown(weights: Array, groups: Sequence[Sequence[int]]) -> tuple[list[
     """
     heaviest = [max(group, key=lambda i: weights[i]) for group in groups if len(group)]
     order = list(dict.fromkeys([*heaviest, *np.argsort(-weights, kind="stable").tolist()]))
-    most = max(MOST, len(set(heaviest)))
+    most = max(MOST_PANELS, len(set(heaviest)))
     return sorted(order[:most]), sorted(order[most : most + 240])
 
 
@@ -211,7 +211,7 @@ def draw_coefficients(a: Analysis) -> Picture:
     joints = [[k for k, entry in enumerate(varying) if entry.row == i] for i in list_joints(a)]
     shown, folded = choose_shown(np.array([entry.weight for entry in varying]), joints)
     panels = [draw_entry(a, varying[k]) for k in shown]
-    under = [draw_entry(a, varying[k], THIN) for k in folded]
+    under = [draw_entry(a, varying[k], FOLDED_STRIDE) for k in folded]
     caption, heading = describe_shown(varying, shown, folded), f"The {len(folded)} other entries that vary"
     return make_picture("coefficients", "The coefficients over a period", caption, panels, (), under, heading)
 
@@ -249,14 +249,14 @@ def list_entries(a: Analysis) -> Iterator[Entry]:
     scales = weigh_entries(a)
     for name in ("M", "D", "K"):
         matrix = getattr(a.coefficients, name)
-        noise = ROOT * (np.abs(matrix).max() or 1.0)
+        noise = ROOT_EPS * (np.abs(matrix).max() or 1.0)
         for i, j in np.ndindex(a.plant.n, a.plant.n):
             values, mirror = matrix[:, i, j], matrix[:, j, i]
             if not (j < i and np.all(np.abs(values - mirror) <= noise)):
                 weight = float(np.ptp(values) * scales[name][i, j])
                 turns = sum(name_coordinate_unit(a, k) == "rad" for k in (i, j))
                 yield Entry(name, i, j, values, page_unit(UNITS[name][turns]), weight, noise)
-    noise = ROOT * (np.abs(a.coefficients.h).max() or 1.0)
+    noise = ROOT_EPS * (np.abs(a.coefficients.h).max() or 1.0)
     for i, values in enumerate(a.coefficients.h.T):
         unit = "N" if name_coordinate_unit(a, i) == "m" else "N m"
         yield Entry("h", i, None, values, unit, float(np.ptp(values) * scales["h"][i, 0]), noise)
@@ -299,7 +299,7 @@ def draw_gains(a: Analysis) -> Picture | None:
     panels = {k: make_period_panel(a.plant.period, name_gain(a, *divmod(k, states))) for k in (*shown, *folded)}
     for (loop, gain), dash in zip(gains, cycle(DASHES), strict=False):
         for k, panel in panels.items():  # gains that coincide are seen, each through the next
-            (i, j), every = divmod(k, states), 1 if k in shown else THIN
+            (i, j), every = divmod(k, states), 1 if k in shown else FOLDED_STRIDE
             panel.line(a.t[::every], gain[::every, i, j], choose_colour(a, loop), dash=dash, label=loop.name)
     legend = share_legend(list(panels.values()))
     above, under = [panels[k] for k in shown], [panels[k] for k in folded]
@@ -327,7 +327,7 @@ def draw_response(a: Analysis) -> Picture | None:
     joints, inputs = list_joints(a), range(len(a.plant.inputs))
     energy = np.abs(a.response.states[:, : a.plant.n]).max(axis=0) / np.sqrt(np.diagonal(weigh_entries(a)["K"]))
     others = sorted((i for i in range(a.plant.n) if i not in joints), key=lambda i: -energy[i])
-    room = max(0, MOST - len(joints) - len(inputs))
+    room = max(0, MOST_PANELS - len(joints) - len(inputs))
     shown, rest = sorted([*joints, *others[:room]]), sorted(others[room:])
     torques = [draw_torque(a, k) for k in inputs]
     legend = share_legend(torques)
@@ -345,7 +345,7 @@ def draw_deviation(a: Analysis, i: int) -> Panel:
     assert a.response is not None
     same = [k for k in range(a.plant.n) if name_coordinate_unit(a, k) == name_coordinate_unit(a, i)]
     own = a.response.states[:, i]
-    if np.abs(own).max() < ROUNDING * np.abs(a.response.states[:, same]).max():
+    if np.abs(own).max() < SUM_ROUNDING * np.abs(a.response.states[:, same]).max():
         own = np.zeros_like(own)
     values, unit = scale_values(own, name_coordinate_unit(a, i))
     panel = make_period_panel(a.plant.period, in_unit(a.plant.names[i], unit)).zero()

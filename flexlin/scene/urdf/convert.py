@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlin.errors import Problem, SceneError
-from flexlin.scene.urdf.robot import POINT, Robot, Rule, UrdfJoint, UrdfLink
+from flexlin.scene.urdf.robot import POINT_INERTIA, Robot, Rule, UrdfJoint, UrdfLink
 
 Array = NDArray[np.float64]
 ENTRIES = {
@@ -37,7 +37,7 @@ class Mass:
         """The body as a table of a scene's link."""
         c = self.first / self.mass if self.mass else np.zeros(3)
         J = self.second - self.mass * (c @ c * np.eye(3) - np.outer(c, c))
-        size = np.abs(self.second).max() + POINT / ROUNDING * self.mass
+        size = np.abs(self.second).max() + POINT_INERTIA / ROUNDING * self.mass
         inertia = {key: tidy(J[place], size) for key, place in ENTRIES.items()}
         inertia |= {key: max(inertia[key], 0.0) for key in ("xx", "yy", "zz")}
         return {"mass": self.mass, "centre": as_numbers(c), "inertia": inertia}
@@ -55,7 +55,7 @@ def add_link(mass: Mass, link: UrdfLink, rotation: Array, place: Array) -> None:
 def check_inertia(link: UrdfLink, own: Array) -> None:
     """Refuse a negative principal inertia of a body that is used, but for rounding. Raises: SceneError, naming the line."""
     least = min(float(np.linalg.eigvalsh(own).min()) + 1e-9 * np.abs(own).max(), own.diagonal().min())
-    if least < -POINT * link.mass:
+    if least < -POINT_INERTIA * link.mass:
         matrix = link.element.all("inertial")[0].all("inertia")[0]
         raise matrix.refuse(f"a matrix with a negative principal inertia in the chain, of {link.name!r}", "an inertia")
 

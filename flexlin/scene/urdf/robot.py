@@ -10,11 +10,11 @@ from defusedxml import DefusedXmlException
 from defusedxml.ElementTree import DefusedXMLParser
 
 from flexlin.bounds import (
-    DEEPEST,
+    DEEPEST_NESTING,
     LARGEST_ROBOT,
     LONGEST_SHOWN,
     MOST_ELEMENTS,
-    SMALLEST,
+    SMALLEST_NUMBER,
     hint_at,
     printable,
     read_number,
@@ -95,8 +95,8 @@ class Builder:
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         element = Element(self.source, tag, self.parser.parser.CurrentLineNumber, dict(attributes))
         self.count += 1
-        if self.count > MOST_ELEMENTS or len(self.stack) >= DEEPEST:
-            raise element.refuse("elements without end", f"{MOST_ELEMENTS} at most, {DEEPEST} in each other")
+        if self.count > MOST_ELEMENTS or len(self.stack) >= DEEPEST_NESTING:
+            raise element.refuse("elements without end", f"{MOST_ELEMENTS} at most, {DEEPEST_NESTING} in each other")
         if self.stack:
             self.stack[-1].children.append(element)
         else:
@@ -170,7 +170,7 @@ ATTRIBUTES = {
 """The attributes that are read."""
 CLOSED = ("inertial", "origin", "mass", "inertia", "axis", "mimic", "child")
 """Elements that hold nothing else; other programs put words of their own into the rest."""
-ALIKE = 0.8
+SPELLING_LIKENESS = 0.8
 """How much a word is like one that is read, from 0 to 1, to be taken for a misspelt one."""
 
 
@@ -194,14 +194,14 @@ def check_spelling(element: Element) -> None:
 
 def check_word(element: Element, got: str, word: str, known: Iterable[str], inside: str) -> None:
     """Refuse a word that is not read where nothing else may stand, or that looks like one that is read."""
-    hint = hint_at(word, known, ALIKE)
+    hint = hint_at(word, known, SPELLING_LIKENESS)
     if inside in CLOSED or hint:
         raise element.refuse(f"{got} in <{inside}>", f"{', '.join(known) or 'nothing'}{hint}")
 
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 MOST_LINKS = 2000
-POINT = 1e-16
+POINT_INERTIA = 1e-16
 """Inertia for a mass, in m^2, that is only rounding of centimetres squared: files hold such numbers for mass points."""
 Triple = tuple[float, ...]
 
@@ -320,8 +320,10 @@ def read_joint(element: Element) -> UrdfJoint:
     parent, child = (read_end(element, tag) for tag in ("parent", "child"))
     axis, dynamics, limit, mimic = (element.one(tag) for tag in ("axis", "dynamics", "limit", "mimic"))
     direction = axis.numbers("xyz", 3) if axis is not None else (1.0, 0.0, 0.0)
-    if axis is not None and kind != "fixed" and max(map(abs, direction)) < SMALLEST:
-        raise axis.refuse("an axis of no length", f"three numbers, not all of them zero or smaller than {SMALLEST:g}")
+    if axis is not None and kind != "fixed" and max(map(abs, direction)) < SMALLEST_NUMBER:
+        raise axis.refuse(
+            "an axis of no length", f"three numbers, not all of them zero or smaller than {SMALLEST_NUMBER:g}"
+        )
     damping, friction = (dynamics.number(key, 0.0) if dynamics is not None else 0.0 for key in ("damping", "friction"))
     if dynamics is not None and min(damping, friction) < 0:
         raise dynamics.refuse(f"{min(damping, friction):g}", "damping and friction of 0 or more")

@@ -96,7 +96,7 @@ def test_the_worse_of_two_answers_is_not_given(monkeypatch):
     good = fl.floquet(system, 1e-8)
     half = replace(good, errors=np.append(good.errors[:-1], 1e3))
     monkeypatch.setattr(routes, "try_decoupling", lambda *_: half)
-    monkeypatch.setattr(routes, "PATIENCE", np.inf)
+    monkeypatch.setattr(routes, "COLLOCATION_WORK", np.inf)
     blind = SegmentedSpectrum(good.log_multipliers, np.full(4, 1e3), np.zeros(4), good.setting, np.eye(4))
     for endless in (False, True):
 
