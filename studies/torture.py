@@ -9,11 +9,9 @@ a full disk a reader who knows nothing but docs/results.md looks for sets that a
 
 import argparse
 import json
-import os
 import sys
 import tempfile
 from dataclasses import asdict
-from functools import cache
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scenes, trials and reader live with the tests
@@ -22,7 +20,7 @@ from tests.torture.accidents import disks, kills, lone_files, memory, writers
 from tests.torture.fuzzing import check, commands, whole_commands
 from tests.torture.inputs import inputs
 from tests.torture.misuse import misuse
-from tests.torture.trial import SETS, Row, case_of
+from tests.torture.trial import Row
 
 SIZES = {
     "small": {
@@ -64,21 +62,6 @@ PARTS = {
 }
 
 
-@cache
-def warm() -> None:
-    """Load what the commands need, once, before the first fork."""
-    from flexlin.cli.program import main as command
-
-    with tempfile.TemporaryDirectory() as folder, open(os.devnull, "w") as nowhere:
-        kept = sys.stdout, sys.stderr
-        sys.stdout = sys.stderr = nowhere
-        try:
-            for name in SETS:
-                command(case_of(name, "title='warm'", Path(folder)))
-        finally:
-            sys.stdout, sys.stderr = kept
-
-
 def draw(rows: list[Row], path: Path) -> None:
     """Runs of each part, and what went wrong."""
     from matplotlib.figure import Figure
@@ -99,7 +82,6 @@ def main(size: str, out: Path | str, parts: tuple[str, ...] = tuple(PARTS), numb
     """Run the parts; print and keep what they found."""
     place = Path(out)
     place.mkdir(parents=True, exist_ok=True)
-    warm()
     print("part        runs answered uncaught keyless mixed left  slowest  largest (s, MiB)")
     rows = []
     for part in parts:

@@ -240,7 +240,6 @@ def test_tuning_grid(study):
 def test_torture(part, study, pictures, tmp_path, monkeypatch):
     """Nothing uncaught, nothing without a key, no set mixed or half, nothing left over."""
     module = study("torture")
-    monkeypatch.setattr(module, "warm", lambda: None)
     monkeypatch.setattr("tests.torture.trial.WATCHED", part not in ("check", "commands", "files", "disks"))
     monkeypatch.setattr("tests.torture.fuzzing.SECONDS", 1.0)  # how punctual they are, the study measures
     monkeypatch.setattr("tests.torture.fuzzing.LATEST", 20.0)
