@@ -1,6 +1,7 @@
 """The circle: angles modulo 2 pi, logarithms modulo 2 pi i, and how two sets of them are paired."""
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from flexlin.checks import Array
 
@@ -63,6 +64,4 @@ def assign(cost: Array) -> Array:
     cheapest = cost.argmin(axis=1)
     if len(np.unique(cheapest)) == len(cost):
         return cheapest
-    from scipy.optimize import linear_sum_assignment
-
     return np.asarray(linear_sum_assignment(np.where(np.isfinite(cost), cost, np.inf))[1])
