@@ -1,7 +1,10 @@
 """LQR gains of constant coefficients: averaged over a period, or frozen at phases of the motion and scheduled by phase."""
 
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 from scipy.linalg import lapack
 
 from flexlin.arguments import checked
@@ -9,7 +12,7 @@ from flexlin.checks import Array, check_size
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, NumericalError
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix
-from flexlin.periodic.coefficients import Combined, Constant
+from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.riccati.riccati import resolve_problem
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
@@ -95,6 +98,12 @@ def mean(coefficient: MatrixFunction) -> Array:
     return np.asarray(coefficient(np.zeros(1))[0])
 
 
+class PeriodicSpline(CubicSpline):
+    """The cubic spline of a period, which holds nothing narrow."""
+
+    complete: ClassVar[bool] = True
+
+
 @checked
 def frozen_lqr(
     system: PeriodicSystem,
@@ -161,11 +170,8 @@ def frozen_lqr(
     gains = frozen_gains(problem, knots)
     schedule: MatrixFunction = Constant(gains[0])
     if phases > 1:
-        from scipy.interpolate import CubicSpline  # takes longer to load than other designs to compute
-
         closed = np.concatenate([gains, gains[:1]])
-        spline = CubicSpline(np.append(knots, system.period), closed, bc_type="periodic")
-        schedule = Combined(spline, (np.asarray,), complete=True)
+        schedule = PeriodicSpline(np.append(knots, system.period), closed, bc_type="periodic")
     between = knots + 0.5 * system.period / phases
     missed = np.abs(schedule(between) - frozen_gains(problem, between)).max() / (np.abs(gains).max() or 1.0)
     status = f"gain scheduled over {phases} phases, off by {missed:.1e} half-way between them; the verdict is Floquet's"

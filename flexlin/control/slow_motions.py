@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
+from scipy.interpolate import PPoly
 
 from flexlin.checks import SUM_ROUNDING, Array, check_size
 from flexlin.errors import NumericalError
@@ -121,20 +121,7 @@ def real_motions(t: Array, mode: Array, exponent: complex, n: int) -> list[Array
     return parts if np.abs(motion[0].imag).max() > SLOW_TOL * np.abs(motion[0].real).max() else parts[:1]
 
 
-@dataclass(frozen=True, eq=False)
-class Deflections:
-    """y(t) between times x (N,): coefficients (6, N - 1, n) of rising powers of the time since the last of them."""
-
-    coefficients: Array
-    x: Array
-
-    def __call__(self, t: Array, order: int = 0) -> Array:
-        """A derivative of y at times t, (..., n)."""
-        k = np.clip(np.searchsorted(self.x, t, side="right") - 1, 0, len(self.x) - 2)
-        return polyval((t - self.x[k])[..., None], polyder(self.coefficients, order)[:, k], tensor=False)
-
-
-def interpolate(system: PeriodicSystem, n: int, slow: SlowMotions) -> list[Deflections]:
+def interpolate(system: PeriodicSystem, n: int, slow: SlowMotions) -> list[PPoly]:
     """The deflections y(t) of each motion in [0, T], of degree five between its times: y, y' and y'' are met at both ends.
 
     y'' may jump where the coefficients do. The first n states are the deflections, the next n their rates.
@@ -148,6 +135,6 @@ def interpolate(system: PeriodicSystem, n: int, slow: SlowMotions) -> list[Defle
     (y, rate), (end, end_rate) = ((part[:, :, :n], part[:, :, n : 2 * n]) for part in (x[:, :-1], x[:, 1:]))
     v, a = h * rate, h**2 * after / 2
     rise, slope, bend = end - (y + v + a), h * end_rate - (v + 2 * a), h**2 * before / 2 - a
-    rising = (y, v, a, 10 * rise - 4 * slope + bend, -15 * rise + 7 * slope - 2 * bend, 6 * rise - 3 * slope + bend)
-    c = np.array([part / h**power for power, part in enumerate(rising)])
-    return [Deflections(c[:, k], t) for k in range(len(x))]
+    falling = (6 * rise - 3 * slope + bend, -15 * rise + 7 * slope - 2 * bend, 10 * rise - 4 * slope + bend, a, v, y)
+    c = np.array([part / h**power for part, power in zip(falling, range(5, -1, -1), strict=True)])
+    return [PPoly(c[:, k], t) for k in range(len(x))]

@@ -4,17 +4,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import PPoly
+from scipy.optimize import brentq
 
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, SUM_ROUNDING, Array, positive
-from flexlin.control.slow_motions import SLOW_TOL, Deflections, interpolate, slow_motions
+from flexlin.control.slow_motions import SLOW_TOL, interpolate, slow_motions
 from flexlin.lazy import lazy
 from flexlin.linearization.linear import linearize
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.roots import SignedEnds, solve_brackets
 from flexlin.precision import LARGEST_LOG_GROWTH, SAFETY, SLIGHT
 from flexlin.summary import represent
 
@@ -40,7 +41,7 @@ class Terms:
     rest: Array
 
     @classmethod
-    def along(cls, plant: Linearization, t: Array, motion: Deflections) -> "Terms":
+    def along(cls, plant: Linearization, t: Array, motion: PPoly) -> "Terms":
         """The terms of a motion at times t."""
         resolved = plant.periodic_system().resolved
         assert isinstance(resolved, ResolvedCompanion)
@@ -65,8 +66,8 @@ class Along:
     """One linear motion over a period, as it is and from every second node alone, in the equations of the arm."""
 
     plant: Linearization
-    motion: Deflections
-    coarse: Deflections
+    motion: PPoly
+    coarse: PPoly
     share: float
 
     @lazy
@@ -235,7 +236,7 @@ def linear_range(
     return Validity(slow.directions / largest[:, None], amplitudes, share, leading, errors)
 
 
-def largest_deflection(motion: Deflections) -> float:
+def largest_deflection(motion: PPoly) -> float:
     """The largest |y_i(t)| over the period."""
     t = motion.x
     k = int(np.abs(motion(t)).max(axis=1).argmax())
@@ -266,13 +267,11 @@ def search_border(along: Along, terms: Terms, tol: float) -> float:
         return float(along.excess(terms, float(np.exp(log))).max())
 
     low, high = np.log([SMALLEST_AMPLITUDE, LARGEST_AMPLITUDE])
-    if (beyond := excess(high)) <= 0:
+    if excess(high) <= 0:
         return np.inf
-    if (within := excess(low)) > 0:
+    if excess(low) > 0:
         return 0.0
-    ends = SignedEnds(*np.array([[low], [high], [within], [beyond]]))
-    found = solve_brackets(lambda _, logs: np.array(list(map(excess, logs))), ends, tol)
-    return float(np.exp(found.best[0]))
+    return float(np.exp(brentq(excess, low, high, xtol=tol)))
 
 
 def estimate_error(along: Along, peaks: Terms, rose: Array, amplitude: float, tol: float) -> float:
