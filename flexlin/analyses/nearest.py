@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise, product
 
 import numpy as np
+from scipy.optimize import brentq, minimize
 
 from flexlin.analyses.spectra import Family, Source, make_family
 from flexlin.arguments import checked
@@ -126,7 +127,7 @@ SEARCH_RAYS, RAY_STEPS = 2, 12
 
 def list_directions(box: Box) -> Array:
     """Axes, corners and a spread over the faces (D, P), each with a largest entry of 1; along the growth rate's gradient where dear."""
-    from scipy.stats import qmc  # as SciPy's optimisers, it takes longer to load than most reports to compute
+    from scipy.stats import qmc  # takes longer to load than most reports to compute
 
     P = len(box.own)
     if box.family.slow:
@@ -158,8 +159,6 @@ def follow(box: Box, direction: Array, scale: float) -> Array:
 
     growth(r d) = 0,   dr/dd_i = -r g_i / (g . d),   g: the growth rate's gradient at r d
     """
-    from scipy.optimize import minimize
-
     places = [scale * direction]
 
     def shortest(d: Array) -> tuple[float, Array]:
@@ -187,8 +186,6 @@ def find_crossing(box: Box, direction: Array, near: float) -> float:
 
 def cross(box: Box, direction: Array, stable: float, unstable: float) -> float:
     """The scale on a ray at which the growth rate is zero, between a stable and an unstable one."""
-    from scipy.optimize import brentq
-
     return float(brentq(lambda r: box.growth(r * direction), stable, unstable, xtol=1e-12, rtol=1e-12))
 
 

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import minimize
 
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive, real_array
@@ -184,8 +185,6 @@ class OutputProblem:
         K = start + R^(-1/2) Z [C P C']^(-1/2), P that of the start: steepest descent in Z then goes along best - K. Sensors that read
         alike share a gain.
         """
-        from scipy.optimize import minimize
-
         sizes, V = np.linalg.eigh(first.seen)
         kept = sizes > ROOT_EPS * sizes[-1]
         left, right = np.linalg.inv(np.linalg.cholesky(self.R)).T, (V[:, kept] / np.sqrt(sizes[kept])).T

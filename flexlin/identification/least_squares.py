@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from flexlin.checks import Array
 from flexlin.identification.shooting import Shooting
@@ -195,8 +196,6 @@ def eliminate(slopes: Array, residual: Array, size: int, damping: Array) -> tupl
 
 def take_step(problem: Problem, point: Point, slopes: Array, residual: Array, damping: Array) -> tuple[Array, Array]:
     """Starting states and shared numbers after a damped step; the shared numbers stay within their bounds."""
-    from scipy.optimize import lsq_linear
-
     scale, R, onto, rest = eliminate(slopes, residual, point.start.shape[1], damping)
     move = np.zeros(len(problem.low))
     if len(move):

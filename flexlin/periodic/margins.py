@@ -7,6 +7,7 @@ from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
@@ -221,8 +222,6 @@ def find_first(
 
     better: the perturbed loops that the error is judged by, where those that are searched are not exact.
     """
-    from scipy.optimize import brentq  # takes longer to load than most loops to judge
-
     known = {start[0]: (start[1], True)}
 
     def growth_of(value: float) -> float:

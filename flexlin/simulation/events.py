@@ -4,12 +4,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.optimize import brentq
 
 from flexlin.checks import Array
 from flexlin.linearization.law import Law
-from flexlin.periodic.roots import SignedEnds, solve_brackets
 from flexlin.periodic.sampled import hold_controller
-from flexlin.precision import EPS
 from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.equations import Places, from_coordinates, to_coordinates
 from flexlin.simulation.mesh import BREAK_DISTANCE, law_times
@@ -222,19 +221,15 @@ class Events:
             return float(self._guards(t, *self._looked_at(signals, path, step, u))[0, guard])
 
         first, last = ends
-        below, over = at(last), at(first)
-        if below > 0:
+        if at(last) > 0:
             return np.inf
-        above = first if over > 0 else last
+        above = first if at(first) > 0 else last
         for _ in range(GUARD_HALVINGS if above == last else 0):
             above = (first + above) / 2
-            if (over := at(above)) > 0:
+            if at(above) > 0:
                 break
-            last, below = above, over
-        if not above < last:
-            return first
-        bracket = SignedEnds(*np.array([[above], [last], [over], [below]]))
-        return float(solve_brackets(lambda _, u: np.array([at(u[0])]), bracket, 4 * EPS).best[0])
+            last = above
+        return float(brentq(at, above, last, xtol=1e-15, rtol=1e-14)) if above < last else first
 
     def _choose(self, t: float, which: int, asked: float, pace: float, given: float) -> None:
         """The mode of an input of which so much is asked, at such a rate, and which gave so much until now."""
