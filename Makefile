@@ -46,7 +46,7 @@ links: $(STAMP)
 	$(BIN)/sphinx-build -b linkcheck -q -D nb_execution_mode=off -d build/linktrees docs build/links
 
 core: $(STAMP)
-	$(BIN)/cmake --build build/core
+	MAKEFLAGS= $(BIN)/cmake --build build/core
 
 sanitize: core
 	$(BIN)/cmake -S . -B build/sanitized -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja -DSANITIZED=ON
