@@ -10,7 +10,7 @@ from scipy.linalg import cython_lapack, lapack
 from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.errors import NumericalError, ToleranceNotReached
-from flexlin.precision import CUBE_ROOT_EPS, LARGEST_LOG_GROWTH, MINOR, TINY
+from flexlin.precision import CUBE_ROOT_EPS, EPS, LARGEST_LOG_GROWTH, MINOR, SAFETY, TINY
 
 GROUP_CONDITION = 1000.0
 """Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""
@@ -178,10 +178,12 @@ def separate_triangular(T: Array) -> tuple[Array, Array]:
     """X unit upper triangular with T X = X diag(t) + N: eigenvectors of an upper triangular matrix, N left between equal eigenvalues.
 
     (t_j - t_i) X_ji + sum_(j < l < i) T_jl X_li = -T_ji      for j < i
+
+    Equal are eigenvalues that differ by little of themselves, or by no more than the rounding of T.
     """
     n, t = len(T), np.diagonal(T)
-    upper = np.triu(np.ones((n, n), bool), 1)
-    same = upper & (np.abs(t[:, None] - t) <= CUBE_ROOT_EPS * np.maximum(np.abs(t[:, None]), np.abs(t)))
+    upper, rounding = np.triu(np.ones((n, n), bool), 1), SAFETY * EPS * np.abs(T).max(initial=0.0)
+    same = upper & (np.abs(t[:, None] - t) <= CUBE_ROOT_EPS * np.maximum(np.abs(t[:, None]), np.abs(t)) + rounding)
     free = (upper & ~same).T
     rows, columns = free[:, :, None], free[:, None, :]
     system = np.where(rows, np.where(columns, T - t[:, None, None] * np.eye(n), 0), np.eye(n))

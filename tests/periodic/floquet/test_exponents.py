@@ -102,6 +102,15 @@ def test_multipliers_beyond_the_range_of_floats():
     assert result.multipliers[-1] == 0
 
 
+@pytest.mark.parametrize("damping", [0.0, 1e-22, 1e-18, 1e-14])
+def test_a_free_motion_is_known_although_rounding_parts_its_double_exponent(damping):
+    """A slide with a mast that bends: 0 twice, whose eigenvectors are alike; with vectors of their own errors would be 1000 1/s."""
+    M, K = [[2.7, -0.8, 0.17], [-0.8, 1.33, -0.8], [0.17, -0.8, 1.33]], np.diag([0.0, 1.2e4, 4.6e5])
+    result = fl.floquet(fl.PeriodicSystem.from_second_order(M, np.diag([damping, 0.79, 4.9]), K, 1.0))
+    assert result.verdict == "undecided"
+    assert np.abs(result.exponents[:2]).max() <= result.error < 1e-5
+
+
 def test_defective_double_exponent_is_undecided():
     result = fl.floquet(fl.PeriodicSystem(np.array([[0, 1.0], [0, 0]]), 3.0))
     assert result.verdict == "undecided"
