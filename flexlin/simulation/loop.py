@@ -28,6 +28,8 @@ from flexlin.simulation.window import Grid, Path, between
 
 NEAR_LIMIT = 1 - SLIGHT
 """A torque nearer to its limit than this, at any stage of the collocation, may be cut between the stages."""
+SWITCHED_SHARE = 1 / 16
+"""Of the tolerance, where torques switch: events are found on the polynomials between the stages, of lower order than the steps' ends."""
 CHECKED_WINDOWS = 64
 """Windows after which the mass matrices of the states that they reached are looked at, all in one call."""
 
@@ -106,7 +108,7 @@ class NonlinearLoop(ControlledArm):
                     return self._collocated(t, start, rtol, stages, linear, trail)
                 except TorqueCut:
                     self._cut, self.reached = True, self.reached[:1]
-            return self._switched(t, start, rtol, stages), None
+            return self._switched(t, start, SWITCHED_SHARE * rtol, stages), None
         except SimulationStopped as end:
             raise (explain_end(self.lin, end) if end.reached is not None else end) from None
 
