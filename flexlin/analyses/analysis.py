@@ -59,6 +59,8 @@ SIMULATED_DURATIONS = 1.5
 """Durations of a one-way motion that are simulated: it rests after its end."""
 RANGE_TOL = 1e-4
 """Relative width to which the range of the linear equations is found: three digits are printed, and times are sampled."""
+ZEROS_TOL = 1e-6
+"""Wanted error of the zeros of tip control, in 1/s up to 1/s and relative beyond: three digits are printed, and the sign counts."""
 
 
 @dataclass
@@ -169,7 +171,7 @@ def judge_period(a: Analysis) -> None:
     follow_nonlinear(a)
     find_range(a)
     if 0 < len(a.plant.driven) <= 2 and a.plant.n != len(a.plant.driven) and a.plant.arm.points is not None:
-        a.zeros = a.attempt("zeros", "zeros of tip control", partial(tip_zeros, a.plant, a.asked.tol))
+        a.zeros = a.attempt("zeros", "zeros of tip control", partial(tip_zeros, a.plant, max(ZEROS_TOL, a.asked.tol)))
     a.designs = judge_designs(a)
     a.sampled = judge_sampled_loops(a, (a.own, *a.designs))
     a.estimated = judge_estimated_loops(a, a.designs)

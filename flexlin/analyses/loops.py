@@ -7,10 +7,12 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, ModelError, SceneError
+from flexlin.lazy import lazy
 from flexlin.linearization.free import KeptGain, ParametricLoop, parametric_loop
 from flexlin.linearization.linear import linearize
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.chain import build_manipulator
+from flexlin.mechanics.manipulator import Manipulator
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import DesignTable
 from flexlin.scene.loading import revise_scene
@@ -59,10 +61,19 @@ class RebuiltLoop:
     scene: Scene
     paths: tuple[str, ...]
     closed: bool
-    states: int
     kept: KeptGain | None = None
 
     __repr__ = represent
+
+    @lazy
+    def arm(self) -> Manipulator:
+        """The arm with the scene's own numbers."""
+        return build_manipulator(self.scene)
+
+    @lazy
+    def states(self) -> int:
+        """The number of states."""
+        return self.follow(self.arm, self.scene).states + (0 if self.kept is None else self.kept.memory)
 
     def system_at(self, point: Array) -> PeriodicSystem:
         """The loop at one point (P,); with a kept gain the plant is closed by it."""
@@ -72,11 +83,16 @@ class RebuiltLoop:
     def at(self, point: Array) -> Linearization:
         """The linearization at one point (P,), without a kept gain."""
         scene = revise_scene(self.scene, dict(zip(self.paths, map(float, point), strict=True)))
-        return linearize(build_manipulator(scene), scene.motion, scene.control if self.closed else None)
+        same = scene.model is None and all(path.startswith("motion.") for path in self.paths)
+        return self.follow(self.arm if same else build_manipulator(scene), scene)
+
+    def follow(self, arm: Manipulator, scene: Scene) -> Linearization:
+        """The linearization of an arm along a scene's motion."""
+        return linearize(arm, scene.motion, scene.control if self.closed else None)
 
     def with_gain(self, kept: KeptGain) -> "RebuiltLoop":
         """The loop u = -K(phase) [y; y'; z] on this arm."""
-        return replace(self, kept=kept, states=self.states + kept.memory)
+        return replace(self, kept=kept)
 
 
 AnyLoop = ParametricLoop | RedesignedLoop | RebuiltLoop
@@ -122,8 +138,7 @@ def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> Parametric
     sampled = scene.motion.kind in SAMPLED or any(path in TIMES for path in paths)
     if not sampled and not any(path.startswith(f"{PARAMETERS}.") for path in paths):
         return parametric_loop(scene, paths, closed=closed)
-    rebuilt = RebuiltLoop(scene, paths, closed, 0)
-    rebuilt = replace(rebuilt, states=replace(rebuilt, paths=()).at(np.zeros(0)).states)
+    rebuilt = RebuiltLoop(scene, paths, closed)
     if sampled:
         need_numbers(scene, paths)
         return rebuilt

@@ -146,7 +146,7 @@ OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
     "store": option("--store", "CHART.zarr", "keep finished values; the same command goes on where it stopped", **PLACE),
     "margins": option(
         "--margins", RANGE,
-        "numbers whose critical values are looked for, with ranges (default: speed and payload, two seconds for both)",
+        "numbers whose critical values are looked for, with ranges (default: speed and payload, about a second for both)",
         default=[], **SPANS,
     ),
     "loop_margins": option(

@@ -161,7 +161,7 @@ def tip_position(lin: Linearization) -> MatrixFunction:
     >>> print(f"{np.linalg.norm(C[:, 0]):.2f} m per rad of the joint")
     0.96 m per rad of the joint
     """
-    return TipSlopes(lin, tip_slopes(lin.about)).position
+    return TipSlopes(lin, tip_slopes(lin.about, accelerated=False)).position
 
 
 @checked
@@ -248,17 +248,19 @@ class TipSlopes:
         return J @ solve_mass(*self.lin.mass_and_input(t), t)
 
 
-def tip_slopes(about: Deviation) -> ca.Function:
-    """dp/ds, dp''/ds' and dp''/ds of the tip's position p along the rigid motion, each (2, n)."""
+def tip_slopes(about: Deviation, accelerated: bool = True) -> ca.Function:
+    """dp/ds of the tip's position p along the rigid motion, and of its acceleration dp''/ds' and dp''/ds, each (2, n)."""
     about = about.near
     arm, kept = about.arm, list(about.kept)
     tip = points_of(arm)[:, -1]
     J = ca.jacobian(tip, arm.s)
-    acceleration = J @ arm.s_ddot + ca.jtimes(J @ arm.s_dot, arm.s, arm.s_dot)
-    parts = [J, ca.jacobian(acceleration, arm.s_dot), ca.jacobian(acceleration, arm.s)]
+    parts = {"J": J}
+    if accelerated:
+        acceleration = J @ arm.s_ddot + ca.jtimes(J @ arm.s_dot, arm.s, arm.s_dot)
+        parts |= {"by_rate": ca.jacobian(acceleration, arm.s_dot), "by_y": ca.jacobian(acceleration, arm.s)}
     *_, angles = about.symbols()
-    values = about.lift([part[:, kept] for part in parts], angles)
-    return about.function(angles, {}, dict(zip(("J", "by_rate", "by_y"), values, strict=True)))
+    values = about.lift([part[:, kept] for part in parts.values()], angles)
+    return about.function(angles, {}, dict(zip(parts, values, strict=True)))
 
 
 def points_of(arm: Manipulator) -> ca.SX:

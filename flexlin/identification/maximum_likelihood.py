@@ -263,9 +263,12 @@ def accepts(scene: Scene, numbers: dict[str, float]) -> bool:
     return True
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Search:
-    """What is sought by a log: numbers of a scene at paths, within limits; `late` says when no step is begun any more."""
+    """What is sought by a log: numbers of a scene at paths, within limits; `late` says when no step is begun any more.
+
+    `built`: the latest equations, for `shapes` of links.
+    """
 
     scene: Scene
     log: Log
@@ -273,7 +276,8 @@ class Search:
     low: Array
     high: Array
     late: Callable[[], bool]
-    built: dict[bytes, Logged] = field(default_factory=dict, init=False)
+    shapes: bytes = field(default=b"", init=False)
+    built: Logged | None = field(default=None, init=False)
 
     def at(self, values: Array) -> Scene:
         """The scene with these numbers."""
@@ -283,10 +287,9 @@ class Search:
         """The equations, with shapes of links for what these carry then; the same ones as before where the shapes are."""
         scene = self.at(values)
         shapes = b"".join(one.tobytes() for one in sample_shapes(scene))
-        if shapes not in self.built:
-            self.built.clear()
-            self.built[shapes] = Logged.of(scene, self.log, self.paths)
-        return self.built[shapes]
+        if self.built is None or shapes != self.shapes:
+            self.shapes, self.built = shapes, Logged.of(scene, self.log, self.paths)
+        return self.built
 
     def pose(self, model: Logged, windows: Windows, values: Array, sigma: Array | None = None) -> Problem:
         """The least-squares problem of these equations on a grid that is fine enough at these values."""

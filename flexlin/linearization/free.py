@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import IntFlag, auto
-from functools import partial
+from functools import lru_cache, partial
 from typing import ClassVar
 
 import casadi as ca
@@ -18,7 +18,7 @@ from flexlin.linearization.linear import linearize
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.motion import SymbolicMotion
-from flexlin.periodic.many import Kernel, Model, take_phases
+from flexlin.periodic.many import SIZES, Kernel, Model, take_phases
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, extend_system
 from flexlin.program import INPUT, OUTPUT, Program
 from flexlin.scene.scene import Scene
@@ -138,8 +138,8 @@ class ParametricLoop:
         return np.column_stack([phases, gain])
 
     def at(self, point: Array) -> Linearization:
-        """The linearization at one point (P,)."""
-        return self.linearization.at_numbers(point, float(self.periods(point[None])[0]))
+        """The linearization at one point (P,): the same one where it is asked for again, with all that is known of it then."""
+        return linearize_at(self, *point.tolist())
 
     def system_at(self, point: Array) -> PeriodicSystem:
         """The loop as a periodic system at one point (P,); with a kept gain the plant is closed by it."""
@@ -149,6 +149,13 @@ class ParametricLoop:
     def with_gain(self, kept: KeptGain) -> "ParametricLoop":
         """The loop u = -K(phase) [y; y'; z] on this arm. Assumes that this is the arm without feedback."""
         return replace(self, kept=kept)
+
+
+@lru_cache(maxsize=16)
+def linearize_at(loop: ParametricLoop, *numbers: float) -> Linearization:
+    """The linearization of a loop at some numbers (kept: a scan asks for features, a loose spectrum and a better one)."""
+    point = np.array(numbers)
+    return loop.linearization.at_numbers(point, float(loop.periods(point[None])[0]))
 
 
 def loop_matrices(lin: Linearization, kept: KeptGain | None) -> ca.Function:
@@ -255,10 +262,13 @@ def family_equations(family: PeriodicFamily) -> ca.Function:
 def record_model(function: ca.Function, phase_inputs: int) -> Model:
     """The model of (phase, p[, more of the phase]) -> Z', M' (dense, or empty for I), T: column by column is then row by row.
 
-    Raises: ArgumentError for an operation that the kernel does not know.
+    Raises: ArgumentError for a size of which there is no kernel, and for an operation that it does not know.
     """
     kinds = tuple(Needs.POINT if i == 1 else Needs.PHASE for i in range(function.n_in()))
-    program, (states, rows) = Program.read(function).invert_once(kinds), function.size_out(0)
+    states, rows = size = function.size_out(0)
+    if size not in SIZES:
+        raise ArgumentError("there is no kernel of this size", got=size, expected=f"one of {SIZES}")
+    program = Program.read(function).invert_once(kinds)
     program.check_known()
     code, needs, (Z, M, period) = program.steps[:, 0], program.find_needs(kinds), program.find_outputs()
     wanted = np.concatenate([Z, M, program.steps[(needs == Needs.PHASE | Needs.POINT) & (code != OUTPUT), 2:].ravel()])
@@ -282,4 +292,5 @@ def record_model(function: ca.Function, phase_inputs: int) -> Model:
 def place_inputs(program: Program, arguments: list[int]) -> dict[int, int]:
     """The slots of the values of some arguments, which stand in a row."""
     starts = dict(zip(arguments, np.cumsum([0, *program.rows[arguments]]).tolist(), strict=False))
-    return {k: starts[a] + b for code, k, a, b in program.steps.tolist() if code == INPUT and a in starts}
+    inputs = program.steps[program.steps[:, 0] == INPUT, 1:].tolist()
+    return {k: starts[a] + b for k, a, b in inputs if a in starts}

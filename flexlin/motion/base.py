@@ -148,6 +148,12 @@ class SymbolicMotion(Expressions, Motion):
             "motion", [self.phase, self.parameters.symbols], list(self.rates), ["phase", "p"], ["q", "q1", "q2"]
         )
 
+    @lazy
+    def _moving(self) -> list[int]:
+        """The places of the parameters that the motion depends on."""
+        motion = ca.vertcat(self.angles, self.duration)
+        return np.flatnonzero(ca.which_depends(motion, self.parameters.symbols)).tolist()
+
     def at_numbers(self, values: Array, period: float) -> "SymbolicMotion":
         """Return the same motion with other values of its free numbers.
 
@@ -161,11 +167,13 @@ class SymbolicMotion(Expressions, Motion):
         Returns
         -------
         SymbolicMotion
-            The motion, with nothing derived anew.
+            The motion, with nothing derived anew; itself where none of its own numbers changes.
         """
+        if np.array_equal(values[self._moving], self.parameters.values[self._moving]):
+            return self
         breaks = tuple(period * t / self.period for t in self.breaks)
         moved = replace(self, period=period, breaks=breaks, parameters=replace(self.parameters, values=values))
-        vars(moved).update(rates=self.rates, _function=self._function)
+        vars(moved).update(rates=self.rates, _function=self._function, _moving=self._moving)
         return moved
 
     def sample(self, t: Array) -> Angles:

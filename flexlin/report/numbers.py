@@ -45,7 +45,8 @@ def record(a: Analysis) -> dict[str, Any]:
         "forced_response": record_response(a),
         "simulation": record_simulation(a),
         "linear_range": record_linear_range(a),
-        "zeros": a.zeros and {"verdict": a.zeros.verdict, "real_parts": a.zeros.exponents.real},
+        "zeros": a.zeros
+        and {"verdict": a.zeros.verdict, "real_parts": a.zeros.exponents.real, "errors": a.zeros.errors},
         "margins": [record_margin(margin) for margin in a.margins],
     }
     asked = {

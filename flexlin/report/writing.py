@@ -39,7 +39,7 @@ def write_report(
 
     Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins;
     with_audit, with_sensitivity: also find which effects and which numbers matter (some seconds each);
-    margins: numbers whose critical values are looked for, with their ranges; by default speed and payload, two seconds for both;
+    margins: numbers whose critical values are looked for, with their ranges; by default speed and payload, about a second for both;
     with_loop_margins: also find which gain, phase and delay each loop endures (some seconds a loop);
     watch: from when the limits of time count, by default now;
     written: called with the paths once the numbers stand: whatever becomes of the figures, they stay.
@@ -122,12 +122,12 @@ def write_both(folder: Path, page: str, data: str) -> "list[Path]":
 
 def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | None") -> "tuple[Margin, ...]":
     """The critical values of some numbers, or what is known of them at the end of their time; none of one that nobody chose and that cannot
-    be free."""
+    be free. The last one comes first: the search for a payload mostly ends before its time, and leaves the rest to speed."""
     scene, asked, watch = a.scene, a.asked, Stopwatch()
     ranges = analyses.choose_margins(scene) if chosen is None else dict(chosen)
     unasked = analyses.UNASKED_SECONDS * max(1.0, asked.seconds / LIMIT_SECONDS)
     found: list[Margin | None] = []
-    for left, (path, limits) in zip(range(len(ranges), 0, -1), ranges.items(), strict=True):
+    for left, (path, limits) in zip(range(len(ranges), 0, -1), reversed(ranges.items()), strict=True):
 
         def work(path: str = path, limits: tuple[float, float] = limits, left: int = left) -> "Margin | None":
             seconds = unasked - watch.seconds if chosen is None else a.clock.budget.plan("", asked, STAGE_SHARE)
@@ -137,4 +137,4 @@ def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | Non
 
         at_most = inf if chosen is not None else 4.0
         found.append(a.attempt(f"margin {path}", f"critical values of {path}", work, at_most=at_most))
-    return tuple(margin for margin in found if margin is not None)
+    return tuple(margin for margin in reversed(found) if margin is not None)

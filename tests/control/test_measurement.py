@@ -89,6 +89,8 @@ def test_a_report_names_the_zero_that_bounds_every_controller():
     scene = fl.load_scene("single-link", {"designs": [], "links.0.modes": 1})
     found = analyse(scene)
     assert found.zeros.verdict == "non-minimum phase"
+    exact = tip_zeros(found.plant)
+    assert np.all(np.abs(found.zeros.exponents.real - exact.exponents.real) <= found.zeros.errors + exact.errors)
     assert "non-minimum phase" in next(comment_on_zeros(found))
 
 

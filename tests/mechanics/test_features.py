@@ -134,6 +134,16 @@ def test_the_linearization_says_it_and_the_present_values_count():
     assert np.array(there.features)[:, 0] == pytest.approx([0.125, 0.375])
 
 
+def test_a_motion_is_kept_only_while_none_of_its_own_numbers_changes():
+    """Else features of one amplitude would be taken for another's; and a scan of torques would find them anew at each."""
+    paths = "effects.coulomb_friction.torque", "motion.joints.0.amplitude"
+    loop = parametric_loop(fl.load_scene("single-link", RIGID), paths)
+    own, rough, wide = (loop.at(loop.nominal * np.array(factors)) for factors in ((1, 1), (2, 1), (1, 2)))
+    assert rough.motion is own.motion
+    assert rough.features == own.features
+    assert np.array(wide.features)[:, 1] == pytest.approx(np.array(own.features)[:, 1] / 2, rel=1e-3)
+
+
 def test_without_friction_nothing_is_named():
     for name in ("single-link", "three-link", "rotating-beam", "pick-and-place"):
         lin = opened(name)[1]

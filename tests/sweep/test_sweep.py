@@ -7,6 +7,7 @@ import pytest
 
 import flexlin as fl
 from flexlin import sweep
+from flexlin.analyses import choose_loop
 from flexlin.errors import ArgumentError
 from flexlin.scene import replace_value
 from tests.closed_arm import control_loop
@@ -48,6 +49,19 @@ def test_every_kind_of_parameter_agrees_with_a_scene_built_anew(scene, path, low
         assert np.all(apart <= 2e-8 * np.maximum(1.0, np.abs(exact.exponents)))
         assert apart.max() <= float(result.error[i]) + exact.error
         assert str(result.verdict.values[i]) == exact.verdict
+
+
+def test_the_arm_is_kept_only_while_the_motion_alone_varies():
+    """Else a payload beside the time of a move would be that of the scene."""
+    moves = {"kind": "point-to-point", "move_time": 0.4, "dwell_time": 0.1, "joints": [{"waypoints": [0.0, 1.0, 0.4]}]}
+    scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "motion": moves})
+    loop, t = choose_loop(scene, ("motion.move_time", "effects.payload.mass")), np.linspace(0.0, 1.0, 7)
+    for mass in (0.03, 0.09):
+        exact = replace_value(replace_value(scene, "motion.move_time", 0.5), "effects.payload.mass", mass)
+        A = loop.system_at(np.array([0.5, mass])).A(t)
+        np.testing.assert_allclose(A, control_loop(exact).periodic_system().A(t), rtol=1e-9, atol=1e-9)
+    alone = choose_loop(scene, ("motion.move_time",))
+    assert alone.at(np.array([0.5])).arm is alone.at(np.array([0.6])).arm
 
 
 @pytest.mark.parametrize("harmonic", [16, pytest.param(64, marks=pytest.mark.slow)])

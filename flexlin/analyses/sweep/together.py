@@ -10,7 +10,7 @@ import numpy as np
 from flexlin.analyses.sweep.found import Found
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.many import MULTIPLES, SIZES, WIDTH, Kernel, Logs, measure_spread
+from flexlin.periodic.many import MULTIPLES, WIDTH, Kernel, Logs, measure_spread
 from flexlin.resources import advance
 
 if TYPE_CHECKING:
@@ -154,8 +154,6 @@ class Together:
         try:
             kernel = make_kernel(source)
         except ArgumentError:
-            return None
-        if kernel.model.size not in SIZES:
             return None
         if source.may_be_narrow and all(map(source.is_narrow, points[spread_over(len(points), WIDTH)])):
             return None
