@@ -14,7 +14,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.linearization.family import PeriodicFamily
-from flexlin.linearization.linear import linearize
+from flexlin.linearization.linear import linearize, need_sound
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.motion import SymbolicMotion
@@ -87,7 +87,7 @@ class ParametricLoop:
 
     def is_narrow(self, point: Array) -> bool:
         """Whether the coefficients have narrow features at one point (P,)."""
-        return bool(self.at(point).features)
+        return bool(self._placed(point).features)
 
     @property
     def nominal(self) -> Array:
@@ -137,9 +137,14 @@ class ParametricLoop:
         gain = np.swapaxes(self.kept.at_phases(phases), 1, 2).reshape(len(phases), -1)
         return np.column_stack([phases, gain])
 
-    def at(self, point: Array) -> Linearization:
-        """The linearization at one point (P,)."""
+    def _placed(self, point: Array) -> Linearization:
         return self.linearization.at_numbers(point, float(self.periods(point[None])[0]))
+
+    def at(self, point: Array) -> Linearization:
+        """The linearization at one point (P,). Raises: ModelError, as `linearize` does, where its equations break or M is indefinite."""
+        lin = self._placed(point)
+        need_sound(lin)
+        return lin
 
     def system_at(self, point: Array) -> PeriodicSystem:
         """The loop as a periodic system at one point (P,); with a kept gain the plant is closed by it."""
