@@ -235,3 +235,15 @@ def test_a_folder_is_named_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[
     """A folder given as a scene was said not to be there."""
     assert main(["check", str(tmp_path)]) == 2
     assert "file: got a folder, expected a TOML file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["check", "tune", "predict", "identify", "cost", "linearize"])
+def test_a_command_that_no_tolerance_changes_says_what_it_takes(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """What was left over met the usage of the program, which names no option of the command."""
+    needed = {"predict": ["--log", "log.csv"], "identify": ["--log", "log.csv", "--free=links.0.length"]}
+    with pytest.raises(SystemExit) as end:
+        main([name, "single-link", *needed.get(name, []), "--tol", "1e-6"])
+    said = capsys.readouterr().err
+    assert end.value.code == 2
+    assert said.startswith(f"usage: flexlin {name} ")
+    assert said.endswith(f"flexlin {name}: error: unrecognized arguments: --tol 1e-6\n")

@@ -121,6 +121,8 @@ def critical_values(
         For a path that leads to no free number, limits that do not rise, or an unknown loop.
     SceneError
         For limits that the scene's schema refuses.
+    ModelError
+        For ranges in which the equations break, as where M is indefinite.
 
     References
     ----------

@@ -107,6 +107,8 @@ def stability_boundary(
         For paths that lead to no free numbers, ranges that do not rise, or an unknown loop.
     SceneError
         For ranges that the scene's schema refuses.
+    ModelError
+        For ranges in which the equations break, as where M is indefinite.
 
     References
     ----------

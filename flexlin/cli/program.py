@@ -247,7 +247,14 @@ def pass_over(lost: Any) -> None:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that repeats of a mistake what a terminal can show."""
+    """A parser that repeats of a mistake what a terminal can show, beside what the command at hand takes."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """Refuse what is left over, which argparse leaves to the program's own parser."""
+        found, rest = super().parse_known_args(args, namespace)
+        if rest:
+            self.error(f"unrecognized arguments: {' '.join(rest)}")
+        return found, rest
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong with the command line, and exit."""

@@ -14,7 +14,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.linearization.family import PeriodicFamily
-from flexlin.linearization.linear import linearize
+from flexlin.linearization.linear import linearize, need_sound
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.motion import SymbolicMotion
@@ -87,7 +87,7 @@ class ParametricLoop:
 
     def is_narrow(self, point: Array) -> bool:
         """Whether the coefficients have narrow features at one point (P,)."""
-        return bool(self.at(point).features)
+        return bool(linearize_at(self, *point.tolist()).features)
 
     @property
     def nominal(self) -> Array:
@@ -138,8 +138,13 @@ class ParametricLoop:
         return np.column_stack([phases, gain])
 
     def at(self, point: Array) -> Linearization:
-        """The linearization at one point (P,): the same one where it is asked for again, with all that is known of it then."""
-        return linearize_at(self, *point.tolist())
+        """The linearization at one point (P,): the same one where it is asked for again, with all that is known of it then.
+
+        Raises: ModelError, as `linearize` does, where its equations break or M is indefinite.
+        """
+        lin = linearize_at(self, *point.tolist())
+        need_sound(lin)
+        return lin
 
     def system_at(self, point: Array) -> PeriodicSystem:
         """The loop as a periodic system at one point (P,); with a kept gain the plant is closed by it."""
@@ -153,7 +158,7 @@ class ParametricLoop:
 
 @lru_cache(maxsize=16)
 def linearize_at(loop: ParametricLoop, *numbers: float) -> Linearization:
-    """The linearization of a loop at some numbers (kept: a scan asks for features, a loose spectrum and a better one)."""
+    """The linearization of a loop at some numbers (kept: a scan asks for features, a loose spectrum and a better one), sound or not."""
     point = np.array(numbers)
     return loop.linearization.at_numbers(point, float(loop.periods(point[None])[0]))
 

@@ -220,6 +220,10 @@ def rigid_torque(about: Deviation, left: ca.SX, inputs: ca.SX) -> ca.SX:
     return ca.solve(project @ inputs, project @ left)
 
 
+MOST_NAMED = 3
+"""Free numbers that a refusal names with their values: a sweep has few, sensitivities leave all free."""
+
+
 def need_sound(lin: Linearization, phases: int = 33) -> None:
     """Raise where a coefficient leaves the real numbers along the motion, naming the entry and the time, or M_L is indefinite."""
     t = np.linspace(0, lin.period, phases)
@@ -239,4 +243,6 @@ def need_sound(lin: Linearization, phases: int = 33) -> None:
     if least.min() < -TOLERANCE:  # where it is singular, the coordinates without inertia may yet be left out
         worst = int(np.argmin(least))
         todo = "give links and motors the whole inertia of what moves with them, rotors (effects.rotor_spin) included"
-        need_positive(c.M[worst], lin.names, f"at t = {t[worst]:.6g} s", todo)
+        free = zip(lin.arm.parameters.paths[:MOST_NAMED], lin.arm.parameters.values.tolist(), strict=False)
+        where = ", ".join([f"at t = {t[worst]:.6g} s", *(f"{path} = {value:.6g}" for path, value in free)])
+        need_positive(c.M[worst], lin.names, where, todo)

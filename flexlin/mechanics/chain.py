@@ -1,7 +1,7 @@
 """From a scene to its manipulator: bodies, energies and dissipation of the chain, the equations, and the curves that pictures show."""
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -28,6 +28,7 @@ from flexlin.mechanics.curve import CurvedLink, CurveRule
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.effects.bending_torsion_coupling import BendingTorsionCoupling
+from flexlin.mechanics.effects.geometric_stiffening import GeometricStiffening
 from flexlin.mechanics.lagrange import derive_inertia
 from flexlin.mechanics.link_shapes import choose_basis, choose_rule
 from flexlin.mechanics.links import PLACES, BentLink, LinkBasis, split_rotation, turned_sections
@@ -84,22 +85,29 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     free = Parameters.of_scene(scene, parameters)
     if scene.model is not None:
         return _build_registered(scene, free)
-    arm, bent = _build(scene, free), any(link.counts.y or link.counts.z for link in scene.links)
-    if "geometric_stiffening" not in scene.effects.on() or not bent:
+    arm = _build(scene, free, {})
+    if not any(_is_curve(link, scene.effects.on()) for link in scene.links):
         return arm
     return FlexibleManipulator(replace(arm, derive=partial(_build_at_large, scene, free.paths)))
 
 
+def _is_curve(link: Link, effects: Collection[str]) -> bool:
+    """Whether a link is a curve at any deflection: to second order its kinetic energy is the square of no velocity."""
+    ways = {way for way, modes in link.counts.by_direction().items() if modes}
+    stiffened = "geometric_stiffening" in effects and not ways <= {"torsion"}
+    return stiffened or ("bending_torsion_coupling" in effects and len(ways) > 1)
+
+
 def _build_at_large(scene: Scene, paths: tuple[str, ...], near: Manipulator) -> Manipulator:
     """The equations of a scene at any deflection, in symbols of their own; `near`: those for small ones."""
-    rules = [choose_rule(scene, i) for i in range(len(scene.links))]
+    rules = {i: choose_rule(scene, i) for i, link in enumerate(scene.links) if _is_curve(link, scene.effects.on())}
     return _build(scene, Parameters.of_scene(scene, paths), rules, near)
 
 
 def _build(
-    scene: Scene, free: Parameters, rules: Sequence[CurveRule] = (), near: Manipulator | None = None
+    scene: Scene, free: Parameters, rules: Mapping[int, CurveRule], near: Manipulator | None = None
 ) -> Manipulator:
-    """The equations of a scene with energies of second order in the deflections; with `rules` links that bend are curves."""
+    """The equations of a scene with energies of second order in the deflections; links with `rules` are curves."""
     basis, tables = [choose_basis(scene, i) for i in range(len(scene.links))], scene.effects
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
@@ -205,7 +213,7 @@ def _build_chain(
     basis: list[LinkBasis],
     at: Symbols,
     rate: Symbols,
-    rules: Sequence[CurveRule],
+    rules: Mapping[int, CurveRule],
 ) -> Chain:
     """Carry a frame from the base over joints and links to the tips."""
     mounts, axes, joints, links = [], [], [], []
@@ -213,7 +221,9 @@ def _build_chain(
     parents = list_parents(tables)
     moving = tuple(i for i, table in enumerate(tables) if table.moves)
     of_links = tuple(effect for effect in effects if not (rules and effect.of_curve))
-    coupled = any(isinstance(effect, BendingTorsionCoupling) for effect in effects)
+    coupled, shortened = (
+        any(isinstance(effect, kind) for effect in effects) for kind in (BendingTorsionCoupling, GeometricStiffening)
+    )
     for i, table in enumerate(tables):
         mounts.append(pass_mount(Frame.fixed() if parents[i] == NO_LINK else tips[parents[i]], table))
         axes.append(unit(table.joint_axis))
@@ -223,8 +233,8 @@ def _build_chain(
         radius = sum(effect.joint_radius(i) for effect in effects)
         base = frame.moved(column(radius, 0, 0), ca.SX(3, 1))
         link = BentLink.of(i, table, basis[i], base, at.modes[i], rate.modes[i], coupled)
-        if rules and link.bending:
-            link = CurvedLink(**vars(link), rule=rules[i])
+        if i in rules:
+            link = CurvedLink(**vars(link), rule=rules[i], shortened=shortened)
         joints.append(frame.turned(Z, *link.base_turn))
         links.append(link)
         moved = [(*effect.tip_displacement(link), *effect.tip_turn(link)) for effect in of_links]

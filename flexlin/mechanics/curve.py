@@ -1,4 +1,4 @@
-"""A link's axis at any deflection: an inextensible curve, written as the rotations of its sections at a few places.
+"""A link's axis at any deflection: a curve, mostly inextensible, written as the rotations of its sections at a few places.
 
 The shapes are slopes. With theta = (phi, -w', v'), linear in the elastic coordinates, the section at x is turned by Rz(a) Ry(b) Rx(c), to
 second order exp(theta~), and the axis follows Rz(a) Ry(b) e_x, its normal where nothing shears. The energy of bending is that of the exact
@@ -8,7 +8,8 @@ bends. To second order the axis is that of `geometric_stiffening` and, where twi
 
     a' = v'' - phi w'',   b' = -(w'' + phi v''),   c' = phi' - w' v'',
 
-that of `bending_torsion_coupling`; without that effect twist leaves the axis alone.
+that of `bending_torsion_coupling`; without that effect twist leaves the axis alone. That effect alone, which leaves out the shortening,
+has the axis follow (1, a, -b) and the energy of bending of second order.
 
 Source: Reissner, J. Applied Mathematics and Physics 23 (1972) 795; Hodges, Dowell, NASA TN D-7818 (1974), section 3.
 """
@@ -26,7 +27,7 @@ from numpy.polynomial import legendre
 from flexlin.checks import Array
 from flexlin.lazy import lazy
 from flexlin.mechanics.beam.integrals import UNIFORM, Profile, Shapes, gauss_legendre, panels
-from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, tensor
+from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, column, tensor
 from flexlin.mechanics.links import PLACES, BentLink, rotations, split_rotation
 
 MOST_NODES = 40
@@ -103,9 +104,10 @@ def integrate_to(edges: Array, order: int, ends: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class CurvedLink(BentLink):
-    """A link whose axis is an inextensible curve, looked at by a rule."""
+    """A link whose axis is a curve, looked at by a rule: inextensible where it is `shortened`, else each x stays where it was."""
 
     rule: CurveRule = field(kw_only=True)
+    shortened: bool = field(kw_only=True)
 
     @lazy
     def coordinates(self) -> tuple[ca.SX, ca.SX]:
@@ -139,7 +141,7 @@ class CurvedLink(BentLink):
     @property
     def elastic_energy(self) -> ca.SX:
         """1/2 int (EI_z (a' cos b)^2 + EI_y b'^2 + GJ phi'^2) dx, in J."""
-        if len(self.bending) < 2:
+        if len(self.bending) < 2 or not self.shortened:
             return super().elastic_energy
         sines = ca.vertcat(*[ca.sin(b) for _, b in self.angles])
         less = ca.dot(ca.DM(self.rule.section), (sines * (ca.DM(self.rule.bends) @ self.y.w)) ** 2)
@@ -148,7 +150,13 @@ class CurvedLink(BentLink):
     @lazy
     def directions(self) -> ca.SX:
         """The direction of the axis at the places in world axes, (3, m)."""
-        return ca.horzcat(*[self.base.facing(a, b) for a, b in self.angles])
+        return self.directions_in(self.base)
+
+    def directions_in(self, frame: Frame) -> ca.SX:
+        """The directions Rz(a) Ry(b) e_x of the axis at the places, without shortening (1, a, -b), from a frame's axes to the world's."""
+        if not self.shortened:
+            return ca.sparsify(frame.rotation @ ca.horzcat(*[column(1, a, -b) for a, b in self.angles]))
+        return ca.horzcat(*[frame.facing(a, b) for a, b in self.angles])
 
     def places(self, rule: Array) -> ca.SX:
         """Points on the bent axis in world axes, (3, N), by the weights (N, m) of the integrals up to them."""
@@ -192,8 +200,7 @@ class CurvedLink(BentLink):
 
     def tip(self, shift: ca.SX, shift_rate: ca.SX, turn: ca.SX, turn_rate: ca.SX) -> Frame:
         """The frame at the tip; `shift` and `turn` (3, 1) are what effects add to displacement and rotation."""
-        along = ca.horzcat(*[Frame.fixed().facing(a, b) for a, b in self.angles])
-        offset = ca.sparsify(self.table.length * along @ ca.DM(self.rule.weight))
+        offset = ca.sparsify(self.table.length * self.directions_in(Frame.fixed()) @ ca.DM(self.rule.weight))
         theta, theta_rate = self.turns()
         angles = self.split(theta + turn, theta_rate + turn_rate, -1)
         frame = self.base.moved(offset + shift, self.rate(offset) + shift_rate)

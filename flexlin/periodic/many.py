@@ -25,7 +25,7 @@ SIZES = [(2 * n, n) for n in range(1, 7)] + [(n, n) for n in range(2, 9)]
 """States and rows for which there is a kernel: second-order systems of 1 to 6 coordinates, first-order ones of 2 to 8 states."""
 FIND_EXPONENTS = declare_sized(
     "int SIZED(find_exponents)(const void *model, const void *grids, long values, const double *points, double accuracy, double spread, "
-    "double tol, double complex *logs, double *errors, char *sounds, double *periods, int *work)",
+    "double tol, double complex *logs, double *errors, char *sounds, double *periods, char *definite)",
     SIZES,
 )
 SAMPLE_MODEL = declare_sized(
@@ -95,19 +95,20 @@ class CGrids(ctypes.Structure):
 
 @dataclass(frozen=True, eq=False)
 class Logs:
-    """Logs (V, n) of the multipliers, their errors (V, n), whether they are sound (V,), periods (V,) in s, segments computed (V,)."""
+    """Logs (V, n) of the multipliers, their errors (V, n), whether they are sound (V,), periods (V,) in s; whether M is definite (V,)."""
 
     logs: Array
     errors: Array
     sound: Array
     periods: Array
-    work: Array
+    definite: Array
 
     def misses(self, tol: float) -> Array:
-        """The largest error of each value, in units of tol for exponents up to 1/s and relative beyond, (V,); infinite where unsound."""
+        """The largest error of each value, in units of tol for exponents up to 1/s and relative beyond, (V,); infinite where unsound, not a
+        number where M is not positive definite, and more segments do not help."""
         with np.errstate(invalid="ignore"):
             misses = np.max(self.errors / (tol * np.maximum(self.periods[:, None], np.abs(self.logs))), axis=1)
-        return np.where(self.sound & np.isfinite(misses), misses, np.inf)
+        return np.where(self.sound & np.isfinite(misses), misses, np.where(self.definite, np.inf, np.nan))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,12 +140,12 @@ class Kernel:
         Raises: MemoryError.
         """
         V, n, points = len(points), self.model.states, np.ascontiguousarray(points, dtype=float)
-        found = Logs(np.empty((V, n), complex), np.empty((V, n)), np.empty(V, bool), np.empty(V), np.empty(V, np.intc))
+        found = Logs(np.empty((V, n), complex), np.empty((V, n)), np.empty(V, bool), np.empty(V), np.empty(V, bool))
         counts, *tables = self.tabulate(segments, levels)
         reach = np.array([(accuracy * factorial(degree + 1)) ** (1 / degree) for degree in DEGREES])
         tables += [np.ascontiguousarray(scale / scale[:, None]), reach]
         grids, model = CGrids(levels, int(counts.sum()), *map(address, (counts, *tables))), self.model.describe()
-        results = found.logs, found.errors, found.sound.view(np.int8), found.periods, found.work
+        results = found.logs, found.errors, found.sound.view(np.int8), found.periods, found.definite.view(np.int8)
         given = ctypes.byref(model), ctypes.byref(grids), V, points, accuracy, spread, tol
         if FIND_EXPONENTS[self.model.size](*given, *results):
             raise MemoryError("the factors of a period")

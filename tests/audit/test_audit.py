@@ -13,7 +13,13 @@ import flexlin as fl
 from flexlin.analyses import Judge, find_reach, read_scale
 from flexlin.analyses.audit import audit, figures
 from flexlin.analyses.audit.judging import again
-from flexlin.analyses.audit.versions import Version, list_mode_versions, list_model_versions, with_modes
+from flexlin.analyses.audit.versions import (
+    Version,
+    list_effect_versions,
+    list_mode_versions,
+    list_model_versions,
+    with_modes,
+)
 from flexlin.cli import main
 from flexlin.errors import TimeLimit
 from flexlin.periodic.floquet.exponents import floquet
@@ -57,6 +63,17 @@ def test_every_effect_and_modes_both_ways_are_tried_and_advice_follows_the_toler
     modes = {row.table["modes"]: row.advice for row in result.modes}
     assert set(modes) == {0, 2}
     assert modes[0] == "its last mode is needed"  # a strip of 3 Hz is not rigid
+
+
+@pytest.mark.slow
+def test_figures_that_a_scene_does_not_bear_are_not_called_its_fault():
+    """Rotors on a link whose tip has no inertia of its own make M indefinite: the scene was said to have no kinetic energy."""
+    scene = fl.load_scene("de-luca-siciliano-1991")
+    judge = Judge.of(scene, find_reach(scene), 0.01, 1e-9)
+    spin = next(one for one in list_effect_versions(scene, read_scale(scene)) if one.subject == "rotor_spin")
+    assert judge.row(spin).problem.startswith(
+        "left out, because the scene does not bear the figures it would be tried with: M is"
+    )
 
 
 def figures_from_scratch(**overrides):

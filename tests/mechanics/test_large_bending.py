@@ -76,7 +76,10 @@ def test_a_free_link_swings_as_an_inextensible_curve(size):
 
 
 def light_arm(seed):
-    """A thin link without a hub, on any axis in space or in the plane, that carries another; sections up to a fifth as high as long."""
+    """A thin link without a hub, on any axis in space or in the plane, that carries another; sections up to a fifth as high as long.
+
+    From 12 on, odd ones are coupled by twist without being shortened.
+    """
     rng = np.random.default_rng(seed)
     space, n, height = bool(seed % 2), int(rng.integers(1, 7)), rng.choice([0.01, 0.2])
     about_y, about_z = (height * rng.uniform(0.3, 1.0, 2)) ** 2
@@ -86,14 +89,17 @@ def light_arm(seed):
     effects = {**STIFFENED, "payload": {"mass": float(0.16 * rng.uniform(0, 1))}}
     if rng.random() < 0.7:
         effects["rotary_inertia"] = {"radius_of_gyration": [float(about_z**0.5), 0.0]}
-    if space and rng.random() < 0.7:
+    if space and (rng.random() < 0.7 or seed > 12):
         effects["bending_torsion_coupling"] = {}
+    if space and seed > 12:
+        modes["torsion"] = max(modes["torsion"], 1)
+        del effects["geometric_stiffening"]
     first = {**THIN, "modes": modes, **({**more, "axis": axis} if space else {})}
     return arm_of(first, {**THIN, "modes": 2}, effects=effects), rng
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", thin(range(12), quick=4))
+@pytest.mark.parametrize("seed", thin([13, *range(12), *range(15, 25, 2)], quick=4))
 def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed):
     """Random light links in the plane and in space, 1 to 6 modes, no hub, tips bent by 2 to 30 % of the length."""
     arm, rng = light_arm(seed)
@@ -108,7 +114,7 @@ def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4, 6))
+@pytest.mark.parametrize("seed", [4, 5, 13, 15])
 def test_light_links_swing_to_the_end_and_keep_their_energy(seed):
     """The same links, bent in all their shapes and let go without damping."""
     arm, rng = light_arm(seed)
@@ -138,8 +144,8 @@ def test_a_payload_that_may_vanish_and_a_link_that_bends_upward_alone():
 
 
 OPEN = [name for name in builtin_scenes() if "geometric_stiffening" in fl.load_scene(name).effects.on()]
-TREES = (0, 2, 3, 6, 7, 19, 36, 42, 45, 50)
-"""Random scenes with the effect: tapered links, shear, and sections with inertia are among them."""
+TREES = (0, 2, 3, 6, 7, 19, 36, 42, 45, 50, 41, 65, 75, 123)
+"""Random scenes with the effect: tapered links, shear, and sections with inertia are among them; the last four twist without it."""
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import pytest
 
 from flexlin.analyses import Clock, judging
 from flexlin.analyses import analysis as stages
+from flexlin.cli import main
 from flexlin.errors import NumericalError, TimeLimit, TooLarge
 from flexlin.report import page as pages
 
@@ -131,3 +132,15 @@ def test_a_note_is_one_line_and_steers_nothing() -> None:
     assert "\n" not in note
     assert "\x1b" not in note
     assert len(note) <= 210
+
+
+@pytest.mark.slow
+def test_a_chart_of_values_without_equations_stands(tmp_path, capsys):
+    """The search behind a chart met a value whose mass matrix is indefinite, and the values that had an answer were lost."""
+    spin = "effects.rotor_spin={inertia=[0.0,1e-8],gear_ratio=[0.0,100.0]}"
+    over = ["--over", "effects.rotor_spin.inertia.1=1e-8:1e-3:4"]
+    assert main(["chart", "de-luca-siciliano-1991", "--set", spin, *over, "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "1 stable, 0 unstable, 0 undecided, 3 failed" in said
+    assert "no answer from critical values: M is not positive definite" in said
+    assert (tmp_path / "chart.nc").exists()

@@ -8,7 +8,7 @@ from pydantic import BaseModel
 import flexlin as fl
 from flexlin.analyses import choose_loop
 from flexlin.control import design
-from flexlin.errors import ArgumentError, SceneError
+from flexlin.errors import ArgumentError, ModelError, SceneError
 from flexlin.linearization import ParametricLoop
 from flexlin.scene import register_model, revise_scene
 from tests.closed_arm import control_loop
@@ -134,6 +134,29 @@ def test_a_value_whose_equations_break_is_marked_and_the_others_stand():
     assert data["reason"].values.tolist()[::2] == ["", ""]
     assert "singular" in data["reason"].values[1]
     assert np.isnan(data["exponents"].values[1]).all()
+
+
+@pytest.mark.parametrize("modes", [0, 1])
+def test_values_that_linearize_refuses_are_not_judged(modes):
+    """A rotor's spin without the squares that go with it makes M indefinite: Floquet called such loops unstable, or stable."""
+    link = {"length": 0.5, "mass_per_length": 0.2, "bending_stiffness": 1.0, "modes": modes}
+    spin = {"inertia": [0.0, 1e-8], "gear_ratio": [0.0, 100.0]}
+    loop = {"feedforward": "rigid", "feedback": {"kind": "pd", "kp": [4.0, 2.0], "kd": [1.5, 0.6]}}
+    motion = {"kind": "harmonic", "frequency": 0.5, "joints": [{"amplitude": 0.3}] * 2}
+    raw = {"schema": 1, "title": "spin", "links": [link] * 2, "motion": motion, "control": loop}
+    path, values = "effects.rotor_spin.inertia.1", np.geomspace(1e-7, 1e-2, 12)
+    data = fl.sweep(fl.parse_scene({**raw, "effects": {"rotor_spin": spin}}), {path: values})
+    for value, verdict, reason in zip(values.tolist(), data["verdict"].values, data["reason"].values, strict=True):
+        scene = fl.parse_scene({**raw, "effects": {"rotor_spin": {**spin, "inertia": [0.0, value]}}})
+        if verdict == "failed":
+            assert f"{path} = {value:.6g}" in reason
+            with pytest.raises(ModelError, match="M is not positive definite"):
+                control_loop(scene)
+        else:
+            assert fl.floquet(control_loop(scene).periodic_system()).verdict == verdict
+    assert {"stable", "failed"} == set(data["verdict"].values)
+    with pytest.raises(ModelError, match=path):
+        fl.critical_values(fl.parse_scene({**raw, "effects": {"rotor_spin": spin}}), path, (1e-3, 1e-2))
 
 
 def test_loops_that_are_not_there_are_refused():

@@ -19,8 +19,8 @@ class MadeUp:
         self.work += segments * -(-len(points) // WIDTH)
         errors = PERIOD * TOL * (self.need(points) / segments) ** 8
         logs = np.stack([np.full(len(points), -1.0 + 2j), np.full(len(points), -1.0 - 2j)], axis=1)
-        periods, work = np.full(len(points), PERIOD), np.full(len(points), segments)
-        return Logs(logs, np.stack([errors, errors / 3], axis=1), np.isfinite(errors), periods, work)
+        periods, definite = np.full(len(points), PERIOD), np.full(len(points), True)
+        return Logs(logs, np.stack([errors, errors / 3], axis=1), np.isfinite(errors), periods, definite)
 
 
 def test_needs_are_learnt_from_values_all_over_the_plane():

@@ -263,35 +263,34 @@ typedef struct { /* ever more segments; lengths: h of all of them, level after l
   const double *lengths, *inputs, *gains, *scale, *reach; /* gains (levels, 4): see `extrapolate`; scale (S, S): of the states; reach: `exponentiate` */
 } Grids;
 
-/* Logs (S) and errors of L values, until all that are sound meet tol; returns how many segments were computed. */
-static int solve_values(const Model *m, const Grids *g, const double *table, vec period, double accuracy, double spread, double tol, double *memory, vec *F,
+/* Logs (S) and errors of L values, until all that are sound meet tol; returns where M is positive definite. */
+static mask solve_values(const Model *m, const Grids *g, const double *table, vec period, double accuracy, double spread, double tol, double *memory, vec *F,
                        vec *R, Logs *x, vec *error) {
   Logs found[3];
   vec Q[S * S];
   Reader r = {.model = m, .table = table, .lengths = g->lengths, .scale = g->scale, .memory = memory, .positive = every_lane()};
   for (int i = 0; i < S * S; i++) Q[i] = splat(i % (S + 1) ? 0.0 : 1.0);
-  for (int level = 0, computed = 0;;) {
+  for (int level = 0;;) {
     const int K = r.left = g->segments[level], G = count_groups(K, spread, accuracy);
     Logs *now = &found[level % 3];
     r.log_det = splat(0.0);
     multiply_out(&r, K, G, g->reach, F);
     now->sound = find_logs(F, R, G, r.log_det, accuracy, Q, now->re, now->im);
     spread = measure_spread(now->re, now->sound);
-    computed += K;
     if (++level < 3) continue;
     extrapolate(&found[level % 3], &found[(level + 1) % 3], now, g->gains + 4 * (level - 1), accuracy, x, error);
     x->sound = found[0].sound & found[1].sound & found[2].sound & r.positive;
-    if (level == g->levels || all_lanes((x->sound & meets(x, error, period, tol)) | ~r.positive)) return computed;
+    if (level == g->levels || all_lanes((x->sound & meets(x, error, period, tol)) | ~r.positive)) return r.positive;
   }
 }
 
 /* Memory for a model: its slots as rows, twice. */
 static double *find_memory(const Model *m) { return aligned_alloc(64, (size_t)(m->slots + 1) * 2 * WIDE * sizeof(double)); }
 
-/* Logs (V, S, 2) of the multipliers at points (V, parameters), their errors (V, S), whether they are sound (V), the periods (V), and how many segments
- * were computed (V). Returns 0, or 1 where memory gives out or a program holds an unknown operation. */
+/* Logs (V, S, 2) of the multipliers at points (V, parameters), their errors (V, S), whether they are sound (V), the periods (V), and whether M is positive
+ * definite (V). Returns 0, or 1 where memory gives out or a program holds an unknown operation. */
 CALLED int SIZED(find_exponents)(const void *model, const void *grids, long values, const double *points, double accuracy, double spread, double tol,
-                                 double complex *logs, double *errors, char *sounds, double *periods, int *work) {
+                                 double complex *logs, double *errors, char *sounds, double *periods, char *definite) {
   const Model *m = model;
   const Grids *g = grids;
   const long nodes = 2L * g->total;
@@ -303,12 +302,12 @@ CALLED int SIZED(find_exponents)(const void *model, const void *grids, long valu
     const int lanes = values - first < L ? (int)(values - first) : L;
     vec error[S], period = read_points(m, points + first * m->parameters, lanes, memory + (long)m->slots * WIDE, memory);
     Logs x;
-    const int computed = solve_values(m, g, table, period, accuracy, spread, tol, memory, F, R, &x, error);
+    const mask positive = solve_values(m, g, table, period, accuracy, spread, tol, memory, F, R, &x, error);
     for (int l = 0; l < lanes; l++) {
       const long v = first + l;
       sounds[v] = x.sound[l] != 0;
       periods[v] = period[l];
-      work[v] = computed;
+      definite[v] = positive[l] != 0;
       for (int i = 0; i < S; i++) {
         logs[v * S + i] = CMPLX(x.re[i][l], x.im[i][l]);
         errors[v * S + i] = error[i][l];

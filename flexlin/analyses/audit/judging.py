@@ -225,7 +225,10 @@ class Judge:
         head, nan = (version.change, version.kind, version.subject, version.on, version.table), float("nan")
         other = try_to(lambda: measure(version.make(self.scene) if scene is None else scene, self.tol))
         if isinstance(other, Exception):
-            return Row(*head, nan, nan, nan, 0, nan, 0, "unknown", nan, "see the problem", str(other), version.units)
+            tried = version.kind == "effect" and not version.on
+            left_out = "left out, because the scene does not bear the figures it would be tried with: " if tried else ""
+            unknown = (*head, nan, nan, nan, 0, nan, 0, "unknown", nan, "see the problem")
+            return Row(*unknown, left_out + str(other), version.units)
         base = self.base
         own, theirs, unfelt = share_parts(base, other)
         path, torque, marks = self.compare_paths(other), compare_torques(base, other), changed_marks(base, other)

@@ -221,10 +221,9 @@ class Together:
                 given = (segments, self.scale, self.tol / 100, spread, self.tol, levels)
                 misses[which] = enter(rest[which], self.kernel.find_logs(points[rest[which]], *given), segments)
                 used[which] = segments
-            missed = misses > 1
             wanted = used * np.clip(misses ** (1 / LOG_ORDER), least, SEGMENT_FACTORS[1])
-            alone.append(rest[missed & (used >= MOST_SEGMENTS)])
-            again = missed & (used < MOST_SEGMENTS)
+            again = (misses > 1) & (used < MOST_SEGMENTS)
+            alone.append(rest[~again & ~(misses <= 1)])
             rest, rungs = rest[again], find_rungs(np.minimum(wanted[again], MOST_SEGMENTS))
             if least == SEGMENT_FACTORS[1]:
                 levels = len(MULTIPLES)

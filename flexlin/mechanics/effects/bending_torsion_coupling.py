@@ -5,8 +5,11 @@ With curvatures v'', w'' and twist phi' measured in the sections' axes, R' = R k
     v2(x) = -int_0^x (x - s) phi w'' ds,   w2(x) = int_0^x (x - s) phi v'' ds,   theta2 = 1/2 int theta x theta' ds
 
 beside the shortening of `geometric_stiffening`, with theta = (phi, -w', v'). The elastic energy stays quadratic. A load across the stiff
-plane then does work on phi and v'' together: the beam buckles sideways. Source: Hodges, Dowell, NASA TN D-7818 (1974), whose curvatures
-these are; Timoshenko, Gere, Theory of Elastic Stability (1961), section 6.3, for what follows.
+plane then does work on phi and v'' together: the beam buckles sideways. Elsewhere than about a rigid motion the link is the curve of
+`mechanics.curve`, of which this is the second order.
+
+Source: Hodges, Dowell, NASA TN D-7818 (1974), whose curvatures these are; Timoshenko, Gere, Theory of Elastic Stability (1961),
+section 6.3, for what follows.
 """
 
 from typing import Any, Optional
