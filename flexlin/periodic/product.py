@@ -16,7 +16,7 @@ GROUP_CONDITION = 1000.0
 """Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""
 COHERENT_PART = 0.25
 """The part of the rounding errors that may add up with one sign."""
-ROUTINES = ("dgebal", "zgees", "zgeqrf", "zungqr", "dgesv")
+ROUTINES = ("dgebal", "zgees", "zgeqrf", "zungqr", "dgesv", "ztrexc")
 """Of LAPACK, as the compiled code takes them."""
 
 
@@ -272,7 +272,8 @@ class ProductSpectrum:
     """Logs of the eigenvalues (n,) by falling real part, imaginary parts in (-pi, pi], and bounds on their motion, (n,).
 
     shift: the first-order motion by the better factors, with its sign; method: a bound on all of it; rounding: that by rounding and by what
-    is not known; start (n, n): bases to begin a similar product from; stretched: whether some factors carry more roundings than others.
+    is not known, infinite for modes without memory, of which rounding leaves nothing but that they decay; start (n, n): bases to begin
+    a similar product from; stretched: whether some factors carry more roundings than others.
     """
 
     logs: Array
