@@ -46,7 +46,7 @@ static void close_period(int n, int alive, double same, const cpx *S, const cpx 
   for (int i = 0; i < alive; i++)
     for (int j = i - 1; j >= 0; j--) {
       cpx own = 1.0 - find_ratio(total[i], total[j]), sum = S[j * n + i];
-      for (int l = j + 1; l < i; l++) sum += times(S[j * n + l], times(find_ratio(total[i], total[l]), X[l * n + i]));
+      for (int l = j + 1; l < i; l++) sum += times(S[j * n + l], times(find_ratio(total[i], total[l]), X[l * n + i])) - times(X[j * n + l], N[l * n + i]);
       if (cabs(own) < same) N[j * n + i] = sum;
       else X[j * n + i] = over(sum, own);
     }
