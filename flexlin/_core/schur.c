@@ -7,6 +7,7 @@ static const double SPREAD = 4.6;   /* of the logs of moduli inside one cluster,
 static const double SLACK = 8.0;    /* how much less clean cuts may be in the last sweep, which goes over all factors; what is dropped is said */
 static const double DISORDER = 5.0; /* by which logs of moduli may rise from one mode to the next: they lie in one cluster then */
 static const double GRADED = 200.0; /* of logs of a triangular product's diagonal, up to which factors are multiplied together */
+static const double SMALL = 0.1;    /* ratio of moduli from which on the order in a Schur form is kept: what is behind may be without memory */
 static const double DEAD = 1e-120;  /* a mode that shrinks by this against the others in one factor counts as no smaller */
 enum { FULL_SWEEPS = 2, MIN_SWEEPS = 12, MAX_SWEEPS = 400, MAX_WORK = 8000000 }; /* over all factors; n^2 times QR factorizations */
 
@@ -231,20 +232,18 @@ static void transpose(int n, cpx *A) {
     for (int j = 0; j < i; j++) { cpx x = A[i * n + j]; A[i * n + j] = A[j * n + i]; A[j * n + i] = x; }
 }
 
-/* Z (b, b) unitary with A = Z T Z^H, T upper triangular with what rounding makes of zeros last, of A in rows; A becomes T in rows. Returns whether
+/* Z (b, b) unitary with A = Z T Z^H, T upper triangular with small eigenvalues behind large ones, of A in rows; A becomes T in rows. Returns whether
  * it was found. work (b (b + 2) + 2). */
 static int find_complex_schur(const Lapack *lapack, int b, cpx *A, cpx *Z, cpx *work) {
-  int none, failed, room = b < 2 ? 2 : b * b, last = b;
-  double size = 0.0;
+  int none, failed, room = b < 2 ? 2 : b * b;
   cpx *values = work + room;
   transpose(b, A);
-  for (int e = 0; e < b * b; e++) size = hypot(size, cabs(A[e]));
   lapack->zgees("V", "N", NULL, &b, A, &b, &none, values, Z, &b, work, &room, (double *)(values + b), NULL, &failed, 1, 1);
-  for (int i = b; i > 0; i--)
-    if (cabs(A[(i - 1) * (b + 1)]) <= EPS * size) {
-      if (i < last) lapack->ztrexc("V", &b, A, &b, Z, &b, &i, &last, &none, 1);
-      last--;
-    }
+  for (int i = 2; i <= b && !failed; i++) {
+    int to = i;
+    while (to > 1 && cabs(A[(to - 2) * (b + 1)]) < SMALL * cabs(A[(i - 1) * (b + 1)])) to--;
+    if (to < i) lapack->ztrexc("V", &b, A, &b, Z, &b, &i, &to, &none, 1);
+  }
   transpose(b, A);
   transpose(b, Z);
   return !failed;
