@@ -116,12 +116,12 @@ CALLED int find_spectrum(int n, int count, const double *plain, const double *be
   long square = (long)n * n, all = count * square, unknown = size ? (long)p * q : 0, sides = (left ? (long)n * p : 0) + (right ? (long)q * n : 0);
   for (long e = 0; e < all; e++)
     if (!isfinite(plain[e]) || (better && !isfinite(better[e]))) return NOT_FINITE;
-  double *memory = malloc(((better ? 2 : 1) * all + count * (1 + unknown + sides) + 5 * square + 3 * n) * sizeof(double));
+  double *memory = malloc(((better ? 2 : 1) * all + count * (1 + unknown + sides) + 5 * square + 4 * n) * sizeof(double));
   cpx *space = malloc(((2L * count + 1) * square + n) * sizeof(cpx));
   int code = NO_MEMORY, every = 1;
   if (memory && space) {
-    double *counts = memory + (better ? 2 : 1) * all, *scale = counts + count, *work = scale + n, *bases = work + 4 * square + 2 * n;
-    Chain c = {memory, better ? memory + all : NULL, counts, bases + square, unknown};
+    double *counts = memory + (better ? 2 : 1) * all, *scale = counts + count, *work = scale + n, *bases = work + 4 * square + 2 * n, *defect = bases + square;
+    Chain c = {memory, better ? memory + all : NULL, counts, defect + n, unknown};
     double *sided = c.size + count * unknown;
     memcpy(c.F, plain, all * sizeof(double));
     if (size) memcpy(c.size, size, count * unknown * sizeof(double));
@@ -135,7 +135,7 @@ CALLED int find_spectrum(int n, int count, const double *plain, const double *be
     int groups = group(lapack, n, count, limit, &c, work, &every);
     Noise noise = {p, q, pick_first(groups, every, (long)n * p, left, sided), c.size,
                    pick_first(groups, every, (long)q * n, right, sided + (left ? (long)groups * n * p : 0))};
-    Form form = {n, groups, space, space + (groups + 1) * square, space + (2L * groups + 1) * square, (cpx *)logs, end, 0.0};
+    Form form = {n, groups, space, space + (groups + 1) * square, space + (2L * groups + 1) * square, (cpx *)logs, end, defect};
     code = find_schur_form(lapack, c.F, start ? bases : NULL, &form);
     if (code == SOUND) code = bound_motion(&form, c.F, c.better, counts, size ? &noise : NULL, scale, (cpx *)shift, method, rounding);
     for (int e = 0; code == SOUND && e < square; e++) end[e] *= scale[e / n];

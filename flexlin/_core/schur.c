@@ -7,6 +7,7 @@ static const double SPREAD = 4.6;   /* of the logs of moduli inside one cluster,
 static const double SLACK = 8.0;    /* how much less clean cuts may be in the last sweep, which goes over all factors; what is dropped is said */
 static const double DISORDER = 5.0; /* by which logs of moduli may rise from one mode to the next: they lie in one cluster then */
 static const double GRADED = 200.0; /* of logs of a triangular product's diagonal, up to which factors are multiplied together */
+static const double SMALL = 0.1;    /* ratio of moduli from which on the order in a Schur form is kept: what is behind may be without memory */
 static const double DEAD = 1e-120;  /* a mode that shrinks by this against the others in one factor counts as no smaller */
 enum { FULL_SWEEPS = 2, MIN_SWEEPS = 12, MAX_SWEEPS = 400, MAX_WORK = 8000000 }; /* over all factors; n^2 times QR factorizations */
 
@@ -132,17 +133,19 @@ static void multiply_transposed(int n, const double *A, const double *B, double 
       for (int j = 0; j < n; j++) C[i * n + j] += A[k * n + i] * B[k * n + j];
 }
 
-/* Cut where W is decoupled up to `clean`: cut (n + 1), the coupling that is dropped. Returns the widest spread of log moduli in a cluster. */
-static double find_clusters(int n, const double *W, const double *sizes, double clean, int *cut, double *dropped) {
-  double spread = 0.0, low = sizes[0], high = sizes[0];
+/* Cut where W is decoupled up to `clean`, or, if that is not asked, as far as the step of the log moduli is worth it: cut (n + 1). Returns the
+ * widest spread of log moduli in a cluster. */
+static double find_clusters(int n, const double *W, const double *sizes, double clean, int steps, int *cut) {
+  double spread = 0.0, low = sizes[0], high = sizes[0], before = sizes[0];
   cut[0] = cut[n] = 1;
-  *dropped = 0.0;
   for (int i = 1; i < n; i++) {
-    double coupling = 0.0;
-    for (int r = i; r < n; r++)
+    double coupling = 0.0, after = sizes[i];
+    for (int r = i; r < n; r++) {
+      after = fmax(after, sizes[r]);
       for (int c = 0; c < i; c++) coupling = fmax(coupling, fabs(W[r * n + c]));
-    cut[i] = coupling <= clean;
-    if (cut[i]) *dropped = fmax(*dropped, coupling);
+    }
+    cut[i] = coupling <= (steps ? fmax(clean, EPS * exp(before - after)) : clean);
+    before = fmin(before, sizes[i]);
     low = cut[i] ? sizes[i] : fmin(low, sizes[i]);
     high = cut[i] ? sizes[i] : fmax(high, sizes[i]);
     spread = fmax(spread, high - low);
@@ -177,7 +180,6 @@ typedef struct { double *R, *grouped, *ends, *W, *base, *work, *sizes; int *cut;
  * these few products. */
 static void iterate(int n, int count, const double *factors, double *Q, const Bench *at) {
   long size = (long)n * n;
-  double dropped;
   int limit = MAX_SWEEPS;
   for (int sweep = 1;; sweep++) {
     memcpy(at->ends, Q, size * sizeof(double));
@@ -185,7 +187,7 @@ static void iterate(int n, int count, const double *factors, double *Q, const Be
     double *end = at->ends + count % 2 * size;
     multiply_transposed(n, Q, end, at->W);
     sum_log_moduli(n, count, at->R, at->sizes);
-    if (find_clusters(n, at->W, at->sizes, CLEAN * n, at->cut, &dropped) <= SPREAD + sweep / 20.0 || sweep >= limit) break;
+    if (find_clusters(n, at->W, at->sizes, CLEAN * n, 0, at->cut) <= SPREAD + sweep / 20.0 || sweep >= limit) break;
     if (sweep == FULL_SWEEPS) {
       memcpy(at->base, Q, size * sizeof(double));
       memcpy(at->grouped, at->R, count * size * sizeof(double));
@@ -230,12 +232,18 @@ static void transpose(int n, cpx *A) {
     for (int j = 0; j < i; j++) { cpx x = A[i * n + j]; A[i * n + j] = A[j * n + i]; A[j * n + i] = x; }
 }
 
-/* Z (b, b) unitary with A = Z T Z^H, T upper triangular, of A in rows; A becomes T in rows. Returns whether it was found. work (b (b + 2) + 2). */
+/* Z (b, b) unitary with A = Z T Z^H, T upper triangular with small eigenvalues behind large ones, of A in rows; A becomes T in rows. Returns whether
+ * it was found. work (b (b + 2) + 2). */
 static int find_complex_schur(const Lapack *lapack, int b, cpx *A, cpx *Z, cpx *work) {
   int none, failed, room = b < 2 ? 2 : b * b;
   cpx *values = work + room;
   transpose(b, A);
   lapack->zgees("V", "N", NULL, &b, A, &b, &none, values, Z, &b, work, &room, (double *)(values + b), NULL, &failed, 1, 1);
+  for (int i = 2; i <= b && !failed; i++) {
+    int to = i;
+    while (to > 1 && cabs(A[(to - 2) * (b + 1)]) < SMALL * cabs(A[(i - 1) * (b + 1)])) to--;
+    if (to < i) lapack->ztrexc("V", &b, A, &b, Z, &b, &i, &to, &none, 1);
+  }
   transpose(b, A);
   transpose(b, Z);
   return !failed;
@@ -324,8 +332,8 @@ static void carry_blocks(const Lapack *lapack, Form *f, const int *cut, const do
   }
 }
 
-/* turn and defect: how Q_K = Q_0 diag(turn) closes inside every block. */
-static void close_blocks(Form *f, const int *cut, double dropped, cpx *work) {
+/* turn and defect: how Q_K = Q_0 diag(turn) closes, inside every block and below it, up to each mode. */
+static void close_blocks(Form *f, const int *cut, cpx *work) {
   int n = f->n;
   double missed = 0.0;
   multiply_adjoint(n, f->Q, f->Q + (long)f->count * n * n, work);
@@ -335,10 +343,10 @@ static void close_blocks(Form *f, const int *cut, double dropped, cpx *work) {
       double size = cabs(work[i * n + i]);
       f->turn[i] = size > 0.0 ? work[i * n + i] / size : 1.0;
     }
-    for (int i = first; i < past; i++)
-      for (int j = first; j < past; j++) missed = fmax(missed, cabs(work[i * n + j] - (i == j ? f->turn[i] : 0.0)));
+    for (int i = first; i < n; i++)
+      for (int j = first; j < past && n > 1; j++) missed = fmax(missed, cabs(work[i * n + j] - (i == j ? f->turn[i] : 0.0)));
+    for (int i = first; i < past; i++) f->defect[i] = missed;
   }
-  f->defect = dropped + (n > 1 ? missed : 0.0);
 }
 
 /* Into (-pi, pi]. */
@@ -384,8 +392,7 @@ static int find_single_form(const Lapack *lapack, const double *factor, Form *f,
   memcpy(f->Q + size, f->Q, size * sizeof(cpx));
   complete_triangle(n, f->T);
   for (long e = 0; e < size; e++) f->start[e] = e % (n + 1) == 0;
-  for (int i = 0; i < n; i++) f->turn[i] = 1.0;
-  f->defect = 0.0;
+  for (int i = 0; i < n; i++) { f->turn[i] = 1.0; f->defect[i] = 0.0; }
   sum_logs(f);
   return SOUND;
 }
@@ -402,7 +409,7 @@ int find_schur_form(const Lapack *lapack, const double *factors, const double *s
   if (!memory || !work || !cut) code = NO_MEMORY;
   else if (count == 1) code = find_single_form(lapack, factors, f, work);
   else {
-    double *bases = memory, dropped;
+    double *bases = memory;
     Bench at;
     at.R = bases + (count + 1) * size;
     at.grouped = at.R + count * size;
@@ -416,11 +423,11 @@ int find_schur_form(const Lapack *lapack, const double *factors, const double *s
     find_bases(n, count, factors, bases, &at);
     memcpy(f->start, bases, size * sizeof(double));
     multiply_transposed(n, bases, bases + count * size, at.W);
-    if (find_clusters(n, at.W, at.sizes, CLEAN * n, cut, &dropped) > 2 * SPREAD) find_clusters(n, at.W, at.sizes, SLACK * CLEAN * n, cut, &dropped);
+    if (find_clusters(n, at.W, at.sizes, CLEAN * n, 0, cut) > 2 * SPREAD) find_clusters(n, at.W, at.sizes, SLACK * CLEAN * n, 1, cut);
     if (!start_blocks(lapack, f, cut, at.W, at.R, U, work)) code = NO_SCHUR_FORM;
     else {
       carry_blocks(lapack, f, cut, bases, at.R, U, work);
-      close_blocks(f, cut, dropped, work);
+      close_blocks(f, cut, work);
       sum_logs(f);
     }
   }

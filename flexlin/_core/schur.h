@@ -21,13 +21,14 @@ static inline double size_of(cpx a) { return sqrt(creal(a) * creal(a) + cimag(a)
 typedef void (*Balance)(const char *, const int *, double *, const int *, int *, int *, double *, int *, size_t);
 typedef void (*Schur)(const char *, const char *, void *, const int *, cpx *, const int *, int *, cpx *, cpx *, const int *, cpx *, const int *,
                       double *, int *, int *, size_t, size_t);
+typedef void (*Exchange)(const char *, const int *, cpx *, const int *, cpx *, const int *, const int *, const int *, int *, size_t);
 typedef void (*Triangularize)(const int *, const int *, cpx *, const int *, cpx *, cpx *, const int *, int *);
 typedef void (*Generate)(const int *, const int *, const int *, cpx *, const int *, const cpx *, cpx *, const int *, int *);
 typedef void (*Solve)(const int *, const int *, double *, const int *, int *, double *, const int *, int *);
-typedef struct { Balance dgebal; Schur zgees; Triangularize zgeqrf; Generate zungqr; Solve dgesv; } Lapack;
+typedef struct { Balance dgebal; Schur zgees; Triangularize zgeqrf; Generate zungqr; Solve dgesv; Exchange ztrexc; } Lapack;
 
-/* F_k Q_k = Q_(k+1) T_k, Q_K = Q_0 diag(turn) up to `defect`; start: real bases of the invariant subspaces at the beginning. */
-typedef struct { int n, count; cpx *Q, *T, *turn, *logs; double *start, defect; } Form;
+/* F_k Q_k = Q_(k+1) T_k, Q_K = Q_0 diag(turn), all up to a mode within its `defect`; start: real bases of the invariant subspaces at the beginning. */
+typedef struct { int n, count; cpx *Q, *T, *turn, *logs; double *start, *defect; } Form;
 
 enum { SOUND, NO_MEMORY, NOT_FINITE, NO_SCHUR_FORM };
 

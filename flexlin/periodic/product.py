@@ -16,7 +16,7 @@ GROUP_CONDITION = 1000.0
 """Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""
 COHERENT_PART = 0.25
 """The part of the rounding errors that may add up with one sign."""
-ROUTINES = ("dgebal", "zgees", "zgeqrf", "zungqr", "dgesv")
+ROUTINES = ("dgebal", "zgees", "zgeqrf", "zungqr", "dgesv", "ztrexc")
 """Of LAPACK, as the compiled code takes them."""
 
 
@@ -174,21 +174,23 @@ def balance_factors(factors: Array) -> tuple[Array, Array]:
     return factors * (scale / scale[:, None]), scale
 
 
-def separate_triangular(T: Array) -> tuple[Array, Array]:
-    """X unit upper triangular with T X = X diag(t) + N: eigenvectors of an upper triangular matrix, N left between equal eigenvalues.
+def separate_triangular(T: Array, near: float = 0.0) -> tuple[Array, Array]:
+    """X unit upper triangular with T X = X (diag(t) + N): eigenvectors of an upper triangular matrix, N left between equal eigenvalues.
 
-    (t_j - t_i) X_ji + sum_(j < l < i) T_jl X_li = -T_ji      for j < i
+    (t_j - t_i) X_ji + sum_(j < l < i) T_jl X_li = -T_ji      for j < i, and again for what N leaves of X^-1 T X elsewhere
 
-    Equal are eigenvalues that differ by little of themselves, or by no more than the rounding of T.
+    Equal are eigenvalues that differ by little of themselves, or by no more than the rounding of T, or a part `near` of T.
     """
-    n, t = len(T), np.diagonal(T)
-    upper, rounding = np.triu(np.ones((n, n), bool), 1), SAFETY * EPS * np.abs(T).max(initial=0.0)
-    same = upper & (np.abs(t[:, None] - t) <= CUBE_ROOT_EPS * np.maximum(np.abs(t[:, None]), np.abs(t)) + rounding)
+    n, t, X = len(T), np.diagonal(T), np.eye(len(T))
+    upper, least = np.triu(np.ones((n, n), bool), 1), max(near, SAFETY * EPS) * np.abs(T).max(initial=0.0)
+    same = upper & (np.abs(t[:, None] - t) <= CUBE_ROOT_EPS * np.maximum(np.abs(t[:, None]), np.abs(t)) + least)
     free = (upper & ~same).T
     rows, columns = free[:, :, None], free[:, None, :]
-    system = np.where(rows, np.where(columns, T - t[:, None, None] * np.eye(n), 0), np.eye(n))
-    X = np.linalg.solve(system, np.where(free, -T.T, 0)[:, :, None])[:, :, 0].T + np.eye(n)
-    return X, np.where(same, T @ X - X * t, 0)
+    for _ in range(n if same.any() else 1):
+        system = np.where(rows, np.where(columns, T - t[:, None, None] * np.eye(n), 0), np.eye(n))
+        step = np.linalg.solve(system, np.where(free, -T.T, 0)[:, :, None])[:, :, 0].T + np.eye(n)
+        T, X = np.triu(np.linalg.solve(step, T @ step)), X @ step
+    return X, np.where(same, T, 0)
 
 
 def bound_pairs(coupling: Array, own: Array, gap: Array, shared: Array) -> Array:
@@ -272,7 +274,8 @@ class ProductSpectrum:
     """Logs of the eigenvalues (n,) by falling real part, imaginary parts in (-pi, pi], and bounds on their motion, (n,).
 
     shift: the first-order motion by the better factors, with its sign; method: a bound on all of it; rounding: that by rounding and by what
-    is not known; start (n, n): bases to begin a similar product from; stretched: whether some factors carry more roundings than others.
+    is not known, infinite for modes without memory, of which rounding leaves nothing but that they decay; start (n, n): bases to begin
+    a similar product from; stretched: whether some factors carry more roundings than others.
     """
 
     logs: Array

@@ -20,7 +20,7 @@ from flexlin.periodic.response.forced import STEP_STAGES
 from flexlin.periodic.system import PeriodicSystem, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, Setting, choose_gauss_step, measure_pace
 from flexlin.periodic.transition.gauss import gauss_transitions
-from flexlin.precision import EPS, SLIGHT
+from flexlin.precision import EPS, SAFETY, SLIGHT
 
 PANEL_STEPS = NODES // STEP_STAGES
 """Steps, at the least, over a panel of the coefficients: it may hold more waves than the stages of one follow."""
@@ -275,12 +275,14 @@ def solve_round(
 def solve_loops(loops: Array, better: Array) -> tuple[Array, Array]:
     """Logs (r,), by falling real part, of the multipliers of the product of a round's steps (N, r, r), and errors, inf where unresolved.
 
+    A step is a product and a difference itself, and carries some roundings of its size.
     Parameters: better: the same steps by two more stages.
     """
     found = find_spectrum(loops, better)
-    errors = METHOD_SAFETY * found.method + found.rounding
+    errors = METHOD_SAFETY * found.method + SAFETY * found.rounding
     below = found.logs.real[0] - found.logs.real
-    return found.logs, np.where((errors > SLIGHT * below) & (below > errors[0]), np.inf, errors)
+    hidden = (errors > SLIGHT * below) & (below > max(1.0, errors[0]))
+    return found.logs, np.where(np.logical_or.accumulate(hidden), np.inf, errors)
 
 
 def judge_samples(loops: Array, better: Array, turn: Round, period: float, tol: float) -> FloquetResult:

@@ -26,12 +26,16 @@ from flexlin.periodic.transition.choose_segments import (
     fall_back,
 )
 from flexlin.periodic.transition.gauss import CHUNK_BYTES
-from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, SAFETY
+from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, FOURTH_ROOT_EPS, MINOR, ROOT_EPS, SAFETY
 
 COLLOCATION_WORK = 4e9
 """Multiplications of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
 FACTOR_BYTES = 4 * CHUNK_BYTES
 """The transition matrices of a period take at most this many bytes."""
+
+
+NEAR = (0.0, ROOT_EPS, CUBE_ROOT_EPS, FOURTH_ROOT_EPS)
+"""Parts of A within which eigenvalues count as equal in a bound on their errors; the least of the bounds counts."""
 
 
 @checked
@@ -251,14 +255,19 @@ def solve_constant(system: PeriodicSystem) -> tuple[Array, Array]:
     unit = 2.0 ** np.frexp(np.abs(A).max())[1]  # of 1/s, for squares of entries to be numbers
     A, scale = balance_factors(A / unit)
     T, Q = complex_schur(A[0])
-    X, shared = separate_triangular(T)
-    right, left = Q @ X, np.linalg.solve(X, Q.conj().T)
-    size = SAFETY * EPS * np.linalg.norm(A[0])
-    coupling = size * np.outer(np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=0))
-    uncertain = couple_uncertainty(system.resolved, np.zeros(1), (left / scale)[None], (scale[:, None] * right)[None])
-    coupling += uncertain[0] / unit
-    values, own = np.diagonal(T), np.diagonal(coupling)
-    errors = own + bound_pairs(coupling, own, np.abs(values[:, None] - values), shared)
+    size, values = SAFETY * EPS * np.linalg.norm(A[0]), np.diagonal(T)
+    gap, errors = np.abs(values[:, None] - values), np.full(len(T), np.inf)
+    nearest = np.where(np.eye(len(T), dtype=bool), np.inf, gap).min(axis=1)
+    for near in NEAR:
+        if (errors < MINOR * nearest).all():  # a wider one says no less
+            break
+        X, shared = separate_triangular(T, near)
+        right, left = Q @ X, np.linalg.solve(X, Q.conj().T)
+        coupling = size * np.outer(np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=0))
+        sides = (left / scale)[None], (scale[:, None] * right)[None]
+        coupling += couple_uncertainty(system.resolved, np.zeros(1), *sides)[0] / unit
+        own = np.diagonal(coupling)
+        errors = np.minimum(errors, own + bound_pairs(coupling, own, gap, shared))
     order = np.argsort(-values.real, kind="stable")
     return unit * values[order], unit * errors[order]
 

@@ -6,9 +6,11 @@ from scipy.special import mathieu_a, mathieu_b
 import flexlin as fl
 from flexlin.errors import ArgumentError, NumericalError, TooManySegments
 from flexlin.periodic import Setting, judge
+from tests.periodic.cases import Case
 from tests.periodic.judge import judged
 from tests.periodic.random_systems import draw
 from tests.periodic.systems import lyapunov_transformed, mathieu, mathieu_second_order
+from tests.periodic.truths import eigenvalues
 
 
 @pytest.mark.parametrize(
@@ -109,6 +111,20 @@ def test_a_free_motion_is_known_although_rounding_parts_its_double_exponent(damp
     result = fl.floquet(fl.PeriodicSystem.from_second_order(M, np.diag([damping, 0.79, 4.9]), K, 1.0))
     assert result.verdict == "undecided"
     assert np.abs(result.exponents[:2]).max() <= result.error < 1e-5
+
+
+@pytest.mark.parametrize("gap", [1e-12, 1e-9, 1e-7])
+def test_a_nearly_double_exponent_is_stated_to_the_root_of_rounding(gap):
+    """Two eigenvalues that are coupled are bounded as a pair; a third one near them moves by what couples the pair, too."""
+    rng = np.random.default_rng(5)
+    for near in (1.0, 1e-2, 1e-4):
+        A = np.array([[-1.0, 1.0, 1.0], [0.0, -1.0 - gap, 1.0], [0.0, 0.0, -1.0 - near]])
+        Q = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+        for form in (A, A[::-1, ::-1].T):
+            M = Q @ form @ Q.T
+            result = fl.floquet(fl.PeriodicSystem(M, 1.0))
+            assert judged(Case(None, 1.0, eigenvalues(M), np.zeros(3)), lambda _, answer=result: answer).worst <= 1
+            assert result.error < 1e-6 / near
 
 
 def test_defective_double_exponent_is_undecided():

@@ -89,6 +89,23 @@ def test_a_factor_whose_column_vanishes_hides_one_mode_alone(rng, n, count):
     assert found[-1] < -30
 
 
+@pytest.mark.parametrize("count", [1, 3, 8])
+@pytest.mark.parametrize("chain", [1, 2, 3])
+def test_a_chain_without_memory_leaves_the_errors_of_other_modes_small(rng, count, chain):
+    """Zeros in a chain, as of a dead-beat controller: rounding makes any small number of them, before, among or behind the others."""
+    kept = np.array([0.9, 0.5, 0.3, 0.2])[: 5 - chain]
+    for turned in [False, True] * 10:
+        T = np.zeros((5, 5))
+        T[:chain, :chain] = np.diag(np.full(chain - 1, 3.0), 1)
+        T[chain:, chain:] = np.triu(0.3 * rng.standard_normal((5 - chain, 5 - chain)), 1) + np.diag(kept)
+        T[:chain, chain:] = rng.standard_normal((chain, 5 - chain))
+        found = find_spectrum(framed(np.tile(T.T if turned else T, (count, 1, 1)), rng))
+        missed, stated = np.abs(found.logs[: 5 - chain].real - count * np.log(kept)), found.rounding[: 5 - chain]
+        assert np.all(missed <= 8 * stated + 1e-14)
+        assert stated.max() < 1e-9
+        assert found.logs[5 - chain :].real.max() < -8
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_factors_that_are_no_numbers_are_refused(value):
     F = np.tile(np.eye(3), (4, 1, 1))

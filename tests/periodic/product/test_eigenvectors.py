@@ -64,10 +64,22 @@ def test_a_jordan_chain_that_breaks_up_stays_inside_the_bound(m, rng):
     assert motion.method.max() < 30 * moved.max()
 
 
+def test_a_multiplier_beside_a_jordan_chain_moves_as_far_as_the_chain_lets_it(rng):
+    """By the square of what couples the chain over its distance, 0.5 / 0.01: by vectors of the chain alone it would be that itself."""
+    block = np.array([[1.0, 0.5, 0.5], [0.0, 1.01, 0.5], [0.0, 0.0, 1.01]])
+    Q = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    for order in (block, block[::-1, ::-1].T):
+        F = (Q @ order @ Q.T)[None]
+        better = F + 1e-10 * rng.standard_normal(F.shape)
+        motion = find_spectrum(F, better)
+        moved = match_logs(motion.logs, exact_logs(better))[1]
+        assert np.all(moved <= 1.5 * motion.method + motion.rounding)
+
+
 def test_triangular_matrix_is_separated_but_for_equal_eigenvalues(rng):
     T = np.triu(rng.standard_normal((5, 5)), 1) + np.diag([1.0, 2.0, 1.0, -1.0, 2.0])
     X, shared = separate_triangular(T)
-    np.testing.assert_allclose(T @ X, X * np.diag(T) + shared, atol=1e-12)
+    np.testing.assert_allclose(T @ X, X * np.diag(T) + X @ shared, atol=1e-12)
     assert {tuple(entry) for entry in np.argwhere(shared)} == {(0, 2), (1, 4)}
 
 
