@@ -10,7 +10,15 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.identification.equations import Logged
-from flexlin.identification.least_squares import Evidence, Point, Problem, leave_unknown, solve, weigh_evidence
+from flexlin.identification.least_squares import (
+    Evidence,
+    Point,
+    Problem,
+    find_colour,
+    leave_unknown,
+    solve,
+    weigh_evidence,
+)
 from flexlin.identification.log import Log
 from flexlin.identification.prediction import (
     START_SECONDS,
@@ -41,8 +49,6 @@ FIRST_STEPS = 30
 """Gauss-Newton steps before that at the most: noise that is found far from the minimum misleads."""
 STEPS, NEW_STEPS = 2, 3
 """Gauss-Newton steps of a round, and of one with new shapes, for which all is simulated anew."""
-UNEXPLAINED_SHARE = 0.02
-"""Share of the readings' deviations below which a start is good, and no other is tried."""
 HEAD_SHARE = 0.25
 """Share of a window that is its head."""
 FAR_FACTOR = 10.0
@@ -300,8 +306,8 @@ class Search:
 def choose_start(search: Search, windows: Windows, starts: int) -> tuple[Problem, Point]:
     """The values, of several sets, that meet all windows best, and the windows' starting states at them.
 
-    The scene's own come first. Unless a few steps let them meet some windows, all sets meet the heads of these, over which no vibration
-    slips by a cycle, and the best of them goes on from there. Nothing more is tried when it is late.
+    The scene's own come first. Unless a few steps let them meet some windows but for white noise, all sets meet the heads of these, over
+    which no vibration slips by a cycle, and the best of them goes on from there. Nothing more is tried when it is late.
     """
     own = np.array([float(get_value(search.scene, path)) for path in search.paths])
     if starts == 1:
@@ -318,9 +324,7 @@ def choose_start(search: Search, windows: Windows, starts: int) -> tuple[Problem
 
     begin = settle(own)
     best = meet(problem, own, begin)
-    good = (
-        best.cost < 0.5 * UNEXPLAINED_SHARE**2 * np.count_nonzero(best.residual) and not problem.limited(best.p).any()
-    )
+    good = not find_colour(problem, best)[1] and not problem.limited(best.p).any()
     if not good and not search.late():
         others = np.clip(own * np.exp(rng.normal(0, 0.5, (starts - 2, len(own)))), search.low, search.high)
         points = [meet(short, own, begin), *(meet(short, other, settle(other)) for other in others)]
