@@ -1,14 +1,16 @@
 """What does a fit add to the data sheet of a real two-link arm, and does its closed loop ring as the log does?
 
 Windows of 2 s of two logs of Quanser's 2-DOF Serial Flexible Link are predicted from the measured currents, with the data sheet's
-numbers and with the fitted ones that ship. Then exponents of the arm whose joints stick, as they do between moves, stand beside
-frequency and decay of the strain that both logs show there; windows that the currents drive have nearly the measured frequency.
+numbers and with the fitted ones that ship. Then each third of a log is predicted by numbers that `flexlin.identify` finds in the other
+two; which effects the arm has, and where the search begins, was found from whole logs. Then exponents of the arm whose joints stick,
+as they do between moves, stand beside frequency and decay of the strain that both logs show there.
 Source of the logs, thinned to 100 Hz: github.com/basta/quanser-2-dof-serial-flexible-link, commit 48ab0ce; MIT licence, see logs/LICENSE.
 
     python studies/measured_machine.py [--size small] [--out DIR]
 """
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,21 @@ SHEET = {
     "log.outputs.gauge_2": {"column": "deflection_2_rad", "sensor": "strain", "link": 1, "gain": 3 / 0.20185},
 }
 """The maker's configuration file; strips as cantilevers, k = 3 EI / l."""
+WEIGHED = {"effects.payload.mass.1": 0.157, "effects.joint_flexibility.motor_inertia.1": 0.002575}
+"""What the data sheet says of numbers that whole logs moved, and that parts of one do not know."""
+FREE = [
+    *(f"links.{k}.bending_stiffness" for k in (0, 1)),
+    *(f"effects.{name}.{k}" for name in ("viscous_friction.coefficient", "viscous_friction.exponent") for k in (0, 1)),
+    *(f"effects.coulomb_friction.torque.{k}" for k in (0, 1)),
+    "effects.gravity.acceleration",
+    *(f"log.{name}.{what}" for name in ("inputs.axis_1", "inputs.axis_2") for what in ("gain", "offset")),
+    *(f"log.{name}.{what}" for name in ("outputs.gauge_1", "outputs.gauge_2") for what in ("gain", "offset")),
+]
+"""What is fitted to parts of a log."""
+ALSO_FREE = {
+    "quanser-two-link": ["effects.tip_force.force.1"],
+    "quanser-two-link-factory": [f"effects.coulomb_friction.static.{k}" for k in (0, 1)],
+}
 
 
 def predict(name: str, seconds: float | None = None) -> dict[str, Any]:
@@ -54,6 +71,37 @@ def predict(name: str, seconds: float | None = None) -> dict[str, Any]:
 def compare(name: str, seconds: float | None = None) -> dict[str, dict[str, float]]:
     """The fit of each column in percent, with the data sheet's numbers and with the fitted ones."""
     return {label: found.fit for label, found in predict(name, seconds).items()}
+
+
+def leave_out(
+    name: str, thirds: Iterable[int] = range(3), free: list[str] | None = None
+) -> dict[str, dict[str, float]]:
+    """The fit of each column in percent in thirds of a log, each by numbers fitted to the others, and in all these thirds together."""
+    file, begin, _ = MACHINES[name]
+    start = fl.load_scene(name, WEIGHED)
+    whole = fl.read_log(LOGS / file, start)
+    log = whole.part(begin, whole.time[-1])
+    edges, found = np.linspace(log.time[0], log.time[-1], 4), {}
+    for third in thirds:
+        out = (log.time >= edges[third]) & (log.time <= edges[third + 1])
+        fitted = fl.identify(start, rows_of(log, ~out), free or [*FREE, *ALSO_FREE[name]])
+        found[f"third {third + 1}"] = fl.predict(fitted.scene, rows_of(log, out))
+    together = {}
+    for column in next(iter(found.values())).fit:
+        measured, made = (
+            np.concatenate([group[column] for group in groups])
+            for groups in ([one.measured for one in found.values()], [one.outputs for one in found.values()])
+        )
+        together[column] = float(
+            100 * (1 - np.linalg.norm(measured - made) / np.linalg.norm(measured - measured.mean()))
+        )
+    return {**{third: one.fit for third, one in found.items()}, "together": together}
+
+
+def rows_of(log: fl.Log, rows: np.ndarray) -> fl.Log:
+    """Some rows of a log; where others were between them it has a gap."""
+    groups = ({name: values[rows] for name, values in group.items()} for group in (log.inputs, log.outputs))
+    return fl.Log(log.time[rows], *groups, log.columns, log.source)
 
 
 def measure_ring(name: str) -> list[tuple[float, float]]:
@@ -122,9 +170,16 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, Any]:
         if len(rows) == 1:
             Path(out).mkdir(parents=True, exist_ok=True)
             draw(predictions, Path(out) / "measured_machine.svg")
-        for made, rings in (("predicted", [predict_ring(name)]), ("measured", measure_ring(name))):
-            for frequency, rate in rings:
-                print(f"  ring: {made} {frequency:.3f} Hz, decay {rate:.3f} 1/s")
+        small = {"thirds": [2], "free": ["links.0.bending_stiffness", "log.outputs.gauge_1.gain"]}
+        left = leave_out(name) if size == "full" else leave_out(name, **small)
+        for third, fit in left.items():
+            print(f"  left out, {third}: " + ", ".join(f"{column} {value:.1f} %" for column, value in fit.items()))
+        rows[name]["left out"] = left["together"]
+        measured, predicted = np.array(measure_ring(name)), predict_ring(name)
+        for k, what in enumerate(("frequency in Hz", "decay in 1/s")):
+            one = measured[:, k]
+            spread = f"{one.mean():.3f} ± {one.std(ddof=1):.3f} in {len(one)} rests"
+            print(f"  ring, {what}: predicted {predicted[k]:.3f}, measured {spread}")
     return rows
 
 

@@ -52,6 +52,10 @@ class Point:
         found = 0.5 * np.einsum("wnj,wnj->w", self.residual, self.residual)
         return np.where(np.isfinite(found), found, np.inf)
 
+    @property
+    def cost(self) -> float:
+        return float(self.costs.sum())
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:

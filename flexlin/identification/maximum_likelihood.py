@@ -10,7 +10,15 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.identification.equations import Logged
-from flexlin.identification.least_squares import Evidence, Point, Problem, leave_unknown, solve, weigh_evidence
+from flexlin.identification.least_squares import (
+    Evidence,
+    Point,
+    Problem,
+    find_colour,
+    leave_unknown,
+    solve,
+    weigh_evidence,
+)
 from flexlin.identification.log import Log
 from flexlin.identification.prediction import (
     START_SECONDS,
@@ -41,8 +49,6 @@ FIRST_STEPS = 30
 """Gauss-Newton steps before that at the most: noise that is found far from the minimum misleads."""
 STEPS, NEW_STEPS = 2, 3
 """Gauss-Newton steps of a round, and of one with new shapes, for which all is simulated anew."""
-UNEXPLAINED_SHARE = 0.02
-"""Share of the readings' deviations below which a start is good, and no other is tried."""
 HEAD_SHARE = 0.25
 """Share of a window that is its head."""
 FAR_FACTOR = 10.0
@@ -70,7 +76,7 @@ class Identification(Shown):
     Attributes
     ----------
     scene : Scene
-        With the fitted numbers, and two standard errors of each to both sides as its [uncertainty].
+        With all numbers as the search left them, and two standard errors of each that is known to both sides as its [uncertainty].
     values, errors : dict of str to float
         The numbers that the log knows, and one standard error of each; not a number at a limit, or where the search has not settled.
     unknown : tuple of tuple of str
@@ -175,7 +181,7 @@ def identify(
         Share of the log, at its end, that is not fitted but predicted.
     starts : int
         Tries at the most: the scene's own values, then, where a fiftieth of the readings stays unexplained or a number is at its
-        end, the best of these and others within a factor of about two over a quarter of each window.
+        end, the best of these and others within a factor of about two over a quarter of some windows, if it meets all of them better.
     seconds : float
         Time after which the most likely numbers so far are handed back, by default as long as it takes.
 
@@ -217,16 +223,15 @@ def identify(
     search = Search(scene, fitted, paths, low, high, lambda: watch.clock >= most)
     windows = Windows.of(fitted, positive("window", window))
     with part(0.0, 0.3):
-        values, met = choose_start(search, windows, whole("starts", starts))
+        problem, point = choose_start(search, windows, whole("starts", starts))
     with part(0.3, 0.9):
-        point, problem, evidence = refine(search, windows, values, met)
+        point, problem, evidence = refine(search, windows, problem, point)
     settled = evidence is not None
     evidence = leave_unknown(problem, point, paths) if evidence is None else evidence
     known = {path: float(point.p[k]) for k, path in enumerate(paths) if path in evidence.known}
     found = dict(zip(paths, point.p.tolist(), strict=False))
     reached = revise_scene(scene, found)
-    own = revise_scene(scene, known) if accepts(scene, known) else reached
-    made = place_uncertainty(own, evidence, (low, high), paths)
+    made = place_uncertainty(reached, evidence, (low, high), paths)
     prediction = predict(reached, held, window)
     noise = np.where(np.isfinite(problem.readings).any(axis=(0, 1)), problem.sigma, np.nan)
     return Identification(
@@ -301,21 +306,20 @@ class Search:
         return Problem(shooting, readings, scale, self.low, self.high, size, allows)
 
 
-def choose_start(search: Search, windows: Windows, starts: int) -> tuple[Array, dict[int, Array]]:
-    """The values, of several sets, from which a few windows are best met after a few steps, and the starting states of these windows.
+def choose_start(search: Search, windows: Windows, starts: int) -> tuple[Problem, Point]:
+    """The values, of several sets, that meet all windows best, and the windows' starting states at them.
 
-    The scene's own come first. Unless they meet the windows, all sets meet the windows' heads, over which no vibration slips by a
-    cycle, and the best of them goes on from there. Nothing more is tried when it is late.
+    The scene's own come first. Unless a few steps let them meet some windows but for white noise, all sets meet the heads of these, over
+    which no vibration slips by a cycle, and the best of them goes on from there. Nothing more is tried when it is late.
     """
     own = np.array([float(get_value(search.scene, path)) for path in search.paths])
     if starts == 1:
-        return own, {}
+        return meet_all(search, windows, own, {})
     which = np.unique(np.linspace(0, windows.count - 1, SCREENED_WINDOWS).astype(int))
     some = windows.chosen(which)
     heads = some.head(HEAD_SHARE * float((some.ends - some.starts).max()))
     model, rng = search.model(own), np.random.default_rng(0)
     problem, short = (search.pose(model, these, own) for these in (some, heads))
-    cost = lambda point: float(point.costs.sum())  # noqa: E731
     settle = lambda values: find_starts(problem.shooting, START_SECONDS, values, SCREENED_WINDOWS).start  # noqa: E731
 
     def meet(posed: Problem, values: Array, start: Array) -> Point:
@@ -323,34 +327,38 @@ def choose_start(search: Search, windows: Windows, starts: int) -> tuple[Array, 
 
     begin = settle(own)
     best = meet(problem, own, begin)
-    good = (
-        cost(best) < 0.5 * UNEXPLAINED_SHARE**2 * np.count_nonzero(best.residual) and not problem.limited(best.p).any()
-    )
+    good = not find_colour(problem, best)[1] and not problem.limited(best.p).any()
     if not good and not search.late():
         others = np.clip(own * np.exp(rng.normal(0, 0.5, (starts - 2, len(own)))), search.low, search.high)
-        head = min([meet(short, own, begin), *(meet(short, other, settle(other)) for other in others)], key=cost)
-        best = min(best, meet(problem, head.p, head.start), key=cost)
-    if not np.isfinite(cost(best)):
+        points = [meet(short, own, begin), *(meet(short, other, settle(other)) for other in others)]
+        head = min(points, key=lambda point: point.cost)
+        best = min(best, meet(problem, head.p, head.start), key=lambda point: point.cost)
+    if not np.isfinite(best.cost):
         got = "; ".join(search.log.notes) or None
         raise NumericalError(
             "the equations diverge from every start", got=got, todo="check signs, units and gains of the inputs"
         )
-    return best.p, dict(zip(which.tolist(), best.start, strict=True))
+    sets = [(best.p, dict(zip(which.tolist(), best.start, strict=True)))]
+    if not good and not search.late():
+        sets.append((own, {}))
+    return min((meet_all(search, windows, *one) for one in sets), key=lambda one: one[1].cost)
 
 
-def refine(
-    search: Search, windows: Windows, values: Array, met: dict[int, Array]
-) -> tuple[Point, Problem, Evidence | None]:
-    """The maximum of the likelihood: noise and shapes of links are found anew until noise and numbers stay.
-
-    met: starting states of some windows. No evidence where time or rounds ended first.
-    """
-    model = search.model(values)
-    problem = search.pose(model, windows, values)
+def meet_all(search: Search, windows: Windows, values: Array, met: dict[int, Array]) -> tuple[Problem, Point]:
+    """The problem of all windows, and the starting states with which values meet each; met: those of some, known before."""
+    problem = search.pose(search.model(values), windows, values)
     start = find_starts(problem.shooting, START_SECONDS, values).start
     for window, state in met.items():
         start[window] = state
-    point, steps, unsure = problem.at(start, values), FIRST_STEPS, np.zeros(len(values))
+    return problem, problem.at(start, values)
+
+
+def refine(search: Search, windows: Windows, problem: Problem, point: Point) -> tuple[Point, Problem, Evidence | None]:
+    """The maximum of the likelihood: noise and shapes of links are found anew until noise and numbers stay.
+
+    No evidence where time or rounds ended first.
+    """
+    model, steps, unsure = problem.shooting.model, FIRST_STEPS, np.zeros(len(point.p))
     for k in range(ROUNDS):
         values = point.p
         with part(k / ROUNDS, (k + 1) / ROUNDS):

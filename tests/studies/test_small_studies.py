@@ -73,6 +73,17 @@ def test_the_fit_beats_the_data_sheet(study):
 
 
 @pytest.mark.slow
+def test_a_third_of_the_log_is_predicted_by_the_others(study):
+    """A fit that sees the third, or hands back other numbers than it found, stands out: joint 2 hardly moves there."""
+    made = study("measured_machine")
+    found = made.leave_out("quanser-two-link", [2])
+    assert found["third 3"] == pytest.approx(found["together"])
+    assert found["third 3"]["joint_1_rad"] > 95
+    assert min(found["third 3"][f"deflection_{k}_rad"] for k in (1, 2)) > 80
+    assert 20 < found["third 3"]["joint_2_rad"] < 60
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["quanser-two-link", "quanser-two-link-factory"])
 def test_the_ring_is_within_three_percent(study, name):
     made = study("measured_machine")
