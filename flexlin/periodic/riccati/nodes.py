@@ -50,6 +50,10 @@ class FourierNodes:
         """The times half-way between."""
         return self.t + 0.5 * self.period / self.count
 
+    def place_behind(self, values: Array) -> Array:
+        """Values at the times between as those of the nodes before them."""
+        return values
+
     @property
     def halves(self) -> Array:
         """From each node half-way to the one before it, and to the next, which is as long: (1, N)."""
@@ -76,6 +80,12 @@ class FourierNodes:
         waves, turn = np.fft.rfft(D, axis=0), np.pi / self.count * np.arange(1, int(SHOWN_WAVES * self.count))
         waves[1 : 1 + len(turn)] /= (turn / np.tan(turn) + gaps * turn**2 / 3)[:, None, None]
         waves[1 + len(turn) :] = 0.0
+        return np.fft.irfft(waves, self.count, axis=0)
+
+    def smooth(self, F: Array) -> Array:
+        """The lower half of the waves that are shown."""
+        waves = np.fft.rfft(F, axis=0)
+        waves[int(SHOWN_WAVES / 2 * self.count) :] = 0.0
         return np.fft.irfft(waves, self.count, axis=0)
 
     def look_between(self, X: Array) -> tuple[Array, Array]:
@@ -155,6 +165,11 @@ class PanelNodes:
         """Times between the nodes: the zeros of T_p."""
         return self._place(lobatto(0.5)[0])
 
+    def place_behind(self, values: Array) -> Array:
+        """Values at the times between as those of the nodes before them; a panel's last node has the last ones, too."""
+        parts = values.reshape(-1, PANEL_DEGREE, *values.shape[1:])
+        return np.concatenate([parts, parts[:, -1:]], axis=1).reshape(-1, *values.shape[1:])
+
     @property
     def halves(self) -> Array:
         """From each node half-way to the one before it, and to the next: (2, N)."""
@@ -169,6 +184,10 @@ class PanelNodes:
     def sharpen(self, D: Array, gaps: bool = False) -> Array:
         """D as it is: it was found by steps of unequal length."""
         return D
+
+    def smooth(self, F: Array) -> Array:
+        """F as it is."""
+        return F
 
     def look_between(self, X: Array) -> tuple[Array, Array]:
         """X and X' at the times between."""
