@@ -16,7 +16,7 @@ from flexlin.periodic.interpolation import (
     divide_segments,
     fourier_nodes,
 )
-from flexlin.precision import EPS, SAFETY, TINY
+from flexlin.precision import EPS, MINOR, SAFETY, TINY
 
 SHOWN_WAVES = 0.36
 """Waves that N equally spaced nodes show, as a part of N: a correction of the next ones could grow, see `FourierNodes.sharpen`."""
@@ -117,7 +117,7 @@ class FourierNodes:
         if high <= max(seen, LOST_WAVES):
             return None
         half = max(float(heights[shown // 2 - self.count // 16 : shown // 2].max()), 2 * high)
-        needed = 1 + 0.5 * np.log(high / seen) / np.log(half / high)
+        needed = 1 + 0.5 * np.log(high / (MINOR * seen)) / np.log(half / high)
         step = max(16, 2 ** int(np.log2(self.count)) // 8)
         return FourierNodes(step * int(np.ceil(self.count * np.clip(needed, *FINER_BOUNDS) / step)), self.period)
 
