@@ -102,8 +102,9 @@ class FourierNodes:
     def series(self, X: Array) -> FourierSeries:
         """X as a series without waves that are rounding."""
         every = FourierSeries.through(X, self.period)
-        mean, high = every.coefficients[:1], np.maximum(*map(np.abs, every.waves)).max(axis=(1, 2))
-        kept = int(np.flatnonzero(high > LOST_WAVES * np.abs(mean).max()).max(initial=-1)) + 1
+        mean, high = every.coefficients[:1], np.maximum(*map(np.abs, every.waves))
+        root = np.sqrt(np.abs(np.diagonal(mean[0])))  # entries of a cost are as large as the states' units make them
+        kept = int(np.flatnonzero((high > LOST_WAVES * np.outer(root, root)).any(axis=(1, 2))).max(initial=-1)) + 1
         return FourierSeries(np.concatenate([mean, *(one[:kept] for one in every.waves)]), self.period)
 
     def tail(self, X: Array) -> float:
