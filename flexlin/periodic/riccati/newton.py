@@ -85,7 +85,7 @@ def solve_by_newton(
                 finer = nodes.resize(2 * nodes.count)
             else:
                 missed = max(found.error, found.gain_error) / tol
-                worse = best is not None and 2 * found.error > best.error  # more nodes are not worth it
+                worse = missed > 1 and best is not None and 2 * found.error > best.error  # more nodes are not worth it
                 best = best if worse else replace(found, doublings=begun.doublings)
                 if worse or missed <= 1 or 2 * found.method_error <= found.error:
                     break
@@ -145,12 +145,17 @@ def most_nodes(n: int) -> int:
 
 @dataclass(frozen=True)
 class Corrected:
-    """X at nodes in units of the states, and the Lyapunov equation of its loop."""
+    """X at nodes in units of the states, the coefficients there, and the Lyapunov equation of its loop."""
 
     nodes: Nodes
     X: Array
-    units: Array
+    samples: "Samples"
     lyapunov: LoopLyapunov
+
+    @property
+    def units(self) -> Array:
+        """Of the states."""
+        return self.samples.units
 
     def solution(
         self, problem: LinearQuadratic, errors: tuple[float, float, float] = (inf, inf, inf)
@@ -190,8 +195,8 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
         ):  # steps that grow again and again are those of too few nodes
             return None
         small = moved <= near or (k and moved * moved / last <= near)
-        if small or (moved < SLIGHT and (moved <= nodes.tail(X) or moved > PARTIAL * last)):
-            return Corrected(nodes, X, units, lyapunov)
+        if small or (moved < MINOR and moved <= nodes.tail(X)) or (moved < SLIGHT and moved > PARTIAL * last):
+            return Corrected(nodes, X, samples, lyapunov)
         last = moved
     return None
 
@@ -253,57 +258,59 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     error, gain_error = float(heights.max()) / height, sqrt(float((reached * heights).max())) / gain
     errors = np.array([error, gain_error, error * float((rows[0] / W).max())]) if q < 0.25 else np.full(3, np.inf)
     if errors.max() > tol:
-        finer = nodes.resize(2 * nodes.count)
-        W = W[np.searchsorted(nodes.edges[1:-1], finer.t)]
-        carried = carry_residual(problem, finer, nodes.series(X)(finer.places), units, W)
+        carried = carry_residual(corrected, F, MINOR * noise + doubt / SAFETY, W_nodes)
         if carried is not None:
             parts = [part * both for part in carried]
-            pulls = np.linalg.solve(problem.R(finer.t), transpose(problem.B(finer.t)))
-            sizes = add_up(parts), add_up([pulls @ part for part in parts]), float(np.abs(parts[0]).max())
+            of_method = sum(float(np.abs(part).max()) for part in parts[:2])
+            sizes = add_up(parts), add_up([to_gain @ part for part in parts]), of_method
             errors = np.minimum(errors, SAFETY * np.array(sizes) / [height, gain, height])
     if not np.isfinite(errors).all():
         return None
-    product = 2 * EPS * float((np.abs(to_gain) @ np.abs(X * both)).max())
+    late = EPS * float(nodes.edges[-1]) * nodes.place_behind(slopes * both)  # what X changes in the rounding of a time
+    product = 2 * EPS * float((np.abs(to_gain) @ np.abs(X * both)).max()) + float(np.abs(to_gain @ late).max())
     of_X, of_gain, of_method = errors.tolist()
-    return corrected.solution(problem, (of_X + 2 * EPS, of_gain + product / gain, of_method))
+    of_X += 2 * EPS + float(np.abs(late).max()) / height
+    return corrected.solution(problem, (of_X, of_gain + product / gain, of_method))
 
 
-def carry_residual(problem: LinearQuadratic, nodes: Nodes, X: Array, units: Array, W: Array) -> list[Array] | None:
-    """What the loop makes of X's residual at finer nodes, and of its rounding with signs that are the same at all times or change.
+def carry_residual(corrected: Corrected, between: Array, noise: Array, W: Array) -> list[Array] | None:
+    """What the loop makes of X's residual F and of its fastest waves in half a step, and what it makes of F's rounding with signs that
+    are the same at all times or change.
 
-    The first is corrected until it solves its equation to PARTIAL; None where that does not settle, or where what is of second order
-    in them is no less than that of the residual's size W (N, n).
+    F and its rounding, `noise`, are known at the nodes and `between` them: each half of F is one sum. The first answer is corrected until
+    it solves its equation to PARTIAL; None where that does not settle, or where what is of second order in all of them is no less than
+    that of the residual's size W (N, n).
     """
-    samples = Samples.of(problem, nodes.t, units)
-    slopes = nodes.slopes(X)
-    F, M = samples.compare(X, slopes)
-    noise = MINOR * samples.rounding(X, slopes) + samples.doubt(problem, nodes.t, X) / SAFETY
+    nodes, samples, loop = corrected.nodes, corrected.samples, corrected.lyapunov
+    F, M = samples.compare(corrected.X, nodes.slopes(corrected.X))
+    between, noise = nodes.place_behind(between), nodes.place_behind(noise)
+    swing = loop.integrate_behind(0.5 * (F + between))
+    before, behind = np.broadcast_to(nodes.halves, (2, nodes.count))[:, :, None, None]
+    sides = behind * between + np.roll(behind * between, 1, axis=0)
+    F = nodes.smooth(0.5 * (F + sides / (before + behind)))
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (2, *F.shape))
     signs[0] = signs[0, 0]
-    exact = samples.step(problem, nodes)
-    loop = LoopLyapunov(M[:, None], nodes, None if exact is None else exact[:, None])
-    carried = loop.solve(np.stack([F, *(symmetrize(noise * sign) for sign in signs)], axis=1))
-    if carried is None:
-        return None
-    E, *others = np.swapaxes(carried, 0, 1)
-    E, moved = loop.sharpen(E), np.inf
+    others = [loop.solve(symmetrize(noise * sign)) for sign in signs]
+    E, left, moved = np.zeros_like(F), F, np.inf
     for _ in range(CORRECTIONS // 4):
-        more = loop.solve((F + nodes.slopes(E) + twice(E @ M))[:, None])
-        if more is None:
+        more = loop.solve(left)
+        if more is None or others[0] is None or others[1] is None:
             return None
-        E, before, moved = E + loop.sharpen(more[:, 0]), moved, float(np.abs(more).max())
+        E, last, moved = E + more, moved, float(np.abs(more).max())
         if moved <= PARTIAL * float(np.abs(E).max()):
-            pulled = [np.square(part @ samples.G / np.sqrt(W)[:, :, None]).sum(axis=(1, 2)) for part in (E, *others)]
-            return [E, *others] if SAFETY**2 * add_up(pulled) <= PARTIAL else None
-        if moved > before:
+            parts = [E, swing, others[0], others[1]]
+            pulled = [np.square(part @ samples.G / np.sqrt(W)[:, :, None]).sum(axis=(1, 2)) for part in parts]
+            return parts if SAFETY**2 * add_up(pulled) <= PARTIAL else None
+        if moved > last:
             break
+        left = F + nodes.slopes(E) + twice(E @ M)
     return None
 
 
 def add_up(parts: list[Array]) -> float:
-    """The largest entry of the first part, plus the largest of all others."""
-    first, *others = (float(np.abs(part).max()) for part in parts)
-    return first + max(others)
+    """The largest entries of the first two parts, plus the largest of all others."""
+    first, second, *others = (float(np.abs(part).max()) for part in parts)
+    return first + second + max(others)
 
 
 def double_period(period: Segment, problem: LinearQuadratic, edges: Array, held: float) -> tuple[Array, int]:

@@ -16,7 +16,7 @@ from flexlin.periodic.interpolation import (
     divide_segments,
     fourier_nodes,
 )
-from flexlin.precision import EPS, SAFETY, TINY
+from flexlin.precision import EPS, MINOR, SAFETY, TINY
 
 SHOWN_WAVES = 0.36
 """Waves that N equally spaced nodes show, as a part of N: a correction of the next ones could grow, see `FourierNodes.sharpen`."""
@@ -50,6 +50,10 @@ class FourierNodes:
         """The times half-way between."""
         return self.t + 0.5 * self.period / self.count
 
+    def place_behind(self, values: Array) -> Array:
+        """Values at the times between as those of the nodes before them."""
+        return values
+
     @property
     def halves(self) -> Array:
         """From each node half-way to the one before it, and to the next, which is as long: (1, N)."""
@@ -78,6 +82,12 @@ class FourierNodes:
         waves[1 + len(turn) :] = 0.0
         return np.fft.irfft(waves, self.count, axis=0)
 
+    def smooth(self, F: Array) -> Array:
+        """The lower half of the waves that are shown."""
+        waves = np.fft.rfft(F, axis=0)
+        waves[int(SHOWN_WAVES / 2 * self.count) :] = 0.0
+        return np.fft.irfft(waves, self.count, axis=0)
+
     def look_between(self, X: Array) -> tuple[Array, Array]:
         """X and X' at the times between."""
         waves = np.fft.rfft(X - X[0], axis=0)
@@ -92,8 +102,9 @@ class FourierNodes:
     def series(self, X: Array) -> FourierSeries:
         """X as a series without waves that are rounding."""
         every = FourierSeries.through(X, self.period)
-        mean, high = every.coefficients[:1], np.maximum(*map(np.abs, every.waves)).max(axis=(1, 2))
-        kept = int(np.flatnonzero(high > LOST_WAVES * np.abs(mean).max()).max(initial=-1)) + 1
+        mean, high = every.coefficients[:1], np.maximum(*map(np.abs, every.waves))
+        root = np.sqrt(np.abs(np.diagonal(mean[0])))  # entries of a cost are as large as the states' units make them
+        kept = int(np.flatnonzero((high > LOST_WAVES * np.outer(root, root)).any(axis=(1, 2))).max(initial=-1)) + 1
         return FourierSeries(np.concatenate([mean, *(one[:kept] for one in every.waves)]), self.period)
 
     def tail(self, X: Array) -> float:
@@ -107,7 +118,7 @@ class FourierNodes:
         if high <= max(seen, LOST_WAVES):
             return None
         half = max(float(heights[shown // 2 - self.count // 16 : shown // 2].max()), 2 * high)
-        needed = 1 + 0.5 * np.log(high / seen) / np.log(half / high)
+        needed = 1 + 0.5 * np.log(high / (MINOR * seen)) / np.log(half / high)
         step = max(16, 2 ** int(np.log2(self.count)) // 8)
         return FourierNodes(step * int(np.ceil(self.count * np.clip(needed, *FINER_BOUNDS) / step)), self.period)
 
@@ -155,6 +166,11 @@ class PanelNodes:
         """Times between the nodes: the zeros of T_p."""
         return self._place(lobatto(0.5)[0])
 
+    def place_behind(self, values: Array) -> Array:
+        """Values at the times between as those of the nodes before them; a panel's last node has the last ones, too."""
+        parts = values.reshape(-1, PANEL_DEGREE, *values.shape[1:])
+        return np.concatenate([parts, parts[:, -1:]], axis=1).reshape(-1, *values.shape[1:])
+
     @property
     def halves(self) -> Array:
         """From each node half-way to the one before it, and to the next: (2, N)."""
@@ -169,6 +185,10 @@ class PanelNodes:
     def sharpen(self, D: Array, gaps: bool = False) -> Array:
         """D as it is: it was found by steps of unequal length."""
         return D
+
+    def smooth(self, F: Array) -> Array:
+        """F as it is."""
+        return F
 
     def look_between(self, X: Array) -> tuple[Array, Array]:
         """X and X' at the times between."""

@@ -182,13 +182,13 @@ class LoopLyapunov:
     Source: Hochbruck, Ostermann, Exponential integrators, Acta Numerica 19 (2010) 209; for whole periods: Smith, SIAM J. Appl. Math. 16
     (1968) 198.
 
-    Parameters: M (N, n, n) at the nodes; (N, 1, n, n) for several right sides (N, k, n, n) at once; exact (2 N, ..., n, n): the transition
-    matrices of the half steps before all nodes and behind them, where they are known better: a mode that hardly decays needs them.
+    Parameters: M (N, n, n) at the nodes; exact (2 N, n, n): the transition matrices of the half steps before all nodes and behind them,
+    where they are known better: a mode that hardly decays needs them.
     """
 
     def __init__(self, M: Array, nodes: Nodes, exact: Array | None = None):
         self.M, self.nodes, self.exact = M, nodes, exact is not None
-        self.halves = nodes.halves.reshape(*nodes.halves.shape, *np.ones(M.ndim - 1, dtype=int))
+        self.halves = nodes.halves[:, :, None, None]
         steps = self._find_powers() if exact is None else exact
         self.first, last = self._divide(steps, steps)
         whole = last @ self.first
@@ -230,6 +230,10 @@ class LoopLyapunov:
         line, whole = self._integrate_line(self.nodes.slopes(F) + twice(D @ self.nodes.slopes(self.M)))
         return self._carry_back(self._join(constant + line, constant + line - whole))
 
+    def integrate_behind(self, F: Array) -> Array:
+        """What F makes of D in the half step behind each node."""
+        return self.halves[-1] * F if self.exact else self._integrate(F)[-len(F) :]
+
     def sharpen(self, D: Array) -> Array:
         """The waves of a solution without what the rule by which it was found adds or leaves out."""
         return self.nodes.sharpen(D, self.exact)
@@ -265,7 +269,7 @@ class LoopLyapunov:
             second = Phi[1:pairs:2]
             below[0:pairs:2] = part[1:pairs:2] + transpose(second) @ below[1:pairs:2] @ second
             behind = below
-        return symmetrize(parts[0] + transpose(self.levels[0]) @ behind @ self.levels[0])
+        return symmetrize(np.roll(behind, 1, axis=0))  # behind a gap is at the next node
 
     def _integrate(self, F: Array) -> Array:
         """The integral of exp(M' r) F exp(M r) over each half step."""

@@ -5,6 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.periodic import periodic_riccati
+from flexlin.periodic.riccati.nodes import FourierNodes
 from studies import scaling
 
 
@@ -39,3 +40,11 @@ def test_a_chain_of_flexible_links_is_solved_by_corrections_whatever_its_weights
     K = tight.K(t)
     assert loose.gain_error < 1e-6
     assert np.abs(loose.K(t) - K).max() <= (loose.gain_error + tight.gain_error) * np.abs(K).max()
+
+
+def test_small_entries_of_the_cost_keep_their_waves() -> None:
+    """A fast mode's rate costs 1e-9 of its angle: waves that were cut below the largest entry's rounding took digits of the gain."""
+    nodes = FourierNodes(64, 2.0)
+    X = np.tile(np.diag([1.0, 1e-9]), (64, 1, 1))
+    X[:, 1, 1] *= 1 + 1e-7 * np.cos(5 * np.pi * nodes.t)
+    assert np.abs(nodes.series(X)(nodes.t)[:, [0, 1], [0, 1]] / X[:, [0, 1], [0, 1]] - 1).max() < 1e-14
