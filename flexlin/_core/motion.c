@@ -10,10 +10,12 @@ static const double ALONE = 0.01; /* an eigenvalue that moves by less than this 
 static const double CLOSE = 0.1; /* couplings above this part of a gap move the pair by about their own size: of m multipliers of a split chain
                                   * by 1 / (2 m sin(pi / m)) */
 static const double DOUBTED = 2.0; /* how many times the method's coupling counts where it is asked what has split a pair: better factors err too */
-static const double LOST = 1.0;   /* motion of a log by rounding, from which on nothing is known of a mode */
-static const double APART = 1.0;  /* least distance of logs between modes without memory, wherever rounding puts them, and the others */
-static const double POWERS = 64.0; /* of non-negative matrices, whose sizes say how they grow */
 static const double MOST = 300.0;  /* logarithm of the largest ratio of growths that differs from larger ones */
+static const double LOST = 0.5;    /* motion of a log by rounding beyond which nothing is known of the multiplier */
+static const double APART = 1.0;   /* of logs of modes that stand above others, at the least */
+static const double CLEAR = 1e-12; /* coupling at the end of a period, at the most, from modes that stand above others */
+enum { TURNS = 3, LEVELS = 32, POWERS = 64 }; /* periods in which a subspace settles; parts of a product, of 2^k factors each; powers of a product
+                                               * whose lengths say how it grows */
 
 /* exp(log_i - log_j). */
 static cpx find_ratio(cpx i, cpx j) {
@@ -21,16 +23,16 @@ static cpx find_ratio(cpx i, cpx j) {
   return exp(fmin(creal(i - j), MOST)) * CMPLX(cos(angle), sin(angle));
 }
 
-/* X := N^-1 (X o r) for upper triangular X, N = T / diag(t), r_ji = t_i / t_j: one factor back. The modes from `alive` on stay one block, whose
- * basis is that of the Schur form: X := T_a^-1 (X T_d - T_ad). */
-static void step_back(int n, int alive, const cpx *T, cpx *X) {
-  for (int j = alive - 1; j >= 0; j--) {
+/* X := T^-1 X D for upper triangular X, one factor back; D: the diagonal of T and, of the last n - p modes, the whole block. These are not parted:
+ * their columns of X span their subspace, and have 1 among themselves. */
+static void step_back(int n, int p, const cpx *T, cpx *X) {
+  for (int j = p - 1; j >= 0; j--) {
     cpx t = T[j * n + j];
-    for (int i = j + 1; i < alive; i++) X[j * n + i] = times(X[j * n + i], over(T[i * n + i], t));
-    for (int i = n - 1; i >= alive; i--) {
+    for (int i = j + 1; i < p; i++) X[j * n + i] = times(X[j * n + i], over(T[i * n + i], t));
+    for (int i = n - 1; i >= p; i--) {
       cpx sum = 0.0;
-      for (int l = alive; l <= i; l++) sum += times(X[j * n + l], T[l * n + i]);
-      X[j * n + i] = over(sum, t);
+      for (int l = p; l <= i; l++) sum += times(X[j * n + l], over(T[l * n + i], t));
+      X[j * n + i] = sum;
     }
     for (int l = j + 1; l < n; l++) {
       cpx a = over(T[j * n + l], t);
@@ -39,11 +41,11 @@ static void step_back(int n, int alive, const cpx *T, cpx *X) {
   }
 }
 
-/* X unit upper triangular with X = S (X o r) for the whole period; entries between multipliers whose ratio is 1 up to `same` stay zero, and what
- * couples these is left in N. */
-static void close_period(int n, int alive, double same, const cpx *S, const cpx *total, cpx *X, cpx *N) {
-  for (int e = 0; e < n * n; e++) { X[e] = e % (n + 1) == 0; N[e] = 0.0; }
-  for (int i = 0; i < alive; i++)
+/* X unit upper triangular with X = S (X o r) for the whole period, r_ji = mu_i / mu_j, in its first p columns; entries between multipliers whose
+ * ratio is 1 up to `same` stay zero, and what couples these is left in N. */
+static void close_period(int n, int p, double same, const cpx *S, const cpx *total, cpx *X, cpx *N) {
+  for (int e = 0; e < n * n; e++) { X[e] = e % n < p ? e % (n + 1) == 0 : S[e]; N[e] = 0.0; }
+  for (int i = 0; i < p; i++)
     for (int j = i - 1; j >= 0; j--) {
       cpx own = 1.0 - find_ratio(total[i], total[j]), sum = S[j * n + i];
       for (int l = j + 1; l < i; l++) sum += times(S[j * n + l], times(find_ratio(total[i], total[l]), X[l * n + i])) - times(X[j * n + l], N[l * n + i]);
@@ -83,13 +85,9 @@ static void find_lengths(int n, const cpx *A, int columns, double *lengths) {
   }
 }
 
-/* What is summed over the factors: method (n, n) of moduli, shift (n,), rounding (n, n) of squares and of sizes, noise (n, n). The modes from
- * `alive` on are without memory; the log of their largest multiplier is at most `reach`, block (2 n n). */
-typedef struct {
-  double *method, *squares, *sizes, *noise, *block, *own, *rows, *columns, *units, reach;
-  cpx *shift, *X, *R, *L, *S, *N, *work;
-  int alive;
-} Sums;
+/* What is summed over the factors: method (n, n) of moduli, shift (n,), rounding (n, n) of squares and of sizes, noise (n, n); and loose (count,),
+ * what is not known of each factor's block of modes that are not parted, relative to that. */
+typedef struct { double *method, *squares, *sizes, *noise, *own, *rows, *columns, *loose; cpx *shift, *X, *R, *L, *S, *N, *work; } Sums;
 
 /* Bounds on the couplings |L G| E |H R| by what is not known over factor k, in coordinates of the unscaled states. */
 static void add_noise(int n, int k, const Noise *given, const double *scale, const Sums *s) {
@@ -120,48 +118,24 @@ static void add_noise(int n, int k, const Noise *given, const double *scale, con
   }
 }
 
-/* The size of a rounding of a factor (n, n). */
-static double measure_rounding(int n, const double *factor) {
-  double size = 0.0;
-  for (int e = 0; e < n * n; e++) size += factor[e] * factor[e];
-  return EPS * sqrt(size);
-}
-
-/* block := block B, for B of non-negative numbers (d, d) in work, up to its largest entry, whose log is added to `reach`. */
-static void multiply_sizes(int d, const double *B, Sums *s) {
-  double largest = TINY, *product = s->block + d * d;
-  multiply_real(d, s->block, B, product);
-  for (int e = 0; e < d * d; e++) largest = fmax(largest, product[e]);
-  for (int e = 0; e < d * d; e++) s->block[e] = product[e] / largest;
-  s->reach += log(largest);
-}
-
-/* What the block of modes without memory is at the most by one factor more, whatever its rounding is, and by the changes (n, n; or none). */
-static void carry_block(int n, const cpx *T, const cpx *changes, double rounding, Sums *s) {
-  int a = s->alive, d = n - a;
-  double *B = (double *)s->work;
-  if (!d) return;
-  for (int i = 0; i < d; i++)
-    for (int j = 0; j < d; j++) {
-      int e = (a + i) * n + a + j;
-      B[i * d + j] = cabs(T[e]) + (changes ? DOUBTED * size_of(changes[e]) : 0.0) + rounding * s->rows[a + i] * s->columns[a + j];
-    }
-  multiply_sizes(d, B, s);
-}
-
-/* What factor k adds: `better` less it, and its rounding, between the left vectors behind it and the right ones before it. */
-static void add_factor(int n, int k, const Form *f, const double *factor, const double *better, double count, Sums *s) {
+/* What factor k adds: `better` less it, and its rounding, between the left vectors behind it and the right ones before it. Returns the size of both. */
+static double add_factor(int n, int p, int k, const Form *f, const double *factor, const double *better, double count, const Sums *s) {
   const cpx *T = f->T + (long)k * n * n;
-  double size = measure_rounding(n, factor), *rows = s->rows;
-  cpx *moved = s->work + (long)n * n, *all = moved + (long)n * n;
+  double size = 0.0, moved = 0.0, *rows = s->rows;
+  for (int e = 0; e < n * n; e++) size += factor[e] * factor[e];
+  size = sqrt(size) * EPS;
   if (better) {
     double *change = (double *)s->work;
-    for (int e = 0; e < n * n; e++) change[e] = better[e] - factor[e];
-    multiply_real_left(n, n, change, s->R, moved);
-    multiply_complex(n, s->L, moved, all);
+    cpx *right = s->work + (long)n * n, *all = right + (long)n * n;
+    for (int e = 0; e < n * n; e++) {
+      change[e] = better[e] - factor[e];
+      moved += change[e] * change[e];
+    }
+    multiply_real_left(n, n, change, s->R, right);
+    multiply_complex(n, s->L, right, all);
     for (int i = 0; i < n; i++)
       for (int j = 0; j < n; j++) {
-        int by = i < s->alive ? i : j; /* what goes over to modes without memory counts against the mode that it comes from */
+        int by = i < p ? i : j; /* what goes over to modes that are not parted counts against the mode that it comes from */
         cpx x = over(all[i * n + j], T[by * n + by]);
         s->method[i * n + j] += size_of(x);
         if (i == j) s->shift[i] += x;
@@ -169,89 +143,152 @@ static void add_factor(int n, int k, const Form *f, const double *factor, const 
   }
   find_lengths(n, s->L, 0, rows);
   find_lengths(n, s->R, 1, s->columns);
-  for (int i = 0; i < n; i++) s->units[i] = size / cabs(T[i * n + i]);
-  for (int i = 0; i < n; i++)
+  for (int i = 0; i < n; i++) {
     for (int j = 0; j < n; j++) {
-      double x = rows[i] * s->units[i < s->alive ? i : j] * s->columns[j];
+      int by = i < p ? i : j;
+      double x = size * rows[i] * s->columns[j] / cabs(T[by * n + by]);
       s->sizes[i * n + j] += count * x;
       s->squares[i * n + j] += count * x * x;
     }
-  carry_block(n, T, better ? all : NULL, count * size, s);
-}
-
-/* X of the modes without memory at the end of the period: what they are a period before, in the bases there. They have lost what they were, so
- * that a period is enough. */
-static void close_block(const Form *f, Sums *s) {
-  int n = f->n, a = s->alive, d = n - a;
-  long size = (long)n * n;
-  cpx *X = s->work, *turned = X + size;
-  double *B = (double *)(turned + size);
-  memcpy(X, s->X, size * sizeof(cpx));
-  for (int k = f->count - 1; k >= 0; k--) step_back(n, a, f->T + k * size, X);
-  for (int i = 0; i < d; i++)
-    for (int j = 0; j < d; j++) {
-      cpx sum = 0.0;
-      for (int l = 0; l < n; l++) sum += times(conj(f->Q[l * n + a + i]), f->Q[f->count * size + l * n + a + j]);
-      turned[i * d + j] = sum;
-      B[i * d + j] = cabs(sum);
-      s->block[i * d + j] = i == j;
-    }
-  for (int j = 0; j < a; j++)
-    for (int i = 0; i < d; i++) {
-      cpx sum = 0.0;
-      for (int l = 0; l < d; l++) sum += times(X[j * n + a + l], turned[l * d + i]);
-      s->X[j * n + a + i] = over(sum, f->turn[j]);
-    }
-  multiply_sizes(d, B, s);
-}
-
-/* The log of the largest multiplier of the modes without memory at the most: by powers of what they are after a period. */
-static double bound_block(int d, Sums *s) {
-  double power = 1.0;
-  for (; power < POWERS; power *= 2.0) {
-    s->reach *= 2.0;
-    multiply_sizes(d, s->block, s);
   }
-  return (s->reach + log(d)) / power;
+  return count * size + DOUBTED * sqrt(moved);
+}
+
+/* X at the end of the period from X at its beginning. work (n). */
+static void pass_end(int p, const Form *f, cpx *X, cpx *work) {
+  int n = f->n;
+  for (int j = 0; j < p; j++) {
+    for (int i = j + 1; i < p; i++) X[j * n + i] = times(X[j * n + i], over(f->turn[i], f->turn[j]));
+    for (int i = p; i < n; i++) {
+      work[i] = 0.0;
+      for (int l = p; l < n; l++) work[i] += times(X[j * n + l], f->closure[l * n + i]);
+    }
+    for (int i = p; i < n; i++) X[j * n + i] = over(work[i], f->turn[j]);
+  }
+}
+
+/* |X^-1| defect |X| as noise. Modes that fall behind others and catch up within a period make the defect of their cluster large, which moves no
+ * other one: the product stays triangular by clusters. */
+static void add_defect(const Form *f, const Sums *s) {
+  int n = f->n;
+  cpx *inverse = s->work;
+  double *moved = (double *)(inverse + (long)n * n), worst = 0.0;
+  multiply_complex(n, s->L, f->Q, inverse);
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j < n; j++) {
+      double sum = 0.0;
+      for (int a = 0; a <= j; a++) sum += f->defect[i * n + a] * size_of(s->X[a * n + j]);
+      moved[i * n + j] = sum;
+      worst = fmax(worst, f->defect[i * n + j]);
+    }
+  find_lengths(n, s->L, 0, s->rows);
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j < n; j++) {
+      double sum = 0.0;
+      for (int a = i; a < n; a++) sum += size_of(inverse[i * n + a]) * moved[a * n + j];
+      s->noise[i * n + j] += fmin(sum, worst * s->rows[i] * s->columns[j]);
+    }
+}
+
+/* The sum of the last n - p rows and columns of values (n, n). */
+static double sum_block(int n, int p, const double *values) {
+  double sum = 0.0;
+  for (int i = p; i < n; i++)
+    for (int j = p; j < n; j++) sum += values[i * n + j];
+  return sum;
+}
+
+/* The length of the last n - p rows and columns of T (n, n). */
+static double measure_block(int n, int p, const cpx *T) {
+  double sum = TINY;
+  for (int i = p; i < n; i++)
+    for (int j = p; j < n; j++) sum = hypot(sum, size_of(T[i * n + j]));
+  return sum;
+}
+
+/* A product of neighbouring blocks, exp(size) G with G (b, b) of length 1, known up to `loose` of that; its length is exp(most) at the most. */
+typedef struct { double size, loose, most; cpx *G; } Part;
+
+/* The product of two parts in the place of the first one, which acts first; work (b, b). */
+static void join_parts(int b, Part *first, const Part *second, cpx *work) {
+  multiply_complex(b, second->G, first->G, work);
+  double length = measure_block(b, 0, work), loose = first->loose + second->loose + first->loose * second->loose + b * EPS;
+  first->size += second->size;
+  first->most = fmin(first->most + second->most, first->size + log(length + loose));
+  first->size += log(length);
+  first->loose = fmin(loose / length, UNKNOWN);
+  for (int e = 0; e < b * b; e++) first->G[e] = work[e] / length;
+}
+
+/* A bound on the real parts of the logs of the last n - p modes: the length of powers of their product, as it is put together best. Infinite where
+ * there is no memory. */
+static double bound_block(int p, const Form *f, const double *loose) {
+  int n = f->n, b = n - p, parts = 0;
+  long size = (long)b * b;
+  cpx *memory = malloc((LEVELS + 1) * size * sizeof(cpx)), *work = memory ? memory + LEVELS * size : NULL;
+  Part stack[LEVELS];
+  if (!memory) return INFINITY;
+  for (int k = 0; k < f->count; k++) {
+    const cpx *T = f->T + (long)k * n * n;
+    double length = measure_block(n, p, T);
+    Part *last = stack + parts;
+    *last = (Part){log(length), fmin(loose[k], UNKNOWN), log(length) + log1p(loose[k]), memory + parts * size};
+    for (int e = 0; e < size; e++) last->G[e] = T[(p + e / b) * n + p + e % b] / length;
+    for (int done = k; done & 1; done >>= 1, parts--) join_parts(b, stack + parts - 1, stack + parts, work);
+    parts++;
+  }
+  for (; parts > 1; parts--) join_parts(b, stack + parts - 2, stack + parts - 1, work);
+  for (int e = 0; e < size; e++) {
+    work[e] = 0.0;
+    for (int l = 0; l < b; l++) work[e] += times(f->closure[(p + e / b) * n + p + l], stack->G[l * b + e % b]);
+  }
+  memcpy(stack->G, work, size * sizeof(cpx));
+  stack->loose += CLEAR;
+  double most = stack->most;
+  for (int power = 2; power <= POWERS; power *= 2) {
+    Part same = *stack;
+    join_parts(b, stack, &same, work);
+    most = fmin(most, stack->most / power);
+  }
+  free(memory);
+  return most;
 }
 
 /* Carry the eigenvectors backwards through all factors and sum what each adds. Returns 0 where modes that are not ordered by their growth grow
  * too far apart on the way for eigenvectors in double precision. */
-static int sum_factors(double same, const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise,
-                       const double *scale, Sums *s) {
-  int n = f->n, count = f->count, alive = s->alive;
+static int sum_factors(int p, double same, const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise,
+                       const double *scale, const Sums *s) {
+  int n = f->n, count = f->count;
   long size = (long)n * n;
-  s->reach = INFINITY;
   for (long e = 0; e < size; e++) {
     s->method[e] = s->squares[e] = s->sizes[e] = s->noise[e] = 0.0;
     s->X[e] = e % (n + 1) == 0;
   }
   for (int i = 0; i < n; i++) s->shift[i] = 0.0;
-  for (int k = count - 1; k >= 0; k--) step_back(n, alive, f->T + k * size, s->X);
+  for (int k = count - 1; k >= 0; k--) step_back(n, p, f->T + k * size, s->X);
   for (long e = 0; e < size; e++) {
     if (!isfinite(creal(s->X[e])) || !isfinite(cimag(s->X[e]))) return 0;
     s->S[e] = s->X[e];
   }
-  close_period(n, alive, same, s->S, f->logs, s->X, s->N);
-  for (int j = 0; j < alive; j++)
-    for (int i = j + 1; i < alive; i++) s->X[j * n + i] = times(s->X[j * n + i], over(f->turn[i], f->turn[j]));
-  s->reach = 0.0;
-  if (alive < n) close_block(f, s);
+  close_period(n, p, same, s->S, f->logs, s->X, s->N);
+  for (int turn = 1; p < n && turn < TURNS; turn++) {
+    pass_end(p, f, s->X, s->work);
+    for (int k = count - 1; k >= 0; k--) step_back(n, p, f->T + k * size, s->X);
+  }
+  pass_end(p, f, s->X, s->work);
   find_left(n, s->X, f->Q + count * size, s->L);
   for (int k = count - 1; k >= 0; k--) {
-    step_back(n, alive, f->T + k * size, s->X);
+    step_back(n, p, f->T + k * size, s->X);
     multiply_complex(n, f->Q + k * size, s->X, s->R);
-    add_factor(n, k, f, factors + k * size, better ? better + k * size : NULL, counts[k], s);
+    double moved = add_factor(n, p, k, f, factors + k * size, better ? better + k * size : NULL, counts[k], s), wide = 0.0;
+    double before = sum_block(n, p, s->noise);
     find_left(n, s->X, f->Q + k * size, s->L);
     if (noise) add_noise(n, k, noise, scale, s);
+    for (int j = p; j < n; j++) wide = hypot(wide, s->columns[j]);
+    s->loose[k] = moved * wide / measure_block(n, p, f->T + k * size) + sum_block(n, p, s->noise) - before;
   }
-  find_lengths(n, s->L, 0, s->rows);
-  for (int i = 0; i < n; i++)
-    for (int j = 0; j < n; j++) {
-      double *to = s->sizes + i * n + j;
-      double defect = fmax(f->defect[i < alive ? i : j], f->defect[j < alive ? j : i]);
-      *to = fmax(sqrt(s->squares[i * n + j]), COHERENT * *to) + defect * s->rows[i] * s->columns[j] + s->noise[i * n + j];
-    }
+  add_defect(f, s);
+  for (long e = 0; e < size; e++) s->sizes[e] = fmax(sqrt(s->squares[e]), COHERENT * s->sizes[e]) + s->noise[e];
   return 1;
 }
 
@@ -284,11 +321,11 @@ static double bound_shared(int n, int i, const double *coupling, const cpx *N) {
 
 /* What pairs of eigenvalues do to eigenvalue i beyond first order: A_ij A_ji / gap, but never more than twice its root; own: first-order motions,
  * which may close gaps; whole: all that may have split a pair. */
-static double bound_pairs(int n, int alive, int i, const Form *f, const double *coupling, const double *own, const double *whole, const cpx *N) {
+static double bound_pairs(int n, int p, int i, const Form *f, const double *coupling, const double *own, const double *whole, const cpx *N) {
   double sum = 0.0;
   for (int j = 0; j < n; j++) {
     if (j == i) continue;
-    double gap = j < alive ? find_distance(f->logs[i], f->logs[j]) - own[i] - own[j] : 1.0;
+    double gap = j < p ? find_distance(f->logs[i], f->logs[j]) - own[i] - own[j] : APART;
     double size = sqrt(coupling[i * n + j] * coupling[j * n + i]), splitting = sqrt(whole[i * n + j] * whole[j * n + i]);
     gap = gap > 0.0 || isnan(gap) ? gap : 0.0;
     sum += splitting > CLOSE * gap ? 2.0 * splitting : size * size / fmax(gap, size + TINY);
@@ -298,65 +335,90 @@ static double bound_pairs(int n, int alive, int i, const Form *f, const double *
 
 static double known(double bound) { return bound < UNKNOWN ? bound : UNKNOWN; }
 
-/* Bounds on the motion of each log, (n,), when multipliers whose ratio is 1 up to `same` are left in one block. */
-static void bound_at(double same, const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise,
-                     const double *scale, Sums *s, cpx *shift, double *method, double *rounding) {
+/* Bounds on the motion of each log, of the first p of (n,), when multipliers whose ratio is 1 up to `same` are left in one block. */
+static void bound_at(int p, double same, const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise,
+                     const double *scale, const Sums *s, cpx *shift, double *method, double *rounding) {
   int n = f->n;
   double *own = s->own, *whole = s->squares;
   for (int i = 0; i < n; i++) { shift[i] = 0.0; method[i] = rounding[i] = UNKNOWN; }
-  for (int i = s->alive; i < n; i++) { method[i] = 0.0; rounding[i] = INFINITY; }
-  if (!sum_factors(same, f, factors, better, counts, noise, scale, s)) return;
+  if (!sum_factors(p, same, f, factors, better, counts, noise, scale, s)) return;
   for (int e = 0; e < n * n; e++) whole[e] = DOUBTED * s->method[e] + s->sizes[e];
-  for (int i = 0; i < s->alive; i++) { shift[i] = s->shift[i]; own[i] = cabs(shift[i]); }
-  for (int i = 0; i < s->alive; i++)
-    method[i] = known(fmax(own[i], CANCELLED * s->method[i * n + i]) + bound_pairs(n, s->alive, i, f, s->method, own, whole, s->N));
-  for (int i = 0; i < s->alive; i++) own[i] = s->sizes[i * n + i];
-  for (int i = 0; i < s->alive; i++) rounding[i] = known(own[i] + bound_pairs(n, s->alive, i, f, s->sizes, own, s->sizes, s->N) + 4 * EPS * cabs(f->logs[i]));
+  for (int i = 0; i < n; i++) { shift[i] = s->shift[i]; own[i] = cabs(shift[i]); }
+  for (int i = 0; i < p; i++)
+    method[i] = known(fmax(own[i], CANCELLED * s->method[i * n + i]) + bound_pairs(n, p, i, f, s->method, own, whole, s->N));
+  for (int i = 0; i < n; i++) own[i] = s->sizes[i * n + i];
+  for (int i = 0; i < p; i++) rounding[i] = known(own[i] + bound_pairs(n, p, i, f, s->sizes, own, s->sizes, s->N) + 4 * EPS * cabs(f->logs[i]));
 }
 
-/* The same, of the levels of `same` that say the least of an eigenvalue; other (2 n), moved (n). */
-static void bound_levels(const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise, const double *scale,
-                         Sums *s, cpx *shift, double *method, double *rounding, double *other, cpx *moved) {
+/* The least of these bounds of all widths of blocks. other (2 n). */
+static void bound_leading(int p, const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise,
+                          const double *scale, const Sums *s, cpx *shift, double *method, double *rounding, double *other) {
   int n = f->n, levels = sizeof SAME / sizeof *SAME;
-  bound_at(SAME[0], f, factors, better, counts, noise, scale, s, shift, method, rounding);
+  bound_at(p, SAME[0], f, factors, better, counts, noise, scale, s, shift, method, rounding);
   for (int level = 1; level < levels; level++) {
     int alone = 1;
-    for (int i = 0; i < s->alive; i++)
-      for (int j = 0; j < s->alive; j++)
+    for (int i = 0; i < p; i++)
+      for (int j = 0; j < p; j++)
         if (i != j && !(method[i] + rounding[i] < ALONE * find_distance(f->logs[i], f->logs[j]))) alone = 0;
     if (alone) break;
-    bound_at(SAME[level], f, factors, better, counts, noise, scale, s, moved, other, other + n);
-    for (int i = 0; i < n; i++) { method[i] = fmin(method[i], other[i]); rounding[i] = fmin(rounding[i], other[n + i]); }
+    bound_at(p, SAME[level], f, factors, better, counts, noise, scale, s, s->shift + n, other, other + n);
+    for (int i = 0; i < p; i++) { method[i] = fmin(method[i], other[i]); rounding[i] = fmin(rounding[i], other[n + i]); }
   }
 }
 
-/* Whether rounding leaves something of all modes before `alive`: it moves no log by LOST. */
-static int are_known(int n, const Sums *s) {
-  for (int i = 0; i < s->alive; i++)
-    if (!(s->sizes[i * (n + 1)] < LOST)) return 0;
+/* Whether the first p modes grow by more than the others, and the period closes without going over from them to the others. */
+static int may_part(int p, const Form *f) {
+  int n = f->n;
+  for (int i = p; i < n; i++)
+    for (int j = 0; j < p; j++)
+      if (!(size_of(f->closure[i * n + j]) < CLEAR && creal(f->logs[j]) - creal(f->logs[i]) > APART)) return 0;
   return 1;
+}
+
+/* How many modes stand above the widest step of the moduli. */
+static int find_widest_step(const Form *f) {
+  int p = 1;
+  for (int i = 2; i < f->n; i++)
+    if (creal(f->logs[i - 1] - f->logs[i]) > creal(f->logs[p - 1] - f->logs[p])) p = i;
+  return p;
+}
+
+/* Whether the first p modes are known, and stand above all that the others may be. */
+static int stand_above(int p, const Form *f, const Sums *s, const double *method, const double *rounding) {
+  double least = INFINITY;
+  for (int i = 0; i < p; i++) {
+    if (!(rounding[i] < LOST)) return 0;
+    least = fmin(least, creal(f->logs[i]) - method[i] - rounding[i]);
+  }
+  return bound_block(p, f, s->loose) + APART < least;
 }
 
 /* Bounds on the motion of each log: by better factors (or none), and by rounding, of which each factor carries `counts`.
  *
- * Modes of which rounding leaves nothing say nothing of the others: if wherever it puts them they decay beside these, theirs is infinite. Those of
- * differential equations, whose coefficients are not known exactly, have a memory. */
+ * part: where rounding leaves nothing of a mode, those above the widest step of the moduli stand apart, and as many as bisection finds; of the others,
+ * with infinite rounding, is said that they lie below. */
 int bound_motion(const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise, const double *scale,
-                 cpx *shift, double *method, double *rounding) {
-  int n = f->n;
+                 int part, cpx *shift, double *method, double *rounding) {
+  int n = f->n, lost = 0;
   long size = (long)n * n, room = noise ? size + (long)n * noise->p + size + (long)noise->q * (n + 1) : 0;
-  double *memory = malloc((6 * size + 6L * n) * sizeof(double)), *lengths = memory ? memory + 6 * size : NULL;
-  cpx *space = malloc((5 * size + 2 * n + (room > 3 * size ? room : 3 * size)) * sizeof(cpx)), *moved = space + n;
+  double *memory = malloc((4 * size + 7L * n + f->count) * sizeof(double)), *tried = memory ? memory + 4 * size + 3L * n : NULL;
+  cpx *space = malloc((5 * size + 3 * n + (room > 3 * size ? room : 3 * size)) * sizeof(cpx));
   if (!memory || !space) { free(memory); free(space); return NO_MEMORY; }
-  Sums s = {memory, memory + size, memory + 2 * size, memory + 3 * size, memory + 4 * size, lengths, lengths + n, lengths + 2 * n, lengths + 3 * n,
-            0.0, space, space + 2 * n, space + 2 * n + size, space + 2 * n + 2 * size, space + 2 * n + 3 * size, space + 2 * n + 4 * size,
-            space + 2 * n + 5 * size, n};
-  for (int alive = n;; s.alive = alive ? alive : n) {
-    bound_levels(f, factors, better, counts, noise, scale, &s, shift, method, rounding, lengths + 4 * n, moved);
-    double reach = s.alive < n ? bound_block(n - s.alive, &s) : -INFINITY;
-    if (noise || alive == 0 || (are_known(n, &s) && reach < fmin(0.0, creal(f->logs[alive - 1]) - APART))) break;
-    do alive--;
-    while (alive > 0 && creal(f->logs[alive]) > creal(f->logs[alive - 1]) - APART);
+  Sums s = {memory, memory + size, memory + 2 * size, memory + 3 * size, memory + 4 * size, memory + 4 * size + n, memory + 4 * size + 2 * n,
+            tried + 4 * n, space, space + 3 * n, space + 3 * n + size, space + 3 * n + 2 * size, space + 3 * n + 3 * size,
+            space + 3 * n + 4 * size, space + 3 * n + 5 * size};
+  bound_leading(n, f, factors, better, counts, noise, scale, &s, shift, method, rounding, tried);
+  for (int i = 0; part && i < n; i++) lost |= !(rounding[i] < LOST);
+  for (int low = 1, high = n, first = 1; lost && low < high; first = 0) {
+    int most = first ? find_widest_step(f) : (low + high) / 2, p = most;
+    while (p >= low && !may_part(p, f)) p--;
+    if (p >= low) bound_leading(p, f, factors, better, counts, noise, scale, &s, space + 2 * n, tried, tried + n, tried + 2 * n);
+    if (p < low) low = first ? low : most + 1;
+    else if (!stand_above(p, f, &s, tried, tried + n)) high = first ? high : p;
+    else {
+      low = most + 1;
+      for (int i = 0; i < n; i++) { shift[i] = i < p ? space[2 * n + i] : 0.0; method[i] = i < p ? tried[i] : 0.0; rounding[i] = i < p ? tried[n + i] : INFINITY; }
+    }
   }
   free(memory);
   free(space);

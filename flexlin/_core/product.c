@@ -109,19 +109,19 @@ static const double *pick_first(int count, int every, long size, const double *f
 /* Logs (n,) of the eigenvalues of F_(count-1) ... F_0 with bounds on their motion, by better factors (count, n, n; or none) and by rounding.
  *
  * start (n, n): bases to begin from, or none; steps: as of `count_roundings`; p, q, left, size, right: what is not known over each factor,
- * as of `Noise`. Made: bases end (n, n) for a similar product; stretched: whether factors carry more roundings than one. */
+ * as of `Noise`; part: as of `bound_motion`. Made: bases end (n, n) for a similar product; stretched: whether factors carry more roundings than one. */
 CALLED int find_spectrum(int n, int count, const double *plain, const double *better, const double *start, double limit, const double *steps,
-                         int p, int q, const double *left, const double *size, const double *right, const void *lapack,
+                         int p, int q, int part, const double *left, const double *size, const double *right, const void *lapack,
                          double complex *logs, double complex *shift, double *method, double *rounding, double *end, int *stretched) {
   long square = (long)n * n, all = count * square, unknown = size ? (long)p * q : 0, sides = (left ? (long)n * p : 0) + (right ? (long)q * n : 0);
   for (long e = 0; e < all; e++)
     if (!isfinite(plain[e]) || (better && !isfinite(better[e]))) return NOT_FINITE;
-  double *memory = malloc(((better ? 2 : 1) * all + count * (1 + unknown + sides) + 5 * square + 4 * n) * sizeof(double));
-  cpx *space = malloc(((2L * count + 1) * square + n) * sizeof(cpx));
+  double *memory = malloc(((better ? 2 : 1) * all + count * (1 + unknown + sides) + 6 * square + 3 * n) * sizeof(double));
+  cpx *space = malloc(((2L * count + 2) * square + n) * sizeof(cpx));
   int code = NO_MEMORY, every = 1;
   if (memory && space) {
-    double *counts = memory + (better ? 2 : 1) * all, *scale = counts + count, *work = scale + n, *bases = work + 4 * square + 2 * n, *defect = bases + square;
-    Chain c = {memory, better ? memory + all : NULL, counts, defect + n, unknown};
+    double *counts = memory + (better ? 2 : 1) * all, *scale = counts + count, *work = scale + n, *bases = work + 4 * square + 2 * n;
+    Chain c = {memory, better ? memory + all : NULL, counts, bases + square, unknown};
     double *sided = c.size + count * unknown;
     memcpy(c.F, plain, all * sizeof(double));
     if (size) memcpy(c.size, size, count * unknown * sizeof(double));
@@ -135,9 +135,10 @@ CALLED int find_spectrum(int n, int count, const double *plain, const double *be
     int groups = group(lapack, n, count, limit, &c, work, &every);
     Noise noise = {p, q, pick_first(groups, every, (long)n * p, left, sided), c.size,
                    pick_first(groups, every, (long)q * n, right, sided + (left ? (long)groups * n * p : 0))};
-    Form form = {n, groups, space, space + (groups + 1) * square, space + (2L * groups + 1) * square, (cpx *)logs, end, defect};
+    cpx *closure = space + (2L * groups + 1) * square;
+    Form form = {n, groups, space, space + (groups + 1) * square, closure, closure + square, (cpx *)logs, sided + count * sides, end};
     code = find_schur_form(lapack, c.F, start ? bases : NULL, &form);
-    if (code == SOUND) code = bound_motion(&form, c.F, c.better, counts, size ? &noise : NULL, scale, (cpx *)shift, method, rounding);
+    if (code == SOUND) code = bound_motion(&form, c.F, c.better, counts, size ? &noise : NULL, scale, part, (cpx *)shift, method, rounding);
     for (int e = 0; code == SOUND && e < square; e++) end[e] *= scale[e / n];
   }
   free(memory);

@@ -4,7 +4,7 @@
 
 static const double CLEAN = 1e-14;  /* times n: coupling below a cut between groups of moduli */
 static const double SPREAD = 4.6;   /* of the logs of moduli inside one cluster, which is multiplied out: log 100, so two digits are lost */
-static const double SLACK = 8.0;    /* how much less clean cuts may be in the last sweep, which goes over all factors; what is dropped is said */
+static const double SLACK = 8.0;    /* how much less clean cuts may be in the last sweep, which goes over all factors */
 static const double DISORDER = 5.0; /* by which logs of moduli may rise from one mode to the next: they lie in one cluster then */
 static const double GRADED = 200.0; /* of logs of a triangular product's diagonal, up to which factors are multiplied together */
 static const double SMALL = 0.1;    /* ratio of moduli from which on the order in a Schur form is kept: what is behind may be without memory */
@@ -133,19 +133,15 @@ static void multiply_transposed(int n, const double *A, const double *B, double 
       for (int j = 0; j < n; j++) C[i * n + j] += A[k * n + i] * B[k * n + j];
 }
 
-/* Cut where W is decoupled up to `clean`, or, if that is not asked, as far as the step of the log moduli is worth it: cut (n + 1). Returns the
- * widest spread of log moduli in a cluster. */
-static double find_clusters(int n, const double *W, const double *sizes, double clean, int steps, int *cut) {
-  double spread = 0.0, low = sizes[0], high = sizes[0], before = sizes[0];
+/* Cut where W is decoupled up to `clean`: cut (n + 1). Returns the widest spread of log moduli in a cluster. */
+static double find_clusters(int n, const double *W, const double *sizes, double clean, int *cut) {
+  double spread = 0.0, low = sizes[0], high = sizes[0];
   cut[0] = cut[n] = 1;
   for (int i = 1; i < n; i++) {
-    double coupling = 0.0, after = sizes[i];
-    for (int r = i; r < n; r++) {
-      after = fmax(after, sizes[r]);
+    double coupling = 0.0;
+    for (int r = i; r < n; r++)
       for (int c = 0; c < i; c++) coupling = fmax(coupling, fabs(W[r * n + c]));
-    }
-    cut[i] = coupling <= (steps ? fmax(clean, EPS * exp(before - after)) : clean);
-    before = fmin(before, sizes[i]);
+    cut[i] = coupling <= clean;
     low = cut[i] ? sizes[i] : fmin(low, sizes[i]);
     high = cut[i] ? sizes[i] : fmax(high, sizes[i]);
     spread = fmax(spread, high - low);
@@ -187,7 +183,7 @@ static void iterate(int n, int count, const double *factors, double *Q, const Be
     double *end = at->ends + count % 2 * size;
     multiply_transposed(n, Q, end, at->W);
     sum_log_moduli(n, count, at->R, at->sizes);
-    if (find_clusters(n, at->W, at->sizes, CLEAN * n, 0, at->cut) <= SPREAD + sweep / 20.0 || sweep >= limit) break;
+    if (find_clusters(n, at->W, at->sizes, CLEAN * n, at->cut) <= SPREAD + sweep / 20.0 || sweep >= limit) break;
     if (sweep == FULL_SWEEPS) {
       memcpy(at->base, Q, size * sizeof(double));
       memcpy(at->grouped, at->R, count * size * sizeof(double));
@@ -332,20 +328,22 @@ static void carry_blocks(const Lapack *lapack, Form *f, const int *cut, const do
   }
 }
 
-/* turn and defect: how Q_K = Q_0 diag(turn) closes, inside every block and below it, up to each mode. */
-static void close_blocks(Form *f, const int *cut, cpx *work) {
+/* How the period closes. */
+static void close_form(Form *f, const int *cut) {
   int n = f->n;
-  double missed = 0.0;
-  multiply_adjoint(n, f->Q, f->Q + (long)f->count * n * n, work);
+  multiply_adjoint(n, f->Q, f->Q + (long)f->count * n * n, f->closure);
+  for (int i = 0; i < n; i++) {
+    cpx own = f->closure[i * n + i];
+    f->turn[i] = own == 0.0 ? 1.0 : own / cabs(own);
+    for (int j = 0; j < n; j++) f->defect[i * n + j] = cabs(f->closure[i * n + j] - (i == j ? f->turn[i] : 0.0));
+  }
   for (int first = 0, past = 1; first < n; first = past++) {
+    double missed = 0.0;
     while (!cut[past]) past++;
-    for (int i = first; i < past; i++) {
-      double size = cabs(work[i * n + i]);
-      f->turn[i] = size > 0.0 ? work[i * n + i] / size : 1.0;
-    }
-    for (int i = first; i < n; i++)
-      for (int j = first; j < past && n > 1; j++) missed = fmax(missed, cabs(work[i * n + j] - (i == j ? f->turn[i] : 0.0)));
-    for (int i = first; i < past; i++) f->defect[i] = missed;
+    for (int i = first; i < past; i++)
+      for (int j = first; j < past; j++) missed = fmax(missed, f->defect[i * n + j]);
+    for (int i = first; i < past; i++)
+      for (int j = first; j < past; j++) f->defect[i * n + j] = missed;
   }
 }
 
@@ -392,7 +390,8 @@ static int find_single_form(const Lapack *lapack, const double *factor, Form *f,
   memcpy(f->Q + size, f->Q, size * sizeof(cpx));
   complete_triangle(n, f->T);
   for (long e = 0; e < size; e++) f->start[e] = e % (n + 1) == 0;
-  for (int i = 0; i < n; i++) { f->turn[i] = 1.0; f->defect[i] = 0.0; }
+  for (int e = 0; e < size; e++) { f->closure[e] = e % (n + 1) == 0; f->defect[e] = 0.0; }
+  for (int i = 0; i < n; i++) f->turn[i] = 1.0;
   sum_logs(f);
   return SOUND;
 }
@@ -423,11 +422,11 @@ int find_schur_form(const Lapack *lapack, const double *factors, const double *s
     find_bases(n, count, factors, bases, &at);
     memcpy(f->start, bases, size * sizeof(double));
     multiply_transposed(n, bases, bases + count * size, at.W);
-    if (find_clusters(n, at.W, at.sizes, CLEAN * n, 0, cut) > 2 * SPREAD) find_clusters(n, at.W, at.sizes, SLACK * CLEAN * n, 1, cut);
+    if (find_clusters(n, at.W, at.sizes, CLEAN * n, cut) > 2 * SPREAD) find_clusters(n, at.W, at.sizes, SLACK * CLEAN * n, cut);
     if (!start_blocks(lapack, f, cut, at.W, at.R, U, work)) code = NO_SCHUR_FORM;
     else {
       carry_blocks(lapack, f, cut, bases, at.R, U, work);
-      close_blocks(f, cut, work);
+      close_form(f, cut);
       sum_logs(f);
     }
   }

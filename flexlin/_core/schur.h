@@ -27,8 +27,9 @@ typedef void (*Generate)(const int *, const int *, const int *, cpx *, const int
 typedef void (*Solve)(const int *, const int *, double *, const int *, int *, double *, const int *, int *);
 typedef struct { Balance dgebal; Schur zgees; Triangularize zgeqrf; Generate zungqr; Solve dgesv; Exchange ztrexc; } Lapack;
 
-/* F_k Q_k = Q_(k+1) T_k, Q_K = Q_0 diag(turn), all up to a mode within its `defect`; start: real bases of the invariant subspaces at the beginning. */
-typedef struct { int n, count; cpx *Q, *T, *turn, *logs; double *start, *defect; } Form;
+/* F_k Q_k = Q_(k+1) T_k, Q_K = Q_0 closure, closure = diag(turn) up to `defect` (n, n): of a cluster, all that any of it misses. start: real bases
+ * of the invariant subspaces at the beginning. */
+typedef struct { int n, count; cpx *Q, *T, *closure, *turn, *logs; double *defect, *start; } Form;
 
 enum { SOUND, NO_MEMORY, NOT_FINITE, NO_SCHUR_FORM };
 
@@ -46,6 +47,6 @@ double wrap_angle(double angle);
 typedef struct { int p, q; const double *left, *size, *right; } Noise;
 
 int bound_motion(const Form *form, const double *factors, const double *better, const double *counts, const Noise *noise, const double *scale,
-                 cpx *shift, double *method, double *rounding);
+                 int part, cpx *shift, double *method, double *rounding);
 
 #endif

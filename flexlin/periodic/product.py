@@ -250,7 +250,7 @@ def shape_spectrum(n: int, K: int, *given: object) -> tuple[object, ...]:
 
 find_spectrum_in_core = declare(
     "int find_spectrum(int n, int count, const double *plain, const double *better, const double *start, double limit, "
-    "const double *steps, int p, int q, const double *left, const double *size, const double *right, "
+    "const double *steps, int p, int q, int part, const double *left, const double *size, const double *right, "
     "const void *lapack, double complex *logs, double complex *shift, double *method, double *rounding, double *end, int *stretched)",
     shape_spectrum,
     ("better", "start", "steps", "left", "size", "right"),
@@ -274,8 +274,8 @@ class ProductSpectrum:
     """Logs of the eigenvalues (n,) by falling real part, imaginary parts in (-pi, pi], and bounds on their motion, (n,).
 
     shift: the first-order motion by the better factors, with its sign; method: a bound on all of it; rounding: that by rounding and by what
-    is not known, infinite for modes without memory, of which rounding leaves nothing but that they decay; start (n, n): bases to begin
-    a similar product from; stretched: whether some factors carry more roundings than others.
+    is not known, inf of modes that only lie below the others; start (n, n): bases to begin a similar product from; stretched: whether some
+    factors carry more roundings than others.
     """
 
     logs: Array
@@ -294,6 +294,7 @@ def find_spectrum(
     start: Array | None = None,
     steps: Array | None = None,
     limit: float = GROUP_CONDITION,
+    part: bool = False,
 ) -> ProductSpectrum:
     """The eigenvalues of F_(K-1) ... F_0 with bounds on how far better factors and rounding move them.
 
@@ -304,7 +305,8 @@ def find_spectrum(
     one scaling, and multiplied together while no product's condition number exceeds `limit`; the whole product is not formed.
 
     Parameters: plain (K, n, n), the first acts first; better: the same factors by a more accurate method; steps (K, n, n): h A at
-    the beginning of each segment, where stages may cancel: factors carry more than one rounding of their size then.
+    the beginning of each segment, where stages may cancel: factors carry more than one rounding of their size then; part: where rounding
+    leaves nothing of some modes, ask of them and of those below no more than that they lie below the others.
     Raises: NumericalError where a factor leaves the range of numbers.
     Source: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1.3, V.2; for products Benner, Mehrmann, Xu (2002).
     """
@@ -314,7 +316,7 @@ def find_spectrum(
     p, q = (n, n) if unknown is None else unknown.size.shape[1:]
     sides = (None, None, None) if unknown is None else (unknown.left, unknown.size, unknown.right)
     routines, made = find_routines(), (logs, shift, method, rounding, end, stretched)
-    given = (contiguous(plain), contiguous(better), contiguous(start), limit, contiguous(steps), p, q)
+    given = (contiguous(plain), contiguous(better), contiguous(start), limit, contiguous(steps), p, q, part)
     code = find_spectrum_in_core(n, K, *given, *map(contiguous, sides), routines, *made)
     if code == 1:
         raise MemoryError("the spectrum of a product")

@@ -278,7 +278,7 @@ def solve_loops(loops: Array, better: Array) -> tuple[Array, Array]:
     A step is a product and a difference itself, and carries some roundings of its size.
     Parameters: better: the same steps by two more stages.
     """
-    found = find_spectrum(loops, better)
+    found = find_spectrum(loops, better, part=True)
     errors = METHOD_SAFETY * found.method + SAFETY * found.rounding
     below = found.logs.real[0] - found.logs.real
     hidden = (errors > SLIGHT * below) & (below > max(1.0, errors[0]))

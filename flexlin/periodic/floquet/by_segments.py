@@ -63,7 +63,8 @@ def solve_by_segments(
 ) -> SegmentedSpectrum:
     """Refine the segments until the errors of all exponents are below tol, or rounding or max_segments allow no more.
 
-    The first bases are those of no system; where rounding hides more than tol, they are found once more from where they ended.
+    The first bases are those of no system; where rounding hides more than tol, they are found once more from where they ended. Where
+    nothing is known of some modes in the end, those above them stand apart.
 
     Parameters: tol: wanted error of an exponent, relative beyond 1/s; fixed: take the setting as it is.
     Raises: TooManySegments, where many more seem to be needed.
@@ -72,10 +73,10 @@ def solve_by_segments(
     if setting.segments > most:
         raise report_too_many(setting.segments, max_segments, tol)
     setting = setting.with_segments(min(setting.segments, max_segments))
-    start, before, refined, factored = None, np.inf, False, None
+    start, before, refined, factored, part = None, np.inf, False, None, False
     while True:
         factored = factored or factor(system, place_segments(system, setting), setting)
-        spectrum, method = measure_spectrum(system, setting, factored, start)
+        spectrum, method = measure_spectrum(system, setting, factored, start, part)
         wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / METHOD_SAFETY
         if setting.method == "radau":
             spectrum = bound_extinct(spectrum, method > wanted)
@@ -97,7 +98,11 @@ def solve_by_segments(
             continue
         finer = np.clip(1.1 * excess ** (1 / setting.order), *FINER_BOUNDS) if np.isfinite(excess) else FINER_BOUNDS[1]
         count = int(np.ceil(setting.segments * finer))
-        if fixed or excess <= 1 or (setting.segments == max_segments and count <= most):
+        done = fixed or excess <= 1 or (setting.segments == max_segments and count <= most)
+        if (done or count > most) and not part and (spectrum.errors > 1)[resolved].any():
+            start, part = spectrum.start, True
+            continue
+        if done:
             noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
             return add_blind(compare_noise(system, spectrum, factor) if noisy else spectrum, system, tol)
         if count > most:
@@ -138,12 +143,12 @@ def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum, factor: F
 
 
 def measure_spectrum(
-    system: PeriodicSystem, setting: Setting, factored: Factored, start: Array | None = None
+    system: PeriodicSystem, setting: Setting, factored: Factored, start: Array | None = None, part: bool = False
 ) -> tuple[SegmentedSpectrum, Array]:
     """The exponents at one resolution, and the method's part of their errors (n,)."""
     (plain, better), steps, unknown = factored
     damped = setting.method == "radau"  # what is fast is damped: the stages do not cancel
-    found = find_spectrum(plain, better, unknown, start=start, steps=None if damped else steps)
+    found = find_spectrum(plain, better, unknown, start=start, steps=None if damped else steps, part=part)
     logs, rounding = found.logs, found.rounding
     method = share_errors(found, system.period)
     errors = METHOD_SAFETY * method + rounding

@@ -49,7 +49,7 @@ class FloquetModes(Shown):
     exponents : array, shape (n,)
         The exponents lambda_i, in 1/s, by falling real part.
     errors : array, shape (n,)
-        Of the exponents, in 1/s; inf for those too fast to be resolved, whose modes mean nothing.
+        Of the exponents, in 1/s; inf for those not resolved, whose modes mean nothing.
     right : array, shape (N, n, n)
         right[:, :, i] is p_i at the times.
     left : array, shape (N, n, n)

@@ -43,7 +43,7 @@ class FloquetResult(Shown):
         Complex, in 1/s, by falling real part; imaginary parts in (-pi/T, pi/T].
     errors : array, shape (n,)
         Estimated bounds of the error of each exponent, in 1/s: by perturbation theory, from what the method leaves out, what is not
-        known of A, and rounding. inf for modes too fast to be resolved: they grow by less than the largest growth rate and its error.
+        known of A, and rounding. inf for modes too fast, or hidden by rounding: they grow less than the largest growth rate and its error.
     period : float
         T in s.
     verdict : str
@@ -199,7 +199,7 @@ def judge(
     if hidden:
         most = max((g + e for g, e in both if e != inf), default=inf)
         bounded = f", only known to lie below {most:.3g} 1/s" if hidden < len(off) else ""
-        advice += f"; too fast to be resolved: {counted(hidden, 'exponent')}{bounded}"
+        advice += f"; too fast or hidden by rounding: {counted(hidden, 'exponent')}{bounded}"
     missed = any(e != inf and e > tol * max(1.0, abs(value)) for value, e in zip(values, off, strict=True))
     allows = "the resolution allows" if coarse else "rounding and the resolution allow"
     limit = f"; tol {tol:.0e} was not reached, the error above is what {allows}" if missed else ""

@@ -5,7 +5,8 @@ import pytest
 
 import flexlin as fl
 from flexlin.periodic import match_logs
-from tests.periodic.jumping_systems import Piecewise
+from tests.periodic.judge import judged
+from tests.periodic.jumping_systems import Piecewise, piecewise_case
 from tests.periodic.truths import switched_exponents
 
 
@@ -45,3 +46,31 @@ def test_bounds_beyond_the_range_of_numbers_are_numbers_that_decide_nothing():
     result = fl.floquet(fl.PeriodicSystem(lambda t: (1 + 0.5 * np.sin(2 * np.pi * t / T))[:, None, None] * C, T))
     assert np.isfinite(result.errors).all()
     assert (result.verdict, result.reason[:36]) == ("undecided", "double precision cannot decide: roun")
+
+
+def crossing(seed):
+    """Fast modes that decay by turns beside a slow one, all in axes that stay: edges, matrices, and the slow one's exponent."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(3, 6))
+    axes, slow = np.linalg.qr(rng.standard_normal((n, n)))[0], rng.uniform(-3, 1)
+    rates = [np.append(slow, -(10 ** rng.uniform(1, 3, n - 1))) for _ in range(3)]
+    return np.array([0.0, 0.4, 0.7]), np.array([axes * row @ axes.T for row in rates]), slow
+
+
+@pytest.mark.parametrize("seed", [1, 9])
+def test_modes_whose_decays_cross_leave_slower_ones_known(seed):
+    """They follow each other by rounding alone; the slow one's error was 1e3 1/s for that, and all undecided."""
+    edges, parts, slow = crossing(seed)
+    result = fl.floquet(fl.PeriodicSystem(Piecewise(edges, 1.0, parts), 1.0, breaks=edges))
+    assert result.verdict == "stable"
+    assert np.isinf(result.errors).any()
+    assert abs(result.exponents[0] - slow) <= result.errors[0] + 1e-12 < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_modes_that_are_not_known_lie_below_the_others(seed):
+    edges, parts, _ = crossing(seed)
+    outcome = judged(piecewise_case(edges, 1.0, parts, 1e-9))
+    assert outcome.worst <= 1
+    assert (outcome.wrong, outcome.verdict == "undecided") == ("", False)
