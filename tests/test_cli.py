@@ -237,7 +237,7 @@ def test_a_folder_is_named_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "file: got a folder, expected a TOML file" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", ["check", "tune", "predict", "identify", "cost", "linearize"])
+@pytest.mark.parametrize("name", ["check", "predict", "identify", "cost", "linearize"])
 def test_a_command_that_no_tolerance_changes_says_what_it_takes(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """What was left over met the usage of the program, which names no option of the command."""
     needed = {"predict": ["--log", "log.csv"], "identify": ["--log", "log.csv", "--free=links.0.length"]}

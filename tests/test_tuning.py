@@ -144,6 +144,13 @@ def test_a_loop_that_no_gain_makes_stable_is_said_to_be_so():
         fl.tune(lambda k: fl.PeriodicSystem([[1.0, 0.0], [0.0, -k]], 1.0), {"k": 1.0}, starts=1)
 
 
+def test_the_result_is_confirmed_to_the_wanted_error(monkeypatch):
+    asked = []
+    monkeypatch.setattr("flexlin.analyses.tuning.floquet", lambda loop, tol: asked.append(tol) or fl.floquet(loop, tol))
+    fl.tune(oscillator, {"gain": 0.5}, {"stiffness": (1.0, 4.0)}, {"gain": (0.1, 10.0)}, starts=1, steps=5, tol=1e-5)
+    assert set(asked) == {1e-5}
+
+
 def test_what_cannot_be_tuned_is_refused():
     with pytest.raises(ArgumentError, match="first values"):
         fl.tune(oscillator, ["gain"])

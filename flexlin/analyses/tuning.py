@@ -92,6 +92,7 @@ def tune(
     starts: int = 2,
     steps: int = 300,
     seed: int = 0,
+    tol: float = 1e-9,
     seconds: float | None = None,
 ) -> Tuning:
     """Find the gains that make the slowest decay over all scenarios as fast as possible.
@@ -119,6 +120,8 @@ def tune(
         Steps of each search at each level.
     seed : int
         Of the screening.
+    tol : float
+        Wanted error of the exponents by which the result is confirmed, relative beyond 1/s.
     seconds : float
         Time after which the best gains so far are verified and handed back, by default as long as it takes.
 
@@ -148,7 +151,7 @@ def tune(
     >>> print(f"{fl.tune(loop, {'gain': 0.3}, starts=1).growth:.1f}")
     -1.0
     """
-    until = np.inf if seconds is None else positive("seconds", seconds)
+    until, tol = np.inf if seconds is None else positive("seconds", seconds), positive("tol", tol)
     vary, limits = dict(vary or {}), dict(limits or {})
     own = first_gains(source, gains)
     bounds = np.array([gain_bounds(path, value, limits) for path, value in own.items()])
@@ -159,7 +162,7 @@ def tune(
     started = np.array(list(own.values()))
     x, fine = search(problem, started, ranges, whole("starts", starts), whole("steps", steps), seed)
     tuned, capped = keep_torque(source, tuple(own), tuple(vary), started, x, fine, problem, limits)
-    return report_tuning(source, problem, tuple(own), tuple(vary), started, tuned, fine, capped)
+    return report_tuning(source, problem, tuple(own), tuple(vary), started, tuned, fine, capped, tol)
 
 
 def first_gains(source: Source, gains: Sequence[str] | Mapping[str, float] | None) -> dict[str, float]:
@@ -218,7 +221,7 @@ def keep_torque(
 
 def report_tuning(
     source: Source, problem: Problem, gains: tuple[str, ...], vary: tuple[str, ...], own: Array, tuned: Array, fine: Array,
-    capped: str,
+    capped: str, tol: float,
 ) -> Tuning:  # fmt: skip
     """Confirm the result by `floquet` where it is worst, and say what it brings and what limits it.
 
@@ -228,7 +231,7 @@ def report_tuning(
     growth = problem.growths(tuned, every)
     active = []
     for k in np.argsort(-growth)[:CONFIRMED_SCENARIOS]:
-        result = floquet(problem.family.system_at(np.concatenate([tuned, every[k]])))
+        result = floquet(problem.family.system_at(np.concatenate([tuned, every[k]])), tol)
         scenario = named(vary, every[k])
         if result.verdict != "stable":
             what, got = "the search found no gains that are stable in all scenarios", result.verdict

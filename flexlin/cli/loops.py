@@ -92,7 +92,7 @@ def simulate_loop(options: argparse.Namespace) -> int:
     return NO_ANSWER if problems else done
 
 
-@command("tune", "find the gains that decay fastest in all scenarios", *SCENE, *LIMITS, "vary", "gain")
+@command("tune", "find the gains that decay fastest in all scenarios", *COMPUTED, "vary", "gain")
 def tune_gains(options: argparse.Namespace) -> int:
     work = Work(options, SEARCH_SECONDS)
     spans = [*options.vary, *options.gain]
@@ -101,7 +101,8 @@ def tune_gains(options: argparse.Namespace) -> int:
     with work.clock() as clock:
         limits, vary = ({key: (low, high) for key, low, high, _ in asked} for asked in (options.gain, options.vary))
         seconds = clock.budget.plan("tune the gains", work.scene.accuracy)
-        search = partial(flexlin.tune, work.scene, list(limits) or None, vary, limits, seconds=seconds)
+        wanted = {"tol": work.scene.accuracy.tol, "seconds": seconds}
+        search = partial(flexlin.tune, work.scene, list(limits) or None, vary, limits, **wanted)
         found = clock.stage("tune the gains", work.scene.accuracy, search)
     print(f"{work.scene.title}: {found.status}")
     for path, value in found.gains.items():
