@@ -144,11 +144,14 @@ def test_a_loop_that_no_gain_makes_stable_is_said_to_be_so():
         fl.tune(lambda k: fl.PeriodicSystem([[1.0, 0.0], [0.0, -k]], 1.0), {"k": 1.0}, starts=1)
 
 
-def test_the_result_is_confirmed_to_the_wanted_error(monkeypatch):
+def test_the_result_is_confirmed_to_the_wanted_error_and_one_scenario_counts_once(monkeypatch):
+    """Without numbers that vary all scenarios are the same, and an exponent seemed to meet itself."""
     asked = []
     monkeypatch.setattr("flexlin.analyses.tuning.floquet", lambda loop, tol: asked.append(tol) or fl.floquet(loop, tol))
-    fl.tune(oscillator, {"gain": 0.5}, {"stiffness": (1.0, 4.0)}, {"gain": (0.1, 10.0)}, starts=1, steps=5, tol=1e-5)
-    assert set(asked) == {1e-5}
+    found = fl.tune(lambda gain: oscillator(gain, 1.0), {"gain": 0.3}, None, {"gain": (0.1, 1.0)}, starts=1, tol=1e-5)
+    assert asked == [1e-5]
+    assert found.scenarios == 1
+    assert found.limits[-1] == "one exponent at one scenario"
 
 
 def test_what_cannot_be_tuned_is_refused():

@@ -12,7 +12,7 @@ from flexlin.analyses.spectra import SCAN_ERROR, Source, make_family
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive, real_array, whole
 from flexlin.control.drives import drive_load
-from flexlin.errors import ArgumentError, NotStable
+from flexlin.errors import ArgumentError, NotStable, counted
 from flexlin.linearization.linear import linearize
 from flexlin.mechanics import build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
@@ -227,7 +227,7 @@ def report_tuning(
 
     Raises: NotStable where a scenario is not stable.
     """
-    every = np.concatenate([problem.scenarios, fine])
+    every = np.array(list(dict.fromkeys(map(tuple, np.concatenate([problem.scenarios, fine]).tolist()))))
     growth = problem.growths(tuned, every)
     active = []
     for k in np.argsort(-growth)[:CONFIRMED_SCENARIOS]:
@@ -255,7 +255,7 @@ def report_tuning(
     limits = tuple(filter(None, (*bound, capped, ended, meeting)))
     numbers = named(gains, tuned)
     scene = revise_scene(source, numbers) if isinstance(source, Scene) else None
-    goes = f"the slowest decay over {len(every)} scenarios goes from {-before:.4g} to {-worst:.4g} 1/s"
+    goes = f"the slowest decay over {counted(len(every), 'scenario')} goes from {-before:.4g} to {-worst:.4g} 1/s"
     status = f"{goes}; what limits it: {'; '.join(limits)}"
     return Tuning(scene, numbers, float(worst), before, tuple(active), limits, len(every), status)
 

@@ -108,8 +108,8 @@ def tune_gains(options: argparse.Namespace) -> int:
     for path, value in found.gains.items():
         print(f"  {path} = {value:.6g}")
     for one in found.active[:6]:
-        place = ", ".join(f"{path} = {value:.4g}" for path, value in one.scenario.items())
-        print(f"  active: {one.exponent.real:.6g} {one.exponent.imag:+.6g}i 1/s at {place}")
+        place = ",".join(f" {path} = {value:.4g}" for path, value in one.scenario.items())
+        print(f"  active: {one.exponent.real:.6g} {one.exponent.imag:+.6g}i 1/s{place and ' at'}{place}")
     assert found.scene is not None
     return print_paths(work.write_files("tune", {"tuned.toml": scene_text(found.scene)}))
 
