@@ -101,15 +101,15 @@ def tune_gains(options: argparse.Namespace) -> int:
     with work.clock() as clock:
         limits, vary = ({key: (low, high) for key, low, high, _ in asked} for asked in (options.gain, options.vary))
         seconds = clock.budget.plan("tune the gains", work.scene.accuracy)
-        wanted = {"tol": work.scene.accuracy.tol, "seconds": seconds}
-        search = partial(flexlin.tune, work.scene, list(limits) or None, vary, limits, **wanted)
+        tune = partial(flexlin.tune, tol=work.scene.accuracy.tol, seconds=seconds)
+        search = partial(tune, work.scene, list(limits) or None, vary, limits)
         found = clock.stage("tune the gains", work.scene.accuracy, search)
     print(f"{work.scene.title}: {found.status}")
     for path, value in found.gains.items():
         print(f"  {path} = {value:.6g}")
     for one in found.active[:6]:
-        place = ",".join(f" {path} = {value:.4g}" for path, value in one.scenario.items())
-        print(f"  active: {one.exponent.real:.6g} {one.exponent.imag:+.6g}i 1/s{place and ' at'}{place}")
+        place = " at " * bool(one.scenario) + ", ".join(f"{path} = {value:.4g}" for path, value in one.scenario.items())
+        print(f"  active: {one.exponent.real:.6g} {one.exponent.imag:+.6g}i 1/s{place}")
     assert found.scene is not None
     return print_paths(work.write_files("tune", {"tuned.toml": scene_text(found.scene)}))
 

@@ -54,6 +54,7 @@ class Point:
 
     @property
     def cost(self) -> float:
+        """That of all windows."""
         return float(self.costs.sum())
 
 

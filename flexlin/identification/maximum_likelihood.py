@@ -180,8 +180,8 @@ def identify(
     hold_back : float
         Share of the log, at its end, that is not fitted but predicted.
     starts : int
-        Tries at the most: the scene's own values, then, where a fiftieth of the readings stays unexplained or a number is at its
-        end, the best of these and others within a factor of about two over a quarter of some windows, if it meets all of them better.
+        Tries at the most: the scene's own values, then, where residuals are not white or a number is at its end, the best of these
+        and others within a factor of about two over a quarter of some windows, if it meets all of them better.
     seconds : float
         Time after which the most likely numbers so far are handed back, by default as long as it takes.
 
