@@ -1,5 +1,6 @@
-"""Sensors of an arm for estimators: what each sees of the state [y; y'], with noise and filter; those of logs are in identification."""
+"""Sensors of an arm: what each reads of s, s' and s'', for logs, and of the state [y; y'], with noise and filter, for estimators."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,7 +11,6 @@ from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.control.estimator import Estimator, kalman_filter
 from flexlin.errors import ArgumentError
-from flexlin.linearization.deviation import Deviation
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.mechanics.manipulator import Manipulator
@@ -20,6 +20,50 @@ from flexlin.scene.control import EstimatorTable
 from flexlin.scene.scene import Scene
 from flexlin.scene.units import spread
 from flexlin.summary import represent
+
+
+def read_encoders(arm: Manipulator, *_: object) -> ca.SX:
+    """The motors' encoders, one a joint, in rad or m."""
+    return arm.encoders @ arm.s
+
+
+def read_gyroscopes(arm: Manipulator, *_: object) -> ca.SX:
+    """The rates at the motors, one a joint, in rad/s or m/s."""
+    return arm.encoders @ arm.s_dot
+
+
+def read_strain(arm: Manipulator, scene: Scene, link: int | None, at: float) -> ca.SX:
+    """The curvature of a link at a place, w'' = sum_k X_k''(x / l) / l^2 w_k, in 1/m."""
+    own = [k for k, c in enumerate(arm.coordinates) if (c.kind, c.link, c.direction) == ("elastic", link, "y")]
+    if link is None or not own:
+        raise ArgumentError(
+            "there is no flexible link of that number", got=link, expected=f"0 to {len(scene.links) - 1}"
+        )
+    if not 0 <= at <= 1:
+        raise ArgumentError("the place is not on the link", got=at, expected="0 (joint) to 1 (tip)")
+    shapes = make_shapes(scene, link).values(np.array([at]), 2)[:, 0]
+    return ca.dot(ca.DM(shapes), arm.s[own]) / arm.parameters.placed_in(scene).links[link].length ** 2
+
+
+def read_tip(arm: Manipulator, *_: object) -> ca.SX:
+    """The tip's place in world axes, in m."""
+    return points_of(arm)[:, -1]
+
+
+def read_tip_acceleration(arm: Manipulator, *_: object) -> ca.SX:
+    """The tip's acceleration in world axes, in m/s^2."""
+    rate = ca.jtimes(read_tip(arm), arm.s, arm.s_dot)
+    return ca.jtimes(rate, arm.s, arm.s_dot) + ca.jtimes(rate, arm.s_dot, arm.s_ddot)
+
+
+READINGS: dict[str, Callable[..., ca.SX]] = {
+    "encoder": read_encoders,
+    "gyroscope": read_gyroscopes,
+    "strain": read_strain,
+    "tip": read_tip,
+    "tip-acceleration": read_tip_acceleration,
+}
+"""Of (arm, scene, link or joint, place on the link): what each kind of sensor reads, a column of expressions of s, s' and s''."""
 
 
 @checked
@@ -47,8 +91,7 @@ def joint_angles(lin: Linearization) -> MatrixFunction:
     >>> fl.control.joint_angles(lin)(np.zeros(1)).round(6).tolist()
     [[[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]]
     """
-    rows = encoder_rows(lin)
-    return Constant(np.concatenate([rows, np.zeros_like(rows)], axis=1))
+    return see(lin, read_encoders(lin.arm.near)[list(lin.driven)])
 
 
 @checked
@@ -74,8 +117,7 @@ def joint_rates(lin: Linearization) -> MatrixFunction:
     >>> fl.control.joint_rates(lin)(np.zeros(1))[0, :, 3:].round(6).tolist()
     [[1.0, 0.0, 0.0]]
     """
-    rows = encoder_rows(lin)
-    return Constant(np.concatenate([np.zeros_like(rows), rows], axis=1))
+    return see(lin, read_gyroscopes(lin.arm.near)[list(lin.driven)])
 
 
 @checked
@@ -119,17 +161,7 @@ def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFun
     >>> print(f"{root:.4f} {abs(tip):.4f}")
     7.6302 0.0000
     """
-    if not 0 <= link < len(scene.links) or scene.links[link].counts.y == 0:
-        raise ArgumentError(
-            "there is no flexible link of that number", got=link, expected=f"0 to {len(scene.links) - 1}"
-        )
-    if not 0 <= at <= 1:
-        raise ArgumentError("the place is not on the link", got=at, expected="0 (joint) to 1 (tip)")
-    curvature = make_shapes(scene, link).values(np.array([at]), 2)[:, 0] / scene.links[link].length ** 2
-    own = [i for i, c in enumerate(lin.coordinates) if c.kind == "elastic" and c.link == link and c.direction == "y"]
-    C = np.zeros((1, 2 * lin.n))
-    C[0, own] = curvature
-    return Constant(C)
+    return see(lin, read_strain(lin.arm.near, scene, link, at))
 
 
 @checked
@@ -161,7 +193,7 @@ def tip_position(lin: Linearization) -> MatrixFunction:
     >>> print(f"{np.linalg.norm(C[:, 0]):.2f} m per rad of the joint")
     0.96 m per rad of the joint
     """
-    return TipSlopes(lin, tip_slopes(lin.about, accelerated=False)).position
+    return see(lin, read_tip(lin.arm.near))
 
 
 @checked
@@ -199,8 +231,8 @@ def tip_acceleration(lin: Linearization) -> tuple[MatrixFunction, MatrixFunction
     >>> C(np.zeros(1)).shape, D(np.zeros(1)).shape
     ((1, 2, 6), (1, 2, 1))
     """
-    found = TipSlopes(lin, tip_slopes(lin.about))
-    return found.acceleration, found.acceleration_by_torque
+    found = Seen.of(lin, read_tip_acceleration(lin.arm.near))
+    return found, found.by_torque
 
 
 def tip_zeros(lin: Linearization, tol: float = 1e-9) -> InvariantZeros:
@@ -225,42 +257,49 @@ def encoder_rows(lin: Linearization) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class TipSlopes:
-    """How the tip's position and acceleration change with [y; y'] and with the torque, along the rigid motion."""
+class Seen:
+    """C(t) (N, p, 2n) of a reading r: how it changes with [y; y'] along the rigid motion, y'' as the linear equations have it.
+
+    `function`: dr/ds, dr/ds' and, of one that feels accelerations, dr/ds''.
+    """
 
     lin: Linearization
     function: ca.Function
 
-    def position(self, t: Array) -> Array:
-        """C (N, 2, 2n) of the position."""
-        by_y, *_ = self.lin.about.evaluate(self.function, t)
-        return np.concatenate([by_y, np.zeros_like(by_y)], axis=2)
+    @classmethod
+    def of(cls, lin: Linearization, reading: ca.SX) -> "Seen":
+        """Of a reading of the arm of the near equations."""
+        about = lin.about.near
+        by = [about.arm.s, about.arm.s_dot] + [about.arm.s_ddot] * ca.depends_on(reading, about.arm.s_ddot)
+        slopes = [ca.jacobian(reading, one)[:, list(about.kept)] for one in by]
+        *_, angles = about.symbols()
+        return cls(lin, about.function(angles, {}, dict(zip("KDM", about.lift(slopes, angles), strict=False))))
 
-    def acceleration(self, t: Array) -> Array:
-        """C (N, 2, 2n) of the acceleration."""
-        J, by_rate, by_y = self.lin.about.evaluate(self.function, t)
+    @property
+    def complete(self) -> bool:
+        """Whether it is as narrow as the motion at the most, and this says where."""
+        places = self.function.n_out() == 2 and self.lin.arm.near.loops is None
+        return places and self.lin.motion.complete
+
+    def __call__(self, t: Array) -> Array:
+        by_y, by_rate, *J = self.lin.about.evaluate(self.function, t)
+        C = np.concatenate([by_y, by_rate], axis=2)
+        if not J:
+            return C
         M, D, K = self.lin.equations(t)
-        return np.concatenate([by_y, by_rate], axis=2) - J @ solve_mass(M, np.concatenate([K, D], axis=2), t)
+        return C - J[0] @ solve_mass(M, np.concatenate([K, D], axis=2), t)
 
-    def acceleration_by_torque(self, t: Array) -> Array:
-        """D (N, 2, m) of the acceleration."""
-        J, *_ = self.lin.about.evaluate(self.function, t)
+    def by_torque(self, t: Array) -> Array:
+        """D (N, p, m) of a reading that feels accelerations."""
+        *_, J = self.lin.about.evaluate(self.function, t)
         return J @ solve_mass(*self.lin.mass_and_input(t), t)
 
 
-def tip_slopes(about: Deviation, accelerated: bool = True) -> ca.Function:
-    """dp/ds of the tip's position p along the rigid motion, and of its acceleration dp''/ds' and dp''/ds, each (2, n)."""
-    about = about.near
-    arm, kept = about.arm, list(about.kept)
-    tip = points_of(arm)[:, -1]
-    J = ca.jacobian(tip, arm.s)
-    parts = {"J": J}
-    if accelerated:
-        acceleration = J @ arm.s_ddot + ca.jtimes(J @ arm.s_dot, arm.s, arm.s_dot)
-        parts |= {"by_rate": ca.jacobian(acceleration, arm.s_dot), "by_y": ca.jacobian(acceleration, arm.s)}
-    *_, angles = about.symbols()
-    values = about.lift([part[:, kept] for part in parts.values()], angles)
-    return about.function(angles, {}, dict(zip(parts, values, strict=True)))
+def see(lin: Linearization, reading: ca.SX) -> MatrixFunction:
+    """C of a reading of the arm of the near equations; one matrix where nothing in it varies."""
+    found, start = Seen.of(lin, reading), np.zeros(1)
+    varies = any(ca.symvar(one) for one in found.function.call(found.function.sx_in()))
+    return found if varies else Constant(found(start)[0])
 
 
 def points_of(arm: Manipulator) -> ca.SX:
@@ -269,11 +308,6 @@ def points_of(arm: Manipulator) -> ca.SX:
         what, got = "the manipulator does not say where its tip is", "points = None"
         raise ArgumentError(what, got=got, expected="positions (2, k)")
     return arm.points
-
-
-def stack(*parts: Array) -> Array:
-    """The rows of several measurements, (N, p, 2n)."""
-    return np.concatenate(parts, axis=1)
 
 
 def excite(B: Array, S: Array) -> Array:
@@ -372,27 +406,24 @@ def scene_sensors(scene: Scene, lin: Linearization, table: EstimatorTable) -> Se
         raise ArgumentError("an estimator needs torques", got="no driven joint", expected="at least one")
     angles = ["m" if lin.arm.coordinates[lin.arm.drives[i]].unit == "m" else "rad" for i in lin.driven]
     rates = [f"{unit}/s" for unit in angles]
-    parts, sizes, names = list[MatrixFunction](), list[float](), list[str]()
-    for what, value, units, rows in (
-        ("encoder", table.encoders, angles, joint_angles),
-        ("gyroscope", table.gyroscopes, rates, joint_rates),
-    ):
+    arm, parts, sizes, names = lin.arm.near, list[ca.SX](), list[float](), list[str]()
+    for what, value, units in (("encoder", table.encoders, angles), ("gyroscope", table.gyroscopes, rates)):
         noise = spread(f"estimator.{what}s", value, units)
         if noise is not None:
-            parts.append(rows(lin))
+            parts.append(READINGS[what](arm)[list(lin.driven)])
             sizes += noise
             names += [f"{what} of {name} in {unit}" for name, unit in zip(lin.inputs, units, strict=True)]
     for gauge in table.strain:
-        parts.append(bending(scene, lin, gauge.link - 1, gauge.at))
+        parts.append(read_strain(arm, scene, gauge.link - 1, gauge.at))
         sizes.append(gauge.noise)
         names.append(f"curvature of link {gauge.link} at {gauge.at:g} in 1/m")
     if table.tip is not None:
-        seen = tip_position(lin)
-        axes = seen(np.zeros(1)).shape[1]
+        seen = read_tip(arm)
+        axes = seen.numel()
         parts.append(seen)
         sizes += [table.tip] * axes
         names += [f"tip {axis} in m" for axis in "xyz"[:axes]]
     torque = np.array(spread("estimator.torque", table.torque, lin.input_units))
     V = np.diag(np.array(sizes) ** 2) * table.sample_time
     W = Combined(partial(excite, S=np.diag(torque**2) * table.sample_time), (lin.input_matrix,), complete=True)
-    return Sensors(Combined(stack, tuple(parts), complete=True), V, W, tuple(names))
+    return Sensors(see(lin, ca.vertcat(*parts)), V, W, tuple(names))

@@ -8,11 +8,11 @@ import casadi as ca
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.control.sensors import READINGS
 from flexlin.errors import ArgumentError
 from flexlin.identification.log import Log
 from flexlin.lazy import lazy
 from flexlin.mechanics.chain import build_manipulator
-from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.program import Layout, Program
 from flexlin.scene.scene import LogColumn, LogOutput, Scene
@@ -89,19 +89,13 @@ def see(scene: Scene, arm: Manipulator, name: str, sensor: LogOutput) -> ca.SX:
         if own not in arm.names:
             raise ArgumentError(f"there is no coordinate {own!r}", got=name, expected=", ".join(arm.names))
         return (arm.s if kind == "coordinate" else arm.s_dot)[arm.names.index(own)]
-    if kind == "strain":
-        return see_curvature(scene, arm, name, sensor)
     if kind == "encoder":
-        return (arm.encoders @ arm.s)[find_joint(arm, name) if sensor.link is None else sensor.link]
-    if arm.points is None or "xyz".index(axis) >= arm.points.size1():
-        raise ArgumentError(
-            f"the arm has no tip.{axis}", got=name, expected="tip.x or tip.y of an arm that has a tip in its plane"
-        )
-    place = arm.points["xyz".index(axis), -1]
-    if kind == "tip":
-        return place
-    rate = ca.jtimes(place, arm.s, arm.s_dot)
-    return ca.jtimes(rate, arm.s, arm.s_dot) + ca.jtimes(rate, arm.s_dot, arm.s_ddot)
+        return READINGS[kind](arm)[find_joint(arm, name) if sensor.link is None else sensor.link]
+    reading = READINGS[kind](arm, scene, sensor.link, sensor.at)
+    row = "xyz".index(axis) if kind.startswith("tip") else 0
+    if row >= reading.numel():
+        raise ArgumentError(f"the arm has no tip.{axis}", got=name, expected="tip.x or tip.y of an arm in its plane")
+    return reading[row]
 
 
 def name_kind(arm: Manipulator, name: str) -> tuple[str, str]:
@@ -114,18 +108,6 @@ def name_kind(arm: Manipulator, name: str) -> tuple[str, str]:
         if name in [word + axis for axis in "xyz"]:
             return kind, name[-1]
     return "encoder", ""
-
-
-def see_curvature(scene: Scene, arm: Manipulator, name: str, sensor: LogOutput) -> ca.SX:
-    """Curvature of a link at a place, sum_k X_k''(x/l) / l^2 w_k, in 1/m."""
-    link = sensor.link
-    own = [k for k, c in enumerate(arm.coordinates) if (c.kind, c.link, c.direction) == ("elastic", link, "y")]
-    if link is None or not own:
-        raise ArgumentError(
-            f"{name} is a strain gauge on no flexible link", got=f"link = {link}", expected="the number of one, from 0"
-        )
-    shapes = make_shapes(scene, link).values(np.array([sensor.at]), 2)[:, 0]
-    return ca.dot(ca.DM(shapes), arm.s[own]) / arm.parameters.placed_in(scene).links[link].length ** 2
 
 
 @dataclass(frozen=True, eq=False)
