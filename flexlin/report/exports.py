@@ -14,8 +14,7 @@ from flexlin.analyses.judging import Loop
 from flexlin.checks import check_size, memory_limit
 from flexlin.control.designed_loop import Design, scene_feedback
 from flexlin.control.estimator import Estimator
-from flexlin.control.export.c_estimator import write_estimator
-from flexlin.control.export.c_gain import write_gain
+from flexlin.control.export.c_controller import write_estimator, write_gain
 from flexlin.control.export.c_linearization import write_linearization
 from flexlin.control.export.files import matlab_script, write_npz, write_system
 from flexlin.control.lqr import horizon_system
@@ -196,14 +195,14 @@ def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points
             closed = with_control(plant, scene.control)
             forward = scene_feedforward(closed, scene.accuracy.tol)
             law = closed.law if forward is None else forward.law
-            write_gain(scene_feedback(closed), plant.period, made / OWN, lin=plant, law=law)
+            write_gain(scene_feedback(closed), plant.period, made / OWN, plant, law)
             names.append(OWN)
         for found in designs:
-            write_gain(found, plant.period, made / folders[found.name], lin=plant)
+            write_gain(found, plant.period, made / folders[found.name], plant)
             names.append(folders[found.name])
             if found.name in estimators:
                 estimator, seen = estimators[found.name]
-                write_estimator(estimator, made / folders[found.name], lin=plant, measurements=seen)
+                write_estimator(estimator, made / folders[found.name], plant, seen)
     return made.placed(*names)
 
 

@@ -124,21 +124,6 @@ def test_steps_of_friction_are_met_inside(tmp_path):
 
 @pytest.mark.slow
 @needs_compiler
-def test_a_sampled_gain_converges_with_its_samples(arm, tmp_path):
-    scene, plant, _ = arm
-    made, errors = design(plant, scene.designs[1], tol=1e-6), []
-    t = np.linspace(0, plant.period, 301)
-    for count in (32, 64, 128):
-        c = library(gain_source(made, plant.period, tmp_path / str(count), samples=count, form="sampled"))
-        found = np.array([call(c.gain_matrix, now / plant.period, size=4) for now in t])
-        errors.append(np.abs(found - made.K(t)[:, 0]).max())
-    assert errors[0] > 10 * errors[1] > 100 * errors[2]
-    with pytest.raises(ArgumentError, match="form is of another kind"):
-        gain_source(made, plant.period, tmp_path, form="table")
-
-
-@pytest.mark.slow
-@needs_compiler
 def test_the_c_estimator_follows_the_filter(arm, tmp_path):
     """Its rate is that of the filter, and its step is of fourth order against an independent integrator."""
     _, plant, _ = arm

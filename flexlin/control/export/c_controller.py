@@ -1,5 +1,6 @@
-"""C source of a controller: gain(phase, state, torque), its matrix, and the whole law with feedforward."""
+"""C source of a controller: its gain and matrix, the whole law with feedforward; and of an estimator: its rate and a step."""
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import flexlin
 from flexlin.arguments import checked
 from flexlin.checks import Array, c_name, positive
 from flexlin.control.designed_loop import Design
-from flexlin.control.export.c_series import SAMPLES, Form, numbers, write_series
+from flexlin.control.estimator import Estimator
+from flexlin.control.export.c_series import CSeries, numbers, write_series
 from flexlin.control.export.files import Labels
 from flexlin.control.export.templates import fill_in
 from flexlin.errors import ArgumentError
@@ -17,7 +19,7 @@ from flexlin.files import results
 from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficients import Combined
-from flexlin.periodic.system import corners_of
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, corners_of
 
 WITHIN = {True: "phase - floor(phase)", False: "phase < 0.0 ? 0.0 : phase > 1.0 ? 1.0 : phase"}
 BEYOND = {True: "any number, taken modulo 1", False: "held at 0 before the motion and at 1 after it"}
@@ -30,11 +32,9 @@ def gain_source(
     period: float,
     folder: str | Path,
     name: str = "gain",
-    samples: int = SAMPLES,
     *,
     lin: Linearization | None = None,
     law: Law | None = None,
-    form: Form = "series",
 ) -> list[Path]:
     """Write C source of a controller: the torque of a state at a phase of the motion.
 
@@ -53,14 +53,10 @@ def gain_source(
         Where the files go, as one set with their checksums; it is made when it does not exist.
     name : str
         Name of the function and of its files.
-    samples : int
-        Samples of a period when the form is "sampled".
     lin : Linearization, optional
         The arm: it gives states and inputs their names and units, and its law the feedforward.
     law : Law, optional
         Another feedforward, such as `feedforward(lin, "tip-exact").law`; its gain is not used.
-    form : {"series", "sampled"}
-        "series": a Fourier series, or Chebyshev's between breaks, as accurate as the gain itself; "sampled": cubic splines.
 
     Returns
     -------
@@ -70,7 +66,7 @@ def gain_source(
     Raises
     ------
     ArgumentError
-        When the arm does not fit the design or has no input, or for another form.
+        When the arm does not fit the design or has no input.
     OutputError
         When the folder cannot be written.
 
@@ -85,18 +81,11 @@ def gain_source(
     ['gain.c', 'gain.h', 'main.c']
     """
     with results(Path(folder), c_name(name)) as files:
-        return files.placed(*write_gain(made, positive("period", period), files.stage, name, samples, lin, law, form))
+        return files.placed(*write_gain(made, positive("period", period), files.stage, lin, law, name))
 
 
 def write_gain(
-    made: Design,
-    period: float,
-    folder: Path,
-    name: str = "gain",
-    samples: int = SAMPLES,
-    lin: Linearization | None = None,
-    law: Law | None = None,
-    form: Form = "series",
+    made: Design, period: float, folder: Path, lin: Linearization | None, law: Law | None = None, name: str = "gain"
 ) -> list[str]:
     """Write `gain_source` into a folder of a set; returns the names of the files."""
     m, n = made.K(np.zeros(1)).shape[1:]
@@ -104,29 +93,118 @@ def write_gain(
         raise ArgumentError(
             "the design has no input, so there is no gain to write", got=f"K of 0 x {n}", expected="a driven arm"
         )
-    labels = Labels.fitting(lin, n, m, made.controller)
-    memory = 0 if made.controller is None else made.controller.states
-    chosen = law or (made.law if lin is None else lin.law)
-    once = lin is not None and not lin.motion.periodic
-    breaks = (*corners_of(made.closed_loop), *([0.0] if once else []))
-    as_columns = partial(np.expand_dims, axis=2)
-    parts = [
-        write_series(title, f, period, breaks, form, samples)
-        for title, f in (
-            ("K_of", made.K),
-            ("forward_of", Combined(as_columns, (chosen.forward,))),
-            ("reference_of", Combined(as_columns, (chosen.reference,))),
-        )
-    ]
+    chosen, as_columns = law or (made.law if lin is None else lin.law), partial(np.expand_dims, axis=2)
+    fed, held = (Combined(as_columns, (part,)) for part in (chosen.forward, chosen.reference))
+    parts = write_parts({"K_of": made.K, "forward_of": fed, "reference_of": held}, made.closed_loop, lin, period)
     words = {
-        "name": name, "guard": name.upper(), "n": n, "m": m, "size": n * m, "period": repr(float(period)), "version": flexlin.__version__,
+        **words_of(name, Labels.fitting(lin, n, m, made.controller), parts, lin, period), "size": n * m,
         "title": f"The design “{made.name}”".replace("*/", "* /").replace("/*", "/ *").replace("\\", "/"), "forward": chosen.feedforward,
-        "states": listed(labels.states, labels.state_units), "inputs": listed(labels.inputs, labels.input_units),
         "layout": parts[0].layout, "error": f"{parts[0].error:.1e}", "torques": f"{parts[1].error:.1e}",
-        "series": "\n".join([fill_in("add.c.in", {}), *(part.source for part in parts)]),
-        "within": WITHIN[not once], "beyond": BEYOND[not once], "arm": n - memory, **words_of_integrals(made, name, n),
+        "arm": n if made.controller is None else n - made.controller.states, **words_of_integrals(made, name, n),
     }  # fmt: skip
     return write_c(folder, {f"{name}.c": "gain.c.in", f"{name}.h": "gain.h.in", "main.c": "gain_main.c.in"}, words)
+
+
+@checked
+def estimator_source(
+    estimator: Estimator,
+    folder: str | Path,
+    name: str = "estimator",
+    *,
+    lin: Linearization | None = None,
+    measurements: Sequence[str] = (),
+) -> list[Path]:
+    """Write C source of an estimator: its rate and a step between two samples.
+
+        x_e' = (A - L C) x_e + B u + L measurement
+
+    The files <name>.h, which says order and units, and <name>.c need nothing but a C99 compiler and libm.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        The estimator, of n states, m inputs and p measurements.
+    folder : str or Path
+        Where the files go, as one set with their checksums; it is made when it does not exist.
+    name : str
+        Beginning of the names of the functions, and name of the files.
+    lin : Linearization, optional
+        The arm, which gives states and inputs their names and units.
+    measurements : sequence of str
+        Names and units of the p measurements.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    ArgumentError
+        When the arm or the names do not fit the estimator.
+    OutputError
+        When the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> estimator = fl.control.kalman_filter(system, [[1.0, 0.0]], np.eye(2), np.eye(1))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     print([path.name for path in fl.control.estimator_source(estimator, folder)])
+    ['estimator.c', 'estimator.h']
+    """
+    with results(Path(folder), c_name(name)) as files:
+        return files.placed(*write_estimator(estimator, files.stage, lin, measurements, name))
+
+
+def write_estimator(
+    estimator: Estimator, folder: Path, lin: Linearization | None, measurements: Sequence[str], name: str = "estimator"
+) -> list[str]:
+    """Write `estimator_source` into a folder of a set; returns the names of the files."""
+    system, p = estimator.system, estimator.L(0.0).shape[1]
+    seen = tuple(measurements) or tuple(f"y{i + 1}" for i in range(p))
+    if len(seen) != p:
+        raise ArgumentError("names do not fit the measurements", got=len(seen), expected=str(p))
+    functions: dict[str, MatrixFunction] = {"A_of": estimator.closed_loop.A, "L_of": estimator.L}
+    functions |= {} if system.B is None else {"B_of": system.B}
+    parts = write_parts(functions, system, lin, system.period)
+    words = {
+        **words_of(name, Labels.fitting(lin, system.n, system.m), parts, lin, system.period),
+        "p": p,
+        "sensors": listed(seen, ("",) * p),
+        "error": f"{max(part.error for part in parts):.1e}",
+        "read_B": "B_of(within(phase), B);" if system.B is not None else "",
+    }
+    return write_c(folder, {f"{name}.c": "estimator.c.in", f"{name}.h": "estimator.h.in"}, words)
+
+
+def is_once(lin: Linearization | None) -> bool:
+    """Whether the motion of an arm, if there is one, ends."""
+    return lin is not None and not lin.motion.periodic
+
+
+def write_parts(
+    functions: dict[str, MatrixFunction], system: PeriodicSystem, lin: Linearization | None, period: float
+) -> list[CSeries]:
+    """Functions of time as C, with the corners of a system and the ends of a motion that is no period."""
+    breaks = (*corners_of(system), *([0.0] if is_once(lin) else []))
+    return [write_series(title, f, period, breaks) for title, f in functions.items()]
+
+
+def words_of(
+    name: str, labels: Labels, parts: list[CSeries], lin: Linearization | None, period: float
+) -> dict[str, object]:
+    """What the texts of gains and estimators are both filled in with."""
+    return {
+        "name": name, "guard": name.upper(), "n": len(labels.states), "m": len(labels.inputs), "period": repr(float(period)),
+        "version": flexlin.__version__, "states": listed(labels.states, labels.state_units),
+        "inputs": listed(labels.inputs, labels.input_units),
+        "series": "\n".join([fill_in("add.c.in", {}), *(part.source for part in parts)]),
+        "within": WITHIN[not is_once(lin)], "beyond": BEYOND[not is_once(lin)],
+    }  # fmt: skip
 
 
 def words_of_integrals(made: Design, name: str, n: int) -> dict[str, str]:

@@ -6,11 +6,11 @@ import tempfile
 from pathlib import Path
 
 import casadi as ca
-import numpy as np
 
 import flexlin
 from flexlin.arguments import checked
 from flexlin.checks import c_name
+from flexlin.control.export.c_controller import write_c
 from flexlin.control.export.files import Labels
 from flexlin.control.export.templates import fill_in
 from flexlin.errors import ArgumentError
@@ -75,10 +75,26 @@ def write_linearization(lin: Linearization, folder: Path, name: str = "lineariza
             expected="the arm without its loop: fl.linearize(arm, motion)",
             todo="write the loop beside it: fl.control.gain_source(fl.control.scene_feedback(loop), ...)",
         )
-    names = _write(lin.coefficients, np.asarray(lin.arm.parameters.values, dtype=float), folder, name)
-    header = folder / f"{name}.h"
-    header.write_text(describe_layout(lin, name) + header.read_text(encoding="utf-8"), encoding="utf-8")
-    return names
+    folder.mkdir(parents=True, exist_ok=True)
+    function, parameters = lin.coefficients, lin.arm.parameters.values.tolist()
+    inputs, names = function.mx_in(), [f"{name}.c", f"{name}.h"]
+    generator = ca.CodeGenerator(names[0], {"with_header": True})
+    generator.add(ca.Function(name, inputs, function.call(inputs), function.name_in(), function.name_out()))
+    with tempfile.TemporaryDirectory() as place:  # CasADi takes only names in UTF-8
+        generator.generate(f"{place}/")
+        for file, head in zip(names, ("", describe_layout(lin, name)), strict=True):
+            source = Path(place, file).read_text(encoding="utf-8")
+            if not source.endswith(LAST):  # CasADi says nothing when the disk is full
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            (folder / file).write_text(head + source, encoding="utf-8")
+    words = {
+        "name": name,
+        "inputs": 1 + max(1, len(parameters)),
+        "outputs": sum(function.numel_out(i) for i in range(function.n_out())),
+        "parameters": ", ".join(map(repr, parameters)) or "0",
+        "count": len(parameters),
+    }
+    return names + write_c(folder, {"main.c": "linearization_main.c.in"}, words)
 
 
 def describe_layout(lin: Linearization, name: str) -> str:
@@ -103,29 +119,3 @@ def describe_layout(lin: Linearization, name: str) -> str:
         "entry": entry,
     }
     return fill_in("linearization_layout.h.in", words)
-
-
-def _write(function: ca.Function, parameters: np.ndarray, folder: Path, name: str) -> list[str]:
-    folder.mkdir(parents=True, exist_ok=True)
-    inputs = function.mx_in()
-    named = ca.Function(name, inputs, function.call(inputs), function.name_in(), function.name_out())
-    generator = ca.CodeGenerator(f"{name}.c", {"with_header": True})
-    generator.add(named)
-    names = [f"{name}.c", f"{name}.h"]
-    with tempfile.TemporaryDirectory() as place:  # CasADi takes only names in UTF-8
-        generator.generate(f"{place}/")
-        for file in names:
-            source = Path(place, file).read_text(encoding="utf-8")
-            if not source.endswith(LAST):  # CasADi says nothing when the disk is full
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            (folder / file).write_text(source, encoding="utf-8")
-    values = ", ".join(repr(float(value)) for value in parameters) or "0"
-    words = {
-        "name": name,
-        "inputs": 1 + max(1, len(parameters)),
-        "outputs": sum(function.numel_out(i) for i in range(function.n_out())),
-        "parameters": values,
-        "count": len(parameters),
-    }
-    (folder / "main.c").write_text(fill_in("linearization_main.c.in", words), encoding="utf-8")
-    return [*names, "main.c"]

@@ -1,23 +1,19 @@
 """C source that evaluates a matrix function of the phase: one Fourier series, or Chebyshev polynomials on panels."""
 
-import itertools
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
-from flexlin.checks import SAMPLES, Array
+from flexlin.checks import Array
 from flexlin.control.export.templates import fill_in
 from flexlin.control.sampled import SampledGain
 from flexlin.periodic.coefficient_series.matrix import Series
 from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficient_series.sampling import stratified
 from flexlin.periodic.coefficients import MatrixFunction
-from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, chebyshev_coefficients, panel_times
+from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries
 from flexlin.precision import EPS, SAFETY
 
-Form = Literal["series", "sampled"]
 NEGLIGIBLE = SAFETY * EPS
 """Coefficients at the end of a series are left out when all together are smaller than this against the largest value."""
 
@@ -34,21 +30,10 @@ class CSeries:
     layout: str
 
 
-def write_series(
-    name: str,
-    f: MatrixFunction,
-    period: float,
-    breaks: tuple[float, ...],
-    form: Form = "series",
-    samples: int = SAMPLES,
-) -> CSeries:
-    """Write a function of time (N,) -> (N, rows, columns) as C; times in s, breaks in [0, T), 0 among them where it does not repeat.
-
-    form "series": as accurate as the function is smooth; "sampled": cubic polynomials through `samples` values of a period.
-    """
+def write_series(name: str, f: MatrixFunction, period: float, breaks: tuple[float, ...]) -> CSeries:
+    """Write a function of time (N,) -> (N, rows, columns) as C; times in s, breaks in [0, T), 0 among them where it does not repeat."""
     edges = np.unique([0.0, *breaks, period])
-    sampled = form == "sampled"
-    series = through_samples(f, edges, bool(breaks), samples) if sampled else series_of(f, edges, bool(breaks))
+    series = series_of(f, edges, bool(breaks))
     t = (edges[:-1, None] + np.diff(edges)[:, None] * stratified(499)).ravel()
     wanted = f(t)
     error = NEGLIGIBLE + float(np.abs(series(t) - wanted).max() / (np.abs(wanted).max() or 1.0))
@@ -66,22 +51,6 @@ def series_of(f: MatrixFunction, edges: Array, ends: bool) -> Series:
         return shortened(f)
     breaks = edges[:-1].tolist() if ends else []
     return shortened(resolve(f, float(edges[-1]), breaks, complete=True, repeats=not ends).series)
-
-
-def through_samples(f: MatrixFunction, marks: Array, ends: bool, samples: int) -> ChebyshevPanels:
-    """Cubic splines through about `samples` values, in pieces between the marks; a smooth period closes on itself."""
-    panels, edges = [], [marks[:1]]
-    for begin, end in itertools.pairwise(marks):
-        t = np.linspace(begin, end, max(4, round(samples * (end - begin) / marks[-1])) + 1)
-        values = np.array(f(np.clip(t, np.nextafter(begin, np.inf), np.nextafter(end, -np.inf))))
-        if not ends:
-            values[-1] = values[0]
-        spline = CubicSpline(t, values, axis=0, bc_type="not-a-knot" if ends else "periodic")
-        at_nodes = spline(panel_times(t[:-1], t[1:], 4))  # as many as a cubic polynomial goes through
-        flat = chebyshev_coefficients(at_nodes.reshape(*at_nodes.shape[:2], -1))
-        panels.append(flat.reshape(at_nodes.shape))
-        edges.append(t[1:])
-    return ChebyshevPanels(np.concatenate(edges), np.concatenate(panels))
 
 
 def shortened(series: Series) -> Series:
