@@ -43,6 +43,7 @@ ANSWERS = {
     "Law": lambda v, t: [v.forward(t), v.gain(t), v.reference(t)],
     "PeriodicSystem": lambda v, t: [v.A(t), *([] if v.B is None else [v.B(t)]), np.array(v.breaks)],
     "Design": lambda v, t: [v.K(t), v.closed_loop.A(t), *([] if v.solution is None else [v.X(t)])],
+    "Sensors": lambda v, t: [v.C(t), v.V, v.W(t)],
     "Estimator": lambda v, t: [v.P(t), v.L(t), v.closed_loop.A(t)],
     "PeriodicMotion": lambda v, t: [v.state(t), v.torque(t), np.array([v.error])],
     "Feedforward": lambda v, t: [v.torque(t), v.reference(t), np.array([v.tip_error])],
