@@ -10,7 +10,6 @@ sharing them out costs: processor time by threads, processes and a Dask cluster 
     python studies/charts_speed.py [--size small] [--out DIR]
 """
 
-import argparse
 import json
 import os
 import resource
@@ -24,6 +23,7 @@ from typing import Any
 import numpy as np
 from outside.heyoka_taylor import HeyokaTransitions
 from outside.jax_batch import prepare_jax
+from shared.running import run_study
 
 import flexlin as fl
 from flexlin.analyses.sweep.job import compute_here, prepare_job
@@ -241,15 +241,10 @@ def main(size: str = "full", out: Path | str = "out/studies") -> dict[str, Any]:
     if "million" in data:
         print("a million values: {seconds:.1f} s, {memory_mb:.0f} MB, load {load:.1f}".format(**data["million"]))
     folder = Path(out)
-    folder.mkdir(parents=True, exist_ok=True)
     (folder / "charts_speed.json").write_text(json.dumps(data, indent=1), encoding="utf-8")
     draw(data, folder)
     return data
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", choices=["full", "small"], default="full")
-    parser.add_argument("--out", type=Path, default=Path("out/studies"))
-    options = parser.parse_args()
-    main(options.size, options.out)
+    run_study(main)

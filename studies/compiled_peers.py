@@ -11,7 +11,6 @@ one thread, the least of several runs, all in one process. `fl.periodic_lqr` on 
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python studies/compiled_peers.py [--size small] [--only GROUP ...] [--out DIR]
 """
 
-import argparse
 import ctypes
 import json
 import shutil
@@ -23,7 +22,6 @@ from functools import lru_cache, partial
 from importlib.util import find_spec
 from math import factorial
 from pathlib import Path
-from time import process_time
 from typing import Any
 
 import casadi as ca
@@ -31,6 +29,7 @@ import numpy as np
 from outside.scipy_ode import derive_state_matrix
 from scipy.integrate._ivp import dop853_coefficients as dop
 from scipy.optimize import linear_sum_assignment
+from shared.running import least_time, run_study
 
 import flexlin as fl
 from flexlin.linearization.free import ParametricLoop, parametric_loop
@@ -50,8 +49,6 @@ FINEST, STEPS_OF_VALUES = 6000, (12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 256, 
 """Steps of the reference; steps that are tried for a whole family."""
 LOADED: list[Any] = []
 """Functions of loaded libraries, which have to outlive the code that calls them."""
-LONG = 1.0
-"""Seconds after which a run is not repeated."""
 
 Array = np.ndarray
 Transition = Callable[..., Array]
@@ -85,16 +82,6 @@ class Problem:
     exact: Array
     answer: Callable[[Array], Array]
     error: Callable[[Array, Array], float]
-
-
-def least_time(call: Callable[[], Any], repeats: int) -> tuple[Any, float]:
-    """The result and the least CPU time in ms; what takes long is run once."""
-    times: list[float] = []
-    while len(times) < repeats and (not times or sum(times) < LONG):
-        begin = process_time()
-        result = call()
-        times.append(process_time() - begin)
-    return result, 1e3 * min(times)
 
 
 def exponents_of(P: Array, period: float) -> Array:
@@ -562,7 +549,7 @@ def race(problem: Problem, repeats: int, tol: float = TOL) -> list[Row]:
     error = distance(found.exponents, truth, T)
     if problem.error is not relative_error:  # the peers' own truth, too
         error = max(error, distance(found.exponents, exponents_of(problem.exact, T), T))
-    rows = [Row(problem.group, problem.case, OWN, f"states {found.error:.0e}", error, time, error <= tol)]
+    rows = [Row(problem.group, problem.case, OWN, f"states {found.error:.0e}", error, 1e3 * time, error <= tol)]
     rows += [cheapest(problem, name, settings, repeats, tol) for name, settings in problem.peers.items()]
     return rows
 
@@ -576,7 +563,7 @@ def cheapest(problem: Problem, name: str, settings: dict[str, Callable[[], Array
         if error <= tol:
             break
     time = least_time(lambda: problem.answer(settings[setting]()), 5 * repeats)[1]
-    return Row(problem.group, problem.case, name, setting, error, time, error <= tol)
+    return Row(problem.group, problem.case, name, setting, error, 1e3 * time, error <= tol)
 
 
 def coupled_oscillators() -> tuple[Array, Array, Array]:
@@ -618,7 +605,9 @@ def family(values: int, repeats: int) -> list[Row]:
         for name, call in settings.items():
             if kind in name and (error := worst(exponents_of(call(), T))) <= FAMILY_TOL:
                 time = least_time(lambda call=call: exponents_of(call(), T), repeats)[1]
-                rows.append(Row(group, case, f"DOP853, {kind} steps".replace("tol", "own"), name, error, time, True))
+                rows.append(
+                    Row(group, case, f"DOP853, {kind} steps".replace("tol", "own"), name, error, 1e3 * time, True)
+                )
                 break
     if hasattr(fl, "PeriodicFamily"):
         t, p = ca.SX.sym("t"), ca.SX.sym("p")
@@ -627,7 +616,7 @@ def family(values: int, repeats: int) -> list[Row]:
         fl.sweep(made, {"p": points[:: max(1, values // 64)]}, FAMILY_TOL)
         found, time = least_time(lambda: fl.sweep(made, {"p": points}, FAMILY_TOL), repeats)
         error = worst(np.asarray(found.exponents.values))
-        rows.insert(0, Row(group, case, OWN, "fl.sweep", error, time, error <= FAMILY_TOL))
+        rows.insert(0, Row(group, case, OWN, "fl.sweep", error, 1e3 * time, error <= FAMILY_TOL))
     else:
         print("family: flexlin has no fl.PeriodicFamily yet; its peers alone")
     return rows
@@ -646,7 +635,7 @@ def lqr(states: int, repeats: int) -> Row:
         return fl.PeriodicSystem(A, 2 * np.pi, B)
 
     found, time = least_time(lambda: fl.periodic_lqr(make(), np.eye(states), np.eye(3), tol=TOL), repeats)
-    return Row("periodic LQR", f"{states} states", OWN, "", float(found.error), time, bool(found.error <= TOL))
+    return Row("periodic LQR", f"{states} states", OWN, "", float(found.error), 1e3 * time, bool(found.error <= TOL))
 
 
 def ratios_of(rows: list[Row]) -> dict[str, dict[str, float]]:
@@ -717,7 +706,6 @@ def main(size: str = "full", out: str | Path = "out/studies", only: list[str] | 
     for group, kinds in ratios.items():
         text = "".join(f"{ratio:8.2f} times {kind}" for kind, ratio in kinds.items())
         print(f"{group:18s}{text}; aim {TARGETS[group]:g}")
-    Path(out).mkdir(parents=True, exist_ok=True)
     if ratios:
         draw(ratios, Path(out) / "compiled_peers.svg")
     data = {"rows": [asdict(row) for row in rows], "ratios": ratios, "targets": TARGETS}
@@ -738,11 +726,8 @@ def shown(rows: list[Row]) -> list[Row]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--size", choices=("small", "full"), default="full", help="small: one system of a kind, few values"
+    run_study(
+        main,
+        "one system of a kind, few values",
+        only={"nargs": "+", "choices": [*TARGETS, "periodic LQR"], "help": "some groups alone"},
     )
-    parser.add_argument("--only", nargs="+", choices=[*TARGETS, "periodic LQR"], help="some groups alone")
-    parser.add_argument("--out", default="out/studies", help="folder for the picture")
-    options = parser.parse_args()
-    main(options.size, options.out, options.only)

@@ -7,7 +7,6 @@ except where compilation is counted; the least CPU time of several runs.
 Then many values: microseconds a value for all exponents to 1e-8.
 """
 
-import argparse
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -15,13 +14,13 @@ from functools import reduce
 from importlib.util import find_spec
 from pathlib import Path
 from time import process_time
-from typing import Any
 
 import numpy as np
 from outside.compiled import compile_product
 from outside.cvodes import prepare_cvodes
 from outside.heyoka_taylor import HeyokaTransitions, import_heyoka
 from outside.scipy_ode import prepare_scipy
+from shared.running import least_time, run_study
 
 import flexlin as fl
 from flexlin.analyses.accuracy.result import compare_exponents
@@ -39,8 +38,6 @@ WHOLE, FACTORS = "flexlin, all exponents", "flexlin, transition matrix"
 ORDERS, SEGMENTS = (12, 14, 16, 18, 20), (8, 10, 12, 16, 24, 32, 48, 64, 96, 160, 240)
 FULL_MODE = 70
 """Equations up to which heyoka's full mode is tried: it compiles in half a minute there."""
-LONG = 1000.0
-"""Milliseconds from which a run is not repeated."""
 SCAN = 3
 """Repetitions while the cheapest setting is sought."""
 TOLS = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14)
@@ -56,18 +53,6 @@ class Row:
     error: float
     milliseconds: float
     reached: bool
-
-
-def timed(function: Callable[[], Any], repetitions: int) -> tuple[Any, float]:
-    """The result and the least CPU time in ms; what takes long is run once."""
-    times = []
-    for _ in range(1 + repetitions):
-        start = process_time()
-        result = function()
-        times.append(1e3 * (process_time() - start))
-        if times[0] > LONG:
-            break
-    return result, min(times)
 
 
 def transition(system: fl.PeriodicSystem, setting: Setting) -> Array:
@@ -90,7 +75,7 @@ def cheapest(
     for family in families:
         for name, run in family.items():
             try:
-                result, time = timed(run, SCAN)
+                result, time = least_time(run, 1 + SCAN)
             except RuntimeError:  # an outside integrator gives up at this tolerance
                 continue
             rows.append((error(result), time, name, run))
@@ -98,8 +83,8 @@ def cheapest(
                 break
     good = [row for row in rows if row[0] <= ACCURACY]
     best = min(good, key=lambda row: row[1]) if good else min(rows, key=lambda row: row[0])
-    time = timed(best[3], repetitions)[1]
-    return Row(modes, program, best[2], best[0], min(time, best[1]), bool(good))
+    time = least_time(best[3], 1 + repetitions)[1]
+    return Row(modes, program, best[2], best[0], 1e3 * min(time, best[1]), bool(good))
 
 
 def one_run(modes: int, repetitions: int, tols: tuple[float, ...]) -> list[Row]:
@@ -137,12 +122,12 @@ def all_exponents(modes: int, loop: ParametricLoop, repetitions: int) -> Row:
     """`fl.floquet` at ACCURACY on a new system each time, so that its coefficients are resolved each time; its set-up left out."""
     lin = loop.linearization
     systems = [new_system(lin) for _ in range(1 + 3 * repetitions)]
-    found, time = timed(lambda: fl.floquet(systems.pop(), ACCURACY), 3 * repetitions)
+    found, time = least_time(lambda: fl.floquet(systems.pop(), ACCURACY), 1 + 3 * repetitions)
     exact = fl.floquet(loop.linearization.periodic_system(), 0.01 * ACCURACY).exponents
     setting = found.setting
     name = f"{setting.method} {setting.order} on {setting.segments}" if setting.segments > 1 else setting.method
     error = compare_exponents(found.exponents, exact, loop.linearization.period)
-    return Row(modes, WHOLE, name, error, time, error <= ACCURACY)
+    return Row(modes, WHOLE, name, error, 1e3 * time, error <= ACCURACY)
 
 
 def new_system(lin: fl.Linearization) -> fl.PeriodicSystem:
@@ -244,7 +229,6 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
         rows += found
     time, apart, alone = exponents_batch(10_000 if full else 200)
     print(f"all exponents to 1e-8: {time:.0f} us a value, largest error found {apart:.1e}, {alone} one by one")
-    Path(out).mkdir(parents=True, exist_ok=True)
     draw(rows, Path(out) / "cost_of_accuracy.svg")
     data = {"rows": [asdict(row) for row in rows], "ratios": ratios, "batch_us": time, "batch_error": apart}
     (Path(out) / "cost_of_accuracy.json").write_text(json.dumps(data, indent=1))
@@ -252,8 +236,4 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", choices=("full", "small"), default="full", help="small: one mode, few values")
-    parser.add_argument("--out", default="out/studies", help="folder for the figures")
-    options = parser.parse_args()
-    main(options.size, options.out)
+    run_study(main, "one mode, few values")

@@ -7,12 +7,12 @@ of convergence in every direction against the reach circles, and the estimated e
 Run: python studies/five_bar_taylor.py [--size small] [--out DIR]
 """
 
-import argparse
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shared.running import run_study
 
 from flexlin.mechanics.closure import five_bar
 from flexlin.series import ImplicitMap
@@ -107,7 +107,6 @@ def draw(result: Result, maps: list[ImplicitMap], size: str, out: Path) -> None:
     levels = draw_validity(right, maps[4], result.radii, directions, side)
     figure.colorbar(levels, ax=right, label="log10 of the estimated error in rad, order 5")
     figure.tight_layout()
-    out.mkdir(parents=True, exist_ok=True)
     figure.savefig(out / "five_bar_taylor.png", dpi=110)
     plt.close(figure)
 
@@ -176,11 +175,7 @@ def main(size: str = "full", out: Path | None = None) -> Result:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", choices=SIZES, default="full")
-    parser.add_argument("--out", type=Path, default=Path("out/studies"))
-    options = parser.parse_args()
-    answer = main(options.size, options.out)
+    answer = run_study(main, sizes=SIZES)
     print("largest tip error in m, by order (rows) and trajectory (columns)")
     for order, row in enumerate(answer.errors, start=1):
         print(f"{order:3d}  " + "  ".join(f"{e:9.2e}" for e in row))

@@ -6,12 +6,12 @@ against (68)-(71) as printed. Then the arm turns in a vertical plane, faster and
     python studies/khang_2019.py [--size small] [--out DIR]
 """
 
-import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from shared.running import run_study
 
 import flexlin as fl
 from flexlin.kronecker import derivative
@@ -135,14 +135,9 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
     for label, data in series.items():
         lost = [ratio for ratio, verdict in zip(ratios, data.verdicts, strict=True) if verdict == "unstable"]
         print(f"{label}: " + (f"unstable from {lost[0]:.3f} of the first frequency on" if lost else "never unstable"))
-    Path(out).mkdir(parents=True, exist_ok=True)
     draw(series, Path(out) / "khang_2019.svg")
     return {"difference": difference, "series": series}
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", choices=("full", "small"), default="full", help="small: few points")
-    parser.add_argument("--out", default="out/studies", help="folder for the picture")
-    options = parser.parse_args()
-    main(options.size, options.out)
+    run_study(main, "few points")

@@ -6,12 +6,12 @@ for each arm anew (performance), and Floquet judges each loop. What the periodic
     python studies/lqr_designs.py [--size small] [--out DIR]
 """
 
-import argparse
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
+from shared.running import run_study
 
 import flexlin as fl
 from flexlin.control import averaged_lqr, frozen_lqr, periodic_lqr
@@ -126,19 +126,9 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
     )
     for name in DESIGNS:
         print(f"{name:>10} {int((data.own[name] < 0).sum()):>24} {int((data.kept[name] < 0).sum()):>24}")
-    Path(out).mkdir(parents=True, exist_ok=True)
     draw(data, Path(out) / "lqr_designs.svg")
     return {"survival": data}
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--size",
-        choices=("full", "small"),
-        default="full",
-        help="small: few cases and phases, one mode, a looser tolerance",
-    )
-    parser.add_argument("--out", default="out/studies", help="folder for the picture")
-    options = parser.parse_args()
-    main(options.size, options.out)
+    run_study(main, "few cases and phases, one mode, a looser tolerance")

@@ -9,13 +9,13 @@ Source of the logs, thinned to 100 Hz: github.com/basta/quanser-2-dof-serial-fle
     python studies/measured_machine.py [--size small] [--out DIR]
 """
 
-import argparse
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.optimize import curve_fit
+from shared.running import run_study
 
 import flexlin as fl
 
@@ -168,7 +168,6 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, Any]:
         for label, fit in rows[name].items():
             print(f"{name}, {label}: " + ", ".join(f"{column} {value:.1f} %" for column, value in fit.items()))
         if len(rows) == 1:
-            Path(out).mkdir(parents=True, exist_ok=True)
             draw(predictions, Path(out) / "measured_machine.svg")
         small = {"thirds": [2], "free": ["links.0.bending_stiffness", "log.outputs.gauge_1.gain"]}
         left = leave_out(name) if size == "full" else leave_out(name, **small)
@@ -184,8 +183,4 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", choices=("full", "small"), default="full", help="small: the first 2 s of each log")
-    parser.add_argument("--out", default="out/studies", help="folder for the picture")
-    options = parser.parse_args()
-    main(options.size, options.out)
+    run_study(main, "the first 2 s of each log")

@@ -7,11 +7,11 @@ response and of the stability margin, beside the time to evaluate the coefficien
     python studies/modes_and_effects.py [--size small] [--out DIR]
 """
 
-import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from shared.running import run_study
 
 import flexlin as fl
 from flexlin.analyses.audit import Measure, measure
@@ -132,14 +132,9 @@ def main(size: str = "full", out: str | Path = "out/studies") -> list[Row]:
     """Run the study; returns all rows."""
     rows = [row for arm, modes in SIZES[size].items() for row in rows_of(arm, modes)]
     print(table(rows))
-    Path(out).mkdir(parents=True, exist_ok=True)
     draw(rows, Path(out) / "modes_and_effects.svg")
     return rows
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--size", choices=SIZES, default="full")
-    parser.add_argument("--out", default="out/studies")
-    arguments = parser.parse_args()
-    main(arguments.size, arguments.out)
+    run_study(main, sizes=SIZES)

@@ -8,7 +8,6 @@ missed (by more than 1 and by more than 3 times), the worst miss, the median of 
     OMP_NUM_THREADS=1 python studies/own_error.py [--size small|medium|full] [--kind NAME ...] [--seed 0] [--workers 2] [--out DIR]
 """
 
-import argparse
 import json
 import sys
 import warnings
@@ -20,6 +19,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from shared.running import run_study
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the jury lives with the tests
 
@@ -148,7 +148,6 @@ def main(
         *([f"... and {len(broken) - SHOWN} more in own_error.json"] if len(broken) > SHOWN else []),
         sep="\n",
     )
-    Path(out).mkdir(parents=True, exist_ok=True)
     data = {"rows": [asdict(row) for row in rows], "findings": broken}
     cases = {kind: [asdict(o) for o in found] for kind, found in every.items()}
     (Path(out) / "own_error.json").write_text(json.dumps({**data, "cases": cases}, indent=1))
@@ -177,10 +176,10 @@ def draw_ratios(ratios: dict[str, list[float]], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", choices=SIZES, default="full")
-    parser.add_argument("--out", default="out/studies")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--kind", nargs="*", choices=COUNTS, dest="kinds")
-    main(**vars(parser.parse_args()))
+    run_study(
+        main,
+        sizes=SIZES,
+        seed={"type": int, "default": 0},
+        workers={"type": int, "default": 2},
+        kind={"nargs": "*", "choices": COUNTS, "dest": "kinds"},
+    )

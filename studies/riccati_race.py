@@ -11,8 +11,6 @@ system and resolves its coefficients anew each time; "flexlin, design" is the wh
     python studies/riccati_race.py [--size small] [--out DIR]
 """
 
-import argparse
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -23,6 +21,7 @@ import casadi as ca
 import numpy as np
 from outside.compiled import compile_function
 from scipy.integrate import odeint, solve_ivp
+from shared.running import least_time, run_study
 
 import flexlin as fl
 from flexlin.analyses.accuracy.scipy_methods import FastRate
@@ -176,16 +175,6 @@ def time_set_up(system: fl.PeriodicSystem, Q: np.ndarray, R: np.ndarray, tol: fl
     return least_time(lambda: solve_by_newton(problem, choose_nodes(problem, edges, tol), None, tol), repeats)[1]
 
 
-def least_time(call: Callable[[], Any], repeats: int) -> tuple[Any, float]:
-    """The result and the least CPU time in s of several runs; what takes long is run once."""
-    times: list[float] = []
-    while len(times) < repeats and (not times or sum(times) < 2.0):
-        begin = time.process_time()
-        result = call()
-        times.append(time.process_time() - begin)
-    return result, min(times)
-
-
 def integrate_back(rate: FastRate, method: str, settle: float, tol: float, size: float, n: int) -> np.ndarray:
     """X(0) from X(settle) = 0; tol relative to the size of X."""
     start = np.zeros(n * (n + 1) // 2)
@@ -239,16 +228,9 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, dict[
             print(
                 f"{name:>20} {way:>16}: {seconds:8.3f} s, error {error:.1e}, {seconds / own:6.1f} times flexlin's time"
             )
-    Path(out).mkdir(parents=True, exist_ok=True)
     draw(times, Path(out) / "riccati_race.svg")
     return times
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--size", choices=("full", "small"), default="full", help="small: two small systems, a looser tolerance"
-    )
-    parser.add_argument("--out", default="out/studies", help="folder for the picture")
-    options = parser.parse_args()
-    main(options.size, options.out)
+    run_study(main, "two small systems, a looser tolerance")

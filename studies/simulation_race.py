@@ -10,18 +10,17 @@ its tol; the least CPU time of several runs in one process.
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python studies/simulation_race.py [--size small] [--out DIR]
 """
 
-import argparse
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from time import process_time
 from typing import Any
 
 import numpy as np
 from outside.compiled import compile_function
 from outside.scipy_ode import integrate, integrate_loop
+from shared.running import least_time, run_study
 
 import flexlin as fl
 from flexlin.analyses.accuracy.result import compare_arrays
@@ -51,16 +50,6 @@ class Row:
     milliseconds: float
 
 
-def timed(run: Callable[[], Any], repetitions: int) -> tuple[Any, float]:
-    """The result and the least CPU time in s; what takes long is run once."""
-    times: list[float] = []
-    while len(times) <= repetitions and max(times, default=0.0) < LONG:
-        begin = process_time()
-        found = run()
-        times.append(process_time() - begin)
-    return found, min(times)
-
-
 def run_arm(
     name: str, changes: dict[str, Any], tols: tuple[float, ...], peers: dict[str, Array], repetitions: int
 ) -> list[Row]:
@@ -77,7 +66,7 @@ def run_arm(
 
     def add(program: str, tol: float, run: Callable[[], Array]) -> float:
         try:
-            found, seconds = timed(run, repetitions)
+            found, seconds = least_time(run, repetitions + 1, LONG)
         except RuntimeError:
             return 0.0
         rows.append(Row(name, program, tol, compare_arrays(found, exact), 1e3 * seconds))
@@ -145,16 +134,9 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, Any]:
         print(f"{own['arm']}, tol {own['tol']:.0e}: error {own['error']:.1e}, {own['milliseconds']:.1f} ms")
         for program, milliseconds in own["peers"].items():
             print(f"    {program:24s} {milliseconds:9.1f} ms: here {own['milliseconds'] / milliseconds:.2f} times")
-    Path(out).mkdir(parents=True, exist_ok=True)
     draw(rows, Path(out) / "simulation_race.svg")
     return {"rows": [asdict(row) for row in rows], "compared": compared}
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--size", choices=("full", "small"), default="full", help="small: one arm with one mode, one tolerance"
-    )
-    parser.add_argument("--out", default="out/studies", help="folder for the picture")
-    options = parser.parse_args()
-    main(options.size, options.out)
+    run_study(main, "one arm with one mode, one tolerance")

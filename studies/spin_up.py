@@ -7,12 +7,12 @@ Source: Kane, Ryan, Banerjee, J. Guidance 10 (1987) 139; Simo, Vu-Quoc, J. Sound
     python studies/spin_up.py [--size small] [--out DIR]
 """
 
-import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from shared.running import run_study
 
 import flexlin as fl
 from flexlin import symbolic
@@ -110,15 +110,10 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, SpinU
         lag, time = data.lag
         end = f"lost at t = {data.t[-1]:.2f} s" if data.t[-1] < duration else f"recovers to {data.tip[-1]:+.4f} m"
         print(f"{label}: largest lag {lag:.4f} m at t = {time:.2f} s, {end}")
-    Path(out).mkdir(parents=True, exist_ok=True)
     draw(series, Path(out) / "spin_up.svg")
     print(f"wrote {Path(out) / 'spin_up.svg'}")
     return series
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", choices=("full", "small"), default="full", help="small: four modes, 18 s")
-    parser.add_argument("--out", default="out/studies", help="folder for the picture")
-    options = parser.parse_args()
-    main(options.size, options.out)
+    run_study(main, "four modes, 18 s")

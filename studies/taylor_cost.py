@@ -8,7 +8,6 @@ Twelve variables instead of two: `taylor_variables.py`.
 Run: python studies/taylor_cost.py [--size small] [--out DIR]
 """
 
-import argparse
 import resource
 import shutil
 import subprocess
@@ -22,6 +21,7 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from shared.running import run_study
 
 import flexlin as fl
 from flexlin.mechanics.closure import five_bar
@@ -256,17 +256,12 @@ def draw(costs: list[Cost], out: Path) -> None:
     axes[0].set(xlabel="seconds for one evaluation", ylabel="error of v in rad at |du| = 0.05 m")
     axes[1].set(xlabel="bytes the process grew by, building included")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize=8)
-    out.mkdir(parents=True, exist_ok=True)
     figure.savefig(out / "taylor_cost.png", dpi=110)
     plt.close(figure)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", choices=("full", "small"), default="full")
-    parser.add_argument("--out", type=Path, default=Path("out/studies"))
-    options = parser.parse_args()
-    answer = main(options.size, options.out)
+    answer = run_study(main)
     reference = {cost.order: cost.evaluate for cost in answer if cost.route == "series, casadi.Function"}
     print(f"{'route':30s} order   build s    evaluate us   ratio      MB       error")
     for cost in answer:

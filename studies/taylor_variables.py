@@ -6,7 +6,6 @@ the first time in a fresh process, tables and initialization counted. Time is th
 Run: python studies/taylor_variables.py [--size small] [--out DIR]
 """
 
-import argparse
 import resource
 import time
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from shared.running import run_study
 
 import flexlin as fl
 
@@ -110,17 +110,12 @@ def draw(costs: list[Cost], out: Path) -> None:
     axes[1].set(xlabel="coefficients of an output", ylabel="bytes the process grew by")
     axes[0].legend()
     figure.tight_layout()
-    out.mkdir(parents=True, exist_ok=True)
     figure.savefig(out / "taylor_variables.png", dpi=110)
     plt.close(figure)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", choices=("full", "small"), default="full")
-    parser.add_argument("--out", type=Path, default=Path("out/studies"))
-    options = parser.parse_args()
     print("tool       joints order   expand s   evaluate ms        MB       error")
-    for cost in main(options.size, options.out):
+    for cost in run_study(main):
         times = f"{cost.expand:10.3f} {1e3 * cost.evaluate:13.3f}"
         print(f"{cost.tool:10s} {cost.joints:6d} {cost.order:5d} {times} {cost.bytes / 1e6:9.1f}  {cost.error:.2e}")

@@ -7,12 +7,13 @@ a full disk a reader who knows nothing but docs/results.md looks for sets that a
     OMP_NUM_THREADS=1 python studies/torture.py [--size small|full] [--part NAME ...] [--seed 0] [--out DIR]
 """
 
-import argparse
 import json
 import sys
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
+
+from shared.running import run_study
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scenes, trials and reader live with the tests
 
@@ -81,7 +82,6 @@ def draw(rows: list[Row], path: Path) -> None:
 def main(size: str, out: Path | str, parts: tuple[str, ...] = tuple(PARTS), number: int = 0) -> dict:
     """Run the parts; print and keep what they found."""
     place = Path(out)
-    place.mkdir(parents=True, exist_ok=True)
     print("part        runs answered uncaught keyless mixed left  slowest  largest (s, MiB)")
     rows = []
     for part in parts:
@@ -98,11 +98,10 @@ def main(size: str, out: Path | str, parts: tuple[str, ...] = tuple(PARTS), numb
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", choices=SIZES, default="full")
-    parser.add_argument("--part", nargs="+", choices=PARTS, default=list(PARTS))
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, default=Path("out/studies"))
-    options = parser.parse_args()
-    found = main(options.size, options.out, tuple(options.part), options.seed)
+    found = run_study(
+        main,
+        sizes=SIZES,
+        part={"nargs": "+", "choices": PARTS, "default": tuple(PARTS), "dest": "parts"},
+        seed={"type": int, "default": 0, "dest": "number"},
+    )
     sys.exit(any(row["wrong"] for row in found["rows"]))

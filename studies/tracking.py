@@ -7,11 +7,11 @@ phase).
     python studies/tracking.py [--size small] [--scene NAME] [--out DIR]
 """
 
-import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from shared.running import run_study
 
 import flexlin as fl
 from flexlin.control.tracking import KINDS, feedforward
@@ -95,15 +95,9 @@ def main(size: str = "full", out: str | Path = "out/studies", scene: str = "sing
         cells = "".join(f"{1e3 * data.nonlinear[k][i]:>12.4g} ({1e3 * data.linear[k][i]:>6.4g}) mm" for k in KINDS)
         print(f"{frequency:>15.4g}   {cells}   {data.gain[i]:>10.1f}")
     print("largest tip error of the settled nonlinear loop (in brackets by the linear equations)")
-    Path(out).mkdir(parents=True, exist_ok=True)
     draw(data, shown, Path(out) / "tracking.svg")
     return {"data": data}
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", choices=("full", "small"), default="full", help="small: one speed only")
-    parser.add_argument("--scene", default="single-link", help="name or path of the scene")
-    parser.add_argument("--out", default="out/studies", help="folder for the picture")
-    options = parser.parse_args()
-    main(options.size, options.out, options.scene)
+    run_study(main, "one speed only", scene={"default": "single-link", "help": "name or path of the scene"})

@@ -6,12 +6,11 @@ the one whose worst of all is best, as sought among the gains in the order of th
     python studies/tuning_grid.py [--size small] [--out DIR]
 """
 
-import argparse
 import itertools
 import time
-from pathlib import Path
 
 import numpy as np
+from shared.running import run_study
 
 import flexlin as fl
 
@@ -124,14 +123,9 @@ def draw(rows, path):
 def main(size, out):
     """Run the study and draw what it found; returns a row for each arm."""
     rows = [{"arm": ", ".join(case), **found} for case, found in check_all(size).items()]
-    out.mkdir(parents=True, exist_ok=True)
     draw(rows, out / "tuning_grid.svg")
     return rows
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", choices=("full", "small"), default="full", help="small: one scene and few points")
-    parser.add_argument("--out", default="out/studies", help="folder of the picture")
-    options = parser.parse_args()
-    main(options.size, Path(options.out))
+    run_study(main, "one scene and few points")

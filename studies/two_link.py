@@ -7,13 +7,13 @@ weakly damped joint control: with the whole K_L, without dM/ds s'', and without 
     python studies/two_link.py [--size small] [--out DIR]
 """
 
-import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 from scipy.linalg import eigh
+from shared.running import run_study
 
 import flexlin as fl
 from flexlin.errors import FlexlinError
@@ -133,14 +133,9 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
     for label, data in sweeps.items():
         unstable = data.frequency[data.margin > data.error]
         print(f"{label}: " + (f"unstable from {unstable[0]:.3f} Hz" if len(unstable) else "never unstable"))
-    Path(out).mkdir(parents=True, exist_ok=True)
     draw(elbow, coupled, sweeps, Path(out) / "two_link.svg")
     return {"shapes": shapes, "coupled": coupled, "sweeps": sweeps}
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--size", choices=SIZES, default="full")
-    parser.add_argument("--out", default="out/studies")
-    arguments = parser.parse_args()
-    main(arguments.size, arguments.out)
+    run_study(main, sizes=SIZES)
