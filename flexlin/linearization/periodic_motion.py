@@ -26,7 +26,7 @@ from flexlin.linearization.law import Law
 from flexlin.linearization.layers import Layers
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.interpolation import FourierSeries
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem, extend_system
+from flexlin.periodic.system import PeriodicSystem, extend_system
 from flexlin.precision import SLIGHT
 from flexlin.summary import represent
 from flexlin.symbolic import Part
@@ -235,7 +235,6 @@ class PeriodicMotion:
 def periodic_motion(
     lin: Linearization,
     closing: Closing | None = None,
-    gain: MatrixFunction | None = None,
     tol: float = 1e-8,
     linear: bool = False,
     law: Law | None = None,
@@ -256,8 +255,6 @@ def periodic_motion(
         Of a periodic motion, with n coordinates and m inputs.
     closing : callable, optional
         (Deviation, Unknowns) -> casadi.SX (m, 1) that is to vanish; by default the torque obeys the law.
-    gain : function of times (N,) -> (N, m, 2n), optional
-        Takes the place of the law's gain.
     tol : float
         Wanted `error`, relative to the largest |y|.
     linear : bool
@@ -296,7 +293,6 @@ def periodic_motion(
     if not lin.motion.periodic:
         raise MotionError("a one-way motion has no periodic solution", todo="use course = 'there-and-back'")
     law = law or lin.law
-    law = law if gain is None else law.with_gain(gain)
     law = law if closing is None else law.direct
     equations = balance(lin.about, closing or by_law, law.controller)
     before, layers = None, None if linear else Layers.of(lin.about)
