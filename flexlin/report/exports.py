@@ -16,7 +16,7 @@ from flexlin.control.designed_loop import Design, scene_feedback
 from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_controller import write_estimator, write_gain
 from flexlin.control.export.c_linearization import write_linearization
-from flexlin.control.export.files import matlab_script, write_npz, write_system
+from flexlin.control.export.files import matlab_script, write_system
 from flexlin.control.lqr import horizon_system
 from flexlin.control.sensors import scene_sensors
 from flexlin.control.tracking import scene_feedforward
@@ -138,8 +138,8 @@ def write_dataset(data: xarray.Dataset, made: Results, stem: str) -> list[Path]:
         if part.dtype.kind == "U"
     }  # all at once: xarray would do it one by one
     (made / names[0]).write_bytes(data.assign(texts).to_netcdf(engine="scipy"))
-    arrays = {str(name): np.asarray(data[name].values) for name in data.variables}
-    write_npz(made / names[1], arrays)
+    arrays: dict[str, Any] = {str(name): np.asarray(data[name].values) for name in data.variables}
+    np.savez(made / names[1], **arrays)
     return made.placed(*names)
 
 

@@ -1,7 +1,5 @@
 """A system and its designs over a period as one file: NumPy's npz, the same bytes for the same numbers, MATLAB, netCDF."""
 
-import zipfile
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -155,8 +153,8 @@ def write_system(
 
 
 def _save_npz(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
-    words = {key: np.array(value, dtype=str) for key, value in texts.items()}
-    write_npz(path, {**arrays, **words, "period": np.array(period)}, compressed=True)
+    content: dict[str, Any] = arrays | {key: np.array(value, dtype=str) for key, value in texts.items()}
+    np.savez_compressed(path, **content, period=np.array(period))
 
 
 def _save_mat(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
@@ -214,25 +212,10 @@ def _save_netcdf(path: Path, arrays: dict[str, Array], texts: Texts, period: flo
 def matlab_script(data: Path, designs: int, periodic: bool = True) -> Path:
     """Write the script beside a .mat file that `save` wrote with a number of designs; returns its path."""
     target = data.with_name("load_arm.m")
-    ends = {"keep": 3, "within": "mod(time, period)", "ends": ": a period, so three samples are repeated at either end"}
-    once = {
-        "keep": 0,
-        "within": "min(max(time, 0), t(end))",
-        "ends": " of a motion that ends, held before and after it",
-    }
-    words = {"data": data.name, "designs": designs, "version": flexlin.__version__} | (ends if periodic else once)
+    keep, within, ends = 3, "mod(time, period)", ": a period, so three samples are repeated at either end"
+    if not periodic:
+        keep, within, ends = 0, "min(max(time, 0), t(end))", " of a motion that ends, held before and after it"
+    words = {"data": data.name, "designs": designs, "version": flexlin.__version__}
+    words |= {"keep": keep, "within": within, "ends": ends}
     target.write_text(fill_in("load_arm.m.in", words), encoding="utf-8")
     return target
-
-
-def write_npz(path: Path, arrays: Mapping[str, Any], compressed: bool = False) -> None:
-    """Write arrays as np.savez does, without date and without pickles."""
-    kind = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
-    with path.open("wb") as file, zipfile.ZipFile(file, "w", kind) as archive:
-        for name, array in arrays.items():
-            about = zipfile.ZipInfo(
-                f"{name}.npy"
-            )  # of the first date that a zip file knows; np.savez writes the time of day
-            about.compress_type = kind
-            with archive.open(about, "w", force_zip64=True) as entry:
-                np.lib.format.write_array(entry, np.asarray(array), allow_pickle=False)
