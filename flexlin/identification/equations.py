@@ -15,7 +15,7 @@ from flexlin.lazy import lazy
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.program import Layout, Program
-from flexlin.scene.scene import LogColumn, LogOutput, Scene
+from flexlin.scene.scene import LogColumn, LogOutput, LogTable, Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +40,7 @@ def read_inputs(scene: Scene, arm: Manipulator, log: Log) -> list[Channel]:
 
     Raises: ArgumentError for a name that is no joint, or two of one joint.
     """
-    marked = arm.parameters.placed_in(scene)
-    table = {} if marked.log is None else marked.log.inputs
+    table = logged(scene, arm).inputs
     found: list[Channel] = []
     for name in log.inputs:
         column = table.get(name, LogColumn(column=name))
@@ -54,8 +53,7 @@ def read_inputs(scene: Scene, arm: Manipulator, log: Log) -> list[Channel]:
 
 def read_outputs(scene: Scene, arm: Manipulator, log: Log) -> list[Channel]:
     """The sensors, as expressions of s, s' and s''; free numbers are symbols in them. Raises: ArgumentError for one that the arm lacks."""
-    marked = arm.parameters.placed_in(scene)
-    table = {} if marked.log is None else marked.log.outputs
+    table = logged(scene, arm).outputs
     found = []
     for name in log.outputs:
         sensor = table.get(name, LogOutput(column=name))
@@ -64,6 +62,11 @@ def read_outputs(scene: Scene, arm: Manipulator, log: Log) -> list[Channel]:
         passed = None if low is None else (2 * np.pi * ca.SX(low.frequency), ca.SX(low.damping))
         found.append(Channel(label, *calibration(sensor), see(scene, arm, name, sensor), lowpass=passed))
     return found
+
+
+def logged(scene: Scene, arm: Manipulator) -> LogTable:
+    """The scene's [log] with symbols for free numbers."""
+    return arm.parameters.placed_in(scene).log or LogTable()
 
 
 def calibration(column: LogColumn) -> tuple[ca.SX, ca.SX, ca.SX]:

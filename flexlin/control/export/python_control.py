@@ -152,11 +152,8 @@ def periodic_plant(system: PeriodicSystem | Linearization, name: str = "plant") 
         drift = system.A(now)[0] @ x
         return drift if system.B is None else drift + system.B(now)[0] @ np.atleast_1d(u)
 
-    def output(t: float, x: Array, u: Array, _: Any) -> Array:
-        return x
-
     inputs, states = list(labels.inputs) or 0, list(labels.states)
-    return control.nlsys(update, output, inputs=inputs, outputs=states, states=states, name=name)
+    return control.nlsys(update, None, inputs=inputs, outputs=states, states=states, name=name)
 
 
 LATE = "_held"
