@@ -197,17 +197,22 @@ def check_constant_pair(A: Array, B: Array, Q: Array, when: str) -> None:
     from scipy.linalg import eig  # takes longer to load than other designs to compute
 
     A, _, _, states, _ = lapack.dgebal(A, scale=1, permute=0)
-    B, Q = B / states[:, None], Q * states
     size = float(np.linalg.norm(A, 2)) or 1.0
-    values, left, right = eig(A, left=True, right=True)
-    for s, w, v in zip(values, left.T, right.T, strict=True):
-        if s.real < -1e-12 * size:
-            continue
-        shifted = s * np.eye(len(A)) - A
-        if cancels(B.T, w.conj()):
-            lacking(np.concatenate([shifted, scaled(B, size)], axis=1), True, s, states, when)
-        if cancels(Q, v):
-            lacking(np.concatenate([shifted, scaled(Q, size)], axis=0), False, s, states, when)
+    unreached = NotStabilizable, "cannot be reached by the input", "add an actuator that moves it"
+    unseen = NotDetectable, "is not seen by the weight Q", "give the mode's states weight in Q"
+    by_input, by_weight = (A, B / states[:, None], 1 / states, *unreached), (A.T, (Q * states).T, states, *unseen)
+    for rates, matrix, units, kind, what, todo in (by_input, by_weight):
+        matrix = matrix * (size / (float(np.linalg.norm(matrix, 2)) or 1.0))  # one margin serves both
+        values, vectors = eig(rates, left=True, right=False)
+        for s, w in zip(values, vectors.T, strict=True):
+            if s.real < -1e-12 * size or not cancels(matrix.T, w.conj()):
+                continue
+            left, sizes, _ = np.linalg.svd(np.concatenate([s * np.eye(len(A)) - rates, matrix], axis=1))
+            if sizes[-1] <= REACHED_SHARE * sizes[0]:
+                vector = np.abs(left[:, -1] * units)
+                direction = np.array2string(vector / vector.max(), precision=3, suppress_small=True)
+                got = f"eigenvalue {complex(s):.6g}, direction {direction}"
+                raise kind(f"a mode that does not decay {what} {when}", got=got, todo=todo)
 
 
 def cancels(matrix: Array, vector: Array) -> bool:
@@ -240,23 +245,3 @@ def constant_lqr(A: Array, B: Array, Q: Array, R: Array, N: Array, when: str) ->
             f"the Riccati equation has no stabilising solution in numbers of this precision {when}", got=why, todo=todo
         )
     return K, X
-
-
-def scaled(matrix: Array, size: float) -> Array:
-    """Bring B or Q to the size of A, so that one margin serves both."""
-    return matrix * (size / (float(np.linalg.norm(matrix, 2)) or 1.0))
-
-
-def lacking(pencil: Array, by_input: bool, eigenvalue: complex, states: Array, when: str) -> None:
-    """Raise when a Hautus pencil is rank deficient."""
-    left, values, right = np.linalg.svd(pencil)
-    if values[-1] > REACHED_SHARE * values[0]:
-        return
-    vector = np.abs(left[:, -1] / states if by_input else right[-1] * states)
-    kind = NotStabilizable if by_input else NotDetectable
-    got = f"eigenvalue {complex(eigenvalue):.6g}, direction {np.array2string(vector / vector.max(), precision=3, suppress_small=True)}"
-    raise kind(
-        f"a mode that does not decay {'cannot be reached by the input' if by_input else 'is not seen by the weight Q'} {when}",
-        got=got,
-        todo="add an actuator that moves it" if by_input else "give the mode's states weight in Q",
-    )
