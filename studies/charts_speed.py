@@ -199,20 +199,17 @@ def time_sharing(size: str) -> dict[str, float]:
 
 def draw(data: dict[str, Any], out: Path) -> None:
     """Draw the time of a value by each program."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
 
     bars = {f"{row['scene']}, flexlin": row["compiled_us"] for row in data["rows"]}
     bars |= {f"1 link, 1 mode, {name}": us for name, us in data["peers_us"].items() if not name.startswith("flexlin")}
-    figure, axes = plt.subplots(figsize=(9, 0.45 * len(bars) + 1.2), layout="constrained")
+    figure = Figure(figsize=(9, 0.45 * len(bars) + 1.2), layout="constrained")
+    axes = figure.subplots()
     axes.barh(list(bars), list(bars.values()), color=["tab:blue" if "flexlin" in name else "tab:gray" for name in bars])
     axes.invert_yaxis()
     axes.set(xscale="log", xlabel="processor time of a value in µs")
     axes.set_title("A value of a stability chart at 1e-8", loc="left")
     figure.savefig(out / "charts_speed.svg")
-    plt.close(figure)
 
 
 def main(size: str = "full", out: Path | str = "out/studies") -> dict[str, Any]:

@@ -95,20 +95,16 @@ def study(size: str) -> tuple[Result, list[ImplicitMap]]:
 
 def draw(result: Result, maps: list[ImplicitMap], size: str, out: Path) -> None:
     """Draw trajectories with their insert, the orders to 10, and the map of validity."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
 
     positions, directions, side = SIZES[size]
-    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(18, 6))
+    figure = Figure(figsize=(18, 6), layout="tight")
+    left, middle, right = figure.subplots(1, 3)
     draw_trajectories(left, maps, positions)
     draw_orders(middle, maps)
     levels = draw_validity(right, maps[4], result.radii, directions, side)
     figure.colorbar(levels, ax=right, label="log10 of the estimated error in rad, order 5")
-    figure.tight_layout()
     figure.savefig(out / "five_bar_taylor.png", dpi=110)
-    plt.close(figure)
 
 
 def draw_trajectories(ax: Any, maps: list[ImplicitMap], positions: int) -> None:

@@ -242,12 +242,10 @@ def main(size: str = "full", out: Path | None = None) -> list[Cost]:
 
 def draw(costs: list[Cost], out: Path) -> None:
     """Draw error against time and against memory."""
-    import matplotlib
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, 2, figsize=(9, 5.5), sharey=True, layout="constrained")
+    figure = Figure(figsize=(9, 5.5), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
     for route in dict.fromkeys(cost.route for cost in costs):
         mine = [cost for cost in costs if cost.route == route]
         errors = [cost.error for cost in mine]
@@ -257,7 +255,6 @@ def draw(costs: list[Cost], out: Path) -> None:
     axes[1].set(xlabel="bytes the process grew by, building included")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize=8)
     figure.savefig(out / "taylor_cost.png", dpi=110)
-    plt.close(figure)
 
 
 if __name__ == "__main__":

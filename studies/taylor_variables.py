@@ -95,12 +95,10 @@ def main(size: str = "full", out: Path | None = None) -> list[Cost]:
 
 def draw(costs: list[Cost], out: Path) -> None:
     """Draw time and memory against the number of coefficients."""
-    import matplotlib
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, 2, figsize=(11, 4.5))
+    figure = Figure(figsize=(11, 4.5), layout="tight")
+    axes = figure.subplots(1, 2)
     for tool in dict.fromkeys(cost.tool for cost in costs):
         mine = [cost for cost in costs if cost.tool == tool]
         sizes = [comb(cost.joints + cost.order, cost.order) for cost in mine]
@@ -109,9 +107,7 @@ def draw(costs: list[Cost], out: Path) -> None:
     axes[0].set(xlabel="coefficients of an output", ylabel="CPU seconds of the first expansion")
     axes[1].set(xlabel="coefficients of an output", ylabel="bytes the process grew by")
     axes[0].legend()
-    figure.tight_layout()
     figure.savefig(out / "taylor_variables.png", dpi=110)
-    plt.close(figure)
 
 
 if __name__ == "__main__":
