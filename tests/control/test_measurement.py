@@ -1,5 +1,7 @@
 """Sensors: against finite differences of positions and the beam's own shape; the zeros from motors to tip against SciPy's pencil."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from scipy.linalg import eigvals
@@ -7,9 +9,10 @@ from scipy.linalg import eigvals
 import flexlin as fl
 from flexlin.analyses import analyse
 from flexlin.control import bending, tip_acceleration, tip_position
-from flexlin.control.sensors import tip_zeros
+from flexlin.control.sensors import READINGS, tip_zeros
 from flexlin.errors import ArgumentError
 from flexlin.report.advice import comment_on_zeros
+from flexlin.scene.scene import Sensor
 from flexlin.simulation import tip_positions
 from tests.closed_arm import closed, opened
 
@@ -63,6 +66,11 @@ def test_accelerometer_is_the_second_derivative_of_the_camera(lin):
     C, D = tip_acceleration(lin)
     felt = (C(t) @ np.array(x)[:, :6, None])[1, :, 0] + D(t)[1, :, 0] * torque
     np.testing.assert_allclose((seen[0] - 2 * seen[1] + seen[2]) / h**2, felt, rtol=0, atol=1e-4 * np.abs(felt).max())
+
+
+def test_every_sensor_that_a_log_may_name_is_read():
+    """A kind that only the scene's schema knows would end in a KeyError."""
+    assert set(get_args(Sensor)) - {"coordinate", "rate"} <= set(READINGS)
 
 
 STILL = {"designs": [], "motion.joints": [{"mean": 0.0, "amplitude": 0.0}]}
