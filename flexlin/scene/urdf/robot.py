@@ -3,11 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-from xml.etree.ElementTree import ParseError
-
-from defusedxml import DefusedXmlException
-from defusedxml.ElementTree import DefusedXMLParser
+from typing import TypeVar
+from xml.parsers import expat
 
 from flexlin.bounds import (
     DEEPEST_NESTING,
@@ -84,90 +81,58 @@ class Element:
         return self.numbers(name, 1, None if default is None else (default,))[0]
 
 
-class Builder:
-    """Collects elements as a parser reports them."""
-
-    def __init__(self, source: str) -> None:
-        self.source, self.stack, self.count = source, list[Element](), 0
-        self.root: Element | None = None
-        self.parser: Any = None
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        element = Element(self.source, tag, self.parser.parser.CurrentLineNumber, dict(attributes))
-        self.count += 1
-        if self.count > MOST_ELEMENTS or len(self.stack) >= DEEPEST_NESTING:
-            raise element.refuse("elements without end", f"{MOST_ELEMENTS} at most, {DEEPEST_NESTING} in each other")
-        if self.stack:
-            self.stack[-1].children.append(element)
-        else:
-            self.root = element
-        self.stack.append(element)
-
-    def end(self, tag: str) -> None:
-        self.stack.pop()
-
-    def data(self, text: str) -> None:
-        """Text between elements: the first words are kept for a message."""
-        if self.stack and self.stack[-1].words is None and text.strip():
-            self.stack[-1].words = self.parser.parser.CurrentLineNumber, text.strip()
-
-    def close(self) -> Element | None:
-        return self.root
-
-
 def read_elements(path: Path) -> Element:
     """Read a file's outermost element.
 
-    Raises: SceneError, naming the line, for what is no XML, declares a document type or an entity, or is too large.
+    Raises: SceneError, naming the line, for what is no XML, declares a document type, and with it entities, or is too large.
     """
-    source = printable(path)
+    source, parser, count = printable(path), expat.ParserCreate("utf-8"), 0
+    whole = Element(source, "", 0, {})
+    stack = [whole]
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        element, count = Element(source, tag, parser.CurrentLineNumber, attributes), count + 1
+        if count > MOST_ELEMENTS or len(stack) > DEEPEST_NESTING:
+            raise element.refuse("elements without end", f"{MOST_ELEMENTS} at most, {DEEPEST_NESTING} in each other")
+        stack[-1].children.append(element)
+        stack.append(element)
+
+    def keep_words(text: str) -> None:
+        if stack[-1].words is None and text.strip():
+            stack[-1].words = parser.CurrentLineNumber, text.strip()
+
+    def refuse_type(*_: object) -> None:
+        line = f"line {parser.CurrentLineNumber}"
+        raise SceneError(source, [Problem(line, "a document type or an entity", "plain XML without them")])
+
+    parser.StartElementHandler, parser.EndElementHandler = start, lambda tag: stack.pop()
+    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = keep_words, refuse_type
     try:
-        text = read_text(path, LARGEST_ROBOT)
+        parser.Parse(read_text(path, LARGEST_ROBOT).encode("utf-8", errors="replace"), True)
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(source, [Problem("file", printable(error), "a readable URDF file")]) from None
-    builder = Builder(source)
-    parser = builder.parser = DefusedXMLParser(target=builder, forbid_dtd=True)
-    try:
-        parser.feed(text.encode("utf-8", errors="replace"))
-        root = parser.close()
-    except ParseError as error:
-        raise SceneError(
-            source, [Problem(f"line {error.position[0]}", printable(error)[:200], "well-formed XML")]
-        ) from None
-    except (DefusedXmlException, LookupError, ValueError) as error:
-        line = parser.parser.CurrentLineNumber
-        got = "a document type or an entity" if isinstance(error, DefusedXmlException) else printable(error)[:200]
-        raise SceneError(source, [Problem(f"line {line}", got, "plain XML in UTF-8 without them")]) from None
-    finally:
-        builder.parser = None
-    if root is None:
-        raise SceneError(source, [Problem("file", "nothing", "a <robot>")])
-    return root
+    except expat.ExpatError as error:
+        raise SceneError(source, [Problem(f"line {error.lineno}", printable(error), "well-formed XML")]) from None
+    return whole.children[0]
 
 
-CHILDREN = {
-    "robot": ("link", "joint"),
-    "link": ("inertial",),
-    "joint": ("origin", "parent", "child", "axis", "dynamics", "limit", "mimic"),
-    "inertial": ("origin", "mass", "inertia"),
+READ = {
+    "robot": ("name", "link joint"),
+    "link": ("name", "inertial"),
+    "joint": ("name type", "origin parent child axis dynamics limit mimic"),
+    "inertial": ("", "origin mass inertia"),
+    "origin": ("xyz rpy", ""),
+    "mass": ("value", ""),
+    "inertia": ("ixx iyy izz ixy ixz iyz", ""),
+    "parent": ("link", ""),
+    "child": ("link", ""),
+    "axis": ("xyz", ""),
+    "dynamics": ("damping friction", ""),
+    "limit": ("lower upper effort velocity", ""),
+    "mimic": ("joint multiplier offset", ""),
 }
-"""The children that are read, of each element that is read."""
-ATTRIBUTES = {
-    "robot": ("name",),
-    "link": ("name",),
-    "joint": ("name", "type"),
-    "inertial": (),
-    "origin": ("xyz", "rpy"),
-    "mass": ("value",),
-    "inertia": ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"),
-    "parent": ("link",),
-    "child": ("link",),
-    "axis": ("xyz",),
-    "dynamics": ("damping", "friction"),
-    "limit": ("lower", "upper", "effort", "velocity"),
-    "mimic": ("joint", "multiplier", "offset"),
-}
-"""The attributes that are read."""
+"""The attributes and the children that are read, of each element that is read."""
 CLOSED = ("inertial", "origin", "mass", "inertia", "axis", "mimic", "child")
 """Elements that hold nothing else; other programs put words of their own into the rest."""
 SPELLING_LIKENESS = 0.8
@@ -179,17 +144,17 @@ def check_spelling(element: Element) -> None:
     if element.words is not None:
         line, words = element.words
         raise element.refuse(f"the text {shown(repr(words))} on line {line}", "elements and comments only")
-    expected = CHILDREN.get(element.tag, ())
+    attributes, children = (words.split() for words in READ[element.tag])
     for child in element.children:
         if "xacro" in child.tag:
             raise child.refuse("an element of xacro", "plain URDF; a xacro file must be expanded first")
-        if child.tag in expected:
+        if child.tag in children:
             check_spelling(child)
         else:
-            check_word(child, f"<{shown(child.tag)}>", child.tag, expected, element.tag)
+            check_word(child, f"<{shown(child.tag)}>", child.tag, children, element.tag)
     for name in element.attributes:
-        if name not in ATTRIBUTES[element.tag]:
-            check_word(element, f"{shown(name)}=", name, ATTRIBUTES[element.tag], element.tag)
+        if name not in attributes:
+            check_word(element, f"{shown(name)}=", name, attributes, element.tag)
 
 
 def check_word(element: Element, got: str, word: str, known: Iterable[str], inside: str) -> None:
@@ -249,6 +214,9 @@ class UrdfJoint:
     mimic: Rule | None
 
 
+Part = TypeVar("Part", UrdfLink, UrdfJoint)
+
+
 @dataclass(frozen=True)
 class Robot:
     """Links and joints by name, and notes on what the file says beside them."""
@@ -269,25 +237,25 @@ def read_robot(path: str | Path) -> Robot:
     if root.tag != "robot":
         raise root.refuse(f"<{root.tag[:60]}> outermost", "<robot>; a xacro file must be expanded first")
     check_spelling(root)
-    links, joints = dict[str, UrdfLink](), dict[str, UrdfJoint]()
-    for element in root.all("link"):
-        link = read_link(element)
-        if link.name in links:
-            raise element.refuse(f"link {link.name!r} a second time", "a name of its own")
-        links[link.name] = link
-    for element in root.all("joint"):
-        joint = read_joint(element)
-        if joint.name in joints:
-            raise element.refuse(f"joint {joint.name!r} a second time", "a name of its own")
-        joints[joint.name] = joint
+    links, joints = by_name(map(read_link, root.all("link"))), by_name(map(read_joint, root.all("joint")))
     if len(links) > MOST_LINKS:
         raise root.refuse(f"{len(links)} links", f"{MOST_LINKS} at most")
     if not links:
         raise root.refuse("no <link>", "at least one")
     check_tree(links, joints)
-    return Robot(
-        printable(root.attributes.get("name", ""))[:200], root, links, joints, tuple(list_notes(root, links, joints))
-    )
+    name = printable(root.attributes.get("name", ""))[:200]
+    return Robot(name, root, links, joints, tuple(list_notes(root, links, joints)))
+
+
+def by_name(parts: Iterable[Part]) -> dict[str, Part]:
+    """Links or joints by their names, which no two share."""
+    named = dict[str, Part]()
+    for part in parts:
+        if part.name in named:
+            what = f"{part.element.tag} {part.name!r} a second time"
+            raise part.element.refuse(what, "a name of its own")
+        named[part.name] = part
+    return named
 
 
 def read_link(element: Element) -> UrdfLink:
@@ -321,17 +289,15 @@ def read_joint(element: Element) -> UrdfJoint:
     axis, dynamics, limit, mimic = (element.one(tag) for tag in ("axis", "dynamics", "limit", "mimic"))
     direction = axis.numbers("xyz", 3) if axis is not None else (1.0, 0.0, 0.0)
     if axis is not None and kind != "fixed" and max(map(abs, direction)) < SMALLEST_NUMBER:
-        raise axis.refuse(
-            "an axis of no length", f"three numbers, not all of them zero or smaller than {SMALLEST_NUMBER:g}"
-        )
+        expected = f"three numbers, not all of them zero or smaller than {SMALLEST_NUMBER:g}"
+        raise axis.refuse("an axis of no length", expected)
     damping, friction = (dynamics.number(key, 0.0) if dynamics is not None else 0.0 for key in ("damping", "friction"))
     if dynamics is not None and min(damping, friction) < 0:
         raise dynamics.refuse(f"{min(damping, friction):g}", "damping and friction of 0 or more")
     xyz, rpy = read_origin(element.one("origin"))
     limits = {} if limit is None else read_limits(limit)
-    follows = None
-    if mimic is not None:
-        follows = Rule(mimic.text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0))
+    rule = ("multiplier", 1.0), ("offset", 0.0)
+    follows = None if mimic is None else Rule(mimic.text("joint"), *(mimic.number(*part) for part in rule))
     return UrdfJoint(name, element, kind, parent, child, xyz, rpy, direction, damping, friction, limits, follows)
 
 
@@ -360,9 +326,8 @@ def check_tree(links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> None
             if end not in links:
                 raise joint.element.refuse(f"link {end!r}", "the name of a link of the file")
         if joint.child in behind:
-            raise joint.element.refuse(
-                f"link {joint.child!r} behind a second joint", "a tree, each link behind one joint"
-            )
+            got = f"link {joint.child!r} behind a second joint"
+            raise joint.element.refuse(got, "a tree, each link behind one joint")
         behind[joint.child] = joint
         if joint.mimic is not None and (joint.mimic.leader not in joints or joint.mimic.leader == joint.name):
             raise joint.element.refuse(f"mimic of {joint.mimic.leader!r}", "another joint of the file")
@@ -378,7 +343,7 @@ def check_tree(links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> None
 
 def list_notes(root: Element, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> list[str]:
     """What the file holds that is not used, and what it leaves out."""
-    ignored = sorted({child.tag for child in root.children} - {*CHILDREN["robot"]})
+    ignored = sorted({child.tag for child in root.children} - {"link", "joint"})
     shapes = sorted({part.tag for link in links.values() for part in link.element.children} - {"inertial"})
     bare = [link.name for link in links.values() if link.mass == 0]
     notes = [f"not read: {', '.join(f'<{tag[:40]}>' for tag in (*ignored, *shapes))}"] if ignored or shapes else []
