@@ -4,11 +4,16 @@ With the radius of gyration r about z, rho I_z = rho A r^2; a section's inertia 
 turn out of the plane of rotation are pulled back into it: the propeller moment. Source: Rayleigh, Theory of Sound (1877), section 186.
 """
 
+from collections.abc import Iterator
+from math import sqrt
 from typing import Annotated, Any
 
+from flexlin.errors import Problem
 from flexlin.mechanics.effects.base import SLENDERNESS, Effect, Scale, per_joint
 from flexlin.mechanics.links import BentLink
+from flexlin.precision import SLIGHT
 from flexlin.scene.base import PerLink, Unit
+from flexlin.scene.effects import RawArm, RawTable
 
 
 class RotaryInertia(Effect):
@@ -18,6 +23,19 @@ class RotaryInertia(Effect):
     lists = "each"
     radius_of_gyration: Annotated[PerLink, Unit("m")]
     """Radius of gyration sqrt(I/A) of the sections."""
+
+    @classmethod
+    def contradictions(cls, raw: RawTable, arm: RawArm) -> Iterator[Problem]:
+        """A section's polar inertia is the sum of those about z and about y, so neither is larger."""
+        given = raw.get("radius_of_gyration")
+        for i, link in enumerate(arm.links):
+            own: Any = given[i] if isinstance(given, list) and i < len(given) else given
+            figures: list[Any] = [own, link.get("polar_inertia"), link.get("mass_per_length")]
+            if all(isinstance(one, int | float) and one > 0 for one in figures):
+                most = sqrt(figures[1] / figures[2])
+                if own > (1 + SLIGHT) * most:
+                    expected = f"{most:.4g} at most: the polar_inertia of link {i + 1} is of both axes together"
+                    yield Problem("effects.rotary_inertia.radius_of_gyration", f"{own:g}", expected)
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "RotaryInertia":
