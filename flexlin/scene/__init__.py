@@ -22,7 +22,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "scene.motion": "AnyMotion Fourier Harmonic LogMotion PointToPoint Rotation TableMotion",
         "scene.names": "label_number name_unit",
         "scene.parameters": "apply_overrides get_value need_numbers numeric_paths parse_assignment replace_value",
-        "scene.problems": "name_units suggest",
+        "scene.problems": "name_units",
         "scene.toml": "write_toml",
         "scene.units": "dimension_of in_si in_unit",
         "scene.urdf.convert": "angles_of rotation_of scene_tables",

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from flexlin.bounds import DEEPEST_NESTING, MOST_NAMED, SHALLOW, hint_at, parse_toml, printable
+from flexlin.bounds import DEEPEST_NESTING, SHALLOW, hint_at, parse_toml, printable
 from flexlin.errors import ArgumentError, Problem
 from flexlin.scene.effects import known_effects
 
@@ -141,20 +141,6 @@ def apply_overrides(raw: dict[str, Any], overrides: Mapping[str, Any]) -> tuple[
     return result, problems
 
 
-def _list_keys(raw: dict[str, Any], last: str) -> str:
-    """The dotted paths of raw data that end like a key, in words: a model keeps its links below `parameters`."""
-    level: list[tuple[str, Any]] = [("", raw)]
-    found = list[str]()
-    while level:
-        path, node = level.pop(0)
-        items = node.items() if isinstance(node, dict) else enumerate(node)
-        for step, child in items:
-            whole = f"{path}.{step}" if path else str(step)
-            found += [whole] if step == last else []
-            level += [(whole, child)] if isinstance(child, (dict, list)) else []
-    return f"a key of the scene, such as {' or '.join(found[:MOST_NAMED])}" if found else "a key of the scene"
-
-
 def _place(tree: Any, path: list[str], value: Any) -> tuple[str, str] | None:
     model = tree.get("model")
     if path[0] == "effects" and model is not None:
@@ -165,7 +151,10 @@ def _place(tree: Any, path: list[str], value: Any) -> tuple[str, str] | None:
         expected = "flexible.NAME with a link's name in that file: flexible.NAME={bending_stiffness=..., modes=...}"
         return "an item of links, which come from the robot's file", expected
     if len(path) > 1 and path[1].isdigit() and path[0] not in tree:
-        return f"an item of {printable(path[0])}, which the scene does not have", _list_keys(tree, path[-1])
+        return (
+            f"an item of {printable(path[0])}, which the scene does not have",
+            f"a key of the scene: {', '.join(map(str, tree))}",
+        )
     for depth, step in enumerate(path[:-1]):
         if path[:1] == ["effects"] and depth == 1 and step not in tree:
             return (

@@ -3,57 +3,27 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from flexlin.bounds import LONGEST_NUMBER, LONGEST_SHOWN, MOST_ITEMS, hint_at, printable
+from flexlin.bounds import LONGEST_SHOWN, MOST_ITEMS, hint_at, printable
 from flexlin.errors import Problem, SceneError
 from flexlin.scene.base import Table
 from flexlin.scene.effects import Effects, effects_table
-from flexlin.scene.units import NAMES, read_quantity
+from flexlin.scene.units import NAMES
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
-NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-NUMBERS = re.compile(rf"\s*[\[(]?\s*({NUMBER}(?:[\s,;]+{NUMBER})*)\s*[,;]?\s*[\])]?\s*")
-
 
 def suggest(kind: str, value: Any, unit: str | None) -> str:
-    """Words for what was meant, to stand behind what was expected; empty where there is no guess.
+    """Words to stand behind what was expected: the units of a number, the brackets of tables in a list.
 
     kind: pydantic's name of what is wrong; unit: of the key, where it states one.
     """
-    if kind == "tuple_type":
-        return ", each under a heading in two brackets, [[ ]]" if isinstance(value, dict) else suggest_list(value)
-    if kind in ("float_type", "int_type") and isinstance(value, str) and len(value) <= LONGEST_NUMBER:
-        return suggest_number(value, unit)
-    if kind in ("float_type", "int_type") and isinstance(value, list | tuple) and len(value) == 1:
-        return f"; did you mean {value[0]!r}?" if isinstance(value[0], int | float) else ""
-    return ""
-
-
-def suggest_list(value: Any) -> str:
-    """A list of the numbers in a text or of a single number: 5,2 may mean [5, 2]."""
-    if isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value):
-        return f"; did you mean [{value}]?"
-    found = NUMBERS.fullmatch(value) if isinstance(value, str) and len(value) <= LONGEST_NUMBER else None
-    if found is None:
-        return ""
-    numbers = re.findall(NUMBER, found.group(1))
-    return f"; did you mean [{', '.join(numbers)}]?"
-
-
-def suggest_number(value: str, unit: str | None) -> str:
-    """The SI value of a quantity with a unit: 96 cm may mean 0.96."""
-    try:
-        number, dimension = read_quantity(value)
-    except ValueError:
-        return name_units(unit) if unit and re.match(rf"\s*{NUMBER}\s*\D", value) else ""
-    if unit and dimension is not None:
-        return name_units(unit)
-    return f"; did you mean {number:.12g}? Numbers are in {unit or 'SI units'}"
+    if kind == "tuple_type" and isinstance(value, dict):
+        return ", each under a heading in two brackets, [[ ]]"
+    return name_units(unit) if kind in ("float_type", "int_type") and isinstance(value, str) and unit else ""
 
 
 def name_units(units: str) -> str:
@@ -69,7 +39,7 @@ WORDS = {
     "int_from_float": "a whole number",
     "string_type": "a text",
     "string_unicode": "a text in UTF-8",
-    "tuple_type": "a list",
+    "tuple_type": "a list [...]",
     "model_type": "a table",
     "model_attributes_type": "a table",
     "dict_type": "a table",
@@ -88,9 +58,7 @@ def schema_problems(schema: type[BaseModel], error: ValidationError) -> list[Pro
         if known is None:
             merged[problem.key] = problem
         elif problem.expected not in known.expected:
-            number = isinstance(entry["input"], int | float)  # out of its bounds, as it would be in a list
-            also = problem.expected.partition("; did you mean")[0] if number else problem.expected
-            merged[problem.key] = Problem(problem.key, known.got, f"{known.expected} or {also}")
+            merged[problem.key] = Problem(problem.key, known.got, f"{known.expected} or {problem.expected}")
     steps = [key.split(".") for key in merged]
     parents = {".".join(path[:depth]) for path in steps for depth in range(1, len(path))}
     found = [problem for key, problem in merged.items() if key not in parents]

@@ -13,7 +13,7 @@ import pytest
 import flexlin as fl
 from flexlin.cli import main
 from flexlin.errors import SceneError
-from flexlin.scene import apply_overrides, builtin_scenes, known_effects, scene_schema, suggest, write_toml
+from flexlin.scene import apply_overrides, builtin_scenes, known_effects, scene_schema, write_toml
 
 pytestmark = pytest.mark.xdist_group("schema")
 
@@ -140,15 +140,12 @@ def test_show_prints_the_file(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 HINTS = {
-    "control.feedback.kp=5,2": "did you mean [5, 2]?",
-    "control.feedback.kp=(5, 2)": "did you mean [5, 2]?",
-    "control.feedback.kd=0.5": "did you mean [0.5]?",
+    "control.feedback.kp=5,2": "expected a list [...]",
     "links.0.length=96kg": "expected a number in m, or a length such as 2 mm",
     "motion.joints.0.amplitude=30 mm": "expected a number in rad or m",
     "effects.payload.mass=30 m": "expected a number in kg",
     "effects.hub.inertia=3kg": "expected a number in kg m^2",
     "links.0.length=3 parsec": "expected a number in m, or a length such as 2 mm",
-    "links.0.length=[0.9]": "did you mean 0.9?",
     "effects.gravty=off": "did you mean 'gravity'?",
 }
 
@@ -157,12 +154,6 @@ HINTS = {
 def test_a_refused_value_is_answered_by_what_was_meant(assignment: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "single-link", "--set", assignment]) == 2
     assert HINTS[assignment] in capsys.readouterr().err
-
-
-def test_no_guess_where_nothing_is_like_it() -> None:
-    lists = [("tuple_type", value) for value in ("fast", True, float("nan"), float("-inf"))]
-    for kind, value in [*lists, ("float_type", "long"), ("float_type", "9" * 10**6), ("model_type", "5, 2")]:
-        assert "did you mean" not in suggest(kind, value, "m"), (kind, value)
 
 
 @pytest.mark.parametrize(
