@@ -9,8 +9,10 @@ from flexlin.mechanics import make_shapes, sum_carried
 
 from .scenes import matrices_at_rest
 
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("manutec-r3", "puma-560", "spatial-arm")]
 
-@pytest.mark.parametrize("name", ["de-luca-siciliano-1991", "flexible-joint-link", "rigid-flexible-forearm"])
+
+@pytest.mark.parametrize("name", ["de-luca-siciliano-1991", "flexible-joint-link", "rigid-flexible-forearm", *SLOW])
 def test_their_own_loops_are_stable(name):
     scene = fl.load_scene(name)
     lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
