@@ -71,15 +71,9 @@ def with_unit_of(scene: Scene, path: str, text: str) -> str:
     return f"{text} {show_unit(scene, path)}".rstrip()
 
 
-def time_label() -> str:
-    """The label of an axis of time."""
-    return in_unit("time", "s")
-
-
-def in_unit(title: str, unit: str, times: str = "") -> str:
-    """A title with its unit, behind the power of ten that its numbers are multiples of."""
-    behind = " ".join(filter(None, (times, page_unit(unit))))
-    return f"{title} in {behind}" if behind else title
+def in_unit(title: str, unit: str) -> str:
+    """A title with its unit."""
+    return f"{title} in {page_unit(unit)}" if page_unit(unit) else title
 
 
 def without_units(text: str) -> str:

@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from flexlin.analyses.analysis import Analysis
 from flexlin.analyses.judging import Loop
 from flexlin.checks import Array
 from flexlin.plots.panel import Mark, Panel, draw
-from flexlin.plots.scales import Linear
+from flexlin.plots.scales import Linear, Symlog
 from flexlin.plots.view import COLOURS
-from flexlin.report.wording import time_label
+from flexlin.report.wording import in_unit
 
 WIDTH, GAP = 760.0, 16.0
 """Of a page, and of what is free between two panels."""
@@ -50,16 +52,14 @@ def make_picture(
     folded: Sequence[Panel] = (),
     heading: str = "",
 ) -> Picture:
-    """Draw a figure: its panels below their legend, and further ones that are folded under a heading; four as two and two."""
+    """Draw a figure: its panels below their legend, and further ones that are folded under a heading; four as two and two.
+
+    The heading says of what the others are: "other entries".
+    """
     if len(panels) in (2, 4) and all(panel.width == share_width(3) for panel in panels):
         resize(panels, panels[0].height, (share_width(2),))
     shown, more = (draw(part, key) if part else "" for part, key in ((panels, legend), (folded, ())))
-    return Picture(name, title, caption, shown, more, heading)
-
-
-def choose_views(dimension: int) -> tuple[tuple[int, int], ...]:
-    """World axes across and up of the pictures of a path: one is enough for an arm in its plane."""
-    return ((0, 1), (0, 2), (1, 2)) if dimension == 3 else ((0, 1),)
+    return Picture(name, title, caption, shown, more, f"The {len(folded)} {heading}")
 
 
 def make_wide_panel(x: Array, y: Linear, title: str, x_label: str, height: float) -> Panel:
@@ -68,8 +68,25 @@ def make_wide_panel(x: Array, y: Linear, title: str, x_label: str, height: float
 
 
 def make_period_panel(period: float, title: str) -> Panel:
-    """A panel of something over one period."""
-    return Panel(title, x=Linear(0.0, period), x_label=time_label())
+    """A panel of something over one period, or so many seconds."""
+    return Panel(title, x=Linear(0.0, period), x_label=in_unit("time", "s"))
+
+
+RATE_FLOOR = 1e-6
+"""In 1/s, below which differences of growth rates are not drawn larger."""
+
+
+def choose_scale(growth: Array, error: Array) -> Linear:
+    """Decades where the rates differ much, else equal steps; never finer than the errors of the rates."""
+    known = growth[np.isfinite(growth)]
+    noise = max(20 * float(error[np.isfinite(error)].max(initial=0.0)), RATE_FLOOR)
+    low, high = float(known.min(initial=0.0)), float(known.max(initial=0.0))
+    sizes = np.abs(known[np.abs(known) > noise])
+    if sizes.size and sizes.max() > 30 * sizes.min():
+        near = 10.0 ** np.floor(np.log10(max(sizes.min(), noise, sizes.max() * 1e-6)))
+        return Symlog(near=float(near)).fitted(np.array([low, high, -near, near]))
+    room = max(0.08 * (high - low), 2 * noise)
+    return Linear(low - room, high + room)
 
 
 def resize(panels: Sequence[Panel], height: float, widths: Sequence[float] = (WIDTH,)) -> Sequence[Panel]:

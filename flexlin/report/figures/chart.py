@@ -13,8 +13,19 @@ from flexlin.checks import Array
 from flexlin.errors import counted
 from flexlin.periodic.circle import assign
 from flexlin.plots.panel import Panel
-from flexlin.plots.scales import Linear, Symlog
-from flexlin.report.figures import CURVE_POINTS, GAP, SERIES, WIDTH, Picture, make_picture, make_wide_panel, resize
+from flexlin.plots.scales import Linear
+from flexlin.report.figures import (
+    CURVE_POINTS,
+    GAP,
+    RATE_FLOOR,
+    SERIES,
+    WIDTH,
+    Picture,
+    choose_scale,
+    make_picture,
+    make_wide_panel,
+    resize,
+)
 from flexlin.report.wording import in_unit, page_unit, with_unit, with_unit_of, without_units
 from flexlin.scene.names import label_number, name_number
 from flexlin.scene.parameters import get_value
@@ -127,10 +138,6 @@ def describe_distance(chart: Chart, nearest: Array) -> str:
     return f"From the scene's own numbers ({where}) to the nearest boundary: {', '.join(moves)}."
 
 
-RATE_FLOOR = 1e-6
-"""In 1/s, below which differences of growth rates are not drawn larger."""
-
-
 def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[CriticalValue]) -> Panel:
     """All growth rates; the largest in the colour of its verdict; the unstable intervals shaded; critical values marked."""
     x = data[next(str(name) for name in data.coords)].to_numpy()
@@ -152,19 +159,6 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
     if x.min() <= own <= x.max():
         panel.line([own, own], [*scale.ends], "blue", width=1.2, dash="6 3", label=f"the scene: {own:.4g}")
     return panel
-
-
-def choose_scale(growth: Array, error: Array) -> Linear:
-    """Decades where the rates differ much, else equal steps; never finer than the errors of the rates."""
-    known = growth[np.isfinite(growth)]
-    noise = max(20 * float(error[np.isfinite(error)].max(initial=0.0)), RATE_FLOOR)
-    low, high = float(known.min(initial=0.0)), float(known.max(initial=0.0))
-    sizes = np.abs(known[np.abs(known) > noise])
-    if sizes.size and sizes.max() > 30 * sizes.min():
-        near = 10.0 ** np.floor(np.log10(max(sizes.min(), noise, sizes.max() * 1e-6)))
-        return Symlog(near=float(near)).fitted(np.array([low, high, -near, near]))
-    room = max(0.08 * (high - low), 2 * noise)
-    return Linear(low - room, high + room)
 
 
 def list_unstable(x: Array, verdict: Array, critical: Sequence[CriticalValue]) -> list[tuple[float, float]]:

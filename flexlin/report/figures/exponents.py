@@ -1,5 +1,8 @@
 """Floquet exponents, multipliers and frozen frequencies of all loops, and how the arm swings about one place of its motion."""
 
+from collections.abc import Sequence
+from itertools import cycle
+
 import numpy as np
 from scipy.linalg import helmert
 
@@ -7,10 +10,20 @@ from flexlin.analyses.analysis import Analysis
 from flexlin.analyses.judging import Loop
 from flexlin.checks import Array
 from flexlin.periodic.floquet.modes import follow_frozen_modes
+from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.plots.panel import Panel
-from flexlin.plots.scales import Linear, Logarithmic, Symlog
+from flexlin.plots.scales import Linear, Logarithmic
 from flexlin.precision import CUBE_ROOT_EPS, ROOT_EPS, SLIGHT
-from flexlin.report.figures import SHAPES, Picture, choose_colour, make_period_panel, make_picture, resize, share_width
+from flexlin.report.figures import (
+    SHAPES,
+    Picture,
+    choose_colour,
+    choose_scale,
+    make_period_panel,
+    make_picture,
+    resize,
+    share_width,
+)
 from flexlin.report.figures.over_period import trace_arm
 from flexlin.report.wording import (
     colour,
@@ -29,50 +42,34 @@ FROZEN = (
 
 def draw_exponents(a: Analysis) -> Picture:
     """The complex plane on the left, frozen frequencies over the period on the right; these alone where there are no exponents."""
-    panels = [draw_frozen(a)] if all(loop.floquet is None for loop in a.loops) else [draw_plane(a), draw_frozen(a)]
-    resize(panels, 190.0, (share_width(2),))
-    if len(panels) == 1:
-        return make_picture("exponents", "Frequencies", f"{FROZEN[0].upper()}{FROZEN[1:]}", panels)
-    return make_picture("exponents", "Exponents and frequencies", write_caption(1 / a.plant.period), panels)
-
-
-def write_caption(frequency: float) -> str:
-    """What the axes mean."""
-    return (
+    known = [(loop.floquet, loop, shape) for loop, shape in zip(a.loops, cycle(SHAPES), strict=False) if loop.floquet]
+    if not known:
+        alone = resize([draw_frozen(a)], 190.0, (share_width(2),))
+        return make_picture("exponents", "Frequencies", f"{FROZEN[0].upper()}{FROZEN[1:]}", alone)
+    caption = (
         "Left: Floquet exponents by growth rate and frequency; a mode left of the line decays. Frequencies are known modulo "
-        f"1/T = {with_unit(f'{frequency:.4g}', 'Hz')} and shown from 0 to half of that. Right: {FROZEN}"
+        f"1/T = {with_unit(f'{1 / a.plant.period:.4g}', 'Hz')} and shown from 0 to half of that. Right: {FROZEN}"
     )
+    panels = resize([draw_plane(a, known), draw_frozen(a)], 190.0, (share_width(2),))
+    return make_picture("exponents", "Exponents and frequencies", caption, panels)
 
 
-def draw_plane(a: Analysis) -> Panel:
+def draw_plane(a: Analysis, known: Sequence[tuple[FloquetResult, Loop, str]]) -> Panel:
     """Growth rate, on a scale that is linear near zero and logarithmic beyond, against frequency."""
-    known = [(loop, i) for i, loop in enumerate(a.loops) if loop.floquet is not None]
-    half = 0.5 / a.plant.period
-    panel = Panel(
-        "Floquet exponents", x=Symlog(near=find_smallest_rate([loop for loop, _ in known])), y=Linear(-0.06 * half, 1.06 * half),
-        x_label=in_unit("growth rate", "1/s"), y_label=f"{in_unit('frequency', 'Hz')}, modulo 1/T",
-    )  # fmt: skip
-    panel.line([0, 0], [-0.06 * half, 1.06 * half], "ink", width=1.3)
-    for loop, i in known:
-        assert loop.floquet is not None
-        upper = loop.floquet.exponents[loop.floquet.exponents.imag >= -loop.floquet.errors]
+    rates, errors = (
+        np.concatenate(parts) for parts in zip(*((f.exponents.real, f.errors) for f, *_ in known), strict=True)
+    )
+    ends = Linear(-0.03 / a.plant.period, 0.53 / a.plant.period)
+    panel = Panel("Floquet exponents", choose_scale(rates, errors), ends, in_unit("growth rate", "1/s"))
+    panel.y_label = f"{in_unit('frequency', 'Hz')}, modulo 1/T"
+    panel.line([0, 0], ends.ends, "ink", width=1.3)
+    for found, loop, shape in known:
+        upper = found.exponents[found.exponents.imag >= -found.errors]
         frequency = np.abs(upper.imag) / (2 * np.pi)
-        pairs = zip(upper.real, frequency, strict=True)
-        texts = [
-            f"{loop.name}: growth rate {with_unit(f'{value:.5g}', '1/s')}, frequency {with_unit(f'{f:.4g}', 'Hz')}"
-            for value, f in pairs
-        ]
-        shape = SHAPES[i % len(SHAPES)]
+        said = zip(upper.real, (with_unit(f"{f:.4g}", "Hz") for f in frequency), strict=True)
+        texts = [f"{loop.name}: growth rate {with_unit(f'{rate:.5g}', '1/s')}, frequency {f}" for rate, f in said]
         panel.dots(upper.real, frequency, choose_colour(a, loop), shape, 4.2, label=loop.name, texts=texts)
     return panel
-
-
-def find_smallest_rate(loops: list[Loop]) -> float:
-    """The power of ten below the smallest growth rate that is not just noise."""
-    known = [loop.floquet.exponents.real for loop in loops if loop.floquet is not None]
-    rates = np.abs(np.concatenate([np.empty(0), *known]))
-    clear = rates[rates > 1e-6 * max(1e-3, float(rates.max(initial=0.0)))]
-    return float(10 ** np.floor(np.log10(clear.min()))) if clear.size else 1.0
 
 
 def draw_frozen(a: Analysis) -> Panel:
@@ -140,7 +137,9 @@ def draw_modes(a: Analysis) -> Picture | None:
     if a.arm.near.points is None:
         return None
     values, vectors = np.linalg.eig(a.closed.A(np.zeros(1))[0])
-    order = order_modes(values)[:48]
+    turns = np.abs(values.imag) > ROOT_EPS * np.abs(values)
+    kept = np.flatnonzero(~turns | (values.imag > 0))  # one of each pair, by frequency; then those without, by growth
+    order = kept[np.lexsort([np.where(turns, values.imag, -values.real)[kept], ~turns[kept]])][:48]
     energy = np.sqrt(np.maximum(np.diagonal(a.coefficients.M[0]), 0.0))
     leading = [int(np.argmax(np.abs(vectors[: a.plant.n, i]) * energy)) for i in order]
     # when the leading coordinate is at the end of its swing
@@ -154,14 +153,7 @@ def draw_modes(a: Analysis) -> Picture | None:
         "moves most, by its share of the kinetic energy, and how fast the mode decays. A mode without frequency creeps back, or grows."
     )
     shown, others = panels[:8], panels[8:]
-    return make_picture("modes", "Mode shapes", caption, shown, (), others, f"The {len(others)} other modes")
-
-
-def order_modes(values: Array) -> list[int]:
-    """One of each pair by rising frequency, then those without by falling growth rate."""
-    turning = [i for i in range(len(values)) if values[i].imag > ROOT_EPS * abs(values[i])]
-    real = [i for i in range(len(values)) if abs(values[i].imag) <= ROOT_EPS * abs(values[i])]
-    return [*sorted(turning, key=lambda i: values[i].imag), *sorted(real, key=lambda i: -values[i].real)]
+    return make_picture("modes", "Mode shapes", caption, shown, (), others, "other modes")
 
 
 def draw_mode(a: Analysis, value: complex, leading: int, rest: list[Array], swing: list[Array]) -> Panel:
@@ -192,11 +184,8 @@ def bend_arm(a: Analysis, shapes: list[Array]) -> tuple[list[Array], list[list[A
     """
     states = CUBE_ROOT_EPS * np.array([np.zeros(a.plant.n), *shapes])
     sight = -helmert(3)  # the directions across and up in space, seen from (1, 1, 1) with z upwards
-    seen = [
-        [curve if len(curve) == 2 else sight @ curve for curve in arm]
-        for arm in trace_arm(a.closed, np.zeros(len(states)), states)
-    ]
-    rest, *bent = seen
+    arms = trace_arm(a.closed, np.zeros(len(states)), states)
+    rest, *bent = ([curve if len(curve) == 2 else sight @ curve for curve in arm] for arm in arms)
     size = float(np.ptp(np.concatenate(rest, axis=1), axis=1).max()) or 1.0
     swings = []
     for curves in bent:

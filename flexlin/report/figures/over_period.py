@@ -12,14 +12,12 @@ from flexlin.control.tracking import arm_positions
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.links import COLUMNS
 from flexlin.plots.panel import Panel
-from flexlin.plots.scales import SUPERSCRIPTS, Linear
 from flexlin.precision import ROOT_EPS, SLIGHT
 from flexlin.report.advice import agreement, sentence
 from flexlin.report.figures import (
     DASHES,
     Picture,
     choose_colour,
-    choose_views,
     make_period_panel,
     make_picture,
     resize,
@@ -36,7 +34,6 @@ from flexlin.report.wording import (
     name_joint_unit,
     page_unit,
     scale_values,
-    time_label,
 )
 
 
@@ -73,22 +70,17 @@ ARM_PICTURES = 12
 
 def draw_arm(a: Analysis) -> Picture:
     """The arm at equal steps of a period, and its joints' motion and feedforward torques beside it."""
-    caption, title = "Joint motion and feedforward of the rigid motion over one period.", "The arm along its motion"
-    beside, half = draw_beside(a), (share_width(2),)
-    if a.arm.near.points is None:
-        return make_picture("arm", title, caption, resize(beside, 110.0, half))
-    known = "bent by the steady response under the scene's loop"
-    bent = known if a.response else "rigid, because there is no steady response"
+    known, unknown = "bent by the steady response under the scene's loop", "rigid, because there is no steady response"
     caption = (
-        f"The arm at {ARM_PICTURES} equal steps of a period, {bent}, to scale; later pictures are stronger. Grey: the rigid motion. "
-        f"Red: the path of the tip. Beside it: {caption[0].lower()}{caption[1:]}"
+        f"The arm at {ARM_PICTURES} equal steps of a period, {known if a.response else unknown}, to scale; later pictures are stronger. "
+        "Grey: the rigid motion. Red: the path of the tip. Beside it: joint motion and feedforward of the rigid motion over one period."
     )
-    views = draw_stroboscope(a)
-    if len(views) == 1:
-        panels = [*resize(views, 220.0, half), *resize(beside, 220.0, (share_width(4),))]
-    else:
-        panels = [*resize(views, 220.0, (share_width(3),)), *resize(beside, 110.0, half)]
-    return make_picture("arm", title, caption, panels)
+    views = [] if a.arm.near.points is None else draw_stroboscope(a)
+    resize(views, 220.0, (share_width(max(2, len(views))),))
+    beside = resize(draw_beside(a), *((220.0, (share_width(4),)) if len(views) == 1 else (110.0, (share_width(2),))))
+    if not views:
+        caption = "Joint motion and feedforward of the rigid motion over one period."
+    return make_picture("arm", "The arm along its motion", caption, [*views, *beside])
 
 
 def draw_beside(a: Analysis) -> list[Panel]:
@@ -124,15 +116,18 @@ def name_joint(a: Analysis, joint: int) -> str:
     return a.arm.names[named[0] if named else a.arm.drives[joint]]
 
 
+def choose_views(dimension: int) -> tuple[tuple[int, int], ...]:
+    """World axes across and up of the pictures of a path: one is enough for an arm in its plane."""
+    return ((0, 1), (0, 2), (1, 2)) if dimension == 3 else ((0, 1),)
+
+
 def draw_stroboscope(a: Analysis) -> list[Panel]:
     """The arm at equal steps of a period, seen along each axis that it is not flat to."""
     states = a.response.states if a.response else np.zeros((len(a.t), 2 * a.plant.n))
     bent, _ = arm_positions(a.plant, a.t, states)
     picked = np.arange(ARM_PICTURES) * (len(a.t) - 1) // ARM_PICTURES
-    still, moving = (
-        [np.concatenate(links, axis=1) for links in trace_arm(a.plant, a.t[picked], x[picked])]
-        for x in (np.zeros_like(states), states)
-    )
+    traced = (trace_arm(a.plant, a.t[picked], x[picked]) for x in (np.zeros_like(states), states))
+    still, moving = ([np.concatenate(links, axis=1) for links in arms] for arms in traced)
     panels = []
     for across, up in choose_views(bent.shape[1]):
         title = "the arm" if bent.shape[1] == 2 else f"the arm along {'xyz'[3 - across - up]}"
@@ -155,18 +150,12 @@ def name_entry(a: Analysis, matrix: str, i: int, j: int | None = None) -> str:
     return f"{matrix}({', '.join(a.plant.names[k] for k in (i, j) if k is not None)})"
 
 
-def shift_and_scale(title: str, values: Array, unit: str) -> tuple[str, Array]:
-    """A title with unit, and values whose axis can be read: in powers of ten where large or small, from the mean where nearly flat."""
-    largest, swing = float(np.abs(values).max(initial=0.0)), float(np.ptp(values))
-    if 0 < swing < SLIGHT * largest:
-        mean = float(f"{np.mean(values):.5g}")
-        title = f"{title} {'−' if mean > 0 else '+'} {format_decimal(abs(mean), 5)}"
-        values, largest = values - mean, swing
-    if largest == 0 or not np.isfinite(largest) or 1e-2 <= largest < 1e4:
-        return in_unit(title, unit), values
-    power = 3 * int(np.floor(np.log10(largest) / 3))
-    times = f"10{str(power).translate(SUPERSCRIPTS)}"
-    return in_unit(title, unit, times), values / 10.0**power
+def shift_from_mean(title: str, values: Array) -> tuple[str, Array]:
+    """A title, and values whose axis can be read: from the mean where they are nearly flat."""
+    mean = float(f"{np.mean(values):.5g}")
+    if not 0 < np.ptp(values) < SLIGHT * np.abs(values).max():
+        return title, values
+    return f"{title} {'−' if mean > 0 else '+'} {format_decimal(abs(mean), 5)}", values - mean
 
 
 MOST_PANELS = 12
@@ -212,7 +201,7 @@ def draw_coefficients(a: Analysis) -> Picture:
     shown, folded = choose_shown(np.array([entry.weight for entry in varying]), joints)
     panels = [draw_entry(a, varying[k]) for k in shown]
     under = [draw_entry(a, varying[k], FOLDED_STRIDE) for k in folded]
-    caption, heading = describe_shown(varying, shown, folded), f"The {len(folded)} other entries that vary"
+    caption, heading = describe_shown(len(varying), len(shown), len(folded)), "other entries that vary"
     return make_picture("coefficients", "The coefficients over a period", caption, panels, (), under, heading)
 
 
@@ -224,20 +213,21 @@ def list_joints(a: Analysis) -> list[int]:
 def draw_entry(a: Analysis, entry: Entry, every: int = 1) -> Panel:
     """One entry over the period, at every so many times."""
     name = name_entry(a, entry.matrix, entry.row, entry.column)
-    title, values = shift_and_scale(name, entry.values, entry.unit)
-    return make_period_panel(a.plant.period, title).line(a.t[::every], values[::every], COLOURS[entry.matrix])
+    title, values = shift_from_mean(name, entry.values)
+    panel = make_period_panel(a.plant.period, in_unit(title, entry.unit))
+    return panel.line(a.t[::every], values[::every], COLOURS[entry.matrix])
 
 
-def describe_shown(varying: Sequence[Entry], shown: Sequence[int], folded: Sequence[int]) -> str:
-    """What is shown, and what is not."""
+def describe_shown(varying: int, shown: int, folded: int) -> str:
+    """How many entries are shown, and where the others are."""
     if not varying:
-        constant = "the linear system has constant coefficients"
-        return f"Every entry of M, D, K and h is constant along this motion: {constant}."
-    left, rest = len(varying) - len(shown) - len(folded), ""
-    if folded:
-        alone = f", {left} stand in coefficients.nc of flexlin linearize alone" if left else ""
-        most = "whose variation moves frequencies and the response most, one of each joint at the least"
-        rest = f" Shown are those {most}; the others are folded below{alone}."
+        return (
+            "Every entry of M, D, K and h is constant along this motion: the linear system has constant coefficients."
+        )
+    left = varying - shown - folded
+    alone = f", {left} stand in coefficients.nc of flexlin linearize alone" if left else ""
+    most = "whose variation moves frequencies and the response most, one of each joint at the least"
+    rest = f" Shown are those {most}; the others are folded below{alone}." if folded else ""
     return (
         "Entries of M y″ + D y′ + K y = h that vary along the rigid motion, open loop; y collects the deviations of joints (q), "
         f"elastic coordinates and motors.{rest} Constant entries stand in the table below."
@@ -308,8 +298,7 @@ def draw_gains(a: Analysis) -> Picture | None:
         caption += " What a controller's integrals and filters add is not drawn."
     if under:
         caption += " Shown are those that act most on deflections of equal energy, one of each input at the least; others are folded below."
-    heading = f"The {len(under)} other entries"
-    return make_picture("gains", "Gains over a period", caption, above, legend, under, heading)
+    return make_picture("gains", "Gains over a period", caption, above, legend, under, "other entries")
 
 
 def name_gain(a: Analysis, i: int, j: int) -> str:
@@ -336,8 +325,8 @@ def draw_response(a: Analysis) -> Picture | None:
         "Steady deviations from the rigid motion under the scene's loop: q of joints, w of bending, phi of twist, theta of motors; and "
         "what each joint is given." + " Further coordinates are folded below." * bool(rest)
     )
-    folded, heading = [draw_deviation(a, i) for i in rest], f"The {len(rest)} other coordinates"
-    return make_picture("response", "Forced periodic response", caption, panels, legend, folded, heading)
+    folded = [draw_deviation(a, i) for i in rest]
+    return make_picture("response", "Forced periodic response", caption, panels, legend, folded, "other coordinates")
 
 
 def draw_deviation(a: Analysis, i: int) -> Panel:
@@ -378,19 +367,13 @@ def draw_tip(a: Analysis) -> Picture | None:
         path.line(xyz[:, across], xyz[:, up], "ink", label="tip")
         paths.append(path.dots([0], [0], "ink", "cross", 6, label="rigid tip"))
     widths = (2 * share_width(3), share_width(3)) if len(paths) == 1 else (share_width(2),)
-    panels = resize([left, *paths], 150.0, widths)
-    return make_picture("tip", "Tip error in steady motion", describe_tip_error(a), panels)
-
-
-def describe_tip_error(a: Analysis) -> str:
-    """Its size, and how well that is known."""
-    assert a.response is not None
-    distance, error = a.response.tip_error, a.response.solution.error
-    rms = float(np.sqrt(np.mean(distance[:-1] ** 2)))
-    return (
-        f"Largest {format_quantity(float(distance.max()), 'm')}, root mean square {format_quantity(rms, 'm')}, by the linear model; "
-        f"the states behind it are known to {format_power(error)}."
+    distance = a.response.tip_error
+    largest, rms = float(distance.max()), float(np.sqrt(np.mean(distance[:-1] ** 2)))
+    caption = (
+        f"Largest {format_quantity(largest, 'm')}, root mean square {format_quantity(rms, 'm')}, by the linear model; "
+        f"the states behind it are known to {format_power(a.response.solution.error)}."
     )
+    return make_picture("tip", "Tip error in steady motion", caption, resize([left, *paths], 150.0, widths))
 
 
 def draw_comparison(a: Analysis) -> Picture | None:
@@ -407,11 +390,11 @@ def draw_comparison(a: Analysis) -> Picture | None:
         nonlinear, linear = s.nonlinear[:, 0], s.linear[:, 0]
         gap = nonlinear - linear
     (both, both_unit), (apart, apart_unit) = scale_values(np.array([nonlinear, linear]), unit), scale_values(gap, unit)
-    time, colour = Linear(0.0, float(s.t[-1])), choose_colour(a, a.own)
-    upper = Panel(in_unit(name, both_unit), x=time, x_label=time_label()).zero()
+    end, colour = float(s.t[-1]), choose_colour(a, a.own)
+    upper = make_period_panel(end, in_unit(name, both_unit)).zero()
     upper.line(s.t, both[0], colour, width=4.5, opacity=0.5, label="nonlinear")
     upper.line(s.t, both[1], "ink", width=1.4, dash="5 3", label="linear")
-    lower = Panel(in_unit("difference", apart_unit), x=time, x_label=time_label()).zero().line(s.t, apart, colour)
+    lower = make_period_panel(end, in_unit("difference", apart_unit)).zero().line(s.t, apart, colour)
     spans = "periods" if a.plant.motion.periodic else "durations"
     caption = (
         f"The full nonlinear equations over {s.t[-1] / a.plant.period:g} {spans} under the scene's loop, started on the rigid motion, "
