@@ -87,69 +87,57 @@ static void find_lengths(int n, const cpx *A, int columns, double *lengths) {
 
 /* What is summed over the factors: method (n, n) of moduli, shift (n,), rounding (n, n) of squares and of sizes, noise (n, n); and loose (count,),
  * what is not known of each factor's block of modes that are not parted, relative to that. */
-typedef struct { double *method, *squares, *sizes, *noise, *own, *rows, *columns, *loose; cpx *shift, *X, *R, *L, *S, *N, *work; } Sums;
+typedef struct { double *method, *squares, *sizes, *noise, *own, *rows, *columns, *growth, *loose; cpx *shift, *X, *R, *L, *S, *N, *work; } Sums;
 
 /* Bounds on the couplings |L G| E |H R| by what is not known over factor k, in coordinates of the unscaled states. */
 static void add_noise(int n, int k, const Noise *given, const double *scale, const Sums *s) {
   int p = given->p, q = given->q;
-  cpx *left = s->work, *turned = left + (long)n * (n + p), *right = turned, *out = right + (long)n * n;
-  double *sums = (double *)(out + (long)q * n);
+  const double *E = given->size + (long)k * p * q;
+  cpx *left = s->work, *right = left + (long)n * n, *turned = right + (long)n * n;
+  double *reach = (double *)(turned + (long)n * (p > q ? p : q)), *sums = reach + (long)q * n;
   for (int e = 0; e < n * n; e++) {
     left[e] = s->L[e] / scale[e % n];
     right[e] = s->R[e] * scale[e / n];
   }
-  if (given->left) {
-    multiply_mixed(n, n, p, left, given->left + (long)k * n * p, left + n * n);
-    left += n * n;
-  }
-  if (given->right) {
-    multiply_real_left(q, n, given->right + (long)k * q * n, right, out);
-    right = out;
-  }
-  const double *E = given->size + (long)k * p * q;
+  if (given->right) multiply_real_left(q, n, given->right + (long)k * q * n, right, turned);
+  for (int e = 0; e < q * n; e++) reach[e] = size_of((given->right ? turned : right)[e]);
+  if (given->left) multiply_mixed(n, n, p, left, given->left + (long)k * n * p, turned);
   for (int i = 0; i < n; i++) {
     for (int b = 0; b < q; b++) sums[b] = 0.0;
     for (int a = 0; a < p; a++) {
-      double size = size_of(left[i * p + a]);
+      double size = size_of((given->left ? turned : left)[i * p + a]);
       for (int b = 0; b < q; b++) sums[b] += size * E[a * q + b];
     }
     for (int b = 0; b < q; b++)
-      for (int j = 0; j < n; j++) s->noise[i * n + j] += sums[b] * size_of(right[b * n + j]);
+      for (int j = 0; j < n; j++) s->noise[i * n + j] += sums[b] * reach[b * n + j];
   }
 }
 
-/* What factor k adds: `better` less it, and its rounding, between the left vectors behind it and the right ones before it. Returns the size of both. */
+/* What factor k adds: `better` less it, and its rounding, between the left vectors behind it and the right ones before it. What goes over to modes
+ * that are not parted counts against the mode that it comes from. Returns the size of both. */
 static double add_factor(int n, int p, int k, const Form *f, const double *factor, const double *better, double count, const Sums *s) {
   const cpx *T = f->T + (long)k * n * n;
-  double size = 0.0, moved = 0.0, *rows = s->rows;
-  for (int e = 0; e < n * n; e++) size += factor[e] * factor[e];
-  size = sqrt(size) * EPS;
-  if (better) {
-    double *change = (double *)s->work;
-    cpx *right = s->work + (long)n * n, *all = right + (long)n * n;
-    for (int e = 0; e < n * n; e++) {
-      change[e] = better[e] - factor[e];
-      moved += change[e] * change[e];
-    }
-    multiply_real_left(n, n, change, s->R, right);
-    multiply_complex(n, s->L, right, all);
-    for (int i = 0; i < n; i++)
-      for (int j = 0; j < n; j++) {
-        int by = i < p ? i : j; /* what goes over to modes that are not parted counts against the mode that it comes from */
-        cpx x = over(all[i * n + j], T[by * n + by]);
-        s->method[i * n + j] += size_of(x);
-        if (i == j) s->shift[i] += x;
-      }
+  double size = 0.0, moved = 0.0, *change = (double *)s->work;
+  cpx *right = s->work + (long)n * n, *all = right + (long)n * n;
+  for (int e = 0; e < n * n; e++) {
+    size += factor[e] * factor[e];
+    change[e] = better ? better[e] - factor[e] : 0.0;
+    moved += change[e] * change[e];
   }
-  find_lengths(n, s->L, 0, rows);
+  size = sqrt(size) * EPS;
+  multiply_real_left(n, n, change, s->R, right);
+  multiply_complex(n, s->L, right, all);
+  find_lengths(n, s->L, 0, s->rows);
   find_lengths(n, s->R, 1, s->columns);
+  for (int j = 0; j < n; j++) s->growth[j] = 1.0 / cabs(T[j * (n + 1)]);
   for (int i = 0; i < n; i++) {
     for (int j = 0; j < n; j++) {
-      int by = i < p ? i : j;
-      double x = size * rows[i] * s->columns[j] / cabs(T[by * n + by]);
+      double by = s->growth[i < p ? i : j], x = size * s->rows[i] * s->columns[j] * by;
+      s->method[i * n + j] += size_of(all[i * n + j]) * by;
       s->sizes[i * n + j] += count * x;
       s->squares[i * n + j] += count * x * x;
     }
+    s->shift[i] += over(all[i * (n + 1)], T[i * (n + 1)]);
   }
   return count * size + DOUBTED * sqrt(moved);
 }
@@ -400,12 +388,12 @@ static int stand_above(int p, const Form *f, const Sums *s, const double *method
 int bound_motion(const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise, const double *scale,
                  int part, cpx *shift, double *method, double *rounding) {
   int n = f->n, lost = 0;
-  long size = (long)n * n, room = noise ? size + (long)n * noise->p + size + (long)noise->q * (n + 1) : 0;
-  double *memory = malloc((4 * size + 7L * n + f->count) * sizeof(double)), *tried = memory ? memory + 4 * size + 3L * n : NULL;
+  long size = (long)n * n, room = noise ? 2 * size + (long)n * (noise->p + 2 * noise->q) + noise->q : 0;
+  double *memory = malloc((4 * size + 8L * n + f->count) * sizeof(double)), *tried = memory ? memory + 4 * size + 4L * n : NULL;
   cpx *space = malloc((5 * size + 3 * n + (room > 3 * size ? room : 3 * size)) * sizeof(cpx));
   if (!memory || !space) { free(memory); free(space); return NO_MEMORY; }
   Sums s = {memory, memory + size, memory + 2 * size, memory + 3 * size, memory + 4 * size, memory + 4 * size + n, memory + 4 * size + 2 * n,
-            tried + 4 * n, space, space + 3 * n, space + 3 * n + size, space + 3 * n + 2 * size, space + 3 * n + 3 * size,
+            memory + 4 * size + 3 * n, tried + 4 * n, space, space + 3 * n, space + 3 * n + size, space + 3 * n + 2 * size, space + 3 * n + 3 * size,
             space + 3 * n + 4 * size, space + 3 * n + 5 * size};
   bound_leading(n, f, factors, better, counts, noise, scale, &s, shift, method, rounding, tried);
   for (int i = 0; part && i < n; i++) lost |= !(rounding[i] < LOST);

@@ -293,7 +293,7 @@ static void complete_triangle(int n, cpx *T) {
   for (int i = 0; i < n; i++)
     for (int j = 0; j < n; j++) {
       if (j < i) T[i * n + j] = 0.0;
-      else largest = fmax(largest, cabs(T[i * n + j]));
+      else largest = fmax(largest, size_of(T[i * n + j]));
     }
   double least = DEAD * fmax(largest, TINY / DEAD);
   for (int i = 0; i < n; i++)
