@@ -19,8 +19,8 @@ MULTIPLES = (2, 3, 4, 6, 8)
 """Resolutions, in multiples of a coarsest grid; three neighbouring ones give an answer."""
 METHOD_ORDER = 4
 """Of the method. It is symmetric in time, so its error has the powers h^4, h^6, h^8 ..."""
-DEGREES = (12, 18)
-"""Of the polynomials of exponential.h."""
+DEGREE = 12
+"""Of the polynomial of exponential.h."""
 SIZES = [(2 * n, n) for n in range(1, 7)] + [(n, n) for n in range(2, 9)]
 """States and rows for which there is a kernel: second-order systems of 1 to 6 coordinates, first-order ones of 2 to 8 states."""
 FIND_EXPONENTS = declare_sized(
@@ -89,7 +89,8 @@ class CGrids(ctypes.Structure):
 
     _fields_ = (
         *((name, ctypes.c_int) for name in ("levels", "total")),
-        *((name, ctypes.c_void_p) for name in ("segments", "lengths", "inputs", "gains", "scale", "reach")),
+        *((name, ctypes.c_void_p) for name in ("segments", "lengths", "inputs", "gains", "scale")),
+        ("reach", ctypes.c_double),
     )
 
 
@@ -142,9 +143,9 @@ class Kernel:
         V, n, points = len(points), self.model.states, np.ascontiguousarray(points, dtype=float)
         found = Logs(np.empty((V, n), complex), np.empty((V, n)), np.empty(V, bool), np.empty(V), np.empty(V, bool))
         counts, *tables = self.tabulate(segments, levels)
-        reach = np.array([(accuracy * factorial(degree + 1)) ** (1 / degree) for degree in DEGREES])
-        tables += [np.ascontiguousarray(scale / scale[:, None]), reach]
-        grids, model = CGrids(levels, int(counts.sum()), *map(address, (counts, *tables))), self.model.describe()
+        reach = (accuracy * factorial(DEGREE + 1)) ** (1 / DEGREE)
+        tables += [np.ascontiguousarray(scale / scale[:, None])]
+        grids, model = CGrids(levels, int(counts.sum()), *map(address, (counts, *tables)), reach), self.model.describe()
         results = found.logs, found.errors, found.sound.view(np.int8), found.periods, found.definite.view(np.int8)
         given = ctypes.byref(model), ctypes.byref(grids), V, points, accuracy, spread, tol
         if FIND_EXPONENTS[self.model.size](*given, *results):

@@ -127,7 +127,7 @@ static void read_segment(Reader *r, Segment *s) {
 enum { PART = REGISTERS == 16 ? 2 - S % 2 : H <= 3 ? S : H <= 5 ? H : S % 4 ? S % 3 ? 2 - S % 2 : 3 : 4 }; /* columns of a solution that stay in registers */
 
 /* Z = (I + D_next)^-1 (D_now - D_next), its lower rows, for D = [0; d1 d2], which is small: elimination without pivoting. */
-SHORT void divide(const vec *now, const vec *next, vec *Z) {
+static void divide(const vec *now, const vec *next, vec *Z) {
   vec B[H][H], inverse[H];
   for (int i = 0; i < H; i++)
     for (int j = 0; j < H; j++) B[i][j] = i == j ? next[i * S + OFF + j] + 1.0 : next[i * S + OFF + j];
@@ -156,7 +156,7 @@ SHORT void divide(const vec *now, const vec *next, vec *Z) {
 }
 
 /* E = (I + D_next)^-1 (I + D_now) exp(A) from P = exp(A) - I. */
-static void make_factor(const Segment *now, const Segment *next, const double *reach, vec *E) {
+static void make_factor(const Segment *now, const Segment *next, double reach, vec *E) {
   vec Z[H * S], below[H * S];
   exponentiate(now->W, now->c, reach, E);
   divide(now->D, next->D, Z);
@@ -177,7 +177,7 @@ static int count_groups(int segments, double spread, double accuracy) {
  * Each segment has the factor (I + D) exp(h (A1 + A2) / 2) (I + D)^-1, which is Magnus' exponential
  * exp(h (A1 + A2) / 2 - sqrt(3) h^2 [A1, A2] / 12) up to h^5 and as symmetric in time, but keeps the form of [0 I; Z]; neighbours share
  * (I + D_next)^-1 (I + D). Source: Blanes, Casas, Oteo, Ros, Physics Reports 470 (2009), Eq. (253). */
-static void multiply_out(Reader *r, int K, int G, const double *reach, vec *F) {
+static void multiply_out(Reader *r, int K, int G, double reach, vec *F) {
   Segment first, two[2];
   read_segment(r, &first);
   two[0] = first;
@@ -260,7 +260,8 @@ static mask meets(const Logs *x, const vec *error, vec period, double tol) {
 typedef struct { /* ever more segments; lengths: h of all of them, level after level; inputs: of the phase program at both nodes of each segment */
   int levels, total;
   const int *segments;
-  const double *lengths, *inputs, *gains, *scale, *reach; /* gains (levels, 4): see `extrapolate`; scale (S, S): of the states; reach: `exponentiate` */
+  const double *lengths, *inputs, *gains, *scale; /* gains (levels, 4): see `extrapolate`; scale (S, S): of the states */
+  double reach;                             /* see `exponentiate` */
 } Grids;
 
 /* Logs (S) and errors of L values, until all that are sound meet tol; returns where M is positive definite. */
