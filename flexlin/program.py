@@ -202,7 +202,7 @@ class Layout:
 
     def __call__(self, arrays: list[Array], outputs: list[Array]) -> None:
         """Fill the outputs, each (N, size), from the inputs, each (N, rows). Raises: as `march`."""
-        self.march(1, arrays, np.zeros_like(self.rows), outputs, np.zeros_like(self.sizes))
+        self.march(1, arrays, self.rows, outputs, self.sizes)
 
     def march(self, times: int, arrays: list[Array], ahead: Array, outputs: list[Array], beyond: Array) -> None:
         """Do so several times, with inputs and outputs so many numbers further on each time.

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, counted
+from flexlin.lazy import lazy
 from flexlin.program import Layout, Program
 
 CHUNK_POINTS = 65536
@@ -83,7 +84,7 @@ def evaluate(function: ca.Function | Part, *arguments: Array) -> tuple[Array, ..
 
 def checked_inputs(function: ca.Function, arguments: tuple[Array, ...]) -> list[Array]:
     """Check that each argument is finite and fits its input."""
-    inputs = layout(function)[0]
+    inputs = usage_of(function).layout[0]
     if len(arguments) != len(inputs):
         raise ArgumentError(f"{function.name()} takes {counted(len(inputs), 'input')}", got=len(arguments))
     arrays = [
@@ -96,31 +97,26 @@ def checked_inputs(function: ca.Function, arguments: tuple[Array, ...]) -> list[
     return arrays
 
 
-@lru_cache(maxsize=256)
-def layout(function: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[int, int], ...]]:
-    """Name and size of each input, and rows and columns of each output, asked of CasADi once.
-
-    Raises: ArgumentError where an output is sparse.
-    """
-    for i in range(function.n_out()):
-        if function.nnz_out(i) != function.numel_out(i):
-            raise ArgumentError(
-                f"output {function.name_out(i)} of {function.name()} is sparse",
-                expected="a dense output (casadi.densify)",
-            )
-    inputs = tuple((function.name_in(i), function.numel_in(i)) for i in range(function.n_in()))
-    return inputs, tuple(function.size_out(i) for i in range(function.n_out()))
-
-
 @dataclass
 class Usage:
-    """How many points went through a function, and its program once these are worth one."""
+    """A function's layout, asked of CasADi once; how many points went through it; its program once these are worth one."""
 
     function: ca.Function
     operations: int
     points: int = 0
     program: Program | None = None
     tried: bool = False
+
+    @lazy
+    def layout(self) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[int, int], ...]]:
+        """Name and size of each input, columns and rows of each output. Raises: ArgumentError where an output is sparse."""
+        f = self.function
+        for i in range(f.n_out()):
+            if f.nnz_out(i) != f.numel_out(i):
+                got = f"output {f.name_out(i)} of {f.name()} is sparse"
+                raise ArgumentError(got, expected="a dense output (casadi.densify)")
+        inputs = tuple((f.name_in(i), f.numel_in(i)) for i in range(f.n_in()))
+        return inputs, tuple((f.size2_out(i), f.size1_out(i)) for i in range(f.n_out()))
 
     def find_program(self, points: int) -> Program | None:
         """The program, where the points so far and these are worth one, and the compiled core knows all of its operations."""
@@ -162,8 +158,8 @@ def call(function: ca.Function | Part, arrays: list[Array]) -> list[Array]:
     usage = usage_of(whole)
     program = usage.find_program(points)
     if program is not None and (points >= FEW_POINTS or places is not None):
-        outputs = empty_outputs(whole, points)
-        chosen = outputs if places is None else [outputs[i] for i in places]
+        shapes = usage.layout[1] if places is None else [usage.layout[1][i] for i in places]
+        chosen = [np.empty((points, *shape)) for shape in shapes]
         lay_out(program, places)(arrays, chosen)
         return [output.transpose(0, 2, 1) for output in chosen]
     if isinstance(function, Part) and usage.tried:
@@ -174,7 +170,7 @@ def call(function: ca.Function | Part, arrays: list[Array]) -> list[Array]:
 
 def empty_outputs(function: ca.Function, points: int) -> list[Array]:
     """Room for the outputs at so many points, each (N, columns, rows)."""
-    return [np.empty((points, columns, rows)) for rows, columns in layout(function)[1]]
+    return [np.empty((points, *shape)) for shape in usage_of(function).layout[1]]
 
 
 def call_casadi(function: ca.Function, arrays: list[Array]) -> list[Array]:

@@ -102,14 +102,15 @@ def simulate(
         linear, coarse = predict(lin, often, start, law, tol)
         coarse = coarse[at]
     torque = loop.commands(often, fine[:, :-1]) if loop.given is None else loop.given
-    tip, tip_linear, tip_rigid = place_tips(lin, often, fine[:, :-1], linear, np.zeros_like(linear))
-    peaks = Peaks.of(often, (fine[:, :n], linear[:, :n]), (tip, tip_linear, tip_rigid), torque)
+    y, y_linear, zeros = fine[:, :n], linear[:, :n], np.zeros((len(often), n))
+    tips = place_tips(lin, [(often, y), (often, y_linear), (often, zeros), (t, rough[:, :n]), (t, coarse[:, :n])])
+    tip, tip_linear, tip_rigid, *others = tips
+    peaks = Peaks.of(often, (y, y_linear), (tip, tip_linear, tip_rigid), torque)
     fine, linear, torque, tip, tip_linear, tip_rigid = (
         x[at] for x in (fine, linear, torque, tip, tip_linear, tip_rigid)
     )
     states, work = fine[:, :-1], fine[:, -1]
-    others = place_tips(lin, t, rough[:, :-1], coarse)
-    missed = float(np.linalg.norm(np.stack([tip, tip_linear]) - others, axis=2).max(axis=1).sum())
+    missed = float(np.linalg.norm(np.stack([tip, tip_linear]) - np.stack(others), axis=2).max(axis=1).sum())
     return Simulation(
         lin.names,
         t,
@@ -132,12 +133,12 @@ def simulate(
     )
 
 
-def place_tips(lin: Linearization, t: Array, *states: Array) -> Array:
-    """The tips (k, N, 2 or 3) of motions (N, 2n + ..) at times t (N,), not numbers where a linear motion has outgrown them."""
-    x = np.stack(states)
-    known = np.isfinite(x).all(axis=2, keepdims=True)
-    tips = tip_positions(lin, np.tile(t, len(x)), np.where(known, x, 0.0).reshape(-1, x.shape[2]))
-    return np.where(known, tips.reshape(len(x), len(t), -1), np.nan)
+def place_tips(lin: Linearization, motions: list[tuple[Array, Array]]) -> list[Array]:
+    """The tips (N, 2 or 3) of motions y (N, n) at times t (N,), in one call; not numbers where a linear motion has outgrown them."""
+    t, y = (np.concatenate(parts) for parts in zip(*motions, strict=True))
+    known = np.isfinite(y).all(axis=1, keepdims=True)
+    tips = np.where(known, tip_positions(lin, t, np.where(known, y, 0.0)), np.nan)
+    return np.split(tips, np.cumsum([len(times) for times, _ in motions])[:-1])
 
 
 def describe_drive(law: Law, period: float) -> str:
@@ -203,14 +204,14 @@ def check_duration(lin: Linearization, periods: float, points_per_period: int = 
 def energy_error(lin: Linearization, t: Array, states: Array, work: Array) -> float:
     """The largest |energy(t) - energy(0) - work(t)|, relative to the energy that goes to and fro.
 
-    energy = T + V,   T = s' M s' / 2;   scale: the range of T and the range of V together, or that of the work
+    energy = T + V, V being that at rest;   scale: the range of T and the range of V together, or that of the work
     """
     if lin.arm.near.energy is None:
         return float("nan")
     y, y_rate = states[:, : lin.n], states[:, lin.n : 2 * lin.n]
     s, rates = lin.about.positions(t, y, y_rate)
-    energy = lin.about.at_positions("energy", t, s, rates)[:, 0, 0]
-    kinetic = 0.5 * np.einsum("ti,tij,tj->t", rates, lin.about.at_positions("M", t, s), rates)
-    moved = max(np.ptp(kinetic) + np.ptp(energy - kinetic), np.ptp(work))
+    at_rest = np.tile(t, 2), np.tile(s, (2, 1)), np.concatenate([rates, np.zeros_like(rates)])
+    energy, potential = np.split(lin.about.at_positions("energy", *at_rest)[:, 0, 0], 2)
+    moved = max(np.ptp(energy - potential) + np.ptp(potential), np.ptp(work))
     scale = max(moved, np.abs(energy).max() * 1e-12, np.finfo(float).tiny)
     return float(np.abs(energy - energy[0] - work).max() / scale)
