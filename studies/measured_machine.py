@@ -52,7 +52,10 @@ FREE = [
 """What is fitted to parts of a log."""
 ALSO_FREE = {
     "quanser-two-link": ["effects.tip_force.force.1"],
-    "quanser-two-link-factory": [f"effects.coulomb_friction.static.{k}" for k in (0, 1)],
+    "quanser-two-link-factory": [
+        "log.inputs.crosstalk.gain",
+        *(f"effects.coulomb_friction.static.{k}" for k in (0, 1)),
+    ],
 }
 
 

@@ -15,7 +15,7 @@ from flexlin.lazy import lazy
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.program import Layout, Program
-from flexlin.scene.scene import LogColumn, LogOutput, LogTable, Scene
+from flexlin.scene.scene import LogColumn, LogInput, LogOutput, LogTable, Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,17 +38,16 @@ class Channel:
 def read_inputs(scene: Scene, arm: Manipulator, log: Log) -> list[Channel]:
     """The columns of torques, forces or voltages, each at its joint; joints without one get none.
 
-    Raises: ArgumentError for a name that is no joint, or two of one joint.
+    Raises: ArgumentError for a name that is no joint, or two of one joint of which neither says that it is meant.
     """
     table = logged(scene, arm).inputs
-    found: list[Channel] = []
-    for name in log.inputs:
-        column = table.get(name, LogColumn(column=name))
-        place = find_joint(arm, name)
-        if place in [one.place for one in found]:
-            raise ArgumentError("two inputs of the log are of one joint", got=name, expected="one a joint")
-        found.append(Channel(name, *calibration(column), ca.SX(0), place))
-    return found
+    columns = {name: table.get(name, LogInput(column=name)) for name in log.inputs}
+    named = [find_joint(arm, name) for name, one in columns.items() if one.joint is None]
+    if len(set(named)) < len(named):
+        raise ArgumentError("two inputs of the log are of one joint", got=list(log.inputs), expected="one a joint")
+    return [
+        Channel(name, *calibration(one), ca.SX(0), find_joint(arm, one.joint or name)) for name, one in columns.items()
+    ]
 
 
 def read_outputs(scene: Scene, arm: Manipulator, log: Log) -> list[Channel]:
@@ -192,7 +191,7 @@ class Logged:
         u, du, known = self.symbols
         force = ca.SX.zeros(self.arm.B.size2())
         for k, column in enumerate(self.inputs):
-            force[column.place] = column.gain * (u[k] - (column.delay - known[k]) * du[k]) + column.offset
+            force[column.place] += column.gain * (u[k] - (column.delay - known[k]) * du[k]) + column.offset
         z, rate, acceleration = (one[self.arm.n :] for one in self.motion)
         filters = [(self.outputs[j].value, self.outputs[j].lowpass) for j in self.filtered]
         behind = [

@@ -132,6 +132,13 @@ class LogColumn(Table):
     """How much older the value is than the row's time says; an input acts so much later."""
 
 
+class LogInput(LogColumn):
+    """What a joint is given; columns of one joint add up, as where one current's reading loses a share of another."""
+
+    joint: Text | None = None
+    """The joint, where the name does not say so."""
+
+
 class SensorFilter(Table):
     """A filter of second order behind a sensor, z'' + 2 damping w z' + w^2 z = w^2 y with w = 2 pi frequency."""
 
@@ -163,7 +170,7 @@ class LogTable(Table):
     """Name of the column of times."""
     second: Annotated[Positive, Unit("s")] = 1.0
     """One unit of that column, such as 0.001 for milliseconds."""
-    inputs: dict[str, LogColumn] = Field(default_factory=dict)
+    inputs: dict[str, LogInput] = Field(default_factory=dict)
     """By the name of a joint, such as q1, or as the scene names it."""
     outputs: dict[str, LogOutput] = Field(default_factory=dict)
     """By name: a coordinate, tip.x, a joint, or any name beside `sensor`."""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
+from flexlin.errors import ArgumentError
 from flexlin.identification import Logged, Windows, prepare
 from tests.identification.logs import coordinate, simulated, swing, tip
 
@@ -85,6 +86,22 @@ def test_a_wrong_sign_gain_or_delay_of_the_torque_is_seen(wrong):
     table = {"inputs": {"q1": {"column": "u"} | wrong}, "outputs": {"q1": {"column": "q"}}}
     log, _ = usual_log()
     assert fl.predict(fl.load_scene("single-link", {"links.0.modes": 1, "log": table}), log).fit["q1"] < 97
+
+
+def test_columns_that_say_so_add_up_at_their_joint():
+    """One reading loses a share of another: u = 0.7 u + 0.3 u. Two columns that name one joint by chance are refused."""
+    log, _ = usual_log()
+    known = {"log": {"inputs": {"q1": {"column": "u"}}, "outputs": {"q1": {"column": "q"}}}}
+    first, second = {"column": "u", "gain": 0.7}, {"column": "v", "gain": 0.3, "joint": "q1"}
+    shared = {"log": {"inputs": {"q1": first, "crosstalk": second}, "outputs": known["log"]["outputs"]}}
+    columns = {"t": log.time, "u": log.inputs["q1"], "v": log.inputs["q1"], "q": log.outputs["q1"]}
+    one, both = (fl.load_scene("single-link", {"links.0.modes": 1, "designs": []} | table) for table in (known, shared))
+    alike = [fl.predict(scene, fl.read_log(columns, scene)).outputs["q"] for scene in (one, both)]
+    assert np.allclose(*alike, rtol=0, atol=1e-9)
+    named = fl.load_scene("single-link", {"links.0.modes": 1, "links.0.name": "arm", "designs": []})
+    twice = fl.Log(log.time, {"q1": columns["u"], "arm": columns["u"]}, log.outputs)
+    with pytest.raises(ArgumentError, match="of one joint"):
+        fl.predict(named, twice)
 
 
 @pytest.mark.slow
