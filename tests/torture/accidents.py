@@ -192,10 +192,10 @@ def writers(count: int, number: int, out: Path) -> Row:
         "from flexlin.control import gain_source, pd_feedback\n"
         "system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])\n"
         "made = pd_feedback(system, [0], [float(sys.argv[2])], [2.0])\n"
-        "while True: gain_source(made, 1.0, sys.argv[1], samples=int(sys.argv[3]))\n"
+        "while True: gain_source(made, 1.0, sys.argv[1])\n"
     )
     one = [sys.executable, "-c", code, str(folder)]
-    both = [subprocess.Popen([*one, "4", "16"]), subprocess.Popen([*one, "5", "32"])]
+    both = [subprocess.Popen([*one, "4"]), subprocess.Popen([*one, "5"])]
     try:
         while row.runs < count and all(process.poll() is None for process in both):
             parts = read_together(folder, ("gain.c", "gain.h", "main.c", "flexlin-results.json"))
@@ -211,7 +211,7 @@ def writers(count: int, number: int, out: Path) -> Row:
             process.terminate()
             process.wait()
     row.uncaught = count - row.runs
-    with_gain = [sys.executable, "-c", code.replace("while True: ", ""), str(folder), "4", "16"]
+    with_gain = [sys.executable, "-c", code.replace("while True: ", ""), str(folder), "4"]
     subprocess.run(with_gain, check=True)
     row.left = len(leftovers(folder))
     return row

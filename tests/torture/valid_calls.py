@@ -87,14 +87,14 @@ def design_calls() -> Calls:
 def export_calls() -> Calls:
     """What other programs read."""
     a, plant, folder = arm_results(), make_plant().periodic_system(), Path(tempfile.mkdtemp())
-    lin, lqr, source = a["linearization"], a["periodic"], {"name": "abc", "samples": 16}
+    lin, lqr = a["linearization"], a["periodic"]
     yield partial(control.to_control, system=plant, phase=0.1)
     yield partial(control.periodic_plant, system=plant, name="a")
     yield partial(control.gain_schedule, made=lqr, name="a")
     yield partial(control.save, system=plant, path=folder / "a.npz", designs=(lqr,), phases=4)
     yield partial(control.linearization_source, lin=lin, folder=folder / "c", name="abc")
-    yield partial(control.gain_source, made=lqr, period=lin.period, folder=folder / "g", **source)
-    yield partial(control.estimator_source, estimator=a["estimator"], folder=folder / "e", **source)
+    yield partial(control.gain_source, made=lqr, period=lin.period, folder=folder / "g", name="abc")
+    yield partial(control.estimator_source, estimator=a["estimator"], folder=folder / "e", name="abc")
 
 
 def motion_calls() -> Calls:

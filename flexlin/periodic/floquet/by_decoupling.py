@@ -34,7 +34,7 @@ from flexlin.periodic.floquet.by_segments import SegmentedSpectrum, solve_by_seg
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS, OTHER_WORK, choose_setting
+from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS, OTHER_WORK, VECTOR_WORK, choose_setting
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.precision import CUBE_ROOT_EPS, FAINT, FOURTH_ROOT_EPS, LARGEST_LOG_GROWTH, MINOR, ROOT_EPS, SAFETY
 
@@ -46,7 +46,7 @@ COUPLING_TURNS = 40
 
 def estimate_decoupling_work(n: int) -> float:
     """Multiplications to decouple n states, as measured: overhead, and eigenvectors and products at the nodes and between them."""
-    return 2 * FIRST_NODES * (OTHER_WORK * (40 + 2.4 * n) + 400 * n**3)
+    return 2 * FIRST_NODES * (OTHER_WORK * (40 + 2.4 * n) + 6 * VECTOR_WORK * n**3)
 
 
 def solve_decoupled(

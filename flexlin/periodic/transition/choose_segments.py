@@ -24,14 +24,14 @@ MOST_STAGES = NODES
 """More than a panel's polynomials have nodes see nothing new."""
 GUESS_MARGIN = 400.0
 """The first guess aims at this part of tol: a third more segments cost less than a second try."""
-STAGE_CHOICES = np.arange(4, 15)
+STAGE_CHOICES = np.arange(4, 11)
 """Gauss stages among which the engine chooses."""
 LEAST_SEGMENTS = 4
 """Segments of a period at the least: on fewer, a method and a better one err alike."""
 NODES_PER_HARMONIC = 3.0
 """Gauss nodes for each harmonic of the coefficients, so that none hides between them."""
-VECTOR_WORK, OTHER_WORK = 2500, 16_000
-"""Multiplications, times n^2, that carrying left and right vectors through a segment takes, and those that all else counts as."""
+VECTOR_WORK, OTHER_WORK = 40, 10_000
+"""Multiplications, times n^3, that carrying left and right vectors through a segment takes, and those that all else counts as."""
 EIGENVALUE_TIMES = 6
 """Times of a panel at which the eigenvalues of A(t) are looked at, at the most; of all panels sixteen times as many."""
 
@@ -230,7 +230,7 @@ def estimate_work(n: int, unknowns: int, stages: Array, segments: Array) -> Arra
     """The work for n states, in multiplications: elimination for s stages and for two more, and vectors along the product."""
     sizes = [np.asarray(unknowns * (stages + extra), dtype=float) for extra in (0, 2)]
     solved = sum(size**2 * (size / 3 + n) for size in sizes)
-    return np.asarray(segments * (solved + VECTOR_WORK * n**2 + OTHER_WORK))
+    return np.asarray(segments * (solved + VECTOR_WORK * n**3 + OTHER_WORK))
 
 
 def estimate_segment_work(system: PeriodicSystem, setting: Setting) -> float:
