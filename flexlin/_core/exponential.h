@@ -10,42 +10,17 @@
 
 #include "vectors.h"
 
-
 enum { OFF = S - H, MOST_SQUARINGS = 200 }; /* rows above W, which are those of [0 I] */
 #define IS_FULL (STATES == ROWS)
-enum { DOWN = REGISTERS == 16 ? 2 : H % 3 ? 4 : 3, ACROSS = REGISTERS == 16 ? 2 : S % 6 ? 4 : 6 }; /* a block of a product that stays in registers */
-
-/* A block of Z = A B of `rows` rows and `columns` columns. */
-FORCED void multiply_block_of(int rows, int columns, int inner, const vec *restrict A, int stride, const vec *restrict B, int add, vec *restrict Z) {
-  vec sum[DOWN][ACROSS];
-  UNROLL for (int r = 0; r < rows; r++)
-    UNROLL for (int c = 0; c < columns; c++) sum[r][c] = add ? Z[r * S + c] : splat(0.0);
-#pragma GCC unroll 1
-  for (int k = 0; k < inner; k++) {
-    vec row[ACROSS];
-    UNROLL for (int c = 0; c < columns; c++) { row[c] = B[k * S + c]; HOLD(row[c]); }
-    UNROLL for (int r = 0; r < rows; r++) {
-      vec a = A[r * stride + k];
-      HOLD(a);
-      UNROLL for (int c = 0; c < columns; c++) sum[r][c] += a * row[c];
-    }
-  }
-  UNROLL for (int r = 0; r < rows; r++)
-    UNROLL for (int c = 0; c < columns; c++) Z[r * S + c] = sum[r][c];
-}
-
 /* Z = A B, added to what is there where `add`, for A (rows, inner) in a matrix with `stride` columns, B (inner, S). */
 FORCED void multiply_rows(int rows, int inner, const vec *restrict A, int stride, const vec *restrict B, int add, vec *restrict Z) {
-  const int last = rows % DOWN, rest = S % ACROSS;
-  for (int i = 0; i + DOWN <= rows; i += DOWN) {
-    for (int j = 0; j + ACROSS <= S; j += ACROSS) multiply_block_of(DOWN, ACROSS, inner, A + i * stride, stride, B + j, add, Z + i * S + j);
-    if (rest) multiply_block_of(DOWN, rest, inner, A + i * stride, stride, B + S - rest, add, Z + (i + 1) * S - rest);
+  for (int i = 0; i < rows; i++) {
+    vec sum[S];
+    for (int j = 0; j < S; j++) sum[j] = add ? Z[i * S + j] : splat(0.0);
+    for (int k = 0; k < inner; k++)
+      for (int j = 0; j < S; j++) sum[j] += A[i * stride + k] * B[k * S + j];
+    for (int j = 0; j < S; j++) Z[i * S + j] = sum[j];
   }
-  if (!last) return;
-  A += (rows - last) * stride;
-  Z += (rows - last) * S;
-  for (int j = 0; j + ACROSS <= S; j += ACROSS) multiply_block_of(last, ACROSS, inner, A, stride, B + j, add, Z + j);
-  if (rest) multiply_block_of(last, rest, inner, A, stride, B + S - rest, add, Z + S - rest);
 }
 
 static void multiply(const vec *restrict A, const vec *restrict B, vec *restrict Z) { multiply_rows(S, S, A, S, B, 0, Z); }
@@ -60,7 +35,7 @@ static void raise(const vec *restrict V, const vec *restrict W, vec *restrict be
   multiply_rows(H, H, V + OFF, S, W, 1, below);
 }
 
-/* The lower rows of P from its upper ones. */
+/* The lower rows of P from its upper ones, where it has any. */
 static void complete(vec *P, const vec *W) {
 #if IS_FULL
   (void)P, (void)W;

@@ -8,14 +8,6 @@
 #define H ROWS
 
 typedef long long mask __attribute__((vector_size(sizeof(vec))));
-#ifdef __AVX512F__
-#define HOLD(x) __asm__("" : "+v"(x)) /* in a register from here on, not read from memory again */
-#define REGISTERS 32 /* that hold L numbers */
-#else
-#define HOLD(x)
-#define REGISTERS 16
-#endif
-#define UNROLL _Pragma("GCC unroll 36")
 
 static inline vec v_choose(mask where, vec a, vec b) { return (vec)((where & (mask)a) | (~where & (mask)b)); }
 static inline vec v_abs(vec a) { return (vec)((mask)a & 0x7fffffffffffffffLL); }

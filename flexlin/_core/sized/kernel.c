@@ -124,35 +124,13 @@ static void read_segment(Reader *r, Segment *s) {
 
 /* ---- factors ---- */
 
-enum { PART = REGISTERS == 16 ? 2 - S % 2 : H <= 3 ? S : H <= 5 ? H : S % 4 ? S % 3 ? 2 - S % 2 : 3 : 4 }; /* columns of a solution that stay in registers */
-
-/* Z = (I + D_next)^-1 (D_now - D_next), its lower rows, for D = [0; d1 d2], which is small: elimination without pivoting. */
+/* Z = (I + D_next)^-1 (D_now - D_next), its lower rows, for D = [0; d1 d2], which is small. */
 static void divide(const vec *now, const vec *next, vec *Z) {
-  vec B[H][H], inverse[H];
+  vec B[H * H];
   for (int i = 0; i < H; i++)
-    for (int j = 0; j < H; j++) B[i][j] = i == j ? next[i * S + OFF + j] + 1.0 : next[i * S + OFF + j];
-  for (int k = 0; k < H; k++) {
-    inverse[k] = 1.0 / B[k][k];
-    for (int i = k + 1; i < H; i++) {
-      B[i][k] *= inverse[k];
-      for (int j = k + 1; j < H; j++) B[i][j] -= B[i][k] * B[k][j];
-    }
-  }
-  for (int start = 0; start < S; start += PART) {
-    vec z[H][PART];
-    UNROLL for (int i = 0; i < H; i++)
-      UNROLL for (int c = 0; c < PART; c++) {
-        z[i][c] = now[i * S + start + c] - next[i * S + start + c];
-        UNROLL for (int k = 0; k < i; k++) z[i][c] -= B[i][k] * z[k][c];
-      }
-    UNROLL for (int i = H - 1; i >= 0; i--)
-      UNROLL for (int c = 0; c < PART; c++) {
-        UNROLL for (int k = i + 1; k < H; k++) z[i][c] -= B[i][k] * z[k][c];
-        z[i][c] *= inverse[i];
-      }
-    UNROLL for (int i = 0; i < H; i++)
-      UNROLL for (int c = 0; c < PART; c++) Z[i * S + start + c] = z[i][c];
-  }
+    for (int j = 0; j < H; j++) B[i * H + j] = next[i * S + OFF + j] + (i == j);
+  for (int i = 0; i < H * S; i++) Z[i] = now[i] - next[i];
+  solve_mass(B, Z);
 }
 
 /* E = (I + D_next)^-1 (I + D_now) exp(A) from P = exp(A) - I. */
@@ -162,7 +140,7 @@ static void make_factor(const Segment *now, const Segment *next, double reach, v
   divide(now->D, next->D, Z);
   for (int i = 0; i < H * S; i++) below[i] = E[OFF * S + i] + Z[i];
   add_product(Z, E, below);
-  UNROLL for (int i = 0; i < H * S; i++) E[OFF * S + i] = below[i];
+  for (int i = 0; i < H * S; i++) E[OFF * S + i] = below[i];
   for (int i = 0; i < S; i++) E[i * S + i] += 1.0;
 }
 
