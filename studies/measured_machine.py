@@ -39,12 +39,16 @@ SHEET = {
     "log.outputs.gauge_2": {"column": "deflection_2_rad", "sensor": "strain", "link": 1, "gain": 3 / 0.20185},
 }
 """The maker's configuration file; strips as cantilevers, k = 3 EI / l."""
-WEIGHED = {"effects.payload.mass.1": 0.157, "effects.joint_flexibility.motor_inertia.1": 0.002575}
-"""What the data sheet says of numbers that whole logs moved, and that parts of one do not know."""
+WEIGHED = {
+    "effects.payload.mass.1": 0.157,
+    "effects.joint_flexibility.motor_inertia.1": 0.002575,
+    "effects.viscous_friction.exponent.1": 1.0,
+}
+"""The data sheet's masses and plain viscous friction of joint 2, for numbers that whole logs moved, and that parts of one do not know."""
 FREE = [
     *(f"links.{k}.bending_stiffness" for k in (0, 1)),
-    *(f"effects.{name}.{k}" for name in ("viscous_friction.coefficient", "viscous_friction.exponent") for k in (0, 1)),
-    *(f"effects.coulomb_friction.torque.{k}" for k in (0, 1)),
+    *(f"effects.{name}.{k}" for name in ("viscous_friction.coefficient", "coulomb_friction.torque") for k in (0, 1)),
+    "effects.viscous_friction.exponent.0",
     "effects.gravity.acceleration",
     *(f"log.{name}.{what}" for name in ("inputs.axis_1", "inputs.axis_2") for what in ("gain", "offset")),
     *(f"log.{name}.{what}" for name in ("outputs.gauge_1", "outputs.gauge_2") for what in ("gain", "offset")),

@@ -206,11 +206,13 @@ def said_of_a_filter() -> Iterator[None]:
 
 def close_estimated(A: Array, B: Array, K: Array, L: Array, C: Array, rates: Array) -> Array:
     """[[A, -B K, -B K_z], [L C, A - B K - L C, -B K_z], [R, 0, F]] at some times; rates (k, n + k) = [R, F], k may be 0."""
-    n, BK, LC = A.shape[1], B @ K, L @ C
-    memory = np.broadcast_to(np.insert(rates, [n] * n, 0.0, axis=1), (len(A), len(rates), n + rates.shape[1]))
-    estimate = np.concatenate([LC, -BK], axis=2)
-    estimate[:, :, n : 2 * n] += A - LC
-    return np.concatenate([np.concatenate([A, -BK], axis=2), estimate, memory], axis=1)
+    n, k, BK, LC = A.shape[1], len(rates), B @ K, L @ C
+    out = np.zeros((len(A), 2 * n + k, 2 * n + k))
+    out[:, :n, :n], out[:, :n, n:] = A, -BK
+    out[:, n : 2 * n, :n], out[:, n : 2 * n, n:] = LC, -BK
+    out[:, n : 2 * n, n : 2 * n] += A - LC
+    out[:, 2 * n :, :n], out[:, 2 * n :, 2 * n :] = rates[:, :n], rates[:, n:]
+    return out
 
 
 @checked

@@ -91,7 +91,7 @@ def joint_angles(lin: Linearization) -> MatrixFunction:
     >>> fl.control.joint_angles(lin)(np.zeros(1)).round(6).tolist()
     [[[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]]
     """
-    return see(lin, read_encoders(lin.arm.near)[list(lin.driven)])
+    return linearize_reading(lin, read_encoders(lin.arm.near)[list(lin.driven)])
 
 
 @checked
@@ -117,7 +117,7 @@ def joint_rates(lin: Linearization) -> MatrixFunction:
     >>> fl.control.joint_rates(lin)(np.zeros(1))[0, :, 3:].round(6).tolist()
     [[1.0, 0.0, 0.0]]
     """
-    return see(lin, read_gyroscopes(lin.arm.near)[list(lin.driven)])
+    return linearize_reading(lin, read_gyroscopes(lin.arm.near)[list(lin.driven)])
 
 
 @checked
@@ -161,7 +161,7 @@ def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFun
     >>> print(f"{root:.4f} {abs(tip):.4f}")
     7.6302 0.0000
     """
-    return see(lin, read_strain(lin.arm.near, scene, link, at))
+    return linearize_reading(lin, read_strain(lin.arm.near, scene, link, at))
 
 
 @checked
@@ -193,7 +193,7 @@ def tip_position(lin: Linearization) -> MatrixFunction:
     >>> print(f"{np.linalg.norm(C[:, 0]):.2f} m per rad of the joint")
     0.96 m per rad of the joint
     """
-    return see(lin, read_tip(lin.arm.near))
+    return linearize_reading(lin, read_tip(lin.arm.near))
 
 
 @checked
@@ -231,7 +231,7 @@ def tip_acceleration(lin: Linearization) -> tuple[MatrixFunction, MatrixFunction
     >>> C(np.zeros(1)).shape, D(np.zeros(1)).shape
     ((1, 2, 6), (1, 2, 1))
     """
-    found = Seen.of(lin, read_tip_acceleration(lin.arm.near))
+    found = ReadingSlopes.of(lin, read_tip_acceleration(lin.arm.near))
     return found, found.by_torque
 
 
@@ -257,7 +257,7 @@ def encoder_rows(lin: Linearization) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ReadingSlopes:
     """C(t) (N, p, 2n) of a reading r: how it changes with [y; y'] along the rigid motion, y'' as the linear equations have it.
 
     `function`: dr/ds, dr/ds' and, of one that feels accelerations, dr/ds''.
@@ -267,10 +267,12 @@ class Seen:
     function: ca.Function
 
     @classmethod
-    def of(cls, lin: Linearization, reading: ca.SX) -> "Seen":
+    def of(cls, lin: Linearization, reading: ca.SX) -> "ReadingSlopes":
         """Of a reading of the arm of the near equations."""
         about = lin.about.near
-        by = [about.arm.s, about.arm.s_dot] + [about.arm.s_ddot] * ca.depends_on(reading, about.arm.s_ddot)
+        by = [about.arm.s, about.arm.s_dot]
+        if ca.depends_on(reading, about.arm.s_ddot):
+            by.append(about.arm.s_ddot)
         slopes = [ca.jacobian(reading, one)[:, list(about.kept)] for one in by]
         *_, angles = about.symbols()
         return cls(lin, about.function(angles, {}, dict(zip("KDM", about.lift(slopes, angles), strict=False))))
@@ -295,9 +297,9 @@ class Seen:
         return J @ solve_mass(*self.lin.mass_and_input(t), t)
 
 
-def see(lin: Linearization, reading: ca.SX) -> MatrixFunction:
+def linearize_reading(lin: Linearization, reading: ca.SX) -> MatrixFunction:
     """C of a reading of the arm of the near equations; one matrix where nothing in it varies."""
-    found, start = Seen.of(lin, reading), np.zeros(1)
+    found, start = ReadingSlopes.of(lin, reading), np.zeros(1)
     varies = any(ca.symvar(one) for one in found.function.call(found.function.sx_in()))
     return found if varies else Constant(found(start)[0])
 
@@ -426,4 +428,4 @@ def scene_sensors(scene: Scene, lin: Linearization, table: EstimatorTable) -> Se
     torque = np.array(spread("estimator.torque", table.torque, lin.input_units))
     V = np.diag(np.array(sizes) ** 2) * table.sample_time
     W = Combined(partial(excite, S=np.diag(torque**2) * table.sample_time), (lin.input_matrix,), complete=True)
-    return Sensors(see(lin, ca.vertcat(*parts)), V, W, tuple(names))
+    return Sensors(linearize_reading(lin, ca.vertcat(*parts)), V, W, tuple(names))

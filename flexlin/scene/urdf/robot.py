@@ -296,8 +296,9 @@ def read_joint(element: Element) -> UrdfJoint:
         raise dynamics.refuse(f"{min(damping, friction):g}", "damping and friction of 0 or more")
     xyz, rpy = read_origin(element.one("origin"))
     limits = {} if limit is None else read_limits(limit)
-    rule = ("multiplier", 1.0), ("offset", 0.0)
-    follows = None if mimic is None else Rule(mimic.text("joint"), *(mimic.number(*part) for part in rule))
+    follows = None
+    if mimic is not None:
+        follows = Rule(mimic.text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0))
     return UrdfJoint(name, element, kind, parent, child, xyz, rpy, direction, damping, friction, limits, follows)
 
 
