@@ -150,7 +150,7 @@ static int settled(double change, double left, const double *rule, double tol) {
  * residuals F, of which those at hand are taken where known > 0; others come from the torque, offset - gain [y; v], and the program in code, whose
  * inputs `in` and outputs `out` are these arrays, among them F. Without a program (count 0), or where `once` > 0, one sweep is made.
  * state: sweeps so far, and the last change; rule: slow, share, stalled, least, grown, the most sweeps; tol.
- * Returns 0 where another sweep is to be made, 1 settled, 2 slow, 3 lost, -1 without memory; what is settled has the outputs of its motion. */
+ * Returns 0 where another sweep is to be made, 1 settled, 2 slow, 3 lost, -1 without memory; what is settled has the torque of its motion. */
 CALLED int sweep_steps(int m, int stages, int steps, int inputs, const double *lengths, const double *tableau, double *kept, const double *by_start,
                        const double *Phi, const double *gain, const double *offset, const double *start, const double *scale, double tol,
                        const double *rule, int known, int once, long count, const Step *code, const double *const *in, const long *rows, double *const *out,
@@ -181,7 +181,6 @@ CALLED int sweep_steps(int m, int stages, int steps, int inputs, const double *l
     if (once || !count) break;
   }
   if (found == 1) command(m, inputs, points, gain, offset, y, v, torque);
-  if (found == 1 && count) run_program(count, code, points, in, rows, out, sizes, work);
   free(added);
   return found;
 }

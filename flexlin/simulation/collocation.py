@@ -14,6 +14,7 @@ from flexlin.simulation.equations import (
     LinearEquations,
     Places,
     from_coordinates,
+    solve_acceleration,
     to_coordinates,
     with_controller,
 )
@@ -285,8 +286,8 @@ class Collocation:
         """The acceleration (n,) from which the window starts."""
         if at.before is None:
             n = len(at.x) // 2
-            t, y, v = np.array([at.t + BREAK_DISTANCE * self._period]), at.x[None, :n], at.x[None, n:]
-            (at.before,), places = self._equations.acceleration(t, y, v)
+            t = at.t + BREAK_DISTANCE * self._period
+            at.before, places = solve_acceleration(self._equations, t, at.x[:n], at.x[n:])
             if at.linear is not None:
                 at.linear.behind_break(places)
         return at.before

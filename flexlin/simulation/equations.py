@@ -59,14 +59,14 @@ class Equations(Protocol):
     def places(self, t: Array) -> Places:
         """All that depends on the times alone."""
 
-    def residual(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Array, Array]:
-        """F (N, n), and the power (N,) that goes into the arm."""
+    def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
+        """F (N, n)."""
+
+    def power(self, at: Places, y: Array, v: Array, w: Array) -> Array:
+        """The power (N,) that goes into the arm in a motion of which nothing is left in F."""
 
     def ready(self, at: Places) -> Ready | None:
         """The residual as compiled code carries it out; None where it takes more than a program, or too few points for one."""
-
-    def acceleration(self, t: Array, y: Array, v: Array) -> tuple[Array, Places]:
-        """y'' (N, n) at times t (N,), and what depends on the times alone."""
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
         """dF/dy'', dF/dy', dF/dy (N, n, n) there; None where those of y = 0 are exact."""
@@ -100,23 +100,18 @@ class LinearEquations:
         known = self.lin.motion.periodic and law.forward == self.lin.feedforward
         return tau if known else law.forward(t)
 
-    def residual(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Array, Array]:
+    def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
         """M w + D v + K y - h."""
         M, D, K = at.linear
-        F = (M @ w[..., None] + D @ v[..., None] + K @ y[..., None])[..., 0] - at.force
-        return F, np.zeros(len(at.t))
+        return (M @ w[..., None] + D @ v[..., None] + K @ y[..., None])[..., 0] - at.force
+
+    def power(self, at: Places, y: Array, v: Array, w: Array) -> Array:
+        """None is counted."""
+        return np.zeros(len(at.t))
 
     def ready(self, at: Places) -> Ready | None:
         """None: these need no program."""
         return None
-
-    def acceleration(self, t: Array, y: Array, v: Array) -> tuple[Array, Places]:
-        """y'' (N, n), by the mass matrix alone."""
-        return solve_acceleration(self, self.places(t), y, v)
-
-    def mass(self, at: Places, y: Array) -> Array:
-        """M (N, n, n) of the rigid motion, wherever the arm is."""
-        return at.linear[0]
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
         """The linear equations are their own."""
@@ -124,30 +119,28 @@ class LinearEquations:
 
 
 class NonlinearEquations(LinearEquations):
-    """M(s) s'' + C s' + g + d = B torque under a law, with s = s_R + y; power = s' (M s'' + C s' + g)."""
+    """M(s) s'' + C s' + g + d = B torque under a law, with s = s_R + y."""
 
     def __init__(self, lin: Linearization, law: Law):
         super().__init__(lin, law)
-        self._residual = loop_residual(lin.about)
+        self._residual, self._power = loop_functions(lin.about)
 
     @lazy
     def _slopes(self) -> ca.Function:
         return loop_slopes(self.lin.about)
 
-    def residual(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Array, Array]:
+    def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
         """M s'' + C s' + g + d - B torque in the coordinates kept."""
-        F, power = symbolic.call(self._residual, [y, v, w, at.torque(y, v), *at.place])
-        return F[:, :, 0], power[:, 0, 0]
+        return self.at_places(self._residual, at, y, v, w)[0][:, :, 0]
+
+    def power(self, at: Places, y: Array, v: Array, w: Array) -> Array:
+        """s' (M s'' + C s' + g)."""
+        return self.at_places(self._power, at, y, v, w)[0][:, 0, 0]
 
     def ready(self, at: Places) -> Ready | None:
         """The program of the residual, once enough points went through it."""
         program = symbolic.usage_of(self._residual).find_program(len(at.t) * FEW_SWEEPS)
         return None if program is None else Ready(symbolic.lay_out(program, None), at.place)
-
-    def mass(self, at: Places, y: Array) -> Array:
-        """M at s = s_R + y, in the coordinates kept."""
-        kept = list(self.lin.kept)
-        return self.lin.about.of_arm("M", at.t, y)[:, kept][:, :, kept]
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices:
         """Exact derivatives, the gain's part included."""
@@ -162,30 +155,37 @@ class NonlinearEquations(LinearEquations):
         return symbolic.call(function, [np.ascontiguousarray(part) for part in inputs])
 
 
-def solve_acceleration(
-    equations: "LinearEquations | ControlledEquations", at: Places, y: Array, v: Array
-) -> tuple[Array, Places]:
-    """y'' (N, n) of a motion y, y', and the places again."""
-    F = equations.residual(at, y, v, np.zeros_like(y))[0]
-    return -np.linalg.solve(equations.mass(at, y), F[..., None])[..., 0], at
+def solve_acceleration(equations: Equations, t: float, y: Array, v: Array) -> tuple[Array, Places]:
+    """y'' (n,) at y, y' (n,), in which F is linear: column by column, in units that change F as much as it is; and what holds there."""
+    n, at = len(y), equations.places(np.array([t]))
+    F = equations.residual(at, y[None], v[None], np.zeros((1, n)))
+    unit = (np.abs(F).max() or 1.0) / np.abs(at.linear[0][0]).max(axis=0)
+    moved = equations.residual(at.some(np.zeros(n, dtype=int)), np.tile(y, (n, 1)), np.tile(v, (n, 1)), np.diag(unit))
+    return -unit * np.linalg.solve((moved - F).T, F[0]), at
 
 
 def loop_expressions(about: Deviation) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX, ca.SX]:
-    """The inputs y, y', y'', torque; the angles; F of the coordinates kept; B; the power."""
+    """The inputs y, y', y'', torque; the angles; F of the coordinates kept; B; the power where F = 0.
+
+    power = s' (M s'' + C s' + g), in whose rows of coordinates kept B torque - d stands for the inertial forces.
+    """
     arm, kept = about.arm, list(about.kept)
     y, rate, acceleration, angles = about.symbols()
     torque = ca.SX.sym("torque", about.m)
-    expressions = [arm.residual, arm.B[:, list(about.driven)], ca.dot(arm.s_dot, arm.residual - arm.damping)]
+    driven = arm.B[:, list(about.driven)]
+    balance = ca.SX(arm.residual)
+    balance[kept] = (driven @ torque)[kept]
+    expressions = [arm.residual, driven, ca.dot(arm.s_dot, balance - arm.damping)]
     left, B, power = about.lift(expressions, angles, y, rate, acceleration)
     inputs = {"y": y, "y1": rate, "y2": acceleration, "torque": torque}
     return inputs, angles, (left - B @ torque)[kept], B[kept, :], power
 
 
 @lru_cache(maxsize=8)
-def loop_residual(about: Deviation) -> ca.Function:
-    """F and the power as a function of y, y', y'', the torque and the place on the motion; kept for the next run."""
+def loop_functions(about: Deviation) -> tuple[ca.Function, ca.Function]:
+    """F, and the power, as functions of y, y', y'', the torque and the place on the motion; kept for the next run."""
     inputs, angles, F, _, power = loop_expressions(about)
-    return about.function(angles, inputs, {"F": F, "power": power})
+    return about.function(angles, inputs, {"F": F}), about.function(angles, inputs, {"power": power})
 
 
 @lru_cache(maxsize=8)
@@ -274,29 +274,23 @@ class ControlledEquations:
         wide[2, :, n:, :n] = -rates[:, :, :n]
         return wide[0], wide[1], wide[2]
 
-    def residual(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Array, Array]:
-        """What is left of the equations, and the power that goes into the arm."""
+    def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
+        """What is left of the equations."""
         assert isinstance(at, ControlledPlaces)
-        n, arm = self._n, self.moved(at, v)
-        F, power = self._arm.residual(arm, *(np.ascontiguousarray(part[:, :n]) for part in (y, v, w)))
+        n = self._n
+        F = self._arm.residual(self.moved(at, v), y[:, :n], v[:, :n], w[:, :n])
         driven = np.einsum("tij,tj->ti", at.rates, np.concatenate([y[:, :n], v], axis=1))
-        return np.concatenate([F, w[:, n:] - driven - at.force[:, n:]], axis=1), power
+        return np.concatenate([F, w[:, n:] - driven - at.force[:, n:]], axis=1)
+
+    def power(self, at: Places, y: Array, v: Array, w: Array) -> Array:
+        """That into the arm."""
+        assert isinstance(at, ControlledPlaces)
+        n = self._n
+        return self._arm.power(self.moved(at, v), y[:, :n], v[:, :n], w[:, :n])
 
     def ready(self, at: Places) -> Ready | None:
         """None: what the controller adds stands in no program."""
         return None
-
-    def acceleration(self, t: Array, y: Array, v: Array) -> tuple[Array, Places]:
-        """[y''; z'] (N, n + k)."""
-        return solve_acceleration(self, self.places(t), y, v)
-
-    def mass(self, at: Places, y: Array) -> Array:
-        """That of the arm; rates z' stand alone."""
-        assert isinstance(at, ControlledPlaces)
-        n, k = self._n, self._controller.states
-        wide = np.zeros((len(y), n + k, n + k))
-        wide[:, :n, :n], wide[:, n:, n:] = self._arm.mass(at.of_arm, y[:, :n]), np.eye(k)
-        return wide
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
         """Derivatives where the arm is, with the input matrix of the rigid motion; none where those of the arm are the linear ones."""

@@ -68,7 +68,7 @@ class ModedEquations(NonlinearEquations):
     def __init__(self, lin: Linearization, law: Law, modes: Modes, friction: Friction | None):
         super().__init__(lin, law)
         self.modes, self._friction = modes, friction
-        self._residual, self._all = moded_functions(lin.about, friction)
+        self._residual, self._power, self._all = moded_functions(lin.about, friction)
 
     def followed(self, t: Array) -> Places:
         """What of the law is followed, without equations."""
@@ -92,16 +92,6 @@ class ModedEquations(NonlinearEquations):
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices:
         """Exact derivatives, the gain's part included."""
         return self.linearized(at, y, v, w)[0]
-
-    def acceleration(self, t: Array, y: Array, v: Array) -> tuple[Array, Places]:
-        """y'' (N, n), of which joints that stick have none."""
-        at = self.followed(t)
-        (M, _, _), F, _ = self.linearized(at, y, v, np.zeros_like(y))
-        return -np.linalg.solve(M, F[..., None])[..., 0], at
-
-    def mass(self, at: Places, y: Array) -> Array:
-        """dF/dy'', whose rows of joints that stick are those of the unit matrix."""
-        return self.slopes(at, y, np.zeros_like(y), np.zeros_like(y))[0]
 
     def input_matrix(self, at: Places) -> Array:
         """B at y = 0, without joints that stick."""
@@ -143,8 +133,8 @@ class ModedController(ControlledEquations):
 
 
 @lru_cache(maxsize=8)
-def moded_functions(about: Deviation, friction: Friction | None) -> tuple[ca.Function, ca.Function]:
-    """F and the power; and dF/dy'', dF/dy', dF/dy, -dF/dtorque, F, of y, y', y'', the torque, the slip of joints that stick, the place."""
+def moded_functions(about: Deviation, friction: Friction | None) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """F; the power; dF/dy'', dF/dy', dF/dy, -dF/dtorque and F, of y, y', y'', the torque, the slip of joints that stick, the place."""
     inputs, angles, F, _, power = loop_expressions(about)
     moved = {"y2": inputs["y2"], "y1": inputs["y1"], "y": inputs["y"], "torque": inputs["torque"]}
     if friction is not None:
@@ -152,12 +142,14 @@ def moded_functions(about: Deviation, friction: Friction | None) -> tuple[ca.Fun
         expressions = [about.arm.s_dot[places], about.arm.s_ddot[places]]
         rates, accelerations = about.lift(expressions, angles, inputs["y"], inputs["y1"], inputs["y2"])
         for i, row in enumerate(friction.rows):
-            left = F[row] + (slip[i] - ca.tanh(rates[i] / friction.rate[i])) * friction.level(i, rates[i])
-            F[row] = slip[i] ** 2 * left + (1 - slip[i] ** 2) * accelerations[i]
+            added = (slip[i] - ca.tanh(rates[i] / friction.rate[i])) * friction.level(i, rates[i])
+            F[row] = slip[i] ** 2 * (F[row] + added) + (1 - slip[i] ** 2) * accelerations[i]
+            power -= rates[i] * added
         inputs["slip"] = slip
     M, D, K, against = (ca.jacobian(F, by) for by in moved.values())
-    both = {"M": M, "D": D, "K": K, "B": -against, "F": F}
-    return about.function(angles, inputs, {"F": F, "power": power}), about.function(angles, inputs, both)
+    outputs = {"F": F}, {"power": power}, {"M": M, "D": D, "K": K, "B": -against, "F": F}
+    left, given, slopes = (about.function(angles, inputs, found) for found in outputs)
+    return left, given, slopes
 
 
 @lru_cache(maxsize=8)

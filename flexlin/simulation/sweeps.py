@@ -103,15 +103,13 @@ def solve_window(
         if known:
             F[:] = -at.force
         elif ready is None:
-            F[:], known = equations.residual(at, *path.stages)[0], True
+            F[:], known = equations.residual(at, *path.stages), True
         found = sweeps.go_on(ready, tol, known, newton) if sweeps.window.sound else Found.LOST
         if found is Found.LOST:
             return None
         if found is Found.SETTLED:
-            power = sweeps.power if ready else equations.residual(at, *path.stages)[1]
-            shape = grid.count, grid.stages
-            torque = sweeps.torque.reshape(*shape, -1)
-            return Solved(sweeps.window, path, power.reshape(shape), torque, sweeps.made)
+            shape, power = (grid.count, grid.stages), equations.power(at, *path.stages)
+            return Solved(sweeps.window, path, power.reshape(shape), sweeps.torque.reshape(*shape, -1), sweeps.made)
         slow = slow * (newton or sweeps.made == made + 1) + 1 if found is Found.SLOW else slow * newton
 
 

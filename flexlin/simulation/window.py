@@ -252,7 +252,7 @@ class Sweeps:
     """Newton's sweeps over a window: its motion from `start`, which each of them corrects.
 
     gain (K s, m, 2n), offset (K s, m): of the law, by which the torque follows from the motion; F (K s, n): the residuals;
-    scale (2n,): what tol is relative to; power (K s, 1), torque (K s, m): of the motion that has settled.
+    scale (2n,): what tol is relative to; torque (K s, m): of the motion that has settled.
     """
 
     window: Window
@@ -264,7 +264,7 @@ class Sweeps:
     F: Array
 
     def __post_init__(self) -> None:
-        self.torque, self.power, self.state = np.empty_like(self.offset), np.empty((len(self.F), 1)), np.zeros(2)
+        self.torque, self.state = np.empty_like(self.offset), np.zeros(2)
 
     @property
     def made(self) -> int:
@@ -281,7 +281,7 @@ class Sweeps:
         if residual is not None:
             code = residual.layout
             read = addresses([path.y, path.v, path.w, self.torque, *residual.place])
-            written = addresses([self.F, self.power], written=True)
+            written = addresses([self.F], written=True)
             shared = (len(code.steps), code.steps, read, code.rows, written, code.sizes, residual.work)
         found = sweep_steps(
             *(window.n, grid.stages, grid.count, self.offset.shape[1], grid.h, grid.rule.table, window.kept),

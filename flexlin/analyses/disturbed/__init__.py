@@ -100,10 +100,9 @@ class PushedEquations(NonlinearEquations):
         e = self._directions.unit(t)
         return self._size * self.lin.about.evaluate(self._directions.exact, t, y, e)[0][:, :, 0]
 
-    def residual(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Array, Array]:
+    def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
         """M s'' + C s' + g + d - B torque - J' force in the coordinates kept."""
-        F, power = super().residual(at, y, v, w)
-        return F - self.push(at.t, y), power
+        return super().residual(at, y, v, w) - self.push(at.t, y)
 
     def ready(self, at: Places) -> None:
         """None: the push stands in no program."""
