@@ -62,7 +62,7 @@ class Start(IntEnum):
     SHIFTED = 1
     """At rest in the state reached; the slopes of the rigid motion, all shifted by what they differ in that state."""
     NEWTON = 2
-    """On with the rates of the state reached, with slopes new in each sweep, exact ones once that is slow."""
+    """On with the rates and accelerations of the state reached, with exact slopes in each sweep."""
 
 
 def solve_window(
@@ -80,26 +80,18 @@ def solve_window(
     scale: (2n,) what tol is relative to; path: where the sweeps begin, if that is known better.
     """
     n, grid, at = len(before), about.grid, about.at
-    rigid, newton, slow = begin is Start.RIGID, begin is Start.NEWTON, 0
-    resting = rigid and path is None
-    path = path or (grid.coasting(start) if newton else grid.rest(np.zeros(n) if rigid else start[:n]))
-    first = (
-        about.window if rigid else Window(grid, *shifted(equations, at, grid.edges[0] + about.inside, start, before))
-    )
+    rigid, newton = begin is Start.RIGID, begin is Start.NEWTON
+    resting, renewed = rigid and path is None, newton
+    path = path or (grid.coasting(start, before) if newton else grid.rest(np.zeros(n) if rigid else start[:n]))
+    first = about.window
+    if begin is Start.SHIFTED:
+        first = Window(grid, *shifted(equations, at, grid.edges[0] + about.inside, start, before))
     F, ready = np.empty((len(at.t), n)), equations.ready(at)
     sweeps = Sweeps(first, path, start, scale, np.ascontiguousarray(at.gain), np.ascontiguousarray(at.offset), F)
     while True:
-        if newton or slow:
-            exact = slow + newton > 1
-            sweeps.window = Window(
-                grid,
-                *(
-                    (equations.slopes(at, *path.stages) or at.linear)
-                    if exact
-                    else shifted_by_steps(equations, at, path)
-                ),
-            )
-        known, made = resting and not sweeps.made, sweeps.made
+        if renewed:
+            sweeps.window = Window(grid, *(equations.slopes(at, *path.stages) or at.linear))
+        known = resting and not sweeps.made
         if known:
             F[:] = -at.force
         elif ready is None:
@@ -110,7 +102,7 @@ def solve_window(
         if found is Found.SETTLED:
             shape, power = (grid.count, grid.stages), equations.power(at, *path.stages)
             return Solved(sweeps.window, path, power.reshape(shape), sweeps.torque.reshape(*shape, -1), sweeps.made)
-        slow = slow * (newton or sweeps.made == made + 1) + 1 if found is Found.SLOW else slow * newton
+        renewed = newton or found is Found.SLOW
 
 
 def shifted(equations: Equations, at: Places, t: float, start: Array, before: Array) -> Matrices:
@@ -120,19 +112,4 @@ def shifted(equations: Equations, at: Places, t: float, start: Array, before: Ar
     if exact is None:
         return at.linear
     M, D, K = (rigid + (there - one) for rigid, there, one in zip(at.linear, exact, here.linear, strict=True))
-    return M, D, K
-
-
-def shifted_by_steps(equations: Equations, at: Places, path: Path) -> Matrices:
-    """The slopes of the rigid motion, those of each step shifted by what they differ from exact ones in its middle."""
-    stages = path.w.shape[1]
-    middle = np.arange(stages // 2, len(at.t), stages)
-    here = at.some(middle)
-    exact = equations.slopes(here, *(part[middle] for part in path.stages))
-    if exact is None:
-        return at.linear
-    M, D, K = (
-        rigid + np.repeat(there - one, stages, axis=0)
-        for rigid, there, one in zip(at.linear, exact, here.linear, strict=True)
-    )
     return M, D, K

@@ -18,7 +18,7 @@ from flexlin.program import POINTS_TOGETHER, Layout
 MOST_SWEEPS = 14
 """Sweeps after which a window is given up, and made shorter."""
 SLOW_SWEEP = 0.4
-"""A sweep that leaves more of the last one's change than this calls for slopes of where it is, and a second one for exact ones."""
+"""A sweep that leaves more of the last one's change than this calls for the slopes of where it is."""
 GROWN_CHANGE = 2.0
 """A sweep that enlarges the change so much leads nowhere."""
 SWEEP_SHARE = 0.02
@@ -185,12 +185,11 @@ class Grid:
         x[:, : len(y)] = y
         return Path(x, zeros + y, zeros.copy(), zeros)
 
-    def coasting(self, x: Array) -> Path:
-        """The arm that goes on from a state (2n,) with the rates it has."""
-        n = len(x) // 2
-        edges = np.tile(x, (self.count + 1, 1))
-        edges[:, :n] += np.outer(self.edges - self.edges[0], x[n:])
-        return self.path(edges, np.zeros((self.count, self.stages, n)))
+    def coasting(self, x: Array, w: Array) -> Path:
+        """The arm that goes on from a state (2n,) with the acceleration w (n,) it has."""
+        t, v = (self.edges - self.edges[0])[:, None], x[len(w) :]
+        edges = np.concatenate([x[: len(w)] + t * (v + t / 2 * w), v + t * w], axis=1)
+        return self.path(edges, np.tile(w, (self.count, self.stages, 1)))
 
 
 class Window:
