@@ -15,6 +15,8 @@ from flexlin.simulation import Drive, simulate
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.modes import ModedEquations
 from tests.closed_arm import closed
+from tests.mechanics.scenes import scene_of
+from tests.mechanics.test_large_bending import THIN, light_arm
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +80,18 @@ def test_a_simulation_of_unreasonable_size_is_refused_before_it_begins(lin):
     for wrong in ({"periods": 1e9}, {"periods": 1e300}, {"points_per_period": 10**9}):
         with pytest.raises(TooLarge, match="fewer"):
             simulate(lin, **wrong)
+
+
+@pytest.mark.slow
+def test_a_motion_that_enlarges_every_error_judges_nothing():
+    """A light arm bent far and let go: two runs ended 1.1 of the largest state apart, and the advice was to trust the simulation."""
+    arm, rng = light_arm(216)
+    w = np.r_[0.0, 0.0, rng.normal(size=arm.n - 2)]
+    w *= 0.15 / np.abs(w).sum()
+    run = simulate(fl.linearize(arm, scene_of(THIN, THIN).motion), 1.0, np.r_[w, 0 * w], tol=1e-6)
+    assert run.is_unresolved
+    assert "judges no linear model: simulate fewer periods" in run.status
+    assert "trust" not in run.status
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ class Analysis(Stages):
         if loop is not self.own:
             return judge_model(self.length, loop.steady)
         run, end = self.simulation, self.stopped
-        simulated = None if run is None else (*run.apart[1:], run.unit.strip())
+        simulated = None if run is None or run.is_unresolved else (*run.apart[1:], run.unit.strip())
         ended = None if end is None or not end.left_range else (end.t, SIMULATED_PERIODS * self.plant.period)
         curved = self.plant.arm.near is not self.plant.arm and "geometric_stiffening" in self.scene.effects.on()
         return judge_model(self.length, replace(loop, response=self.response).steady, simulated, ended, curved)

@@ -314,6 +314,8 @@ def comment_on_trust(a: Analysis) -> Iterator[str]:
 
 def agreement(a: Analysis, simulation: Simulation) -> str:
     """How far the linear answer is from the nonlinear one on this motion."""
+    if simulation.is_unresolved:
+        return simulation.unresolved
     (what, apart, largest, error), unit = simulation.apart, simulation.unit
     answers, length = f"linear and nonlinear {what}", a.length if np.isfinite(a.length) else 1.0
     if simulation.is_lost:

@@ -18,6 +18,8 @@ MOST_NUMBERS = 2**24
 """Numbers that are looked at, at the most; where steps are very many each has fewer parts."""
 LARGEST_DEVIATION = 100.0
 """A deviation from the rigid motion, in rad or m, at which a simulation is given up as diverging, and a linear motion as lost."""
+RESOLVED_SHARE = 0.05
+"""An error of this share of the largest state leaves nothing to compare: motions that enlarge every error end so, whatever tol is."""
 OUTGROWN = f"the linear motion grows beyond {LARGEST_DEVIATION:g} rad or m, the nonlinear one does not"
 """What to say of a linear motion that is lost."""
 
@@ -181,6 +183,8 @@ class Simulation(Shown):
     @property
     def status(self) -> str:
         """How far the linear model can be trusted here, and what to do."""
+        if self.is_unresolved:
+            return self.unresolved
         if self.is_lost:
             return f"{OUTGROWN}: beyond the linear model; trust the simulation only"
         what, apart, largest, error = self.apart
@@ -221,6 +225,19 @@ class Simulation(Shown):
     def is_lost(self) -> bool:
         """Whether the linear motion has left all that an arm can do."""
         return not bool((np.abs(self.linear[:, : len(self.names)]) < LARGEST_DEVIATION).all())
+
+    @property
+    def is_unresolved(self) -> bool:
+        """Whether the nonlinear motion is not known well enough to compare anything with it."""
+        return self.error > RESOLVED_SHARE
+
+    @property
+    def unresolved(self) -> str:
+        """What to say then."""
+        return (
+            f"the nonlinear motion is known to {100 * min(self.error, 1.0):.0f} % of its largest state only, and judges no linear model: "
+            "simulate fewer periods, since some motions enlarge every error, or ask for a smaller tol"
+        )
 
     @property
     def apart(self) -> tuple[str, float, float, float]:
