@@ -126,7 +126,7 @@ def steps_of(lin, start, tol=1e-6):
 
     integrator._advance = counted
     t = np.linspace(0.0, 3 * lin.period, 65)
-    integrator.integrate(t, start, with_breaks(t[[0, -1]], lin, np.array(lin.breaks)))
+    integrator.integrate(t, start, with_breaks(t[[0, -1]], lin, np.array(lin.breaks)), np.empty(0))
     return counts[-1]
 
 

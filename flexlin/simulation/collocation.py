@@ -19,7 +19,7 @@ from flexlin.simulation.equations import (
     with_controller,
 )
 from flexlin.simulation.events import Event, Events
-from flexlin.simulation.mesh import BREAK_DISTANCE, Mesh, Trail, find_rough_times, with_breaks
+from flexlin.simulation.mesh import BREAK_DISTANCE, Mesh, Trail, find_rough_times, mark_times
 from flexlin.simulation.stopping import GENTLER, SHORTER, SHORTEST_STEP, stopped
 from flexlin.simulation.sweeps import Rigid, Solved, Start, solve_window
 from flexlin.simulation.window import Grid, Path, between
@@ -164,9 +164,11 @@ class Collocation:
         self._accept, self._hurries = accept or (lambda t, x, torque: None), hurries
 
     def integrate(
-        self, t: Array, start: Array, marks: Array, linear: bool = False, trail: Trail | None = None
+        self, t: Array, start: Array, marks: Array, narrow: Array, linear: bool = False, trail: Trail | None = None
     ) -> tuple[Array, Trail | None]:
-        """States and work (N, 2n + 1) at times t; marks (K,), from the first to the last time, are edges of steps.
+        """States and work (N, 2n + 1) at times t.
+
+        marks (K,), from the first to the last time, are edges of windows, behind which accelerations may jump; narrow: edges of steps.
 
         With `linear`, the 2n states of the linear equations on the same steps follow, (N, 4n + 1); the steps are short enough for both.
 
@@ -191,7 +193,7 @@ class Collocation:
                 self._events.pass_break(at.t, at.x, at.torque)
             while at.t < mark:
                 self._foresee(at, at.t - float(t[0]), float(t[-1] - t[0]))
-                window = self._advance(at, float(mark), float(t[-1] - t[0]), most)
+                window = self._advance(at, float(mark), float(t[-1] - t[0]), most, narrow)
                 if window is None:
                     continue
                 grid, path, power, beside = window
@@ -215,10 +217,10 @@ class Collocation:
             raise stopped(at.t, f"{MOST_STEPS} steps were not enough", at.x, SHORTER if even else GENTLER)
 
     def _advance(
-        self, at: Progress, mark: float, whole: float, most: int
+        self, at: Progress, mark: float, whole: float, most: int, narrow: Array
     ) -> tuple[Grid, Path, Array, Path | None] | None:
         """Try a window: the steps of it that hold, and `at` moved to their end; None where none does, and `at` has shorter steps."""
-        grid = Grid(at.mesh.next_edges(at.t, mark, at.count, at.reach), self._stages)
+        grid = Grid(at.mesh.next_edges(at.t, mark, at.count, at.reach, narrow), self._stages)
         at.steps += grid.count
         if grid.h.min() < SHORTEST_STEP * whole:
             raise stopped(at.t, "no step is short enough", at.x)
@@ -243,7 +245,8 @@ class Collocation:
             ratio[: grid.count] = np.maximum(ratio[: grid.count], hurried)
         good = first_refused(ratio)
         at.learn(tried, ratio, good)
-        at.count, at.reach = min(most, max(FEW_STEPS, 2 * at.count)), at.reach * WINDOW_GROWTH
+        held = at.count if good == tried.count else good
+        at.count, at.reach = min(most, max(FEW_STEPS, 2 * held)), at.reach * WINDOW_GROWTH
         if not good:
             return None
         part, path, begin = grid.first(good), solved.path.first(good), at.t
@@ -338,7 +341,7 @@ def predict(lin: Linearization, t: Array, start: Array, law: Law, tol: float) ->
     >>> fine.shape, bool(np.abs(fine - coarse).max() < 1e-8)
     ((3, 4), True)
     """
-    marks = with_breaks(t[[0, -1]], lin, find_rough_times(law, lin))
+    marks, narrow = mark_times(t[[0, -1]], lin, find_rough_times(law, lin))
     equations = with_controller(LinearEquations(lin, law.direct), law)
     n, k = lin.n, law.memory
 
@@ -346,7 +349,7 @@ def predict(lin: Linearization, t: Array, start: Array, law: Law, tol: float) ->
         integrator = Collocation(equations, lin.period, stages, max(share * tol, LEAST_RUN_TOL))
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                found, trail = integrator.integrate(t, to_coordinates(start, n), marks, trail=trail)
+                found, trail = integrator.integrate(t, to_coordinates(start, n), marks, narrow, trail=trail)
                 return from_coordinates(found[:, :-1], n, k), trail
         except NumericalError:
             return np.full((len(t), len(start)), np.nan), trail

@@ -20,7 +20,7 @@ from flexlin.simulation.equations import (
     with_controller,
 )
 from flexlin.simulation.events import Events, Samples
-from flexlin.simulation.mesh import Trail, law_times, with_breaks
+from flexlin.simulation.mesh import Trail, law_times, mark_times
 from flexlin.simulation.modes import ModedEquations, with_modes
 from flexlin.simulation.result import PEAK_PARTS
 from flexlin.simulation.stopping import stopped
@@ -162,7 +162,7 @@ class NonlinearLoop(ControlledArm):
         ends, limit = t[[0, -1]], self.drive.limit
         if isinstance(events, Samples):
             ends = np.union1d(ends, events.instants(float(t[-1])))
-        marks = with_breaks(ends, self.lin, self.rough)
+        marks, narrow = mark_times(ends, self.lin, self.rough)
         passed: list[tuple[Array, Array]] = []
 
         def accept(t: Array, x: Array, torque: Array) -> None:
@@ -177,7 +177,7 @@ class NonlinearLoop(ControlledArm):
         tol = max(rtol, LEAST_RUN_TOL)
         integrator = Collocation(equations, self.lin.period, stages, tol, accept, watched, events)
         try:
-            return integrator.integrate(t, start, marks, linear, trail)
+            return integrator.integrate(t, start, marks, narrow, linear, trail)
         finally:
             self._check_mass(passed)
 

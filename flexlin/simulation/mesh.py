@@ -29,6 +29,8 @@ STEP_CHANGE = (0.02, 2.0)
 """How much shorter or longer than a step that was tried one is wished for."""
 MARK_REMAINDER = SLIGHT
 """Of a step: what is left to the mark joins the steps before."""
+CLOSE_EDGE = 0.1
+"""Of a step: an edge so near to a narrow time makes place for it."""
 FIRST_STEP, STEP_GROWTH, WIDEST_STEP = 1 / 2048, 1.3, 1 / 8
 """Steps behind a start, where fast modes ring: the first at tolerance 1e-6, in periods; how each is longer than the last; the longest."""
 
@@ -52,8 +54,11 @@ class Mesh:
         """The same from another time on."""
         return Mesh(self.edges + (t - self.edges[0]), self.lengths)
 
-    def next_edges(self, t: float, mark: float, most: int, reach: float) -> Array:
-        """Edges (k + 1,) of at most so many steps from t on, to the mark at the farthest; one goes further than t + reach only alone."""
+    def next_edges(self, t: float, mark: float, most: int, reach: float, narrow: Array) -> Array:
+        """Edges (k + 1,) of at most so many steps from t on, to the mark at the farthest, the narrow times among them.
+
+        A step goes further than t + reach only alone.
+        """
         tail = np.full(most, self.lengths[-1])
         edges = np.concatenate([self.edges, max(self.edges[-1], t) + np.cumsum(tail)])
         passed = np.append(0.0, np.cumsum(np.diff(edges) / np.append(self.lengths, tail)))
@@ -66,6 +71,7 @@ class Mesh:
             )
             found[-1] = mark
         found[0] = t
+        found = with_narrow(found, narrow)[: most + 1]
         inside = max(1, int(np.searchsorted(found, t + reach, side="right")) - 1)
         found = found[: inside + 1]
         return np.array([t, t + reach]) if found[-1] > t + reach else found
@@ -94,6 +100,16 @@ class Mesh:
         """Meshes that follow each other as one."""
         lengths = np.concatenate([part.lengths for part in parts])
         return Mesh(join_edges([part.edges for part in parts]), lengths)
+
+
+def with_narrow(edges: Array, narrow: Array) -> Array:
+    """Edges of steps, and those of the narrow times that lie between them, in whose place edges close by go."""
+    narrow = narrow[(narrow > edges[0]) & (narrow < edges[-1])]
+    if not len(narrow):
+        return edges
+    inner, steps = edges[1:-1], np.minimum(np.diff(edges)[:-1], np.diff(edges)[1:])
+    apart = np.abs(inner[:, None] - narrow).min(axis=1)
+    return np.sort(np.concatenate([edges[[0, -1]], narrow, inner[apart > CLOSE_EDGE * steps]]))
 
 
 def join_edges(parts: Sequence[Array]) -> Array:
@@ -165,26 +181,34 @@ def with_breaks(t: Array, lin: Linearization, rough: Array) -> Array:
     return np.sort(np.concatenate([t, inside[near > 1e-12 * T]]))
 
 
+def mark_times(ends: Array, lin: Linearization, rough: Array) -> tuple[Array, Array]:
+    """The ends of windows, and the narrow times, of a motion between its ends: those of its first period again and again."""
+    marks = with_breaks(ends, lin, rough)
+    return marks, np.setdiff1d(with_breaks(marks, lin, find_narrow_times(lin)), marks)
+
+
 def find_rough_times(law: Law, lin: Linearization) -> Array:
-    """Times in [0, T): breaks of the motion, panels about its narrow features, and what the law adds.
+    """Times in [0, T) that no window passes over: breaks of the motion, and what the law adds.
 
     Raises: UnresolvedCoefficient, NotPeriodic as `resolve`.
     """
     own = (part for part in (law.forward, law.reference) if not (is_rigid(part) or has_nothing_narrow(part)))
     edges = [find_edges(law.gain, lin), *(find_edges(Column(part), lin) for part in own)]
-    return np.unique(np.concatenate([np.array(lin.breaks, dtype=float), find_edges_of_motion(lin), *edges]))
+    of_motion = np.empty(0) if lin.complete or not lin.motion.periodic else lin.periodic_system().resolved.breaks
+    return np.unique(np.concatenate([np.array(lin.breaks, dtype=float), of_motion, *edges]))
 
 
-def find_edges_of_motion(lin: Linearization) -> Array:
+def find_narrow_times(lin: Linearization) -> Array:
     """Times in [0, T) about which the linear equations change in a short time: named ones, or where these may not be all, what is found."""
     T = lin.period
-    if lin.complete:
-        edges = first_edges(T, np.array(lin.breaks, dtype=float), np.reshape(lin.features, (-1, 2)))
-        return np.mod(edges_of_short(edges, T / SHORT_PARTS), T)
-    if not lin.motion.periodic:
+    if not (lin.complete or lin.motion.periodic):
         return find_edges(lin.A, lin)
-    found = lin.periodic_system().resolved
-    return np.union1d(found.breaks, np.mod(edges_of_short(found.edges, T / SHORT_PARTS), T))
+    edges = (
+        first_edges(T, np.array(lin.breaks, dtype=float), np.reshape(lin.features, (-1, 2)))
+        if lin.complete
+        else lin.periodic_system().resolved.edges
+    )
+    return np.unique(np.mod(edges_of_short(edges, T / SHORT_PARTS), T))
 
 
 def is_rigid(part: VectorFunction) -> bool:
