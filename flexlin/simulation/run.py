@@ -12,6 +12,7 @@ from flexlin.errors import ArgumentError
 from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.precision import ROOT_EPS
 from flexlin.simulation.collocation import RUNS, distance, predict
 from flexlin.simulation.drive import Drive, scene_drive
 from flexlin.simulation.loop import NonlinearLoop
@@ -204,7 +205,8 @@ def check_duration(lin: Linearization, periods: float, points_per_period: int = 
 def energy_error(lin: Linearization, t: Array, states: Array, work: Array) -> float:
     """The largest |energy(t) - energy(0) - work(t)|, relative to the energy that goes to and fro.
 
-    energy = T + V, V being that at rest;   scale: the range of T and the range of V together, or that of the work
+    energy = T + V, V being that at rest;   scale: the range of T and the range of V together, or that of the work;
+    of an energy that stays as it is a ROOT_EPS, since rounding alone moves it
     """
     if lin.arm.near.energy is None:
         return float("nan")
@@ -213,5 +215,5 @@ def energy_error(lin: Linearization, t: Array, states: Array, work: Array) -> fl
     at_rest = np.tile(t, 2), np.tile(s, (2, 1)), np.concatenate([rates, np.zeros_like(rates)])
     energy, potential = np.split(lin.about.at_positions("energy", *at_rest)[:, 0, 0], 2)
     moved = max(np.ptp(energy - potential) + np.ptp(potential), np.ptp(work))
-    scale = max(moved, np.abs(energy).max() * 1e-12, np.finfo(float).tiny)
+    scale = max(moved, np.abs(energy).max() * ROOT_EPS, np.finfo(float).tiny)
     return float(np.abs(energy - energy[0] - work).max() / scale)
