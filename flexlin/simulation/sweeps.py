@@ -60,7 +60,7 @@ class Start(IntEnum):
     RIGID = 0
     """On the rigid motion, with its slopes: the first sweep is the linear answer, others gain a factor of the deviation's size."""
     SHIFTED = 1
-    """At rest in the state reached; the slopes of the rigid motion, all shifted by what they differ in that state."""
+    """At rest in the state reached; the slopes of the rigid motion, shifted by what they differ there."""
     NEWTON = 2
     """On with the rates and accelerations of the state reached, with exact slopes in each sweep."""
 
@@ -81,16 +81,15 @@ def solve_window(
     """
     n, grid, at = len(before), about.grid, about.at
     rigid, newton = begin is Start.RIGID, begin is Start.NEWTON
-    resting, renewed = rigid and path is None, newton
+    resting, renewed, slow = rigid and path is None, newton, 0
     path = path or (grid.coasting(start, before) if newton else grid.rest(np.zeros(n) if rigid else start[:n]))
-    first = about.window
-    if begin is Start.SHIFTED:
-        first = Window(grid, *shifted(equations, at, grid.edges[0] + about.inside, start, before))
+    first = about.window if begin is not Start.SHIFTED else Window(grid, *shifted(equations, at, path))
     F, ready = np.empty((len(at.t), n)), equations.ready(at)
     sweeps = Sweeps(first, path, start, scale, np.ascontiguousarray(at.gain), np.ascontiguousarray(at.offset), F)
     while True:
         if renewed:
-            sweeps.window = Window(grid, *(equations.slopes(at, *path.stages) or at.linear))
+            exact = equations.slopes(at, *path.stages) if newton or slow > 1 else None
+            sweeps.window = Window(grid, *(exact or shifted(equations, at, path)))
         known = resting and not sweeps.made
         if known:
             F[:] = -at.force
@@ -102,14 +101,20 @@ def solve_window(
         if found is Found.SETTLED:
             shape, power = (grid.count, grid.stages), equations.power(at, *path.stages)
             return Solved(sweeps.window, path, power.reshape(shape), sweeps.torque.reshape(*shape, -1), sweeps.made)
+        slow += found is Found.SLOW
         renewed = newton or found is Found.SLOW
 
 
-def shifted(equations: Equations, at: Places, t: float, start: Array, before: Array) -> Matrices:
-    """The slopes of the rigid motion at all stages, shifted by what those of one state differ from them."""
-    n, here = len(before), equations.places(np.array([t]))
-    exact = equations.slopes(here, start[None, :n], start[None, n:], before[None])
+def shifted(equations: Equations, at: Places, path: Path) -> Matrices:
+    """The slopes of the rigid motion, those of each step shifted by what they differ from exact ones in its middle."""
+    stages = path.w.shape[1]
+    middle = np.arange(stages // 2, len(at.t), stages)
+    here = at.some(middle)
+    exact = equations.slopes(here, *(part[middle] for part in path.stages))
     if exact is None:
         return at.linear
-    M, D, K = (rigid + (there - one) for rigid, there, one in zip(at.linear, exact, here.linear, strict=True))
+    M, D, K = (
+        rigid + np.repeat(there - one, stages, axis=0)
+        for rigid, there, one in zip(at.linear, exact, here.linear, strict=True)
+    )
     return M, D, K
