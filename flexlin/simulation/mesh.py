@@ -193,21 +193,25 @@ def find_rough_times(law: Law, lin: Linearization) -> Array:
     Raises: UnresolvedCoefficient, NotPeriodic as `resolve`.
     """
     own = (part for part in (law.forward, law.reference) if not (is_rigid(part) or has_nothing_narrow(part)))
-    edges = [find_edges(law.gain, lin), *(find_edges(Column(part), lin) for part in own)]
-    of_motion = np.empty(0) if lin.complete or not lin.motion.periodic else lin.periodic_system().resolved.breaks
-    return np.unique(np.concatenate([np.array(lin.breaks, dtype=float), of_motion, *edges]))
+    edges = [
+        np.array(lin.breaks, dtype=float),
+        find_edges(law.gain, lin),
+        *(find_edges(Column(part), lin) for part in own),
+    ]
+    if not lin.complete:
+        edges.append(np.array(lin.periodic_system().resolved.breaks) if lin.motion.periodic else find_edges(lin.A, lin))
+    return np.unique(np.concatenate(edges))
 
 
 def find_narrow_times(lin: Linearization) -> Array:
     """Times in [0, T) about which the linear equations change in a short time: named ones, or where these may not be all, what is found."""
     T = lin.period
-    if not (lin.complete or lin.motion.periodic):
-        return find_edges(lin.A, lin)
-    edges = (
-        first_edges(T, np.array(lin.breaks, dtype=float), np.reshape(lin.features, (-1, 2)))
-        if lin.complete
-        else lin.periodic_system().resolved.edges
-    )
+    if lin.complete:
+        edges = first_edges(T, np.array(lin.breaks, dtype=float), np.reshape(lin.features, (-1, 2)))
+    elif lin.motion.periodic:
+        edges = lin.periodic_system().resolved.edges
+    else:
+        return np.empty(0)
     return np.unique(np.mod(edges_of_short(edges, T / SHORT_PARTS), T))
 
 

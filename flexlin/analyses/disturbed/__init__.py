@@ -89,7 +89,7 @@ def answer_linearly(
 
 
 class PushedEquations(NonlinearEquations):
-    """The nonlinear equations with a force `size` at the tip, in N."""
+    """The nonlinear equations with a force `size` at the tip, in N, whose power is not counted."""
 
     def __init__(self, lin: Linearization, law: Law, directions: Directions, size: float):
         super().__init__(lin, law)
