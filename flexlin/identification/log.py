@@ -19,6 +19,8 @@ MOST_SAMPLES = 2_000_000
 """Samples of one log."""
 FEWEST_SAMPLES = 20
 """Samples of a stretch without a gap: fewer say nothing about an arm that moves."""
+SLOWEST_STEP = 0.05
+"""Usual time between rows in s from which on they are more likely milliseconds, or numbers of rows: no arm's vibration is sampled so."""
 GAP_INTERVALS = 5.0
 """A gap is a time between rows of more than so many usual ones; over shorter ones inputs are interpolated."""
 
@@ -95,9 +97,17 @@ class Log(Shown):
         return [slice(a, b) for a, b in itertools.pairwise(edges) if b - a >= FEWEST_SAMPLES]
 
     @property
+    def advice_on_times(self) -> str | None:
+        """What to do where rows come so seldom that times are hardly seconds."""
+        todo = "if times are in ms or count rows, say second = 0.001, or what it is, in the scene's [log] table"
+        return todo if self.step >= SLOWEST_STEP else None
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What is missing or odd in it, in words."""
         said, spacing = [], np.diff(self.time)
+        if self.advice_on_times:
+            said.append(f"rows come each {self.step:.3g} s: {self.advice_on_times}")
         gaps = np.flatnonzero(spacing > GAP_INTERVALS * self.step)
         if len(gaps):
             longest = gaps[np.argmax(spacing[gaps])]

@@ -43,7 +43,12 @@ class Windows:
         step, chosen = log.step, []
         if length < FEWEST_SAMPLES * step:
             expected = f"{FEWEST_SAMPLES} samples, {FEWEST_SAMPLES * step:.3g} s, or more"
-            raise ArgumentError("the windows of the log are too short", got=f"{length:.3g} s", expected=expected)
+            raise ArgumentError(
+                "the windows of the log are too short",
+                got=f"{length:.3g} s",
+                expected=expected,
+                todo=log.advice_on_times,
+            )
         for stretch in log.stretches:
             time = log.time[stretch]
             edges = np.arange(time[0], time[-1] - 0.25 * length, length)

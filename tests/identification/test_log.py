@@ -141,6 +141,16 @@ def test_windows_of_fewer_than_twenty_samples_are_refused(second):
         fl.predict(SCENE, log, window=0.09)
 
 
+def test_times_that_are_no_seconds_are_told():
+    """Times in ms were answered with windows that are too short, and nothing else."""
+    said = "say second = 0.001"
+    log = fl.Log(1000 * T, {"q1": T}, {"q1": T})
+    assert said in log.notes[0]
+    with pytest.raises(fl.errors.ArgumentError, match=f"windows of the log are too short.*{said}"):
+        fl.predict(SCENE, log)
+    assert said not in " ".join(fl.Log(T, {"q1": T}, {"q1": T}).notes)
+
+
 def test_ten_million_samples_are_refused_before_anything_is_done():
     time = np.arange(10**7, dtype=float)
     with pytest.raises(fl.errors.TooLarge, match="too many samples; got 10000000, expected 2000000"):
