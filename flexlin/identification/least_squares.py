@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from flexlin.bounds import LARGEST_NUMBER
 from flexlin.checks import Array
 from flexlin.identification.shooting import Shooting
 
@@ -112,7 +113,8 @@ class Problem:
         """Fewer rows with the same least-squares problem: R = Q' [slopes, residual] of each window; zeros where it diverges."""
         lost = ~np.isfinite(point.costs)[:, None, None]
         rows = np.concatenate([self.slopes(point), point.residual.reshape(len(point.start), -1, 1)], axis=2)
-        R = np.asarray(np.linalg.qr(np.where(lost | ~np.isfinite(rows), 0.0, rows), mode="r"))
+        lost = lost | ~(np.abs(rows) <= LARGEST_NUMBER)  # norms of what is larger may overflow
+        R = np.asarray(np.linalg.qr(np.where(lost, 0.0, rows), mode="r"))
         return R[:, :, :-1], R[:, :, -1]
 
     def carried_on(self, other: "Problem", point: Point) -> tuple["Problem", Point]:
@@ -299,11 +301,11 @@ def with_colour(C: Array, J: Array, residual: Array, shape: tuple[int, ...]) -> 
 def find_colour(problem: Problem, point: Point) -> tuple[Array, bool]:
     """The correlation of neighbouring residuals of each column, and whether any is more than that of white noise."""
     r = point.residual
-    both = np.sum(r[:, 1:] * r[:, :-1], axis=(0, 1))
-    every = np.maximum(np.sum(r**2, axis=(0, 1)), 1e-300)
     count = np.count_nonzero(r, axis=(0, 1))
-    found = both / every
-    return found, bool(np.any(found > WHITE_DEVIATIONS / np.sqrt(np.maximum(count, 1))))
+    with np.errstate(over="ignore", invalid="ignore"):  # of windows that diverge, which are not white
+        both = np.sum(r[:, 1:] * r[:, :-1], axis=(0, 1))
+        found = both / np.maximum(np.sum(r**2, axis=(0, 1)), 1e-300)
+    return found, not np.all(found <= WHITE_DEVIATIONS / np.sqrt(np.maximum(count, 1)))
 
 
 def name_correlations(paths: list[str], C: Array) -> dict[str, float]:

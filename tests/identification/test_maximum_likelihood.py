@@ -1,5 +1,6 @@
 """Numbers found from synthetic logs, made by SciPy's integrator with noise."""
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.integrate import solve_ivp
 import flexlin as fl
 from flexlin.errors import ArgumentError
 from flexlin.identification import Logged, Windows, maximum_likelihood, prepare
-from flexlin.identification.least_squares import Problem
+from flexlin.identification.least_squares import Problem, find_colour, solve
 from flexlin.scene import get_value, revise_scene
 from tests.identification.logs import coordinate, simulated, swing, tip
 from tests.thinned import thin
@@ -173,6 +174,20 @@ def test_slopes_of_windows_that_diverge_are_no_warning():
     point = problem.at(np.tile([0.0, 0.0, 500.0, 0.0], (2, 1)), p)
     assert np.isinf(point.costs).all()
     assert problem.slopes(point).shape == (2, 120, 5)
+
+
+def test_slopes_whose_squares_overflow_are_no_warning():
+    """Sizes of numbers became zero, by which their bounds were divided; a window that diverges passed for white."""
+    scene, log = usual()
+    model = Logged.of(scene, log, FREE)
+    p = model.arm.parameters.values
+    shooting = prepare(model, Windows.of(log, 1.0), p)
+    problem = Problem(shooting, shooting.windows.readings(), np.ones(3), 0 * p, 10 * p, p)
+    point = problem.at(np.zeros((2, 4)), p)
+    problem.slopes(point)
+    point.jacobian = point.jacobian * np.where(np.arange(7) < 6, 1.0, 1e200)
+    assert np.isfinite(solve(problem, point, 1).p).all()
+    assert find_colour(problem, replace(point, residual=1e160 * point.residual))[1]
 
 
 @pytest.mark.slow
