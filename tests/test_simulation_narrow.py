@@ -114,6 +114,16 @@ def test_the_linear_answer_sees_the_slope_of_friction() -> None:
     assert run.linear[-1, 1] / 1e-7 == pytest.approx(np.exp(-1.2 / braking), rel=1e-3)
 
 
+@pytest.mark.slow
+def test_a_loose_step_does_not_pass_over_the_slope_of_friction() -> None:
+    """4e-5 rad/s wide, in windows that pass over it: without edges there the linear answer was off by 8e-2 and claimed 5e-6."""
+    friction = {"torque": 0.01, "rate": 4e-5}
+    lin = closed(changes={"motion.frequency": 0.86, "effects.coulomb_friction": friction})
+    loose, exact = (fl.simulate(lin, 1.3, tol=tol) for tol in (1e-3, 1e-9))
+    apart = np.abs(loose.linear - exact.linear).max()
+    assert apart <= 1e-4 * np.abs(exact.linear).max()
+
+
 def test_what_saturates_is_found_in_an_expression() -> None:
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     shared = ca.tanh(100 * x)

@@ -114,7 +114,7 @@ def list_facts(a: Analysis) -> list[tuple[str, str]]:
     said.append(("period" if a.plant.motion.periodic else "duration", wording.format_quantity(a.plant.period, "s", 5)))
     if a.response is not None and np.all(np.isfinite(a.response.tip)):
         said.append(("largest tip error", wording.format_quantity(float(a.response.tip_error.max()), "m")))
-    if a.simulation is not None and np.isfinite(a.simulation.difference):
+    if a.simulation is not None and not a.simulation.is_unresolved and np.isfinite(a.simulation.difference):
         said.append(("linear against nonlinear", wording.format_quantity(a.simulation.difference, "m")))
     return said
 

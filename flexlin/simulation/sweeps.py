@@ -24,20 +24,16 @@ class Solved:
 
 @dataclass(frozen=True)
 class Rigid:
-    """The equations about the rigid motion at the stages of a grid.
-
-    inside: how far before a step's end its last stage is taken, since a break may be there.
-    """
+    """The equations about the rigid motion at the stages of a grid."""
 
     grid: Grid
     at: Places
-    inside: float
 
     @classmethod
     def of(cls, equations: Equations, grid: Grid, inside: float) -> "Rigid":
-        """All that depends on the times alone."""
+        """All that depends on the times alone; a step's last stage is taken `inside` before its end, where a break may be."""
         times = np.minimum(grid.times, grid.edges[1:, None] - inside).ravel()
-        return cls(grid, equations.places(times), inside)
+        return cls(grid, equations.places(times))
 
     @lazy
     def window(self) -> Window:
@@ -49,7 +45,7 @@ class Rigid:
         if count == self.grid.count:
             return self
         grid = self.grid.first(count)
-        part = Rigid(grid, self.at.some(slice(count * grid.stages)), self.inside)
+        part = Rigid(grid, self.at.some(slice(count * grid.stages)))
         vars(part)["window"] = self.window.first(grid)
         return part
 

@@ -40,6 +40,11 @@ def with_difference(a: Analysis, metres: float, largest: float, error: float = 1
     return replace(a, simulation=replace(s, **made, difference_error=error, peaks=None))
 
 
+def with_lost_digits(a: Analysis) -> Analysis:
+    """Two runs of the simulation end as far apart as the states are large."""
+    return replace(a, simulation=replace(a.simulation, error=1.1))
+
+
 def with_control(a: Analysis, **changes: object) -> Analysis:
     return replace(a, scene=a.scene.model_copy(update={"control": a.scene.control.model_copy(update=changes)}))
 
@@ -95,6 +100,9 @@ CASES = [
     (lambda a: with_difference(a, 5.6e-17, 0.05, error=1e-17), f"tips are the same: {HOLDS}", True),
     (lambda a: with_difference(a, 1e-3, 0.05), "agree to the error", False),
     (lambda a: with_difference(a, 1e-3, 0.05), f"2 % of the largest deviation: {HOLDS}", True),
+    # a simulation that is far from itself judges nothing
+    (with_lost_digits, "judges no linear model", True),
+    (with_lost_digits, HOLDS, False),
     # the elastic motion is believed where it changes the verdict
     (lambda a: replace(a, elastic=growing(a, -2.0, "elastic")), "the verdict stands", True),
     (lambda a: replace(a, elastic=growing(a, 0.5, "elastic")), "verdict becomes unstable: believe this one", True),
