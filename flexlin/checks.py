@@ -110,8 +110,13 @@ def try_to(work: Callable[[], Answer]) -> Answer | FlexlinError | np.linalg.LinA
         return error
 
 
+def bytes_allowed() -> int:
+    """How many bytes one piece of work may take."""
+    return _limit.get()
+
+
 def check_size(what: str, size: int, todo: str) -> None:
     """Refuse a request of unreasonable size before anything is allocated."""
-    limit = _limit.get()
+    limit = bytes_allowed()
     if size > limit:
         raise TooLarge(f"{what} is too large", got=f"{size:,} bytes", expected=f"at most {limit:,} bytes", todo=todo)

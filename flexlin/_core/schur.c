@@ -3,8 +3,8 @@
 #include "schur.h"
 
 static const double CLEAN = 1e-14;  /* times n: coupling below a cut between groups of moduli */
-static const double SPREAD = 4.6;   /* of the logs of moduli inside one cluster, which is multiplied out: log 100, so two digits are lost */
 static const double SLACK = 8.0;    /* how much less clean cuts may be in the last sweep, which goes over all factors */
+static const double SPREAD = 4.6;   /* of the logs of moduli inside one cluster, which is multiplied out: log 100, so two digits are lost */
 static const double DISORDER = 5.0; /* by which logs of moduli may rise from one mode to the next: they lie in one cluster then */
 static const double GRADED = 200.0; /* of logs of a triangular product's diagonal, up to which factors are multiplied together */
 static const double SMALL = 0.1;    /* ratio of moduli from which on the order in a Schur form is kept: what is behind may be without memory */
@@ -201,10 +201,10 @@ static void iterate(int n, int count, const double *factors, double *Q, const Be
   }
 }
 
-/* A fixed orthogonal matrix (n, n) in no special position; work (n n + 2 n). */
-static void turn_anyhow(int n, double *Q, double *work) {
-  for (int e = 0; e < n * n; e++) work[e] = sin(1.0 + (double)e * e);
-  make_orthogonal(n, work, Q, work + n * n);
+/* How the period of bases Q (count + 1, n, n) closes, and what the modes grow by. */
+static void end_sweep(int n, int count, const double *Q, const Bench *at) {
+  multiply_transposed(n, Q, Q + (long)count * n * n, at->W);
+  sum_log_moduli(n, count, at->R, at->sizes);
 }
 
 /* All bases Q (count + 1, n, n) and R (count, n, n) of converged sweeps; where a start in an invariant subspace left the moduli out of order,
@@ -213,13 +213,33 @@ static void find_bases(int n, int count, const double *factors, double *Q, const
   for (int attempt = 0; attempt < 2; attempt++) {
     iterate(n, count, factors, Q, at);
     sweep_factors(n, count, 1, factors, Q, at->R, at->work);
-    sum_log_moduli(n, count, at->R, at->sizes);
+    end_sweep(n, count, Q, at);
     int ordered = 1;
     for (int i = 1; i < n; i++) ordered &= at->sizes[i] - at->sizes[i - 1] <= DISORDER;
     if (ordered || attempt) return;
-    turn_anyhow(n, at->base, at->work);
+    for (int e = 0; e < n * n; e++) at->work[e] = sin(1.0 + (double)e * e); /* in no special position */
+    make_orthogonal(n, at->work, at->base, at->work + n * n);
     multiply_real(n, Q, at->base, at->W);
     memcpy(Q, at->W, (size_t)n * n * sizeof(double));
+  }
+}
+
+/* Sweep on over R alone while clusters are wide: where modes overtake each other within the period, rounding of the size of the factors is what closes
+ * it badly, and from triangular ones small entries are rounded by little. */
+static void clean_bases(int n, int count, double *Q, const Bench *at) {
+  long size = (long)n * n;
+  double *U = at->ends, *product = U + size;
+  for (int sweep = 0; find_clusters(n, at->W, at->sizes, SLACK * CLEAN * n, at->cut) > 2 * SPREAD && sweep < MIN_SWEEPS; sweep++) {
+    make_orthogonal(n, at->W, U, at->work);
+    for (int k = 0; k <= count; k++) {
+      multiply_real(n, Q + k * size, U, product);
+      memcpy(Q + k * size, product, size * sizeof(double));
+      if (k == count) break;
+      multiply_real(n, at->R + k * size, U, product);
+      make_orthogonal(n, product, U, at->work);
+      memcpy(at->R + k * size, product, size * sizeof(double));
+    }
+    end_sweep(n, count, Q, at);
   }
 }
 
@@ -408,21 +428,12 @@ int find_schur_form(const Lapack *lapack, const double *factors, const double *s
   if (!memory || !work || !cut) code = NO_MEMORY;
   else if (count == 1) code = find_single_form(lapack, factors, f, work);
   else {
-    double *bases = memory;
-    Bench at;
-    at.R = bases + (count + 1) * size;
-    at.grouped = at.R + count * size;
-    at.ends = at.grouped + (count + 1) * size;
-    at.W = at.ends + 2 * size;
-    at.base = at.W + size;
-    at.work = at.base + size;
-    at.sizes = at.work + size + 2 * n;
-    at.cut = cut;
+    double *bases = memory, *R = bases + (count + 1) * size, *ends = R + (2 * count + 1) * size;
+    Bench at = {R, R + count * size, ends, ends + 2 * size, ends + 3 * size, ends + 4 * size, ends + 5 * size + 2 * n, cut};
     for (long e = 0; e < size; e++) bases[e] = start ? start[e] : e % (n + 1) == 0;
     find_bases(n, count, factors, bases, &at);
+    clean_bases(n, count, bases, &at);
     memcpy(f->start, bases, size * sizeof(double));
-    multiply_transposed(n, bases, bases + count * size, at.W);
-    if (find_clusters(n, at.W, at.sizes, CLEAN * n, cut) > 2 * SPREAD) find_clusters(n, at.W, at.sizes, SLACK * CLEAN * n, cut);
     if (!start_blocks(lapack, f, cut, at.W, at.R, U, work)) code = NO_SCHUR_FORM;
     else {
       carry_blocks(lapack, f, cut, bases, at.R, U, work);

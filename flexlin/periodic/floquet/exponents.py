@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexlin.arguments import checked
-from flexlin.checks import Array, positive, whole
+from flexlin.checks import Array, bytes_allowed, positive, whole
 from flexlin.errors import TooManySegments
 from flexlin.periodic.circle import assign, match_logs, measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, couple_uncertainty
@@ -25,13 +25,12 @@ from flexlin.periodic.transition.choose_segments import (
     factor_twice,
     fall_back,
 )
-from flexlin.periodic.transition.gauss import CHUNK_BYTES
 from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, FOURTH_ROOT_EPS, MINOR, ROOT_EPS, SAFETY
 
 COLLOCATION_WORK = 4e9
 """Multiplications of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
-FACTOR_BYTES = 4 * CHUNK_BYTES
-"""The transition matrices of a period take at most this many bytes."""
+WORKING_SETS = 22
+"""All that is held at once for the product of a period, in units of its factors: of two methods, in Schur form, with what is unknown."""
 
 
 NEAR = (0.0, ROOT_EPS, CUBE_ROOT_EPS, FOURTH_ROOT_EPS)
@@ -70,8 +69,8 @@ def floquet(
     segments : int, optional
         Segments of the period. They are kept, and not refined; the errors come from a second computation with free segments.
     max_segments : int
-        Most segments that are tried; where tol needs a third more at most, their error is stated. They are also limited by memory: the
-        factors take 8 n^2 bytes a segment, 128 MB at most, and all of the work about nine times as much.
+        Most segments that are tried; where tol needs a third more at most, their error is stated. They are also limited by memory:
+        all of the work takes up to 176 n^2 bytes a segment.
 
     Returns
     -------
@@ -112,7 +111,7 @@ def floquet(
     system = as_system(system)
     tol = positive("tol", tol)
     order, segments = (None if v is None else whole(k, v) for k, v in (("order", order), ("segments", segments)))
-    limit = min(whole("max_segments", max_segments), FACTOR_BYTES // (8 * system.n**2))
+    limit = max(1, min(whole("max_segments", max_segments), bytes_allowed() // (8 * WORKING_SETS * system.n**2)))
     answer = find_exponents(system, tol, method, order, segments, limit)
     return replace(answer, resolved=system.resolved)
 

@@ -1,7 +1,5 @@
 """Identities that every Floquet analysis must satisfy, on random periodic systems."""
 
-from importlib import import_module
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +7,7 @@ from hypothesis import strategies as st
 
 import flexlin as fl
 from flexlin import floquet as floquet_of
+from flexlin.checks import memory_limit
 from flexlin.errors import TooManySegments
 from flexlin.periodic import METHODS, match_logs
 from tests.periodic.systems import random_waves
@@ -56,10 +55,8 @@ def test_all_methods_agree(seed, n):
         assert distance[resolved].max() <= other.error + base.error, method
 
 
-def test_the_memory_of_the_factors_is_bounded(monkeypatch):
-    module = import_module("flexlin.periodic.floquet.exponents")  # the function has the same name
-    monkeypatch.setattr(module, "FACTOR_BYTES", 8 * 9)
-    with pytest.raises(TooManySegments, match="segments"):
+def test_the_memory_of_the_factors_is_bounded():
+    with memory_limit(1000 * 9), pytest.raises(TooManySegments, match="segments"):
         floquet_of(random_system(1, 3))
 
 

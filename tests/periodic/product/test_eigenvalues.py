@@ -78,6 +78,19 @@ def test_ill_conditioned_factors_leave_no_false_cluster(seed):
     np.testing.assert_allclose(logs.real, np.sort(size)[::-1], atol=1e-6)
 
 
+@pytest.mark.parametrize(("n", "gap", "swing", "known"), [(12, 40, 7, 1e-5), (5, 3, 20, np.inf)])
+def test_modes_that_overtake_each_other_within_the_period(n, gap, swing, known):
+    """Rounding where a mode is small is no coupling at the end; a mode among others that are lost in rounding is not known either."""
+    expected, angle = -float(gap) * np.arange(n), 2 * np.pi * np.arange(60) / 60
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        rate = expected / 60 + swing * np.pi / 60 * np.cos(angle[:, None] + rng.uniform(0, 2 * np.pi, n))
+        T = np.triu(0.05 * rng.standard_normal((60, n, n)), 1) + np.eye(n) * np.exp(rate)[:, :, None]
+        found = find_spectrum(framed(T, rng))
+        assert np.all(np.abs(found.logs - expected) <= 2 * found.rounding)
+        assert found.rounding.max() < known
+
+
 @pytest.mark.parametrize("count", [2, 6])
 @pytest.mark.parametrize("n", [1, 2, 5, 12])
 def test_a_factor_whose_column_vanishes_hides_one_mode_alone(rng, n, count):
