@@ -20,6 +20,7 @@ from flexlin.plots.scales import SUPERSCRIPTS, write_powers
 from flexlin.scene.control import AnyFilter, Control, LowPass, Pid
 from flexlin.scene.names import name_number, show_unit
 from flexlin.scene.scene import Scene
+from flexlin.simulation.result import OUTGROWN
 
 if TYPE_CHECKING:
     from flexlin.analyses.nearest import NearestInstability
@@ -290,6 +291,8 @@ def describe_evidence(found: ModelEvidence) -> str:
     """One figure in words."""
     size = format_quantity(found.value, found.unit).rstrip()
     share, linear = f"{size}, {100 * found.share:.3g} %", "by the linear answer its"
+    if found.what == "difference" and not math.isfinite(found.value):
+        return OUTGROWN
     return {
         "bending": f"{linear} links bend by {share} of the arm's length, too far for linear equations: slow down, or stiffen them",
         "tip": f"{linear} tip is {share} of the arm's length, away from its rigid path, and deflections must be small",

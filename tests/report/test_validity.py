@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from math import inf
 
 import pytest
 
@@ -9,6 +10,8 @@ from flexlin.analyses import Analysis, Loop, judge_model
 from flexlin.cli import meets
 from flexlin.errors import SimulationStopped
 from flexlin.report import advise, record, render_page
+from flexlin.report.wording import reason
+from flexlin.simulation.result import OUTGROWN
 from tests.report.test_advice import with_tip
 
 FEEBLE = "control.feedback={kind='pd', kp=[0.5], kd=[0.01]}"
@@ -48,6 +51,10 @@ def test_a_meaningless_result_is_not_green(report) -> None:
 )
 def test_what_each_requirement_asks(required: str | None, verdict: str, model: str, met: bool) -> None:
     assert meets(required, verdict, model) is met
+
+
+def test_an_answer_that_grows_without_bound_has_no_share() -> None:
+    assert reason(judge_model(1.0, simulated=(inf, 1.0, 0.0, "m"))) == OUTGROWN
 
 
 def test_a_model_that_holds_is_said_to(single_link: Analysis) -> None:
