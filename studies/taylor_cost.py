@@ -1,8 +1,8 @@
 """What does a Taylor polynomial of a closed loop cost, by route and order?
 
-The inverse kinematics of a planar 5-bar (2 inputs, 4 outputs), all derivatives at one point, by: the dense Kronecker recursion; nested
-CasADi Jacobians; nested Jacobians of a CasADi rootfinder; the power-series engine in numbers; the same unrolled to a casadi.Function and
-compiled as C; Newton's method in daceypy's truncated polynomials (where installed). Error and memory by order, times as ratios of one run.
+The inverse kinematics of a planar 5-bar (2 inputs, 4 outputs), all derivatives at one point, by: nested CasADi Jacobians; nested
+Jacobians of a CasADi rootfinder; the power-series engine in numbers; the same unrolled to a casadi.Function and compiled as C; Newton's
+method in daceypy's truncated polynomials (where installed). Error and memory by order, times as ratios of one run.
 Twelve variables instead of two: `taylor_variables.py`.
 
 Run: python studies/taylor_cost.py [--size small] [--out DIR]
@@ -99,17 +99,6 @@ def by_c(function: ca.Function, *arguments: np.ndarray) -> Prepared:
     return lambda: float(lines[0]), np.array(lines[1:], dtype=float)
 
 
-def taylor_value(jacobians: list[np.ndarray]) -> np.ndarray:
-    """Return the polynomial's value at u0 + du from dense derivatives."""
-    return fl.kronecker.taylor_sum([V0[:, None], *jacobians], DU[:, None])[:, 0]
-
-
-def dense_recursion(order: int) -> Prepared:
-    return lambda: best_time(lambda: LOOP.jacobians(S0, INVERSE, order)), taylor_value(
-        LOOP.jacobians(S0, INVERSE, order)
-    )
-
-
 def nested_function(order: int) -> ca.Function:
     """C_1 = -V^-1 U, C_(k+1) = D_u C_k + D_v C_k (E (x) C_1), symbolic."""
     f, u, v = LOOP.equations(INVERSE)
@@ -190,7 +179,6 @@ def daceypy_newton(order: int) -> Prepared:
 
 
 ROUTES: dict[str, tuple[Callable[[int], Prepared], int]] = {
-    "dense recursion": (dense_recursion, 6),
     "nested CasADi": (nested_jacobians, 6),
     "CasADi rootfinder": (rootfinder, 4),
     "daceypy": (daceypy_newton, 8),

@@ -30,6 +30,6 @@ __getattr__ = load_lazily(
         "mechanics.effects": "Chain Scale",
         "mechanics.effects.coulomb_friction": "CoulombFriction",
         "mechanics.body": "directions_across unit",
-        "mechanics.closure": "five_bar four_bar rssr",
+        "mechanics.closure": "Closure five_bar",
     },
 )[0]

@@ -98,10 +98,10 @@ def test_all_routes_agree(study, monkeypatch):
     made = study("taylor_cost")
     monkeypatch.setattr(made, "best_time", lambda call: 0.0)
     errors = {cost.route: cost.error for cost in made.main("small")}
-    assert {"dense recursion", "nested CasADi", "CasADi rootfinder", "series, numbers"} <= set(errors)
+    assert {"nested CasADi", "CasADi rootfinder", "series, numbers"} <= set(errors)
     for route, error in errors.items():
-        assert error == pytest.approx(errors["dense recursion"], rel=1e-8), route
-    assert errors["dense recursion"] == pytest.approx(1.24e-4, rel=0.01)
+        assert error == pytest.approx(errors["nested CasADi"], rel=1e-8), route
+    assert errors["nested CasADi"] == pytest.approx(1.24e-4, rel=0.01)
 
 
 def test_remainders_fall_with_the_order(study):
