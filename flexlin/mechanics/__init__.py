@@ -22,8 +22,7 @@ __getattr__ = load_lazily(
     },
     within={
         "mechanics.beam.integrals": "Profile shape_integrals",
-        "mechanics.beam.ritz": "Ends finite_elements tapered",
-        "mechanics.beam.uniform": "clamped_free clamped_with_tip pinned_with_hub",
+        "mechanics.beam.ritz": "Ends bending_shapes",
         "mechanics.link_shapes": "make_shapes sum_carried",
         "mechanics.closed_loop": "close_loop",
         "mechanics.coordinates": "Coordinate Parameters",

@@ -5,8 +5,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.beam.integrals import Profile, Shapes, couple_shapes, shape_integrals
-from flexlin.mechanics.beam.ritz import Ends, Section, finite_elements, tapered, twisted
-from flexlin.mechanics.beam.uniform import clamped_free, clamped_with_tip, pinned_with_hub
+from flexlin.mechanics.beam.ritz import Ends, Section, bending_shapes, twisted
 from flexlin.mechanics.body import RigidMass
 from flexlin.mechanics.curve import CurveRule, make_rule
 from flexlin.mechanics.effects import effects_of
@@ -14,7 +13,7 @@ from flexlin.mechanics.links import PLACES, Basis, LinkBasis
 from flexlin.scene.links import DIRECTIONS, Direction, Link, list_parents
 from flexlin.scene.scene import Scene
 
-STRAIGHT = clamped_free(0)
+STRAIGHT = bending_shapes(0)
 """The shapes of a link that does not deflect."""
 
 
@@ -57,17 +56,8 @@ def make_shapes(scene: Scene, index: int, direction: Direction = "y") -> Shapes:
     n = getattr(link.counts, direction)
     if direction == "torsion":
         return twisted(n, make_profiles(link)[1], read_disc(scene, index))
-    section = make_section(scene, index, direction)
-    ends, base = read_ends(scene, index, direction), "pinned" if link.pinned else "clamped"
-    if link.mode_shapes == "finite-element":
-        return finite_elements(n, link.elements, *make_profiles(link), ends)
-    if link.sections is not None or section.shear is not None:
-        return tapered(n, *make_profiles(link), ends, base, section)
-    if link.pinned:
-        return pinned_with_hub(n, ends.hub_inertia)
-    if link.mode_shapes == "clamped-loaded":
-        return clamped_with_tip(n, ends.mass, ends.inertia)
-    return clamped_free(n)
+    ends, section = read_ends(scene, index, direction), make_section(scene, index, direction)
+    return bending_shapes(n, *make_profiles(link), ends, link.pinned, section)
 
 
 def make_section(scene: Scene, index: int, direction: Direction = "y") -> Section:

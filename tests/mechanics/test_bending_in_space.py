@@ -8,7 +8,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 import flexlin as fl
-from flexlin.mechanics import clamped_free
+from flexlin.mechanics import bending_shapes
 from flexlin.scene import parse_scene
 
 from .scenes import LINK, arm_of
@@ -138,4 +138,4 @@ def test_stiffness_of_a_turning_link(radius, angle):
     K = ca.Function("K", [arm.s, arm.s_dot, arm.s_ddot], [ca.jacobian(arm.residual, arm.s)[1, 1]])
     expected = stiffness / length**3 * beta**4 + rate**2 * (G + radius * H - Bw) - g * np.sin(angle) * H
     assert float(K([angle, 0], [rate, 0], [0, 0])) == pytest.approx(expected, rel=1e-10)
-    assert clamped_free(1).beta[0] == pytest.approx(beta, rel=1e-15)
+    assert bending_shapes(1).beta[0] == pytest.approx(beta, rel=2e-15)

@@ -6,7 +6,7 @@ from scipy.linalg import eigh
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.mechanics import pinned_with_hub
+from flexlin.mechanics import Ends, bending_shapes
 
 from .scenes import arm_of, matrices_at_rest, random_state, scene_of, value
 
@@ -56,7 +56,9 @@ def free_frequencies(shapes, modes, hub=0.03):
 
 def test_pinned_shapes_are_the_free_modes():
     """A link on a free hub: pinned-hub shapes give its frequencies at once, clamped ones converge to them from above."""
-    exact = pinned_with_hub(3, 0.03 / (0.2 * 0.5**3)).beta ** 2 * np.sqrt(1.0 / (0.2 * 0.5**4))
+    exact = bending_shapes(3, ends=Ends(hub_inertia=0.03 / (0.2 * 0.5**3)), pinned=True).beta ** 2 * np.sqrt(
+        1.0 / (0.2 * 0.5**4)
+    )
     np.testing.assert_allclose(free_frequencies("pinned-hub", 3)[1:], exact, rtol=1e-10)
     errors = [free_frequencies("clamped-free", modes)[1:4] / exact - 1 for modes in (4, 8, 16)]
     assert np.all(np.diff(errors, axis=0) < 0)
@@ -65,10 +67,8 @@ def test_pinned_shapes_are_the_free_modes():
 
 
 def test_loaded_shapes_are_the_modes_with_payload():
-    from flexlin.mechanics import clamped_with_tip
-
     effects = {"payload": {"mass": 0.2, "inertia": 0.004}}
-    exact = clamped_with_tip(2, 2.0, 0.004 / (0.2 * 0.5**3)).beta ** 2 * np.sqrt(1.0 / (0.2 * 0.5**4))
+    exact = bending_shapes(2, ends=Ends(2.0, 0.004 / (0.2 * 0.5**3))).beta ** 2 * np.sqrt(1.0 / (0.2 * 0.5**4))
     M, K = matrices_at_rest(arm_of({"mode_shapes": "clamped-loaded"}, effects=effects))
     np.testing.assert_allclose(np.sqrt(eigh(K[1:, 1:], M[1:, 1:], eigvals_only=True)), exact, rtol=1e-10)
     given = arm_of({"mode_shapes": "clamped-loaded", "carried": {"mass": 0.2, "inertia": 0.004}}, effects=effects)

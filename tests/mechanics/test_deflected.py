@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexlin.mechanics import clamped_free
+from flexlin.mechanics import bending_shapes
 
 from .scenes import LINK, arm_of, random_state
 
@@ -11,7 +11,7 @@ MODES, PAYLOAD, GRAVITY = 2, 0.15, 9.81
 LENGTH, DENSITY, STIFFNESS = LINK["length"], LINK["mass_per_length"], LINK["bending_stiffness"]
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
 XI, MASS = (NODES + 1) / 2, WEIGHTS / 2 * DENSITY * LENGTH
-SHAPES = clamped_free(MODES)
+SHAPES = bending_shapes(MODES)
 
 
 def curve(w, end):

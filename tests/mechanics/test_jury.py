@@ -17,19 +17,15 @@ def random_link(rng, space, scale):
     about_z, about_y = mass * (scale * length * rng.uniform(0.3, 1.0, 2)) ** 2
     link = {"length": length, "mass_per_length": mass, "bending_stiffness": EI, "joint": "revolute"}
     link["modes"] = int(rng.integers(0, 3))
-    link["mode_shapes"] = str(
-        rng.choice(["clamped-free", "clamped-loaded", "pinned-free", "pinned-hub", "finite-element"])
-    )
+    link["mode_shapes"] = str(rng.choice(["clamped-free", "clamped-loaded", "pinned-free", "pinned-hub"]))
     if space:
         y, z, torsion = (int(count) for count in rng.integers(0, 3, 3))
         link |= {"modes": {"y": y, "z": z, "torsion": torsion}, "bending_stiffness": [EI, EI * rng.uniform(0.2, 5.0)]}
         link |= {"torsional_stiffness": EI * rng.uniform(0.2, 2.0), "polar_inertia": about_y + about_z}
-        link["mode_shapes"] = str(rng.choice(["clamped-free", "clamped-loaded", "finite-element"]))
+        link["mode_shapes"] = str(rng.choice(["clamped-free", "clamped-loaded"]))
         link["mount"] = {"xyz": rng.normal(0, 0.2, 3).tolist(), "rpy": rng.uniform(-3, 3, 3).tolist()}
         if rng.random() < 0.7:
             link["axis"] = rng.normal(size=3).tolist() if rng.random() < 0.5 else np.eye(3)[rng.integers(3)].tolist()
-    if link["mode_shapes"] == "finite-element":
-        link["elements"] = 5
     if not link["mode_shapes"].startswith("pinned"):
         link["joint"] = str(rng.choice(["revolute", "revolute", "revolute", "prismatic", "fixed"]))
     if link["joint"] == "fixed":
@@ -91,8 +87,6 @@ def random_effects(rng, space, links, gyration):
     if rng.random() < 0.5:
         tables["tip_force"]["frame"] = "tip"
     chosen = {name: table for name, table in tables.items() if rng.random() < 0.5}
-    if "shear" in chosen and any(link["mode_shapes"] == "finite-element" for link in links):
-        del chosen["shear"]
     if pinned or rng.random() < 0.5:
         radius = 0.0 if pinned else numbers(0, 0.1)
         chosen["hub"] = {"inertia": numbers(0.01, 0.1), "mass": numbers(0, 0.3), "radius": radius}

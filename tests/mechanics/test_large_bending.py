@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.mechanics import clamped_free
+from flexlin.mechanics import bending_shapes
 from flexlin.scene import builtin_scenes, parse_scene
 from tests.thinned import thin
 
@@ -49,7 +49,7 @@ def swing_segments(link, size, payload, count, t):
     own = np.array([h / 2, *[h] * (count - 1), h / 2])
     a, between = segment_form(own, own * link["mass_per_length"], payload), np.diff(np.eye(len(own)), axis=0)
     centres = np.cumsum(own) - own / 2
-    phi = size * clamped_free(1).values(centres, 1)[0] / clamped_free(1).values(np.ones(1))[0, 0]
+    phi = size * bending_shapes(1).values(centres, 1)[0] / bending_shapes(1).values(np.ones(1))[0, 0]
     K, n = link["bending_stiffness"] / h * between.T @ between, len(own)
 
     def rates(_, x):
@@ -67,7 +67,7 @@ def test_a_free_link_swings_as_an_inextensible_curve(size):
     """No hub, a payload of half the mass: against segments by Richardson's rule."""
     payload, t = 0.08, np.linspace(0.0, 0.15, 16)
     arm = arm_of({**THIN, "modes": 4}, effects={**STIFFENED, "payload": {"mass": payload}})
-    first = size / clamped_free(1).values(np.ones(1))[0, 0]
+    first = size / bending_shapes(1).values(np.ones(1))[0, 0]
     tip, energy = swing(arm, np.r_[0.0, first, np.zeros(3)], t)
     coarse, fine = (swing_segments(THIN, size, payload, count, t) for count in (6, 12))
     exact = fine + (fine - coarse) / 3

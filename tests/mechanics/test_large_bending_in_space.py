@@ -14,7 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from flexlin.mechanics import clamped_free
+from flexlin.mechanics import bending_shapes
 
 from .scenes import arm_of
 from .test_large_bending import segment_form, swing
@@ -23,7 +23,7 @@ EI_Y, EI_Z, GJ, MASS, POLAR = 2.0, 1.4, 0.8, 0.162, 4e-5
 PAYLOAD, BESIDE = 0.08, np.array([0.0, 0.04, 0.02])
 LINK = {"length": 1.0, "mass_per_length": MASS, "bending_stiffness": [EI_Y, EI_Z]}
 LINK |= {"torsional_stiffness": GJ, "polar_inertia": POLAR, "modes": {"y": 6, "z": 6, "torsion": 2}}
-FIRST = clamped_free(1)
+FIRST = bending_shapes(1)
 
 
 def cross(v, w):

@@ -99,7 +99,7 @@ def numbers(node: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 COUNTS = {
-    "modes", "elements", "phases", "tol", "schema", "state_weight", "input_weight", "axis", "normal", "direction", "at", "mass", "stiffness"
+    "modes", "phases", "tol", "schema", "state_weight", "input_weight", "axis", "normal", "direction", "at", "mass", "stiffness"
 }  # fmt: skip
 """Keys that are counts, ratios or directions, or are relative in one table and bear a unit in another."""
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from flexlin.errors import ArgumentError
-from flexlin.mechanics import Profile, clamped_free, clamped_with_tip, pinned_with_hub, shape_integrals
+from flexlin.mechanics import Ends, Profile, bending_shapes, shape_integrals
 
 
 def test_cantilever_constants():
     """Khang, Dat, Tuan (2019) with l = 1: C1, D1, m11, k11, recomputed by SymPy to 8 digits."""
-    integrals = shape_integrals(clamped_free(3))
+    integrals = shape_integrals(bending_shapes(3))
     np.testing.assert_allclose(integrals.tip, [2, -2, 2], rtol=1e-13)
     np.testing.assert_allclose(integrals.mode, [0.78299176, 0.43393590, 0.25442530], atol=6e-9)
     np.testing.assert_allclose(integrals.mode_moment, [0.56882574, 0.09076679, 0.03241637], atol=6e-9)
@@ -19,13 +19,13 @@ def test_cantilever_constants():
 
 def test_stiffening_of_a_uniform_cantilever():
     """G - m11 = 0.1933 with G = 1/2 int (1 - x^2) X'^2, the centrifugal stiffening against the softening."""
-    integrals = shape_integrals(clamped_free(1))
+    integrals = shape_integrals(bending_shapes(1))
     assert integrals.shortening_moment[0, 0] - 1 == pytest.approx(0.1933, abs=6e-5)
 
 
 @pytest.mark.parametrize("n", [1, 10, 60])
 def test_orthogonality_and_accuracy(n):
-    shapes = clamped_free(n)
+    shapes = bending_shapes(n)
     integrals = shape_integrals(shapes)
     np.testing.assert_allclose(integrals.gram, np.eye(n), atol=1e-12)
     square = np.outer(shapes.beta**2, shapes.beta**2)
@@ -34,11 +34,11 @@ def test_orthogonality_and_accuracy(n):
 
 def test_modes_with_bodies_are_orthogonal_in_the_whole_mass():
     mass, inertia = 1.0, 0.1
-    i = shape_integrals(clamped_with_tip(5, mass, inertia))
+    i = shape_integrals(bending_shapes(5, ends=Ends(mass, inertia)))
     whole = i.gram + mass * np.outer(i.tip, i.tip) + inertia * np.outer(i.tip_slope, i.tip_slope)
     size = np.sqrt(np.outer(np.diag(whole), np.diag(whole)))
     np.testing.assert_allclose(whole / size, np.eye(5), atol=1e-12)
-    hub = shape_integrals(pinned_with_hub(5, 0.3))
+    hub = shape_integrals(bending_shapes(5, ends=Ends(hub_inertia=0.3), pinned=True))
     np.testing.assert_allclose(hub.mode_moment + 0.3 * hub.base_slope, 0, atol=1e-13)
 
 

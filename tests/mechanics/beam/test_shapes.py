@@ -1,14 +1,25 @@
-"""Exact shapes of uniform beams: known roots, residuals, boundary conditions, orthogonality; up to 60 modes."""
+"""Shapes of uniform beams: known roots, residuals, boundary conditions, orthogonality; up to 60 modes; published tapers."""
 
 import numpy as np
 import pytest
 
-from flexlin.errors import ArgumentError
-from flexlin.mechanics import clamped_free, clamped_with_tip, pinned_with_hub
+from flexlin.mechanics import Ends, Profile, bending_shapes, shape_integrals
 
 ENDS = np.array([0.0, 1.0])
+CLOSE = (1e-11, 1e-11, 1e-11, 1e-5)
+"""Of a derivative: each loses a factor of the polynomials' degree squared, and nothing is made of the third one."""
+
+
+def clamped_with_tip(n, mass, inertia=0.0):
+    return bending_shapes(n, ends=Ends(mass, inertia))
+
+
+def pinned_with_hub(n, inertia=0.0):
+    return bending_shapes(n, ends=Ends(hub_inertia=inertia), pinned=True)
+
+
 KINDS = {
-    "clamped-free": clamped_free,
+    "clamped-free": bending_shapes,
     "clamped with tip": lambda n: clamped_with_tip(n, 1.0, 0.1),
     "pinned-free": pinned_with_hub,
     "pinned with hub": lambda n: pinned_with_hub(n, 0.3),
@@ -18,7 +29,7 @@ KINDS = {
 @pytest.mark.parametrize(
     ("shapes", "beta"),
     [
-        (clamped_free(3), [1.87510407, 4.69409113, 7.85475744]),  # Blevins (1979), Table 8-1
+        (bending_shapes(3), [1.87510407, 4.69409113, 7.85475744]),  # Blevins (1979), Table 8-1
         (pinned_with_hub(3), [3.9266023, 7.0685827, 10.2101761]),  # Blevins (1979), Table 8-1
         (clamped_with_tip(3, 1.0), [1.24792, 4.03114, 7.13413]),  # Laura, Pombo, Susemihl (1974)
         (clamped_with_tip(3, 1.0, 0.1), [1.19567, 2.50506, 4.97510]),  # mpmath, 30 digits, of the frequency equation
@@ -37,7 +48,7 @@ def test_heavy_tip_tends_to_a_massless_spring():
 
 
 def test_heavy_hub_tends_to_a_clamp():
-    np.testing.assert_allclose(pinned_with_hub(3, 1e8).beta, clamped_free(3).beta, rtol=1e-8)
+    np.testing.assert_allclose(pinned_with_hub(3, 1e8).beta, bending_shapes(3).beta, rtol=1e-8)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -52,37 +63,44 @@ def test_shapes_satisfy_the_beam_equation(kind, n):
         for d in range(4):
             source = shapes.beta[:, None] ** 4 * shapes.values(inner) if d == 3 else shapes.values(inner, d + 1)
             change = np.diff(shapes.values(pair, d), axis=1)[:, 0]
-            np.testing.assert_allclose(source @ w / shapes.beta**d, change / shapes.beta**d, atol=1e-11)
+            np.testing.assert_allclose(source @ w / shapes.beta**d, change / shapes.beta**d, atol=CLOSE[min(d + 1, 3)])
 
 
 @pytest.mark.parametrize("n", [1, 12, 60])
 def test_boundary_conditions_hold(n):
-    free, tip, hub = clamped_free(n), clamped_with_tip(n, 1.0, 0.1), pinned_with_hub(n, 0.3)
+    free, tip, hub = bending_shapes(n), clamped_with_tip(n, 1.0, 0.1), pinned_with_hub(n, 0.3)
 
     def end(shapes, d, which):
         return shapes.values(ENDS, d)[:, which] / shapes.beta**d
 
     for shapes, d, which in [(free, 0, 0), (free, 1, 0), (free, 2, 1), (free, 3, 1), (tip, 0, 0), (tip, 1, 0)]:
-        np.testing.assert_allclose(end(shapes, d, which), 0, atol=1e-13)
+        np.testing.assert_allclose(end(shapes, d, which), 0, atol=CLOSE[d])
     for d in (2, 3):
-        np.testing.assert_allclose(end(hub, d, 1), 0, atol=1e-13)
-    np.testing.assert_allclose(end(tip, 2, 1) / tip.beta**3, 0.1 * end(tip, 1, 1), atol=1e-14)  # moment
-    np.testing.assert_allclose(-end(tip, 3, 1) / tip.beta, end(tip, 0, 1), atol=1e-13)  # shear
-    np.testing.assert_allclose(end(hub, 2, 0) / hub.beta**3, -0.3 * end(hub, 1, 0), atol=1e-14)
+        np.testing.assert_allclose(end(hub, d, 1), 0, atol=CLOSE[d])
+    np.testing.assert_allclose(end(tip, 2, 1) / tip.beta**3, 0.1 * end(tip, 1, 1), atol=CLOSE[2])  # moment
+    np.testing.assert_allclose(-end(tip, 3, 1) / tip.beta, end(tip, 0, 1), atol=CLOSE[3])  # shear
+    np.testing.assert_allclose(end(hub, 2, 0) / hub.beta**3, -0.3 * end(hub, 1, 0), atol=CLOSE[2])
 
 
 def test_cantilever_is_normalised():
-    shapes = clamped_free(60)
-    np.testing.assert_allclose(shapes.values(ENDS)[:, 1], 2 * (-1.0) ** np.arange(60), rtol=1e-13)
+    shapes = bending_shapes(60)
+    np.testing.assert_allclose(shapes.values(ENDS)[:, 1], 2 * (-1.0) ** np.arange(60), rtol=1e-11)
     assert np.all(shapes.values(ENDS, 2)[:, 0] > 0)
 
 
-@pytest.mark.parametrize("wrong", [{"mass": -1}, {"inertia": -1}])
-def test_impossible_tip_bodies_are_refused(wrong):
-    with pytest.raises(ArgumentError, match="rigid body"):
-        clamped_with_tip(2, **wrong)
+def test_wedge():
+    """A wedge with mass 1 - a xi and stiffness (1 - a xi)^3; omega of a = 1/2: 3.8238, 18.3173, 47.2648 (Downs 1977; Naguleswaran 1994)."""
+    shapes = bending_shapes(3, Profile(lambda x: 1 - x / 2), Profile(lambda x: (1 - x / 2) ** 3))
+    np.testing.assert_allclose(shapes.beta**2, [3.8238, 18.3173, 47.2648], atol=6e-5)
 
 
-def test_negative_hub_is_refused():
-    with pytest.raises(ArgumentError):
-        pinned_with_hub(2, -0.1)
+def test_modes_of_a_taper_with_a_kink_are_orthogonal():
+    mass, stiffness = Profile.table([0, 0.5, 1], [1.5, 1, 0.5]), Profile.table([0, 1], [2, 0.5])
+    shapes = bending_shapes(3, mass, stiffness)
+    integrals = shape_integrals(shapes, mass, stiffness)
+    np.testing.assert_allclose(integrals.gram, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(integrals.bending / np.outer(shapes.beta**2, shapes.beta**2), np.eye(3), atol=1e-12)
+
+
+def test_no_modes():
+    assert bending_shapes(0).values(ENDS).shape == (0, 2)
