@@ -82,7 +82,7 @@ def main(size: str = "full", out: Path | None = None) -> list[Cost]:
         costs = [measure(*case) for case in product(tools, (6,), (3, 4, 5))]
     else:
         costs = []
-        for case in product(tools, (12,), (4, 6, 8, 9, 10)):
+        for case in product(tools, (12,), (4, 6, 8)):
             runs = []
             for _ in range(3):
                 with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.program import Program
-from flexlin.series.indices import shared_indices
+from flexlin.series.indices import kept_indices
 from flexlin.series.jets import Jet, Space, carry_out, scalar_function
 
 
@@ -162,7 +162,7 @@ def find_fold(equations: Equations, u0: Array, S: Array, start: tuple[Array, Arr
 def second_order(equations: Equations, u0: Array, S: Array, t: Array, v: Array) -> tuple[Array, Array, Array]:
     """Return f (m,), its Jacobian (m, n) and second derivatives (m, n, n) by [v; t], n = nv + p."""
     nv, p = len(v), len(t)
-    table, space = shared_indices(nv + p, 2), Space(nv + p, 2, (), np.result_type(u0, t, v))
+    table, space = kept_indices(nv + p, 2), Space(nv + p, 2, (), np.result_type(u0, t, v))
     moved = [
         space.polynomial(space.all, [value, *np.zeros(nv), *row]) for value, row in zip(u0 + S @ t, S, strict=True)
     ]

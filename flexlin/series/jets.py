@@ -16,7 +16,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.precision import EPS
 from flexlin.program import CONST, INPUT, OUTPUT, Program, name_of
-from flexlin.series.indices import LISTED_PRODUCTS, Indices, head_of, kept_indices, sum_products
+from flexlin.series.indices import LISTED_PRODUCTS, Indices, kept_indices, sum_products
 
 
 def atan2(y: Array, x: Array) -> Array:
@@ -70,9 +70,8 @@ class Space:
         return tuple(range(self.n))
 
     def indices(self, variables: tuple[int, ...]) -> Indices:
-        """The multi-indices of some of the variables, divided as those of all are."""
-        head = sum(i < head_of(self.n) for i in variables)
-        return kept_indices(head, len(variables) - head, self.order)
+        """The multi-indices of some of the variables."""
+        return kept_indices(len(variables), self.order)
 
     def zeros(self, variables: tuple[int, ...]) -> Array:
         """The coefficients of 0."""
