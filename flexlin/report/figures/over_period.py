@@ -47,21 +47,7 @@ def trace_arm(lin: Linearization, t: Array, states: Array) -> list[list[Array]]:
         return [[at[:, i : i + 2] for i in range(at.shape[1] - 1)] for at in points]
     axes = lin.about.of_arm("axes", t, states[:, : lin.n])
     links = np.split(axes, axes.shape[2] // COLUMNS, axis=2)
-    kept = [find_corners(curves) for curves in links]
-    return [[curves[k][:, own] for curves, own in zip(links, kept, strict=True)] for k in range(len(t))]
-
-
-def find_corners(curves: Array) -> list[int]:
-    """Which points of a link's axis (N, d, COLUMNS) draw it: both ends of a straight one, all of one that bends, and a piece before it.
-
-    Straight is what is off a line by no more than `ROOT_EPS`, relative to what it sweeps.
-    """
-    base, tip = curves[:, :, 1:2], curves[:, :, -1:]
-    off = curves[:, :, 1:] - base - (tip - base) * np.linspace(0.0, 1.0, COLUMNS - 1)
-    size = max(float(np.ptp(curves)), 1e-300)
-    own = [1, COLUMNS - 1] if np.abs(off).max() <= ROOT_EPS * size else list(range(1, COLUMNS))
-    before = np.abs(curves[:, :, 0] - curves[:, :, 1]).max() > ROOT_EPS * size
-    return [0, *own] if before else own
+    return [[curves[k] for curves in links] for k in range(len(t))]
 
 
 ARM_PICTURES = 12
