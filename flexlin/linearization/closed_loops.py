@@ -1,16 +1,21 @@
-"""Closed loops along the rigid motion: whether they stay closed and never become singular."""
+"""Closed loops along the rigid motion: whether they stay closed, never become singular, and keep clear of dead points."""
 
+import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
 from flexlin.checks import SAMPLES, SUM_ROUNDING, Array
 from flexlin.errors import MotionError, SingularClosure
 from flexlin.linearization.deviation import Deviation
+from flexlin.motion import SymbolicMotion
+from flexlin.motion.base import MOTION_NODES
 from flexlin.precision import CUBE_ROOT_EPS
 from flexlin.series.tracking import CONTRACTION, NEWTON_STEPS, SHORTEST_STEP, Step, find_singular, track
 
 OTHER = "move the motion away from there, or give the links other lengths"
 NEARER = "give the links a posture from the middle of the motion"
+CLEAR_PARTS = 50
+"""A motion that keeps a fiftieth of the period from its dead points has no feature of a half-width below T / 200."""
 
 
 def refuse_open_loops(about: Deviation) -> None:
@@ -101,3 +106,35 @@ def singular(at: float, how: str) -> SingularClosure:
 def refused(at: float, what: str, todo: str) -> MotionError:
     """What is raised for a loop that is open, or not the one that was."""
     return MotionError(what, got=f"t = {at:.6g} s", expected="loops that stay closed", todo=todo)
+
+
+def keeps_clear(about: Deviation) -> bool:
+    """Whether all dead points of the loops lie at least T / CLEAR_PARTS from real times, in the complex plane.
+
+        det V(t) = 0,   V = D_v f:   t - t_0 ~ 1 / mu for the largest eigenvalue mu of V^-1 V'
+
+    The followers v(u(t)), and with them all coefficients, are analytic in t but for zeros of det V. Newton's step towards the nearest zero
+    is right within a factor of two where v has a branch point, so one at a distance of T / 200 is seen from every third phase that is
+    looked at. The elastic coordinates are at rest.
+    """
+    T = about.motion.period
+    t, step = T * np.arange(MOTION_NODES) / MOTION_NODES, CUBE_ROOT_EPS * T
+    s = rigid_positions(about, np.concatenate([t - step, t + step]))
+    v = evaluate_at(about, "followers", s)[:, :, 0]
+    if not np.isfinite(v).all():  # a loop is open
+        return False
+    before, after = np.split(evaluate_at(about, "closing", s, v), 2)
+    try:
+        rates = np.linalg.eigvals(np.linalg.solve(before + after, (after - before) / step))
+    except np.linalg.LinAlgError:  # a dead point
+        return False
+    return bool(np.abs(rates).max(initial=0.0) * T <= CLEAR_PARTS)
+
+
+def moves_followers(about: Deviation) -> bool:
+    """Whether free numbers of the arm move its followers at a given phase, or how V depends on them."""
+    loops, motion, p = about.arm.loops, about.motion, about.arm.parameters.symbols
+    if loops is None or not isinstance(motion, SymbolicMotion):
+        return True
+    symbols = (part for part in (p, motion.parameters.symbols) if part.numel())
+    return any(ca.depends_on(ca.vertcat(loops.gap, motion.angles), part) for part in symbols)

@@ -1,9 +1,10 @@
-"""Loops near their dead points: the series of their coefficients are right between the samples."""
+"""Loops near their dead points: no narrow feature goes unnamed, and where there is none fewer samples suffice."""
 
 import numpy as np
 import pytest
 
 import flexlin as fl
+from flexlin.linearization import parametric_loop
 
 
 def stretched(gap):
@@ -25,9 +26,20 @@ def stretched(gap):
 @pytest.mark.parametrize(
     "gap", [pytest.param(1e-4, marks=pytest.mark.slow), pytest.param(3e-4, marks=pytest.mark.slow), 0.02]
 )
-def test_coefficients_are_right_between_their_samples(gap):
+def test_what_is_complete_is_right_between_its_samples(gap):
     lin = stretched(gap)
+    width = np.arcsinh(np.sqrt(5 * gap) / 0.9) / (2 * np.pi)  # of the dead point from real times, in periods
+    assert lin.complete == (width > 1 / 100)
     resolved = lin.periodic_system().resolved
     t = lin.period * np.concatenate([np.random.default_rng(1).random(2000), 0.5 + 1e-3 * np.linspace(-1, 1, 201)])
     exact = np.concatenate(lin.equations(t), axis=2)
     assert np.all(np.abs(resolved.series(t) - exact) <= 2 * resolved.error + 1e-15 * np.abs(exact).max(axis=0))
+
+
+@pytest.mark.parametrize(("path", "followed"), [("motion.frequency", True), ("motion.joints.0.mean", False)])
+def test_a_number_that_moves_no_follower_leaves_the_dead_points_where_they_are(path, followed):
+    scene = fl.load_scene("spatial-four-bar")
+    loop = parametric_loop(scene, [path])
+    moved = loop.at(1.01 * loop.nominal)
+    assert moved.clear is (True if followed else None)
+    assert moved.complete
