@@ -136,10 +136,8 @@ class Jury:
 
     def lay_nodes(self, i, link):
         """Places from 0 to 1 with weights of integrals over all and up to each of them; shapes and profiles there."""
-        of = link.counts.by_direction()
-        breaks = {b for d, count in of.items() if count for b in make_shapes(self.scene, i, d).breaks}
-        table = link.sections
-        edges = np.unique([0.0, 1.0, *breaks, *(table.at if table else ())])
+        of, table = link.counts.by_direction(), link.sections
+        edges = np.unique([0.0, 1.0, *(table.at if table else ())])
         nodes, weights = legendre.leggauss(8 + 40 // (len(edges) - 1))
         half, m = np.diff(edges) / 2, len(nodes)
         xi = np.r_[0.0, (edges[:-1, None] + half[:, None] * (nodes + 1)).ravel(), 1.0]

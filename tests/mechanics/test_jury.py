@@ -118,12 +118,8 @@ def random_scene(seed):
     return parse_scene({"schema": 1, "title": "tree", "links": links, "effects": effects, "motion": motion})
 
 
-RARE = (36, 42, 44, 45, 47, 50, 54, 62, 63, 72)
-"""Trees whose links bend by shear, some of them pinned."""
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", thin([43, *range(16), *RARE]))
+@pytest.mark.parametrize("seed", thin(range(26)))
 def test_a_random_tree_entry_by_entry(seed):
     scene = random_scene(seed)
     lin, t = fl.linearize(fl.build_manipulator(scene), scene.motion), 0.21
