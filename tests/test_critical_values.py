@@ -12,19 +12,14 @@ from flexlin.errors import ArgumentError
 from flexlin.scene import replace_value
 
 from .closed_arm import control_loop
+from .mechanics.scenes import clamped_mode
 
 
 def clamped_constants() -> tuple[float, float, float]:
     """k11, G, H of the first clamped mode for l = EI = rhoA = 1, by quadrature."""
-    beta = 1.8751040687119611
-    sigma = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
-
-    def slope(x):
-        return beta * (np.sinh(beta * x) + np.sin(beta * x) - sigma * (np.cosh(beta * x) - np.cos(beta * x)))
-
     shares = (lambda x: (1 - x * x) / 2, lambda x: 1 - x)
-    G, H = (quad(lambda x, f=f: f(x) * slope(x) ** 2, 0, 1, epsabs=1e-13)[0] for f in shares)
-    return beta**4, G, H
+    G, H = (quad(lambda x, f=f: f(x) * clamped_mode(x, 1) ** 2, 0, 1, epsabs=1e-13)[0] for f in shares)
+    return 1.8751040687119611**4, G, H
 
 
 def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:

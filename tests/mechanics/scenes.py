@@ -23,6 +23,14 @@ def held(angle: float = 0.0, frequency: float = 1.0) -> dict[str, Any]:
     return swinging({"mean": angle, "amplitude": 0.0}, frequency=frequency, drive="prescribed")
 
 
+def clamped_mode(x: Array, d: int = 0) -> Array:
+    """The d-th derivative of the first mode of a clamped unit beam, int X^2 = 1. Source: Young, Felgar (1949), beta l = 1.87510407."""
+    beta = 1.8751040687119612
+    sigma, z = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta)), beta * np.asarray(x)
+    waves = np.cosh(z), np.sinh(z), np.cos(z + d * np.pi / 2), np.sin(z + d * np.pi / 2)
+    return beta**d * (waves[d % 2] - sigma * waves[1 - d % 2] - waves[2] + sigma * waves[3])
+
+
 def plain_scene(links: list[dict[str, Any]], motion: dict[str, Any], **more: Any) -> Scene:
     """A scene of tables as they are."""
     return parse_scene({"schema": 1, "title": "test", "links": links, "motion": motion, **more})

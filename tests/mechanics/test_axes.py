@@ -8,7 +8,7 @@ import flexlin as fl
 from flexlin.mechanics.links import COLUMNS, PLACES
 from flexlin.report.figures.over_period import trace_arm
 
-from .scenes import linear, plain_scene, swinging, value
+from .scenes import clamped_mode, linear, plain_scene, swinging, value
 
 BEAM = {"length": 0.8, "mass_per_length": 0.3, "bending_stiffness": [5.0, 9.0], "modes": {"y": 1, "z": 1}}
 MOUNT = {"xyz": [0.1, -0.2, 0.3], "rpy": [0.4, -0.7, 1.1]}
@@ -17,14 +17,6 @@ AXIS = [0.3, -1.0, 0.5]
 
 def scene_of(*links, **effects):
     return plain_scene(list(links), swinging(*[{"mean": 0.3, "amplitude": 0.4}] * len(links)), effects=effects)
-
-
-def clamped_free(xi):
-    """The first mode of a clamped beam, int X^2 dxi = 1."""
-    beta = 1.875104068711961
-    sigma = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
-    x = beta * xi
-    return np.cosh(x) - np.cos(x) - sigma * (np.sinh(x) - np.sin(x))
 
 
 def test_a_bent_link_lies_where_its_shapes_say():
@@ -36,7 +28,7 @@ def test_a_bent_link_lies_where_its_shapes_say():
     curves = np.split(value(arm, "axes", s), 2, axis=1)
     axis = np.array(AXIS) / np.linalg.norm(AXIS)
     turn = Rotation.from_euler("xyz", MOUNT["rpy"]) * Rotation.from_rotvec(q * axis)
-    own = np.stack([0.8 * PLACES, v * clamped_free(PLACES), w * clamped_free(PLACES)])
+    own = np.stack([0.8 * PLACES, v * clamped_mode(PLACES), w * clamped_mode(PLACES)])
     expected = np.array(MOUNT["xyz"])[:, None] + turn.as_matrix() @ own
     np.testing.assert_allclose(curves[0][:, 1:], expected, rtol=0, atol=1e-12)
     assert curves[0].shape[1] == COLUMNS

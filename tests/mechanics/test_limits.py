@@ -1,4 +1,4 @@
-"""Limits with their observed order: stiff shear, thin sections, stiff joints, stiff links; Timoshenko's beam solved by other means."""
+"""Timoshenko's beam, solved by other means."""
 
 import numpy as np
 from scipy.linalg import eigh, expm
@@ -9,14 +9,10 @@ from .scenes import arm_of, matrices_at_rest
 OMEGA_0 = np.sqrt(1.0 / (0.2 * 0.5**4))  # sqrt(EI / (rho A l^4)) of the tests' link
 
 
-def cantilever(effects, modes=8):
+def cantilever(effects):
     """Frequencies of one link with its joint locked."""
-    M, K = matrices_at_rest(arm_of({"modes": modes}, effects=effects))
+    M, K = matrices_at_rest(arm_of({"modes": 3}, effects=effects))
     return np.sqrt(eigh(K[1:, 1:], M[1:, 1:], eigvals_only=True))[:3]
-
-
-def observed_order(differences, factor=2.0):
-    return np.diff(np.log(np.abs(differences)), axis=0) / np.log(factor)
 
 
 def timoshenko_cantilever(count, gyration, shear):
@@ -39,16 +35,7 @@ def timoshenko_cantilever(count, gyration, shear):
 def test_timoshenko_against_the_exact_solution():
     """r = 0.05 l and kappa G A l^2 / EI = l^2 / (3 r^2): a stubby steel beam."""
     gyration, shear = 0.05, 1 / (3 * 0.05**2)
-    effects = {
-        "rotary_inertia": {"radius_of_gyration": gyration * 0.5},
-        "shear": {"stiffness": shear / 0.5**2},
-    }
+    effects = {"rotary_inertia": {"radius_of_gyration": gyration * 0.5}, "shear": {"stiffness": shear / 0.5**2}}
     exact = timoshenko_cantilever(3, gyration, shear) * OMEGA_0
-    np.testing.assert_allclose(cantilever(effects, 3), exact, rtol=1e-9)
-    assert np.all(cantilever({"shear": effects["shear"]}, 3) > exact * 1.0001)  # rotary inertia slows every mode
-
-
-def test_stiff_shear_tends_to_euler_bernoulli():
-    differences = [cantilever({"shear": {"stiffness": 1e5 * 2.0**k}}) / cantilever({}) - 1 for k in range(3)]
-    np.testing.assert_allclose(observed_order(differences), -1, atol=0.02)
-    np.testing.assert_allclose(cantilever({"shear": {"stiffness": 1e12}}, 8), cantilever({}), rtol=1e-8)
+    np.testing.assert_allclose(cantilever(effects), exact, rtol=1e-9)
+    assert np.all(cantilever({"shear": effects["shear"]}) > exact * 1.0001)  # rotary inertia slows every mode

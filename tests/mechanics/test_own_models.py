@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import InputError, ModelError
+from flexlin.errors import ModelError
 
-from .scenes import arm_of, value
+from .scenes import value
 
 S, RATE = ca.SX.sym("s", 2), ca.SX.sym("s_dot", 2)
 COS, SIN = ca.cos(S[1]), ca.sin(S[1])
@@ -89,11 +89,6 @@ def test_a_model_must_stay_finite_along_the_motion():
     motion = fl.parse_scene({**raw, "motion": {"kind": "harmonic", "frequency": 1.0, "joints": joints}}).motion
     with pytest.raises(ModelError, match=r"K_L\[0, 0\] is not finite along the motion, at t = "):
         fl.linearize(arm, motion)
-
-
-def test_unregistered_effects_are_refused():
-    with pytest.raises(InputError, match=r"effects\.tip_spring"):
-        arm_of({}, effects={"tip_spring": {"stiffness": 1.0}})
 
 
 @pytest.mark.parametrize(("extra", "says"), [(RATE[1] * SIN, "linear in rate 1"), (1 + S[0] ** 2, "free of the rates")])

@@ -18,21 +18,14 @@ from flexlin.checks import Array
 from flexlin.errors import SceneError
 from flexlin.motion import SampledMotion
 
-from .scenes import arm_of, scene_of, value
+from .scenes import arm_of, held, linear, plain_scene, scene_of, value
+
+UNIT = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0}
 
 
 def column(effects: dict[str, Any], angle: float = 0.0) -> tuple[Array, Array]:
     """M and K of the unit column with eight modes, its joint held at an angle."""
-    motion = {
-        "kind": "harmonic",
-        "frequency": 1.0,
-        "drive": "prescribed",
-        "joints": [{"mean": angle, "amplitude": 0.0}],
-    }
-    links = [{"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0, "modes": 8}]
-    tables = {"geometric_stiffening": {}, **effects}
-    scene = fl.parse_scene({"schema": 1, "title": "column", "links": links, "effects": tables, "motion": motion})
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    lin = linear(plain_scene([{**UNIT, "modes": 8}], held(angle), effects={"geometric_stiffening": {}, **effects}))
     return lin.M(0.0), lin.K(0.0)
 
 
@@ -44,8 +37,8 @@ def push(load: float, frame: str = "world", angle: float = 0.0) -> dict[str, Any
 
 def smallest_load(loaded: dict[str, Any], angle: float = 0.0) -> float:
     """The smallest P with det(K_0 + P (K_1 - K_0)) = 0: K is linear in the load."""
-    bare, unit = column({}, angle)[1], column(loaded, angle)[1]
-    found = eigvals(bare, bare - unit)
+    bare = column({}, angle)[1]
+    found = eigvals(bare, bare - column(loaded, angle)[1])
     return float(found[(abs(found.imag) < 1e-9) & (found.real > 0)].real.min())
 
 
@@ -110,32 +103,28 @@ def test_a_force_in_the_world_is_the_gradient_of_its_potential() -> None:
     np.testing.assert_allclose(value(arm, "damping", s, np.zeros(arm.n))[:, 0], -slopes.T @ force, atol=1e-12)
 
 
-def test_a_frame_that_is_not_known_is_refused() -> None:
-    with pytest.raises(SceneError, match=r"effects\.tip_force\.frame: got 'base'"):
-        scene_of({}, effects={"tip_force": {"frame": "base"}})
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"frame": "base"}, r"effects\.tip_force\.frame: got 'base'"),
+        ({"phase": 0.4}, "harmonic of at least 1 beside phase"),
+    ],
+)
+def test_what_no_load_is_is_refused(table: dict[str, Any], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        scene_of({}, effects={"tip_force": table})
 
 
-SHAKEN = {
-    "schema": 1,
-    "title": "a unit column with one mode, its joint held, under a harmonic of a motion of 0.4 s",
-    "links": [{"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0, "modes": 1}],
-    "effects": {
-        "tip_force": {"force": [0.0, 1e-3, 0.0], "harmonic": 3, "phase": 0.4},
-        "modal_damping": {"ratio": 0.1},
-    },
-    "motion": {
-        "kind": "harmonic",
-        "frequency": 2.5,
-        "drive": "prescribed",
-        "joints": [{"mean": 0.0, "amplitude": 0.0}],
-    },
-}
+def shaken() -> fl.Scene:
+    """A unit column with one mode, its joint held, under a harmonic of a motion of 0.4 s."""
+    load = {"force": [0.0, 1e-3, 0.0], "harmonic": 3, "phase": 0.4}
+    effects = {"tip_force": load, "modal_damping": {"ratio": 0.1}}
+    return plain_scene([{**UNIT, "modes": 1}], held(frequency=2.5), effects=effects)
 
 
 def test_a_periodic_force_shakes_a_beam() -> None:
     """w = Re(X(l) F e^(i (3 W t + phase)) / (w1^2 - (3 W)^2 + 2 i z w1 3 W)), X(l) = 2, w1 = 1.8751^2; simulated, too."""
-    scene = fl.parse_scene(SHAKEN)
-    lin, t = fl.linearize(fl.build_manipulator(scene), scene.motion), np.linspace(0.0, 0.4, 9)
+    lin, t = linear(shaken()), np.linspace(0.0, 0.4, 9)
     W, w1 = 3 * 2 * np.pi * 2.5, 1.8751040687119611**2
     phasor = 2e-3 * np.exp(1j * (W * t + 0.4)) / (w1**2 - W**2 + 0.2j * w1 * W)
     expected = np.stack([phasor.real, (1j * W * phasor).real], axis=1)
@@ -147,7 +136,7 @@ def test_a_periodic_force_shakes_a_beam() -> None:
 
 def test_a_periodic_force_along_a_motion_of_numbers() -> None:
     """What the place on the motion is passed by, a phase or angles, makes no difference; nor does one equation or all."""
-    scene = fl.parse_scene(SHAKEN)
+    scene = shaken()
     arm, t = fl.build_manipulator(scene), np.array([0.0, 0.05, 0.31])
     still = SampledMotion(1, 0.4, (True,), sampler=lambda t: (np.zeros((len(t), 1)),) * 3)
     by_phase, by_angles = fl.linearize(arm, scene.motion), fl.linearize(arm, still)
@@ -157,27 +146,20 @@ def test_a_periodic_force_along_a_motion_of_numbers() -> None:
     np.testing.assert_allclose(whole[:, 1, 0], -by_phase.h(t)[:, 0], rtol=1e-12)
 
 
-def test_a_phase_needs_a_harmonic() -> None:
-    with pytest.raises(SceneError, match="harmonic of at least 1 beside phase"):
-        scene_of({}, effects={"tip_force": {"phase": 0.4}})
-
-
 def test_a_load_grows_with_the_square_of_the_first_joints_rate() -> None:
     """The torque F l (q'/r)^2 of a rigid link, alike to and fro; about a rotation it is D_L = -2 F l Omega/r^2."""
     load = {"tip_force": {"force": [0.0, 2.0, 0.0], "frame": "tip", "rate": 3.0}}
     arm = arm_of({"length": 0.7, "modes": 0}, effects=load)
     for rate in (-6.0, 0.0, 1.5):
         assert value(arm, "damping", [0.4], [rate]).item() == pytest.approx(-2.0 * 0.7 * (rate / 3) ** 2, abs=1e-15)
-    turning = {"kind": "rotation", "joints": [{"rate": -5.0}]}
-    lin = fl.linearize(arm, fl.parse_scene({**SHAKEN, "motion": turning}).motion)
+    lin = fl.linearize(arm, {"kind": "rotation", "joints": [{"rate": -5.0}]})
     assert lin.D(0.1).item() == pytest.approx(2 * 2.0 * 0.7 * 5.0 / 9, rel=1e-13)
 
 
 def test_a_force_across_a_cantilever_bends_it_into_the_elastica() -> None:
     """Both components of the tip's way at P l^2/EI = 1, 2, 5, 10 (Bisshopp, Drucker 1945; Mattiasson 1981)."""
     load = {"geometric_stiffening": {}, "tip_force": {"force": [0.0, 1.0, 0.0]}}
-    link = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0, "modes": 6}
-    arm = fl.build_manipulator(scene_of(link, effects=load), ["effects.tip_force.force.1"])
+    arm = fl.build_manipulator(scene_of({**UNIT, "modes": 6}, effects=load), ["effects.tip_force.force.1"])
     residual, points, still = arm.functions["residual"], arm.functions["points"], np.zeros(arm.n)
     found = []
     for P in (1.0, 2.0, 5.0, 10.0):

@@ -20,35 +20,26 @@ from flexlin.mechanics import (
 XI = np.linspace(0, 1, 23)
 
 
+HUB = Ends(hub_inertia=0.3)
+
+
 @pytest.mark.parametrize(
     ("shapes", "exact"),
     [
         (tapered(6), clamped_free(6)),
         (tapered(6, ends=Ends(1.0, 0.1)), clamped_with_tip(6, 1.0, 0.1)),
-        (tapered(6, ends=Ends(hub_inertia=0.3), base="pinned"), pinned_with_hub(6, 0.3)),
-    ],
-)
-def test_polynomials_reproduce_uniform_beams(shapes, exact):
-    np.testing.assert_allclose(shapes.beta, exact.beta, rtol=1e-10)
-    for d in range(3):
-        scale = exact.beta[:, None] ** d
-        np.testing.assert_allclose(shapes.values(XI, d) / scale, exact.values(XI, d) / scale, atol=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("shapes", "exact"),
-    [
+        (tapered(6, ends=HUB, base="pinned"), pinned_with_hub(6, 0.3)),
         (finite_elements(4, 60), clamped_free(4)),
-        (finite_elements(4, 60, ends=Ends(hub_inertia=0.3), base="pinned"), pinned_with_hub(4, 0.3)),
+        (finite_elements(4, 60, ends=HUB, base="pinned"), pinned_with_hub(4, 0.3)),
     ],
 )
-def test_elements_reproduce_uniform_beams(shapes, exact):
+def test_uniform_beams_are_reproduced(shapes, exact):
     """Cubics interpolate X with an error of (beta h)^4 / 384 and X'' with one of (beta h)^2 / 8, times max |X^(d)| / beta^d < 2."""
-    np.testing.assert_allclose(shapes.beta, exact.beta, rtol=1e-6)
-    step = exact.beta[:, None] / 60
-    for d, bound in ((0, step**4 / 192), (2, step**2 / 4)):
-        scale = exact.beta[:, None] ** d
-        assert np.all(np.abs(shapes.values(XI, d) - exact.values(XI, d)) / scale < bound + 1e-12)
+    n, step = len(exact.beta), exact.beta[:, None] / 60
+    bounds = {0: 1e-8, 1: 1e-8, 2: 1e-8} if n == 6 else {0: step**4 / 192 + 1e-12, 2: step**2 / 4 + 1e-12}
+    np.testing.assert_allclose(shapes.beta, exact.beta, rtol=1e-10 if n == 6 else 1e-6)
+    for d, bound in bounds.items():
+        assert np.all(np.abs(shapes.values(XI, d) - exact.values(XI, d)) / exact.beta[:, None] ** d < bound)
 
 
 @pytest.mark.slow
@@ -74,11 +65,6 @@ def test_taper_by_both_methods():
     integrals = shape_integrals(smooth, mass, stiffness)
     np.testing.assert_allclose(integrals.gram, np.eye(3), atol=1e-9)
     np.testing.assert_allclose(np.diag(integrals.bending), smooth.beta**4, rtol=1e-9)
-
-
-def test_elements_converge_with_the_fourth_power():
-    errors = [finite_elements(3, elements).beta / clamped_free(3).beta - 1 for elements in (6, 12, 24)]
-    np.testing.assert_allclose(np.diff(np.log2(np.abs(errors)), axis=0), -4, atol=0.2)
 
 
 def test_no_modes():

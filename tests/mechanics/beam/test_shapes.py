@@ -36,10 +36,6 @@ def test_heavy_tip_tends_to_a_massless_spring():
     assert errors[0] == pytest.approx(-33 / 140 / 1e2, rel=0.01)
 
 
-def test_heavy_hub_tends_to_a_clamp():
-    np.testing.assert_allclose(pinned_with_hub(3, 1e8).beta, clamped_free(3).beta, rtol=1e-8)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("n", [1, 12, 60])
 def test_shapes_satisfy_the_beam_equation(kind, n):
@@ -62,27 +58,18 @@ def test_boundary_conditions_hold(n):
     def end(shapes, d, which):
         return shapes.values(ENDS, d)[:, which] / shapes.beta**d
 
-    for shapes, d, which in [(free, 0, 0), (free, 1, 0), (free, 2, 1), (free, 3, 1), (tip, 0, 0), (tip, 1, 0)]:
+    zeros = [(free, 0, 0), (free, 1, 0), (free, 2, 1), (free, 3, 1), (tip, 0, 0), (tip, 1, 0), (hub, 2, 1), (hub, 3, 1)]
+    for shapes, d, which in zeros:
         np.testing.assert_allclose(end(shapes, d, which), 0, atol=1e-13)
-    for d in (2, 3):
-        np.testing.assert_allclose(end(hub, d, 1), 0, atol=1e-13)
+    np.testing.assert_allclose(end(free, 0, 1), 2 * (-1.0) ** np.arange(n), rtol=1e-13)  # of int X^2 = 1
     np.testing.assert_allclose(end(tip, 2, 1) / tip.beta**3, 0.1 * end(tip, 1, 1), atol=1e-14)  # moment
     np.testing.assert_allclose(-end(tip, 3, 1) / tip.beta, end(tip, 0, 1), atol=1e-13)  # shear
     np.testing.assert_allclose(end(hub, 2, 0) / hub.beta**3, -0.3 * end(hub, 1, 0), atol=1e-14)
 
 
-def test_cantilever_is_normalised():
-    shapes = clamped_free(60)
-    np.testing.assert_allclose(shapes.values(ENDS)[:, 1], 2 * (-1.0) ** np.arange(60), rtol=1e-13)
-    assert np.all(shapes.values(ENDS, 2)[:, 0] > 0)
-
-
 @pytest.mark.parametrize("wrong", [{"mass": -1}, {"inertia": -1}])
-def test_impossible_tip_bodies_are_refused(wrong):
+def test_impossible_bodies_are_refused(wrong):
     with pytest.raises(ArgumentError, match="rigid body"):
         clamped_with_tip(2, **wrong)
-
-
-def test_negative_hub_is_refused():
     with pytest.raises(ArgumentError):
         pinned_with_hub(2, -0.1)
