@@ -29,19 +29,15 @@ def numbers(x, x0, *expressions):
 
 @pytest.mark.parametrize(("m", "p", "s", "n"), [(2, 3, 2, 3), (1, 2, 4, 2), (3, 1, 1, 4), (2, 2, 2, 1)])
 def test_rules_against_casadi_derivatives(m, p, s, n):
-    x = ca.SX.sym("x", n)
-    x0 = normal(n, 1, seed=5)
+    """Of numbers and of symbols."""
+    x, x0 = ca.SX.sym("x", n), normal(n, 1, seed=5)
     A, B = polynomial_matrix(x, m, p, 10), polynomial_matrix(x, p, s, 20)
-    derivative = kr.derivative
-    a, da, b, db = numbers(x, x0, A, derivative(A, x), B, derivative(B, x))
-    product, kronecker = numbers(x, x0, derivative(A @ B, x), derivative(ca.kron(A, B), x))
-    assert_allclose(kr.product_rule(a, da, b, db), product, rtol=1e-12, atol=1e-13)
-    assert_allclose(kr.kronecker_rule(a, da, b, db), kronecker, rtol=1e-12, atol=1e-13)
-
-    symbolic = kr.product_rule(A, derivative(A, x), B, derivative(B, x))
-    symbolic_kron = kr.kronecker_rule(A, derivative(A, x), B, derivative(B, x))
-    for value, expected in zip(numbers(x, x0, symbolic, symbolic_kron), (product, kronecker), strict=True):
-        assert_allclose(value, expected, rtol=1e-12, atol=1e-13)
+    symbols = A, kr.derivative(A, x), B, kr.derivative(B, x)
+    values = numbers(x, x0, *symbols)
+    for rule, made in ((kr.product_rule, A @ B), (kr.kronecker_rule, ca.kron(A, B))):
+        expected, symbolic = numbers(x, x0, kr.derivative(made, x), rule(*symbols))
+        assert_allclose(rule(*values), expected, rtol=1e-12, atol=1e-13)
+        assert_allclose(symbolic, expected, rtol=1e-12, atol=1e-13)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
