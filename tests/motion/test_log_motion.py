@@ -11,20 +11,26 @@ from flexlin.scene import LogMotion, TableMotion
 T = np.arange(3000) * 0.005
 
 
-def written(path, q):
-    rows = "\n".join(f"{t:.6f},{value:.9f}" for t, value in zip(T, q, strict=True))
-    path.write_text(f"t,angle\n{rows}\n", encoding="utf-8")
-    return LogMotion(kind="log", file=str(path), columns=("angle",))
+def read_log(folder, text, joints=1, **table):
+    """The motion of a log of this text."""
+    path = folder / "log.csv"
+    path.write_text(text, encoding="utf-8")
+    return fl.build_motion(LogMotion(kind="log", file=str(path), columns=("angle",), **table), joints)
+
+
+def rows(q):
+    """The text of a log."""
+    return "t,angle\n" + "".join(f"{t:.6f},{value:.9f}\n" for t, value in zip(T, q, strict=True))
 
 
 def test_noise_is_left_out_and_the_period_found(tmp_path):
     """2 mrad of noise at 200 Hz, which a spline turns into more than 100 rad/s^2."""
     w = 2 * np.pi / 3.7
-    noise = 2e-3 * np.random.default_rng(0).standard_normal(len(T))
-    motion = fl.build_motion(written(tmp_path / "a.csv", 0.4 * np.sin(w * T) + 0.1 * np.cos(3 * w * T) + noise), 1)
+    smooth = 0.4 * np.sin(w * T) + 0.1 * np.cos(3 * w * T)
+    motion = read_log(tmp_path, rows(smooth + 2e-3 * np.random.default_rng(0).standard_normal(len(T))))
     assert motion.period == pickle.loads(pickle.dumps(motion)).period == pytest.approx(3.7, rel=2e-3)
     q, _, acceleration = motion.sample(T[:700])
-    assert np.abs(q[:, 0] - (0.4 * np.sin(w * T) + 0.1 * np.cos(3 * w * T))[:700]).max() < 4e-3
+    assert np.abs(q[:, 0] - smooth[:700]).max() < 4e-3
     assert np.abs(acceleration).max() < 1.2 * (0.4 * w**2 + 0.9 * w**2)
 
 
@@ -32,41 +38,39 @@ def test_it_says_what_was_averaged_kept_and_left_out(tmp_path):
     """15 s of 2 s: seven whole cycles; 2 mrad of noise; three rows without a number."""
     q = 0.3 * np.sin(np.pi * T) + 0.05 * np.cos(3 * np.pi * T) + 2e-3 * np.random.default_rng(1).standard_normal(len(T))
     q[[40, 41, 900]] = np.nan
-    said = fl.build_motion(written(tmp_path / "a.csv", q), 1).origin
+    said = read_log(tmp_path, rows(q)).origin
     assert said.startswith("7 cycles of 2.00")
     assert "; 3 harmonics kept, 0.002 RMS left out" in said
     assert said.endswith("; 3 of 3000 rows left out, which hold no numbers")
 
 
-def test_a_log_that_does_not_repeat_is_refused(tmp_path):
-    with pytest.raises(fl.errors.MotionError, match="does not repeat"):
-        fl.build_motion(written(tmp_path / "b.csv", np.sin(0.3 * T**1.5)), 1)
-    with pytest.raises(fl.errors.MotionError, match="one name a joint"):
-        fl.build_motion(written(tmp_path / "c.csv", np.sin(T)), 2)
-
-
 def test_a_log_drives_a_nonlinear_simulation(tmp_path):
     """The series' derivatives are strided views, which compiled code does not take."""
     scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
-    lin = fl.linearize(fl.build_manipulator(scene), written(tmp_path / "a.csv", 0.3 * np.sin(np.pi * T)), scene.control)
+    motion = read_log(tmp_path, rows(0.3 * np.sin(np.pi * T)))
+    lin = fl.linearize(fl.build_manipulator(scene), motion, scene.control)
     assert fl.simulate(lin, periods=1, tol=1e-4).status
 
 
-def test_a_wrong_period_a_short_log_and_other_separators_are_refused_in_words(tmp_path):
-    def refused(words, text, **table):
-        path = tmp_path / "log.csv"
-        path.write_text(text, encoding="utf-8")
-        with pytest.raises(fl.errors.MotionError, match=words):
-            fl.build_motion(LogMotion(kind="log", file=str(path), columns=("angle",), **table), 1)
+REPEATING = rows(np.sin(2 * np.pi * T / 1.25))
+LINES = REPEATING.splitlines()
+BROKEN = "\n".join([LINES[0], *[line if i % 3 else "x,y" for i, line in enumerate(LINES[1:])]])
 
-    rows = [f"{t:.4f},{np.sin(2 * np.pi * t / 1.25):.6f}" for t in T]
-    refused("does not repeat every 1.7 s", "\n".join(["t,angle", *rows]), period=1.7)
-    refused("less than two cycles", "\n".join(["t,angle", *rows[:200]]))
-    refused("got semicolons", "\n".join(["t,angle", *rows]).replace(",", ";"))
-    refused(
-        "1000 of 3000 rows",
-        "\n".join(["t,angle", *[row if i % 3 else "x,y" for i, row in enumerate(rows)]]),
-    )
+
+@pytest.mark.parametrize(
+    ("words", "text", "more"),
+    [
+        ("does not repeat", rows(np.sin(0.3 * T**1.5)), {}),
+        ("one name a joint", rows(np.sin(T)), {"joints": 2}),
+        ("does not repeat every 1.7 s", REPEATING, {"period": 1.7}),
+        ("less than two cycles", "\n".join(LINES[:201]), {}),
+        ("got semicolons", REPEATING.replace(",", ";"), {}),
+        ("1000 of 3000 rows", BROKEN, {}),
+    ],
+)
+def test_a_log_of_no_motion_is_refused_in_words(tmp_path, words, text, more):
+    with pytest.raises(fl.errors.MotionError, match=words):
+        read_log(tmp_path, text, **more)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-6, 2e-3])

@@ -2,40 +2,26 @@
 
 import numpy as np
 import pytest
-from pydantic import TypeAdapter
 
 from flexlin.errors import ArgumentError, MotionError
 from flexlin.motion import build_motion
-from flexlin.scene import AnyMotion
+from flexlin.scene import TableMotion
+from tests.mechanics.scenes import swinging
 
-TABLE = TypeAdapter(AnyMotion)
-
+POINT = {"kind": "point-to-point", "move_time": 0.4, "joints": [{"waypoints": [0.0, 1.0]}]}
 MOTIONS = {
-    "harmonic": {"kind": "harmonic", "frequency": 1.7, "joints": [{"mean": 0.1, "amplitude": 0.5, "phase": 0.3}]},
+    "harmonic": swinging({"mean": 0.1, "amplitude": 0.5, "phase": 0.3}, frequency=1.7),
     "rotation": {"kind": "rotation", "joints": [{"rate": -2.5, "start": 0.4}]},
-    "fourier": {
-        "kind": "fourier",
-        "period": 0.9,
-        "joints": [{"mean": 0.2, "cos": [0.3, 0.1], "sin": [0.0, -0.2, 0.05]}],
-    },
-    "quintic": {
-        "kind": "point-to-point",
-        "move_time": 0.4,
-        "dwell_time": 0.1,
-        "joints": [{"waypoints": [0.0, 1.0, 0.3]}],
-    },
-    "septic": {"kind": "point-to-point", "move_time": 0.4, "profile": "septic", "joints": [{"waypoints": [0.0, 1.0]}]},
-}
-
-
-def motion(table):
-    return build_motion(TABLE.validate_python(table), max(1, len(table.get("joints", [1]))))
+    "fourier": {"kind": "fourier", "period": 0.9, "joints": [{"mean": 0.2, "cos": [0.3, 0.1], "sin": [0.0, -0.2, 0.05]}]},
+    "quintic": {**POINT, "dwell_time": 0.1, "joints": [{"waypoints": [0.0, 1.0, 0.3]}]},
+    "septic": {**POINT, "profile": "septic"},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_rates_are_derivatives_and_a_period_closes(name):
     """Central differences away from the breaks converge with order 2."""
-    m = motion(MOTIONS[name])
+    m = build_motion(MOTIONS[name])
     t = m.period * np.array([0.03, 0.21, 0.47, 0.61, 0.83])
     _, q1, q2 = m.sample(t)
     gaps = []
@@ -49,19 +35,16 @@ def test_rates_are_derivatives_and_a_period_closes(name):
 
 
 def test_harmonic_formula():
-    m = motion(MOTIONS["harmonic"])
-    t = np.linspace(0, 1, 5)
-    q, q1, q2 = m.sample(t)
-    w = 2 * np.pi * 1.7
-    np.testing.assert_allclose(q[:, 0], 0.1 + 0.5 * np.sin(w * t + 0.3), atol=1e-14)
-    np.testing.assert_allclose(q1[:, 0], 0.5 * w * np.cos(w * t + 0.3), atol=1e-12)
-    np.testing.assert_allclose(q2[:, 0], -0.5 * w**2 * np.sin(w * t + 0.3), atol=1e-11)
+    t, w = np.linspace(0, 1, 5), 2 * np.pi * 1.7
+    sine, cosine = np.sin(w * t + 0.3), np.cos(w * t + 0.3)
+    found = np.array(build_motion(MOTIONS["harmonic"]).sample(t))[:, :, 0]
+    np.testing.assert_allclose(found, [0.1 + 0.5 * sine, 0.5 * w * cosine, -0.5 * w**2 * sine], rtol=1e-13, atol=1e-13)
 
 
 @pytest.mark.parametrize("profile", ["quintic", "septic"])
 def test_point_to_point_rests_at_its_waypoints(profile):
     times, joints = {"move_time": 0.5, "dwell_time": 0.25}, [{"waypoints": [0.2, 1.2]}]
-    m = motion({"kind": "point-to-point", **times, "profile": profile, "joints": joints})
+    m = build_motion({"kind": "point-to-point", **times, "profile": profile, "joints": joints})
     assert m.period == pytest.approx(1.5)
     np.testing.assert_allclose(m.breaks, [0.0, 0.5, 0.75, 1.25])
     q, q1, q2 = m.sample(np.array([0.0, 0.5, 0.6, 0.75, 1.25, 1.4]))
@@ -71,13 +54,13 @@ def test_point_to_point_rests_at_its_waypoints(profile):
 
 
 def test_one_way_motion_ends():
-    m = motion({"kind": "point-to-point", "move_time": 0.5, "course": "one-way", "joints": [{"waypoints": [0.0, 1.0]}]})
+    m = build_motion({**POINT, "course": "one-way"})
     assert not m.periodic
-    np.testing.assert_allclose(m.sample(np.array([0.5, 2.0]))[0][:, 0], 1.0)
+    np.testing.assert_allclose(m.sample(np.array([0.4, 2.0]))[0][:, 0], 1.0)
 
 
 def test_rotations_share_a_period():
-    m = motion({"kind": "rotation", "joints": [{"rate": 3.0}, {"rate": -2.0}, {"rate": 0.0}]})
+    m = build_motion({"kind": "rotation", "joints": [{"rate": 3.0}, {"rate": -2.0}, {"rate": 0.0}]})
     assert m.period == pytest.approx(2 * np.pi)
     q, q1, _ = m.sample(np.array([0.5]))
     np.testing.assert_allclose(q[0], [1.5, -1.0, 0.0], atol=1e-14)
@@ -94,7 +77,7 @@ def test_rotations_share_a_period():
 )
 def test_joints_that_do_not_move_together_are_refused(table, says):
     with pytest.raises(MotionError, match=says):
-        motion(table)
+        build_motion(table)
 
 
 @pytest.mark.parametrize(
@@ -103,37 +86,34 @@ def test_joints_that_do_not_move_together_are_refused(table, says):
 )
 def test_drive_of_a_joint_overrides_the_default(default, own, expected):
     joint = {"amplitude": 0.1} | ({"drive": own} if own else {})
-    assert motion({"kind": "harmonic", "frequency": 1.0, "drive": default, "joints": [joint]}).prescribed == (expected,)
+    assert build_motion(swinging(joint, drive=default)).prescribed == (expected,)
 
 
-def write(path, t, q):
+def read(path, t, q):
     np.savetxt(path, np.column_stack([t, q]), delimiter=",", header="t,q1", comments="")
-    return {"kind": "table", "file": str(path)}
+    return build_motion(TableMotion(kind="table", file=str(path)), 1)
 
 
 def test_table_converges_with_its_spacing(tmp_path):
     """A quintic spline's second derivative is of order 4 in the spacing."""
-    gaps = []
+    angle, gaps = 2 * np.pi * np.linspace(0, 1, 333), []
+    exact = (2 * np.pi) ** 2 * (np.cos(angle) ** 2 - np.sin(angle)) * np.exp(np.sin(angle))
     for rows in (41, 81):
         t = np.linspace(0, 1.0, rows)
-        m = motion(write(tmp_path / f"{rows}.csv", t, np.exp(np.sin(2 * np.pi * t))))
-        x = np.linspace(0, 1, 333)
-        angle = 2 * np.pi * x
-        exact = (2 * np.pi) ** 2 * (np.cos(angle) ** 2 - np.sin(angle)) * np.exp(np.sin(angle))
-        gaps.append(np.abs(m.sample(x)[2][:, 0] - exact).max())
+        m = read(tmp_path / f"{rows}.csv", t, np.exp(np.sin(2 * np.pi * t)))
+        gaps.append(np.abs(m.sample(angle / (2 * np.pi))[2][:, 0] - exact).max())
     assert np.log2(gaps[0] / gaps[1]) > 3.5
 
 
 def test_table_may_turn_around(tmp_path):
     t = np.linspace(0, 2.0, 21)
-    m = motion(write(tmp_path / "turn.csv", t, np.pi * t + 0.1 * np.sin(np.pi * t)))
+    m = read(tmp_path / "turn.csv", t, np.pi * t + 0.1 * np.sin(np.pi * t))
     _, q1, _ = m.sample(np.array([0.3, 2.3]))
     np.testing.assert_allclose(q1[0], q1[1], rtol=1e-12)
     np.testing.assert_allclose(q1[0], np.pi + 0.1 * np.pi * np.cos(0.3 * np.pi), rtol=1e-4)
 
 
 def test_the_number_of_joints_is_the_tables_or_the_arms():
-    two = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.1}, {"amplitude": 0.2}]}
-    assert build_motion(two).joints == 2
+    assert build_motion(swinging({"amplitude": 0.1}, {"amplitude": 0.2})).joints == 2
     with pytest.raises(ArgumentError, match="joints are not known; got 0"):
         build_motion({"kind": "log", "file": "log.csv", "columns": ["q"]})
