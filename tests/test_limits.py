@@ -4,12 +4,13 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -96,31 +97,34 @@ def test_whatever_a_calculation_does_with_the_alarm_it_is_the_time_limit(work: C
 
 def test_an_alarm_within_a_finalizer_is_not_printed_and_rings_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """Python drops an error that leaves a finalizer or a garbage collector's callback and prints a note on it."""
-    printed: list[object] = []
+    printed, finished = list[Any](), list[float]()
     monkeypatch.setattr(sys, "unraisablehook", printed.append)
-    finished: list[float] = []
 
-    class Slow:
+    class Finalized:
+        def __init__(self, finish: Callable[[], None]) -> None:
+            self.finish = finish
+
         def __del__(self) -> None:
-            spin(1.0)
-            finished.append(time.monotonic())
+            self.finish()
+
+    def slow() -> None:
+        spin(1.0)
+        finished.append(time.monotonic())
+
+    def fail() -> None:
+        raise ValueError("its own")
 
     def drops() -> None:
-        Slow()
+        Finalized(slow)
         spin(20.0)
 
     with pytest.raises(TimeLimit), time_limit("the stage", 0.1):
         drops()
     assert not finished
     assert not printed
-
-    class Broken:
-        def __del__(self) -> None:
-            raise ValueError("its own")
-
     with time_limit("the stage", 60.0):
-        Broken()
-    assert [type(note.exc_value) for note in printed] == [ValueError]  # type: ignore[attr-defined]
+        Finalized(fail)
+    assert [type(note.exc_value) for note in printed] == [ValueError]
     assert sys.unraisablehook == printed.append
 
 
@@ -128,13 +132,20 @@ def test_an_alarm_amid_an_import_waits_until_the_module_is_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A package whose parts are only half there stays in sys.modules, and the next import of it takes them for whole."""
-    package = tmp_path / "slow_package"
-    package.mkdir()
-    (package / "__init__.py").write_text("from slow_package import first\nfrom slow_package import second\n")
-    (package / "first.py").write_text(
-        "import time\nend = time.process_time() + 0.6\nwhile time.process_time() < end: pass\n"
+    (tmp_path / "slow_package").mkdir()
+    limited_study = (
+        "from flexlin.analyses import time_limit\nwith time_limit('the study', 0.1):\n    while True: pass\n"
     )
-    (package / "second.py").write_text("value = 2\n")
+    for name, text in (
+        ("slow_package/__init__.py", "from slow_package import first\nfrom slow_package import second\n"),
+        (
+            "slow_package/first.py",
+            "import time\nend = time.process_time() + 0.6\nwhile time.process_time() < end: pass\n",
+        ),
+        ("slow_package/second.py", "value = 2\n"),
+        ("study.py", limited_study),
+    ):
+        (tmp_path / name).write_text(text)
     monkeypatch.syspath_prepend(str(tmp_path))
 
     def load_and_spin() -> None:
@@ -144,9 +155,6 @@ def test_an_alarm_amid_an_import_waits_until_the_module_is_whole(
     with pytest.raises(TimeLimit), time_limit("the stage", 0.1):
         load_and_spin()
     assert sys.modules.pop("slow_package").second.value == 2
-    (tmp_path / "study.py").write_text(
-        "import time\nfrom flexlin.analyses import time_limit\nwith time_limit('the study', 0.1):\n    while True: pass\n"
-    )
     with pytest.raises(TimeLimit, match="the study"):
         import_module("study")
 
@@ -181,15 +189,10 @@ def test_a_limit_around_another_one_holds_within_it_and_after_it() -> None:
         part_and_rest()
     with pytest.raises(TimeLimit, match="the whole"), time_limit("the whole", 0.1), time_limit("a part", 60.0):
         spin(20.0)
-    ended: list[str] = []
     with time_limit("the whole", 60.0):
-        for _ in range(2):
+        for _ in range(3):
             with pytest.raises(TimeLimit, match="a part"), time_limit("a part", 0.1):
                 spin(20.0)
-            ended.append("a part")
-        with suppress(TimeLimit), time_limit("the last part", 0.1):
-            spin(20.0)
-    assert len(ended) == 2
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
@@ -222,9 +225,8 @@ def test_another_thread_is_let_run() -> None:
             spin(0.1)
             done.append(1.0)
 
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(work).result()
     assert done == [1.0]
 
 
@@ -241,15 +243,9 @@ def test_the_limit_of_memory_holds_within_its_block() -> None:
 
 def test_memory_and_linear_algebra_that_give_out_are_the_stage_s_message() -> None:
     clock, problems = Clock(), dict[str, str]()
-
-    def singular() -> None:
-        np.linalg.inv(np.zeros((2, 2)))
-
-    def greedy() -> None:
-        raise MemoryError("cannot allocate 3 TiB")
-
+    singular = lambda: np.linalg.inv(np.zeros((2, 2)))  # noqa: E731
     assert clock.attempt(problems, "a", "inverse", Accuracy(), singular) is None
-    assert clock.attempt(problems, "b", "table", Accuracy(), greedy) is None
+    assert clock.attempt(problems, "b", "table", Accuracy(), raising(MemoryError("cannot allocate 3 TiB"))) is None
     assert "inverse: linear algebra has no answer; got Singular matrix" in problems["a"]
     assert "table: there is not enough memory; got cannot allocate 3 TiB" in problems["b"]
     assert [step.problem for step in clock.steps] == [problems["a"], problems["b"]]
@@ -257,28 +253,50 @@ def test_memory_and_linear_algebra_that_give_out_are_the_stage_s_message() -> No
         raise ZeroDivisionError
 
 
+def raising(error: Exception) -> Callable[[], None]:
+    """Work that ends in this error."""
+
+    def work() -> None:
+        raise error
+
+    return work
+
+
+WORDS = ["std::bad_alloc", "x.so: failed to map segment from shared object", "can't start new thread"]
+
+
+@pytest.mark.parametrize("words", WORDS)
+def test_memory_that_gives_out_inside_a_library_is_named(words: str) -> None:
+    with pytest.raises(NumericalError, match="map: there is not enough memory"):
+        Clock().stage("map", Accuracy(), raising(RuntimeError(f"/casadi/core/function.cpp:56: {words}")))
+    with pytest.raises(RuntimeError, match="other"):
+        Clock().stage("map", Accuracy(), raising(RuntimeError("other")))
+
+
 def test_the_stages_share_one_limit_and_the_last_one_gets_what_was_kept_for_it() -> None:
     """Each attempt gets two thirds of what is left, the last stage the kept rest; nothing begins beyond the end."""
     asked, now = Accuracy(seconds=60.0), Stopwatch()
 
-    def spent(seconds: float, waited: float = 0.0) -> Stopwatch:
-        """A watch that shows so many seconds of work, and of waiting for other programs."""
+    def spent(seconds: float, waited: float = 0.0) -> Budget:
+        """After so many seconds of work, and of waiting for other programs."""
         watch = Stopwatch(now.begun - seconds - waited)
         watch.worked -= seconds
-        return watch
+        return Budget(watch)
 
-    fresh = Budget(now).allow("one", asked, share=2 / 3)
-    assert fresh.seconds == pytest.approx(32.0, abs=1.0)
-    assert Budget(spent(47.0)).allow("one", asked).seconds == pytest.approx(1.0, abs=0.9)
-    assert Budget(spent(52.0)).allow("figures", asked, last=True).seconds == pytest.approx(8.0, abs=1.0)
-    waiting = Budget(spent(8.0, 30.0))
-    assert waiting.allow("one", asked).seconds == pytest.approx(40.0, abs=1.0)
-    assert waiting.allow("one", asked).clock == pytest.approx(10.0, abs=1.0)
-    assert waiting.plan("one", asked) == pytest.approx(9.0, abs=1.0)
-    assert waiting.allow("one", Accuracy()).clock == pytest.approx(106.0, abs=1.0)
+    waiting = spent(8.0, 30.0)
+    for found, expected in (
+        (Budget(now).allow("one", asked, share=2 / 3).seconds, 32.0),
+        (spent(47.0).allow("one", asked).seconds, 1.0),
+        (spent(52.0).allow("figures", asked, last=True).seconds, 8.0),
+        (waiting.allow("one", asked).seconds, 40.0),
+        (waiting.allow("one", asked).clock, 10.0),
+        (waiting.plan("one", asked), 9.0),
+        (waiting.allow("one", Accuracy()).clock, 106.0),
+    ):
+        assert found == pytest.approx(expected, abs=0.9)
     said = r"one: not begun; got 48 of 60 s are used up; .*writing; allow more time \(--limit-seconds above 60"
     with pytest.raises(TimeLimit, match=said):
-        Budget(spent(52.0)).allow("one", asked)
+        spent(52.0).allow("one", asked)
     held = Budget(now, held=read_resident() - 2**20)
     assert held.allow("one", asked).memory == pytest.approx(asked.memory - 2**20, abs=2**22)
     ends = [(one.stages_end, one.last_end) for one in (Accuracy(seconds=s) for s in (60.0, 3600.0, 2.0))]
@@ -300,36 +318,20 @@ def test_stages_without_end_leave_the_others_time_and_all_end_within_the_limit()
 @pytest.mark.slow
 def test_what_is_advised_helps() -> None:
     """A proof gets a share of the whole: more seconds let it end, as its message says; it names no tol, which would not."""
-
-    def proof() -> str:
-        spin(0.5)
-        return "proved"
-
     problems = dict[str, str]()
-    assert Clock().attempt(problems, "proof", "proof", Accuracy(), proof, at_most=0.2) is None
+
+    def prove(seconds: float) -> str | None:
+        return Clock().attempt(
+            problems, "proof", "proof", Accuracy(seconds=seconds), lambda: spin(0.5) or "proved", at_most=0.2
+        )
+
+    assert prove(60.0) is None
     assert "no answer in 0.2 s of the 60 s of the whole; allow more time (--limit-seconds above 60" in problems["proof"]
-    assert Clock().attempt(problems, "proof", "proof", Accuracy(seconds=1200.0), proof, at_most=0.2) == "proved"
-    Clock().attempt(problems, "proof", "proof", Accuracy(seconds=10.0), proof, at_most=0.2)
+    assert prove(1200.0) == "proved"
+    prove(10.0)
     assert "of the 10 s of the whole; allow more time (--limit-seconds above 60" in problems["proof"]
     with pytest.raises(TimeLimit, match="ask for a larger tol, or allow more time"):
         Clock().stage("exponents", Accuracy(seconds=0.2), lambda: spin(60.0), lambda _: 0.0)
-
-
-WORDS = ["std::bad_alloc", "x.so: failed to map segment from shared object", "can't start new thread"]
-
-
-@pytest.mark.parametrize("words", WORDS)
-def test_memory_that_gives_out_inside_a_library_is_named(words: str) -> None:
-    def work() -> None:
-        raise RuntimeError(f"/casadi/core/function.cpp:56: {words}")
-
-    def other() -> None:
-        raise RuntimeError("other")
-
-    with pytest.raises(NumericalError, match="map: there is not enough memory"):
-        Clock().stage("map", Accuracy(), work)
-    with pytest.raises(RuntimeError, match="other"):
-        Clock().stage("map", Accuracy(), other)
 
 
 @pytest.mark.slow
