@@ -3,6 +3,7 @@
 import contextlib
 import ctypes
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -31,11 +32,8 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="work is supervi
 def start(work: str, *words: str) -> "subprocess.Popen[str]":
     """A program that does the work under supervision, called with these words."""
     code = f"{WORK}\ndef work():\n    {work}\n    return 0\nsys.exit(run_to_its_end(work))"
-    parent = (
-        "import sys\nfrom flexlin.cli.supervised import supervise\n"
-        f"sys.exit(supervise([sys.executable, '-c', {code!r}, *{words!r}]))"
-    )
-    return begin("-c", parent)
+    command = f"sys.exit(supervise([sys.executable, '-c', {code!r}, *{words!r}]))"
+    return begin("-c", f"import sys\nfrom flexlin.cli.supervised import supervise\n{command}")
 
 
 def begin(*words: str, **options: Any) -> "subprocess.Popen[str]":
@@ -100,7 +98,6 @@ def test_a_request_to_end_reaches_the_work(number: int) -> None:
         "    except KeyboardInterrupt: print('cleaned')"
     )
     run = start(work)
-    assert run.stdout is not None
     assert run.stdout.readline() == "ready\n"
     run.send_signal(number)
     assert run.communicate(timeout=300) == ("cleaned\n", "")
@@ -109,7 +106,6 @@ def test_a_request_to_end_reaches_the_work(number: int) -> None:
 
 def test_a_killed_parent_takes_the_work_with_it() -> None:
     run = start("print(os.getpid(), flush=True); time.sleep(60)")
-    assert run.stdout is not None
     child = int(run.stdout.readline())
     run.kill()
     run.communicate(timeout=300)
@@ -174,20 +170,20 @@ def test_ctrl_c_that_a_library_drops_comes_again(lose: Callable[[], None], monke
 
 
 @pytest.mark.parametrize("space", [60e6, 200e6])
-def test_little_memory_from_the_start_ends_in_one_message(space: float, tmp_path: Path) -> None:
+def test_little_memory_from_the_start_ends_in_one_message(space: float) -> None:
     """Libraries that cannot even be loaded: some raise, some end the process, some wait for ever."""
     import resource
 
-    run = begin(
-        *("-m", "flexlin", "check", "single-link", "--limit-seconds", "8"),
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (int(space), int(space))),
-        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-    )
+    def tighten() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (int(space), int(space)))
+
+    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    words = "-m", "flexlin", "check", "single-link", "--limit-seconds", "8"
+    run = begin(*words, preexec_fn=tighten, env={**os.environ, **threads})
     _, said = run.communicate(timeout=300)
     assert run.returncode in (1, 2)
-    assert "memory" in said or "time limit" in said
-    assert "Traceback" not in said
-    assert "fault of flexlin" not in said
+    assert re.search("memory|time limit", said)
+    assert not re.search("Traceback|fault of flexlin", said)
 
 
 @pytest.mark.slow
@@ -207,13 +203,10 @@ def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_p
     _, said = run.communicate(timeout=300)
     assert run.returncode in (1, 4), said
     assert "interrupted" in said
-    assert "Traceback" not in said
-    assert "fault" not in said
+    assert not re.search("Traceback|fault", said)
     if run.returncode == 4:
         with np.load(out / "chart.npz", allow_pickle=False) as found:
-            known = np.isfinite(found["error"])
-            assert 0 < known.sum() < known.size
-            assert np.isfinite(found["error"][known]).all()
+            assert 0 < np.isfinite(found["error"]).sum() < found["error"].size
     else:
         assert not out.exists() or not list(out.iterdir())
 
@@ -226,7 +219,6 @@ def test_an_interrupt_while_the_program_is_loaded_leaves_no_trace(wait: float) -
     code = f"import sys, flexlin.__main__ as program; sys.addaudithook({begins}); program.main()"
     for whole in (False, True):
         run = begin("-c", code, "check", "single-link", start_new_session=True)
-        assert run.stdout is not None
         assert run.stdout.readline() == "begun\n"
         time.sleep(wait)
         os.killpg(run.pid, signal.SIGINT) if whole else os.kill(run.pid, signal.SIGTERM)
