@@ -5,6 +5,8 @@ import pytest
 
 import flexlin as fl
 from flexlin.linearization import parametric_loop
+from tests.mechanics.scenes import linear, plain_scene, swinging
+from tests.thinned import thin
 
 
 def stretched(gap):
@@ -16,16 +18,11 @@ def stretched(gap):
     more = [{}, {"passive": True, "name": "left"}, base, {"passive": True, "name": "right"}]
     posture = [np.pi - 0.15, -2.87, 0.15, 2.87]
     bars = [{"length": 0.2 + 0.1 * (k % 2), "mass_per_length": 0.1, "posture": posture[k], **more[k]} for k in range(4)]
-    joints = [{"mean": np.pi, "amplitude": 0.9, "phase": np.pi}, {"mean": 0.0, "amplitude": 0.9}]
-    motion = {"kind": "harmonic", "frequency": 1.0, "joints": joints}
-    loops = [{"link": "left", "to": "right"}]
-    scene = fl.parse_scene({"schema": 1, "title": "stretched", "links": bars, "loops": loops, "motion": motion})
-    return fl.linearize(fl.build_manipulator(scene), scene.motion)
+    motion = swinging({"mean": np.pi, "amplitude": 0.9, "phase": np.pi}, {"mean": 0.0, "amplitude": 0.9})
+    return linear(plain_scene(bars, motion, loops=[{"link": "left", "to": "right"}]))
 
 
-@pytest.mark.parametrize(
-    "gap", [pytest.param(1e-4, marks=pytest.mark.slow), pytest.param(3e-4, marks=pytest.mark.slow), 0.02]
-)
+@pytest.mark.parametrize("gap", thin([0.02, 1e-4, 3e-4]))
 def test_what_is_complete_is_right_between_its_samples(gap):
     lin = stretched(gap)
     width = np.arcsinh(np.sqrt(5 * gap) / 0.9) / (2 * np.pi)  # of the dead point from real times, in periods

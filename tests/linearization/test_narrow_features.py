@@ -5,21 +5,21 @@ import pytest
 
 import flexlin as fl
 from flexlin import sweep
+from tests.closed_arm import control_loop
 
 J, TORQUE, DAMPING, AMPLITUDE = 0.4 * 0.5**3 / 3, 0.02, 0.001, 0.5
 
 
 def scene(frequency: float, phase: float, rate: float):
     """A rigid link of 0.5 m and 0.4 kg/m under a PD loop, with friction in its joint."""
-    joints = [{"amplitude": AMPLITUDE, "phase": phase}]
+    joints, feedback = [{"amplitude": AMPLITUDE, "phase": phase}], {"kind": "pd", "kp": [0.2], "kd": [DAMPING]}
     changes = {
         "links": [{"length": 0.5, "mass_per_length": 0.4, "modes": 0}],
         "effects": {"coulomb_friction": {"torque": TORQUE, "rate": rate}},
         "motion": {"kind": "harmonic", "frequency": frequency, "joints": joints},
-        "control": {"feedback": {"kind": "pd", "kp": [0.2], "kd": [DAMPING]}},
-        "designs": [],
+        "control": {"feedback": feedback},
     }
-    return fl.load_scene("single-link", changes)
+    return fl.load_scene("single-link", {**changes, "designs": []})
 
 
 def limit(frequency: float) -> float:
@@ -28,8 +28,7 @@ def limit(frequency: float) -> float:
 
 
 def growth(frequency: float, phase: float, rate: float) -> float:
-    chosen = scene(frequency, phase, rate)
-    lin = fl.linearize(fl.build_manipulator(chosen), chosen.motion, chosen.control)
+    lin = control_loop(scene(frequency, phase, rate))
     return float(fl.floquet(lin.periodic_system()).exponents[0].real)
 
 

@@ -44,15 +44,14 @@ def draw_problem(seed):
 
 def slopes(f, t, x, u):
     """df/dx and df/du by central differences with Richardson's extrapolation, in NumPy alone."""
-    both = np.concatenate([x, u])
+    both, n = np.concatenate([x, u]), len(x)
 
-    def central(k, h):
-        step = np.eye(len(both))[k] * h
-        high, low = both + step, both - step
-        return (np.array(f(np, t, *np.split(high, [len(x)]))) - np.array(f(np, t, *np.split(low, [len(x)])))) / (2 * h)
+    def central(step):
+        high, low = (np.array(f(np, t, *np.split(both + sign * step, [n]))) for sign in (1, -1))
+        return (high - low) / (2 * np.abs(step).max())
 
-    columns = [(64 * central(k, 5e-3) - 20 * central(k, 1e-2) + central(k, 2e-2)) / 45 for k in range(len(both))]
-    return np.split(np.array(columns).T, [len(x)], axis=1)
+    columns = [(64 * central(5e-3 * e) - 20 * central(1e-2 * e) + central(2e-2 * e)) / 45 for e in np.eye(len(both))]
+    return np.split(np.array(columns).T, [n], axis=1)
 
 
 @pytest.mark.slow
@@ -119,8 +118,7 @@ def test_the_loop_of_a_design_along_a_trajectory_holds_the_function_itself():
 
 def test_a_finite_trajectory_is_a_horizon():
     """Anderson, Moore (1990), ch. 2: for x' = u with unit weights and no cost at the end X = tanh(T - t)."""
-    x, u = ca.SX.sym("x"), ca.SX.sym("u")
-    t = ca.SX.sym("t")
+    x, u, t = (ca.SX.sym(name) for name in "xut")
     system = fl.linearize(ca.Function("f", [x, u], [u]), fl.Trajectory(t, 1, period=1.0, t=t, periodic=False))
     design = fl.control.finite_horizon_lqr(system, [[1.0]], [[1.0]], end=[[0.0]])
     assert abs(design.X(0.25).item() - np.tanh(0.75)) < 1e-8
@@ -163,10 +161,12 @@ def test_a_measured_trajectory_may_miss_by_tol():
 
 
 def test_functions_of_other_kinds_are_refused():
-    for arm, motion in ((pendulum(), fl.load_scene("single-link").motion), (pendulum(), {"kind": "harmonic"})):
-        with pytest.raises(fl.errors.ArgumentError, match="along a trajectory"):
+    scene = fl.load_scene("single-link")
+    for arm, motion, words in (
+        (pendulum(), scene.motion, "along a trajectory"),
+        (pendulum(), {"kind": "harmonic"}, "along a trajectory"),
+        (fl.build_manipulator(scene), swing(), "belongs to a function"),
+        (lambda x, u: x, swing(), "another kind"),
+    ):
+        with pytest.raises(fl.errors.ArgumentError, match=words):
             fl.linearize(arm, motion)
-    with pytest.raises(fl.errors.ArgumentError, match="belongs to a function"):
-        fl.linearize(fl.build_manipulator(fl.load_scene("single-link")), swing())
-    with pytest.raises(fl.errors.ArgumentError, match="another kind"):
-        fl.linearize(lambda x, u: x, swing())
