@@ -10,6 +10,7 @@ from types import ModuleType
 import pytest
 
 import flexlin as fl
+from tests.closed_arm import closed
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -17,8 +18,7 @@ DOCS = ROOT / "docs"
 
 def script(name: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(f"docs_{name}", DOCS / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
+    sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
@@ -49,9 +49,7 @@ def test_a_block_is_a_table_with_a_row_for_each_thing_it_is_about(name):
 
 @pytest.mark.slow
 def test_a_figure_of_a_block_is_what_the_library_answers():
-    scene = fl.load_scene("single-link")
-    loop = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    left = 1e3 * fl.control.feedforward(loop, "tip-exact").tip_error
+    left = 1e3 * fl.control.feedforward(closed(), "tip-exact").tip_error
     assert f"{left:.2g} mm" in figures.fill("<!-- built: tracking -->")
 
 
@@ -65,10 +63,12 @@ def test_records_say_when_and_where():
 def test_every_study_has_its_picture():
     studies = (ROOT / "studies").glob("*.py")
     names = {path.stem for path in studies if ".savefig(" in path.read_text(encoding="utf-8")}  # the others only check
-    assert names == {path.stem for path in (DOCS / "pictures").glob("*.png")}
-    index = figures.BLOCKS["studies"]()
-    for name in names:
-        picture = (DOCS / "pictures" / f"{name}.png").read_bytes()
+    pictures, index = (
+        {path.stem: path.read_bytes() for path in (DOCS / "pictures").glob("*.png")},
+        figures.BLOCKS["studies"](),
+    )
+    assert names == set(pictures)
+    for name, picture in pictures.items():
         assert picture.startswith(b"\x89PNG")
         assert len(picture) < 60_000
         assert f"](../studies/{name}.py)" in index
@@ -101,27 +101,25 @@ def test_the_picture_of_the_house_is_drawn_from_this_code_and_no_arrow_points_up
 
 def test_the_house_shows_every_import(tmp_path, monkeypatch):
     """The arrows against a list made by the eye: a package whose modules are known."""
-    package = tmp_path / "flexlin"
-    (package / "above").mkdir(parents=True)
-    (package / "above" / "__init__.py").write_text("from flexlin.below.deep import a\nfrom flexlin import ground\n")
-    (package / "above" / "more.py").write_text(
-        "def f():\n    import flexlin.below\n    import numpy\n    from flexlin.above import x\n"
-    )
-    (package / "below.py").write_text("")
-    (package / "ground.py").write_text("from flexlin.errors import E\n")
-    monkeypatch.setattr(house, "PACKAGE", package)
+    (tmp_path / "flexlin" / "above").mkdir(parents=True)
+    inner = "def f():\n    import flexlin.below\n    import numpy\n    from flexlin.above import x\n"
+    for name, text in (
+        ("above/__init__.py", "from flexlin.below.deep import a\nfrom flexlin import ground\n"),
+        ("above/more.py", inner),
+        ("below.py", ""),
+        ("ground.py", "from flexlin.errors import E\n"),
+    ):
+        (tmp_path / "flexlin" / name).write_text(text)
+    monkeypatch.setattr(house, "PACKAGE", tmp_path / "flexlin")
     assert house.arrows(["above", "below", "ground"]) == {("above", "below"): 2, ("above", "ground"): 1}
 
 
 def test_every_place_that_the_walks_name_exists():
     """`room/file.py: name` is a class or function of that file; each walk names several places."""
     walks = PAGES["house.md"].split("## Three walks")[1].split("\n## ")[0]
-    places = re.findall(r"`([\w/]+\.py): (\w+)`", walks)
     assert min(len(re.findall(r"\.py: \w+`", walk)) for walk in re.split(r"\n\*\*", walks)[1:]) >= 5
-    missing = []
-    for file, name in places:
+    for file, name in re.findall(r"`([\w/]+\.py): (\w+)`", walks):
         tree = ast.parse((ROOT / "flexlin" / file).read_text(encoding="utf-8"))
         defined = {node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
-        missing += [f"{file}: {name}"] if name not in defined else []
-    assert not missing
+        assert name in defined, file
     assert not re.findall(r"`[\w/]+\.py`", walks), "a file is named without what it holds"

@@ -8,13 +8,10 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = sorted(
-    page
-    for pattern in ("*.md", "docs/*.md", "docs/tasks/*.md", "docs/theory/*.md", "docs/reference/*.md")
-    for page in ROOT.glob(pattern)
-    if page.name != "gallery.md"  # made when the site is built
-)
+FOLDERS = ("*.md", "docs/*.md", "docs/tasks/*.md", "docs/theory/*.md", "docs/reference/*.md")
 BUILT = {"gallery", "gallery.md", "house.svg"}
+"""Pages and pictures that are made when the site is built."""
+PAGES = sorted(page for pattern in FOLDERS for page in ROOT.glob(pattern) if page.name not in BUILT)
 
 
 def collect_links(text: str) -> list[str]:
