@@ -1,9 +1,10 @@
 """Critical values of scenes, against Mathieu's characteristic values and against bisection by `floquet`."""
 
+from itertools import product
+
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
@@ -12,14 +13,7 @@ from flexlin.errors import ArgumentError
 from flexlin.scene import replace_value
 
 from .closed_arm import control_loop
-from .mechanics.scenes import clamped_mode
-
-
-def clamped_constants() -> tuple[float, float, float]:
-    """k11, G, H of the first clamped mode for l = EI = rhoA = 1, by quadrature."""
-    shares = (lambda x: (1 - x * x) / 2, lambda x: 1 - x)
-    G, H = (quad(lambda x, f=f: f(x) * clamped_mode(x, 1) ** 2, 0, 1, epsabs=1e-13)[0] for f in shares)
-    return 1.8751040687119611**4, G, H
+from .mechanics.scenes import clamped_constants, plain_scene, swinging
 
 
 def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:
@@ -29,17 +23,19 @@ def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:
     """
     k11, G, H = clamped_constants()
     grid, roots = np.linspace(low, high, 20001), []
-    for n in range(1, 9):
-        for characteristic in (mathieu_a, mathieu_b):
+    for n, characteristic in product(range(1, 9), (mathieu_a, mathieu_b)):
 
-            def excess(W, n=n, characteristic=characteristic):
-                return 4 * (k11 / W**2 + G - 1) - characteristic(n, 2 * gravity * H / W**2)
+        def excess(W, n=n, characteristic=characteristic):
+            return 4 * (k11 / W**2 + G - 1) - characteristic(n, 2 * gravity * H / W**2)
 
-            value = excess(grid)
-            roots += [
-                brentq(excess, grid[k], grid[k + 1], xtol=1e-14) for k in np.flatnonzero(value[1:] * value[:-1] < 0)
-            ]
+        roots += find_roots(excess, grid)
     return np.sort(roots)
+
+
+def find_roots(function, grid):
+    """Zeros between points of a grid at which the sign changes."""
+    values = np.array([function(x) for x in grid])
+    return [brentq(function, grid[k], grid[k + 1], xtol=1e-14) for k in np.flatnonzero(values[1:] * values[:-1] < 0)]
 
 
 @pytest.mark.slow
@@ -61,16 +57,16 @@ def largest_growth(scene, path, value):
     return fl.floquet(control_loop(scene).periodic_system(), 1e-12).exponents.real.max()
 
 
+DAMPED = [
+    ("khang-2019", "motion.frequency", 2.0, 3.0),
+    ("arm-on-carriage", "control.feedback.kp.0", 0.05, 1.0),
+    ("three-link", "control.feedback.kp.0", 1.0, 4.0),
+    ("single-link", "effects.payload.mass", 0.3, 0.8),
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "path", "low", "high"),
-    [
-        ("khang-2019", "motion.frequency", 2.0, 3.0),
-        ("arm-on-carriage", "control.feedback.kp.0", 0.05, 1.0),
-        ("three-link", "control.feedback.kp.0", 1.0, 4.0),
-        ("single-link", "effects.payload.mass", 0.3, 0.8),
-    ],
-)
+@pytest.mark.parametrize(("name", "path", "low", "high"), DAMPED)
 def test_damped_scenes_agree_with_bisection_by_floquet(name, path, low, high):
     scene = fl.load_scene(name)
     (found,) = fl.critical_values(scene, path, (low, high), tol=1e-8, samples=17)
@@ -92,18 +88,24 @@ def test_a_stable_scene_and_a_constant_system_have_none():
 
 
 @pytest.mark.parametrize(
-    ("path", "limits", "loop"),
+    ("path", "limits", "more"),
     [
-        ("motion.frequency", (2.0, 1.0), "own"),
-        ("motion.frequency", (1.0, 2.0), "no such"),
-        ("links.0.x", (1.0, 2.0), "own"),
+        ("motion.frequency", (2.0, 1.0), {}),
+        ("motion.frequency", (1.0, 2.0), {"loop": "no such"}),
+        ("links.0.x", (1.0, 2.0), {}),
     ],
 )
-def test_what_does_not_fit_is_refused(path, limits, loop):
-    with pytest.raises(ArgumentError):
-        fl.critical_values(fl.load_scene("khang-2019"), path, limits, loop=loop)
-    with pytest.raises(ArgumentError):
-        fl.critical_values("khang-2019", path, limits)
+def test_what_does_not_fit_is_refused(path, limits, more):
+    for scene in (fl.load_scene("khang-2019"), "khang-2019"):
+        with pytest.raises(ArgumentError):
+            fl.critical_values(scene, path, limits, **more)
+
+
+def oscillator(stiffness, damping=0.0, **more):
+    """Of a stiffness of the times, period pi."""
+    return fl.PeriodicSystem.from_second_order(
+        [[1.0]], [[damping]], lambda t: stiffness(t)[:, None, None], np.pi, **more
+    )
 
 
 def test_a_spring_that_jumps():
@@ -111,10 +113,7 @@ def test_a_spring_that_jumps():
     q, c, T = 0.6, 0.05, np.pi
 
     def system(a):
-        def spring(t):
-            return (a + q * np.where(np.mod(t, T) < T / 2, 1.0, -1.0))[:, None, None]
-
-        return fl.PeriodicSystem.from_second_order([[1.0]], [[c]], spring, T, breaks=(0.0, T / 2))
+        return oscillator(lambda t: a + q * np.where(np.mod(t, T) < T / 2, 1.0, -1.0), c, breaks=(0.0, T / 2))
 
     def excess(a):
         first, second = np.sqrt(a + q - c * c / 4 + 0j), np.sqrt(a - q - c * c / 4 + 0j)
@@ -122,10 +121,7 @@ def test_a_spring_that_jumps():
         trace = 2 * np.cos(x) * np.cos(y) - (first / second + second / first) * np.sin(x) * np.sin(y)
         return abs(trace.real) - 2 * np.cosh(c * T / 2)
 
-    grid = np.linspace(0.1, 5, 4001)
-    values = np.array([excess(a) for a in grid])
-    cells = np.flatnonzero(values[:-1] * values[1:] < 0)
-    exact = [brentq(excess, grid[k], grid[k + 1], xtol=1e-13) for k in cells]
+    exact = find_roots(excess, np.linspace(0.1, 5, 4001))
     found = fl.critical_values(system, "a", (0.1, 5.0), tol=1e-7)
     assert [one.value for one in found] == pytest.approx(exact, abs=1e-7)
     assert [one.kind for one in found] == [("onset", "recovery")[int(excess(a + 1e-3) < 0)] for a in exact]
@@ -136,16 +132,12 @@ def test_a_function_with_a_kink_in_its_number(bend):
     """No polynomial in the number serves across the kink: Mathieu's equation in |p|, and in a number that counts less below zero."""
 
     def system(p):
-        a = float(bend(p))
-        return fl.PeriodicSystem.from_second_order(
-            [[1.0]], [[0.0]], lambda t: (a - 0.4 * np.cos(2 * t))[:, None, None], np.pi
-        )
+        return oscillator(lambda t: float(bend(p)) - 0.4 * np.cos(2 * t))
 
     found = [one.value for one in fl.critical_values(system, "p", (-1.0, 1.5), samples=257)]
     above = [0.795124, 1.194874]
     assert [value for value in found if value > 0.5] == pytest.approx(above, abs=2e-6)
-    if bend is np.abs:
-        assert found[0] == pytest.approx(-above[0], abs=2e-6)
+    assert bend is not np.abs or found[0] == pytest.approx(-above[0], abs=2e-6)
 
 
 def test_a_tongue_that_begins_where_the_mean_is_unstable_is_still_a_parametric_resonance():
@@ -162,15 +154,14 @@ def test_a_free_rigid_motion_does_not_blur_a_critical_value():
     """Its exponents are zero on both sides and were taken for those that cross: the onset was said to be known to 132 Hz."""
     link = {"length": 0.8, "mass_per_length": 0.324, "bending_stiffness": 6.2, "modes": 2, "mode_shapes": "pinned-hub"}
     effects = {"hub": {"inertia": 0.01}, "payload": {"mass": 0.05}, "modal_damping": {"ratio": 0.01}}
-    motion = {"kind": "harmonic", "frequency": 2.0, "joints": [{"amplitude": 0.35}]}
-    raw = {"schema": 1, "title": "Free", "links": [link], "effects": effects, "motion": motion}
+    scene = plain_scene([link], swinging({"amplitude": 0.35}, frequency=2.0), effects=effects)
 
     def growth(frequency):
-        changed = fl.parse_scene(raw, overrides={"motion.frequency": frequency})
-        exponents = fl.floquet(fl.linearize(fl.build_manipulator(changed), changed.motion).periodic_system()).exponents
+        lin = control_loop(replace_value(scene, "motion.frequency", frequency))
+        exponents = fl.floquet(lin.periodic_system()).exponents
         return np.sort(exponents[np.abs(exponents) > 1e-6].real)[-1]
 
-    onset, recovery = fl.critical_values(fl.parse_scene(raw), "motion.frequency", (7.5, 8.0), samples=17)
+    onset, recovery = fl.critical_values(scene, "motion.frequency", (7.5, 8.0), samples=17)
     assert [one.kind for one in (onset, recovery)] == ["onset", "recovery"]
     for one in (onset, recovery):
         assert one.error < 1e-3

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import flexlin as fl
 from flexlin.analyses import make_box
 from flexlin.errors import ArgumentError, NotStable, SceneError
 from flexlin.report import write_report
+from tests.public_results import oscillator
 
 SMALL = {"links.0.modes": 1, "designs": []}
 PATIENT = {"accuracy.seconds": 600.0}
@@ -16,18 +18,15 @@ RANGES = {"effects.payload.mass": {"low": 0.0, "high": 0.2}, "motion.frequency":
 def brute_force(A0, parts, directions):
     """The least largest change at which an eigenvalue of A0 + sum u_i A_i meets the imaginary axis: by bisection on many rays."""
     best = np.inf
-    for d in directions:
-        A = np.tensordot(d, parts, 1)
+    for A in np.tensordot(directions, parts, 1):
+
+        def grow(level, A=A):
+            return np.linalg.eigvals(A0 + np.multiply.outer(level, A)).real.max(axis=-1)
+
         levels = np.linspace(0, 4, 161)
-        growths = np.linalg.eigvals(A0 + levels[:, None, None] * A).real.max(axis=1)
-        if not (growths > 0).any():
-            continue
-        k = int(np.argmax(growths > 0))
-        low, high = levels[k - 1], levels[k]
-        for _ in range(30):
-            middle = (low + high) / 2
-            low, high = (low, middle) if np.linalg.eigvals(A0 + middle * A).real.max() > 0 else (middle, high)
-        best = min(best, high)
+        unstable = np.flatnonzero(grow(levels) > 0)
+        if len(unstable):
+            best = min(best, brentq(grow, levels[unstable[0] - 1], levels[unstable[0]]))
     return best
 
 
@@ -102,10 +101,8 @@ def test_loops_that_cannot_be_asked_are_refused():
 @pytest.mark.parametrize("ends", [(0.1, 0.3), (0.1, 0.2)])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_growth_rate_rises_to_the_side_on_which_a_number_can_go(ends, sign):
-    low, high = sorted(sign * end for end in ends)
-    box = make_box(
-        lambda d: fl.PeriodicSystem([[0.0, 1.0], [-1.0, -sign * d]], 1.0), {"damping": (low, high)}, own=[0.2 * sign]
-    )
+    limits = tuple(sorted(sign * end for end in ends))
+    box = make_box(lambda d: oscillator(sign * d), {"damping": limits}, own=[0.2 * sign])
     assert box.uphill().tolist() == [-sign]
     for u in (np.array([-0.5]), np.array([0.5])):
         difference = (box.growth(u + 1e-4) - box.growth(u - 1e-4)) / 2e-4
@@ -116,16 +113,13 @@ def test_the_growth_rate_rises_to_the_side_on_which_a_number_can_go(ends, sign):
     "path", ["accuracy.tol", "accuracy.seconds", "designs.0.weights.rates", "uncertainty.motion.frequency.low"]
 )
 def test_numbers_of_no_loop_are_not_swept_and_a_report_refuses_them_before_any_work(path, tmp_path, monkeypatch):
-    scene = fl.load_scene("single-link", {"links.0.modes": 1, "uncertainty": RANGES})
     with pytest.raises(ArgumentError):
-        fl.sweep(scene, {path: [1e-9, 1e-3]})
+        fl.sweep(fl.load_scene("single-link", {"links.0.modes": 1, "uncertainty": RANGES}), {path: [1e-9, 1e-3]})
     monkeypatch.setattr("flexlin.analyses.analysis.analyse", lambda *_: pytest.fail("analysed"))
     if path.startswith("accuracy"):
-        scene = fl.load_scene(
-            "pick-and-place", {"uncertainty": {path: {"low": 1e-12, "high": 1e-3 if path.endswith("tol") else 90.0}}}
-        )
+        table = {path: {"low": 1e-12, "high": 1e-3 if path.endswith("tol") else 90.0}}
         with pytest.raises(ArgumentError):
-            write_report(scene, tmp_path)
+            write_report(fl.load_scene("pick-and-place", {"uncertainty": table}), tmp_path)
 
 
 @pytest.mark.slow
@@ -138,8 +132,7 @@ def test_a_report_says_what_the_uncertain_numbers_may_do(tmp_path):
     assert "with its uncertain numbers: no instability found within the stated ranges; unstable from" in page
     assert f"growth rates within the stated ranges from {found.growth[0]:.4g} to {found.growth[1]:.4g} 1/s" in page
     # on the ray to the place the loop is stable at every smaller change
-    steps = np.linspace(0, found.scale * (1 - 1e-6), 9)[:, None]
-    own = np.array(found.own)
-    values = own + steps / found.scale * (found.values - own)
+    steps, own = np.linspace(0, 1 - 1e-6, 9)[:, None], np.array(found.own)
+    values = own + steps * (found.values - own)
     data = fl.sweep(analysis.scene, dict(zip(found.paths, values.T, strict=True)), tol=1e-6, grid=False)
     assert (data["exponents"].real.max("mode") < 1e-6).all()

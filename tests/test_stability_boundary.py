@@ -1,5 +1,7 @@
 """Boundary curves of scenes and of functions, against Mathieu's characteristic values."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
@@ -7,24 +9,22 @@ from scipy.special import mathieu_a, mathieu_b
 import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.scene import revise_scene
-from tests.test_critical_values import clamped_constants
+from tests.mechanics.scenes import clamped_constants
+from tests.test_critical_values import oscillator
 
 
 def distances(points):
     """Distance (N,) of points (rate, gravity) of the spinning link from the nearest boundary of Mathieu's tongues, by a Newton step."""
     k11, G, H = clamped_constants()
-
-    def excess(rate, gravity, n, characteristic):
-        return 4 * (k11 / rate**2 + G - 1) - characteristic(n, 2 * gravity * H / rate**2)
-
     (rate, gravity), h, every = points.T, 1e-6, []
-    for n in range(1, 8):
-        for one in (mathieu_a, mathieu_b):
-            slopes = (
-                excess(rate + h, gravity, n, one) - excess(rate - h, gravity, n, one),
-                excess(rate, gravity + h, n, one) - excess(rate, gravity - h, n, one),
-            )
-            every.append(2 * h * np.abs(excess(rate, gravity, n, one)) / np.hypot(*slopes))
+    for n, characteristic in product(range(1, 8), (mathieu_a, mathieu_b)):
+
+        def excess(rate, gravity, n=n, characteristic=characteristic):
+            return 4 * (k11 / rate**2 + G - 1) - characteristic(n, 2 * gravity * H / rate**2)
+
+        by_rate = excess(rate + h, gravity) - excess(rate - h, gravity)
+        by_gravity = excess(rate, gravity + h) - excess(rate, gravity - h)
+        every.append(2 * h * np.abs(excess(rate, gravity)) / np.hypot(by_rate, by_gravity))
     return np.min(every, axis=0)
 
 
@@ -61,34 +61,30 @@ def test_tongues_of_the_spinning_link_lie_on_mathieus_curves():
 
 
 @pytest.mark.parametrize(
-    ("ranges", "error"),
+    ("rate", "other", "error"),
     [
-        ({"motion.joints.0.rate": (1.0, 2.0)}, ArgumentError),
-        ({"motion.joints.0.rate": (2.0, 1.0), "effects.gravity.acceleration": (1.0, 2.0)}, ArgumentError),
-        ({"motion.joints.0.rate": (1.0, 2.0), "links.0.length": (-1.0, 1.0)}, SceneError),
+        ((1.0, 2.0), {}, ArgumentError),
+        ((2.0, 1.0), {"effects.gravity.acceleration": (1.0, 2.0)}, ArgumentError),
+        ((1.0, 2.0), {"links.0.length": (-1.0, 1.0)}, SceneError),
     ],
 )
-def test_ranges_that_do_not_fit_are_refused(ranges, error):
+def test_ranges_that_do_not_fit_are_refused(rate, other, error):
     with pytest.raises(error):
-        fl.stability_boundary(fl.load_scene("spinning-link"), ranges)
+        fl.stability_boundary(fl.load_scene("spinning-link"), {"motion.joints.0.rate": rate, **other})
 
 
 @pytest.mark.slow
 def test_a_curve_says_whether_it_is_as_near_as_was_asked():
     """The claims of a curve are below tol as far as rounding of the spectra lets them."""
 
-    def find(damping, ranges, tol):
-        def mathieu(a, q):
-            stiffness = lambda t: (a - 2 * q * np.cos(2 * t))[:, None, None]  # noqa: E731
-            return fl.PeriodicSystem.from_second_order([[1.0]], [[damping]], stiffness, np.pi)
-
-        return fl.stability_boundary(mathieu, ranges, tol, cells=6)
+    def damped(a, q):
+        return oscillator(lambda t: a - 2 * q * np.cos(2 * t), 0.2)
 
     ranges = {"a": (0.9, 1.3), "q": (0.15, 0.3)}
-    for curve in find(0.2, ranges, 1e-5):
+    for curve in fl.stability_boundary(damped, ranges, 1e-5, cells=6):
         assert curve.error.max() <= 0.4e-5  # of a range of 0.4
         assert curve.status == f"every point lies within {curve.error.max():.1e} of the boundary"
-    for curve in find(0.2, ranges, 1e-10):
+    for curve in fl.stability_boundary(damped, ranges, 1e-10, cells=6):
         (a, q), far = curve.points[curve.error.argmax()], (curve.error > 0.4e-10).sum()
         assert far
         assert curve.status.startswith(f"{far} of {len(curve.points)} points may lie further")

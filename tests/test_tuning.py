@@ -60,11 +60,10 @@ def test_two_masses_and_a_spring_come_to_their_optimum():
 @pytest.mark.slow
 def test_gains_of_either_sign_are_tuned():
     """s^2 + a s + b with a = g - 1, b = 1 + h, both free: the limits of g decide, sum of the roots = -a."""
-
-    def loop(g, h):
-        return fl.PeriodicSystem([[0.0, 1.0], [-1.0 - h, 1.0 - g]], 1.0)
-
-    found = fl.tune(loop, {"g": -0.5, "h": -0.2}, limits={"g": (-1.0, 4.0), "h": (-5.0, 5.0)}, starts=1, steps=40)
+    limits = {"g": (-1.0, 4.0), "h": (-5.0, 5.0)}
+    found = fl.tune(
+        lambda g, h: oscillator(g - 1.0, 1.0 + h), {"g": -0.5, "h": -0.2}, limits=limits, starts=1, steps=40
+    )
     assert found.growth == pytest.approx(-1.5, abs=0.02)
     assert found.before == pytest.approx(0.75 + np.sqrt(max(0.75**2 - 0.8, 0.0)), abs=1e-6)
 
@@ -101,26 +100,27 @@ def oscillator(gain, stiffness):
 @pytest.mark.slow
 def test_worst_stiffness_decides_and_a_limit_that_binds_is_named():
     """s^2 + g s + k, 1 <= k <= 4: the decay is greatest where the softest one is critically damped, g = 2."""
-    found = fl.tune(oscillator, {"gain": 0.5}, {"stiffness": (1.0, 4.0)}, {"gain": (0.1, 10.0)}, starts=1, steps=40)
+    start, vary = {"gain": 0.5}, {"stiffness": (1.0, 4.0)}
+    found = fl.tune(oscillator, start, vary, {"gain": (0.1, 10.0)}, starts=1, steps=40)
     assert found.growth == pytest.approx(-1.0, abs=2e-3)
     assert found.before == pytest.approx(-0.25, abs=1e-6)
     assert found.gains["gain"] == pytest.approx(2.0, rel=5e-3)
     # all pairs decay by g/2 there
     assert all(one.exponent.real == pytest.approx(-1.0, abs=2e-2) for one in found.active)
-    bound = fl.tune(oscillator, {"gain": 0.5}, {"stiffness": (1.0, 4.0)}, {"gain": (0.1, 1.0)}, starts=1)
+    bound = fl.tune(oscillator, start, vary, {"gain": (0.1, 1.0)}, starts=1)
     assert bound.gains["gain"] == pytest.approx(1.0, rel=2e-3)
     assert any("gain at its limit of 1" in text for text in bound.limits)
 
 
 def test_slope_of_an_arm_by_floquet_vectors_and_by_differences(monkeypatch):
+    low, high = np.array([0.3, 0.05]), np.array([30.0, 5.0])
+    gains = dict(zip(("control.feedback.kp.0", "control.feedback.kd.0"), zip(low, high, strict=True), strict=True))
     scene = fl.load_scene("single-link", {"links.0.modes": 1})
-    vary = {"effects.payload.mass": (0.0, 0.3)}
-    gains = {"control.feedback.kp.0": (0.3, 30.0), "control.feedback.kd.0": (0.05, 5.0)}
-    family = make_family(scene, {**gains, **vary}, "own")
-    problem = Problem(family, np.array([0.3, 0.05]), np.array([30.0, 5.0]), lay_scenarios(np.array([[0.0, 0.3]]), 3))
+    family = make_family(scene, {**gains, "effects.payload.mass": (0.0, 0.3)}, "own")
+    problem = Problem(family, low, high, lay_scenarios(np.array([[0.0, 0.3]]), 3))
     x = problem.position(np.array([3.0, 0.5]))
-    (value, slope), kind = problem.judge(x, 0.05, 2.0, 1e-4), type(problem)
-    monkeypatch.setattr(kind, "exact", True)
+    value, slope = problem.judge(x, 0.05, 2.0, 1e-4)
+    monkeypatch.setattr(type(problem), "exact", True)
     again, exact = problem.judge(x, 0.05, 2.0, 1e-4)
     assert again == pytest.approx(value, abs=1e-7)
     np.testing.assert_allclose(slope, exact, rtol=1e-4)
