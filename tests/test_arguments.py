@@ -94,9 +94,8 @@ def test_a_value_without_a_repr_is_refused_too() -> None:
 def test_every_public_function_refuses_other_kinds_by_name(module: Any) -> None:
     """The norms, `tune` and `scene_from_urdf` did not: errors of Python's and NumPy's own came through."""
     functions = [one for name in module.__all__ if inspect.isfunction(one := getattr(module, name))]
-    assert [
-        one.__name__ for one in functions if inspect.signature(one).parameters and not hasattr(one, "__wrapped__")
-    ] == []
+    taking = [one for one in functions if inspect.signature(one).parameters]
+    assert [one.__name__ for one in taking if not hasattr(one, "__wrapped__")] == []
 
 
 def test_calls_that_do_not_fit_are_python_s_own_matter() -> None:
@@ -106,7 +105,6 @@ def test_calls_that_do_not_fit_are_python_s_own_matter() -> None:
 
 
 def test_a_message_about_a_kind_is_one_line_with_the_right_article():
-    with pytest.raises(
-        ArgumentError, match=r"^s is of another kind; got array\(\[\[1., 0.\], \[0., 1.\]\]\), expected an SX;"
-    ):
+    words = r"^s is of another kind; got array\(\[\[1., 0.\], \[0., 1.\]\]\), expected an SX;"
+    with pytest.raises(ArgumentError, match=words):
         fl.Manipulator.from_lagrangian(np.eye(2), None, None, None)

@@ -37,24 +37,25 @@ def test_other_scenes_take_it_or_say_what_to_do(name: str) -> None:
         assert fl.build_manipulator(fl.load_scene(name, {"links.0.modes": 5})).n >= 5
 
 
+FOREARM = {"length": 0.3, "mass_per_length": 1.0, "bending_stiffness": 90.0, "modes": 5}
+
+
 def test_what_a_refusal_says_helps() -> None:
     """The key that a message names, set to what it asks for, makes the scene whole."""
     for name, changes in (
         ("arm-on-carriage", {"links.1.modes": 5}),
         ("manutec-r3", {"flexible.link_2": {"bending_stiffness": 1e5, "modes": 5}}),
-        (
-            "rigid-flexible-forearm",
-            {"links.0": {"length": 0.3, "mass_per_length": 1.0, "bending_stiffness": 90.0, "modes": 5}},
-        ),
+        ("rigid-flexible-forearm", {"links.0": FOREARM}),
         ("spatial-arm", {"links.2.modes": 5}),
     ):
         assert fl.build_manipulator(fl.load_scene(name, changes)).n >= 5
 
 
+OTHERS = [("single-link", 5), ("quanser-flexible-link", 1), ("flexible-joint-link", 5)]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "modes"), [("single-link", 5), ("quanser-flexible-link", 1), ("flexible-joint-link", 5)]
-)
+@pytest.mark.parametrize(("name", "modes"), OTHERS)
 def test_reports_with_other_modes_answer_every_stage(name: str, modes: int, tmp_path: Path) -> None:
     assert main(["report", name, "--set", f"links.0.modes={modes}", "--tol", "1e-4", "--out", str(tmp_path)]) == 0
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))

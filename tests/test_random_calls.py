@@ -50,9 +50,7 @@ def calls(system, inputs, C, rng):
         "output_lqr": lambda: fl.output_lqr(system, C, Q, R),
         "frequency_response": lambda: fl.frequency_response(system, C, np.array([0.0, 1.0, 20.0]) / T),
         "invariant_zeros": lambda: fl.invariant_zeros(system, C),
-        "forced_response": lambda: fl.forced_response(
-            system, lambda t: np.cos(2 * np.pi * t / T)[:, None] * push[:, 0]
-        ),
+        "forced_response": lambda: fl.forced_response(system, lambda t: np.cos(2 * np.pi * t / T)[:, None] * push.T),
         "respond": lambda: fl.respond(system, T * np.linspace(0, 3, 50), x0=push[:, 0], noise=np.eye(m)),
         "margins": lambda: fl.margins(system, rng.standard_normal((m, n))),
         "averaged_lqr": lambda: control.averaged_lqr(system, Q, R),
