@@ -17,14 +17,13 @@ def random_link(rng, space, scale):
     about_z, about_y = mass * (scale * length * rng.uniform(0.3, 1.0, 2)) ** 2
     link = {"length": length, "mass_per_length": mass, "bending_stiffness": EI, "joint": "revolute"}
     link["modes"] = int(rng.integers(0, 3))
-    link["mode_shapes"] = str(
-        rng.choice(["clamped-free", "clamped-loaded", "pinned-free", "pinned-hub", "finite-element"])
-    )
+    shapes = ["clamped-free", "clamped-loaded", "pinned-free", "pinned-hub", "finite-element"]
+    link["mode_shapes"] = str(rng.choice(shapes))
     if space:
         y, z, torsion = (int(count) for count in rng.integers(0, 3, 3))
         link |= {"modes": {"y": y, "z": z, "torsion": torsion}, "bending_stiffness": [EI, EI * rng.uniform(0.2, 5.0)]}
         link |= {"torsional_stiffness": EI * rng.uniform(0.2, 2.0), "polar_inertia": about_y + about_z}
-        link["mode_shapes"] = str(rng.choice(["clamped-free", "clamped-loaded", "finite-element"]))
+        link["mode_shapes"] = str(rng.choice([shapes[0], shapes[1], shapes[4]]))
         link["mount"] = {"xyz": rng.normal(0, 0.2, 3).tolist(), "rpy": rng.uniform(-3, 3, 3).tolist()}
         if rng.random() < 0.7:
             link["axis"] = rng.normal(size=3).tolist() if rng.random() < 0.5 else np.eye(3)[rng.integers(3)].tolist()
@@ -47,11 +46,13 @@ def random_link(rng, space, scale):
 
 def random_effects(rng, space, links, gyration):
     """Raw tables of effects, each on with even chances."""
-    count, vector = (
-        len(links),
-        lambda scale: (rng.normal(size=3) * scale if space else np.r_[rng.normal(size=2), 0] * scale).tolist(),
-    )
-    numbers = lambda low, high: rng.uniform(low, high, count).tolist()  # noqa: E731
+
+    def vector(scale):
+        return (scale * (rng.normal(size=3) if space else np.r_[rng.normal(size=2), 0])).tolist()
+
+    def numbers(low, high):
+        return rng.uniform(low, high, len(links)).tolist()
+
     pinned = any(link["mode_shapes"].startswith("pinned") for link in links)
     payload = {"mass": numbers(0, 0.3), "inertia": numbers(0, 0.01), "offset": numbers(0, 0.1)}
     if space:
