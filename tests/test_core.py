@@ -6,7 +6,6 @@ import pkgutil
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from flexlin import _core
 NEEDS = "void find_needs(long steps, const Step *code, const int *kinds, int *needs)"
 
 
-def test_prototypes_are_those_of_the_sources() -> None:
+def test_prototypes_are_those_of_the_sources():
     for module in pkgutil.walk_packages(flexlin.__path__, "flexlin."):
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
@@ -39,7 +38,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("place", "value"), WRONG)
-def test_arrays_that_do_not_fit_are_refused(place: int, value: np.ndarray | None) -> None:
+def test_arrays_that_do_not_fit_are_refused(place, value):
     function = _core.Function(NEEDS, lambda steps, *_: ((steps, 4), None, steps), ())
     arguments = [2, np.zeros((2, 4), np.intc), np.ones(1, np.intc), np.zeros(2, np.intc)]
     function(*arguments)
@@ -48,14 +47,14 @@ def test_arrays_that_do_not_fit_are_refused(place: int, value: np.ndarray | None
         function(*arguments)
 
 
-def test_an_array_may_be_none_where_that_is_said() -> None:
+def test_an_array_may_be_none_where_that_is_said():
     function, needs = _core.Function(NEEDS, None, ("code", "kinds")), np.full(1, 7, np.intc)
     function(0, None, None, needs)
     assert needs == 7
 
 
 @pytest.mark.parametrize("text", ["void find_needs(steps)", "find_needs(long steps)", "int no_such_function(int n)"])
-def test_what_is_no_function_of_the_core_is_not_declared(text: str) -> None:
+def test_what_is_no_function_of_the_core_is_not_declared(text):
     with pytest.raises((ValueError, AttributeError)):
         _core.declare(text)
 
@@ -73,7 +72,7 @@ def run_variant(name: str, code: str) -> subprocess.CompletedProcess:
 
 
 @pytest.mark.slow
-def test_each_variant_gives_the_same_answer() -> None:
+def test_each_variant_gives_the_same_answer():
     code = (
         "import flexlin as fl; from flexlin import _core; s = fl.load_scene('single-link')\n"
         "r = fl.floquet(fl.linearize(fl.build_manipulator(s), s.motion, s.control).periodic_system())\n"
@@ -90,7 +89,7 @@ def test_each_variant_gives_the_same_answer() -> None:
         np.testing.assert_allclose(others, rates, rtol=0, atol=error + most)
 
 
-def test_a_library_that_is_not_there_is_said_plainly() -> None:
+def test_a_library_that_is_not_there_is_said_plainly():
     said = run_variant("other", "import flexlin._core")
     assert said.returncode == 1
     assert "make core" in said.stderr.splitlines()[-1]
@@ -126,7 +125,7 @@ print(*sorted(set(seen)), sep="\\n")
 
 
 @pytest.mark.slow
-def test_nothing_is_compiled_or_kept_on_a_users_machine(tmp_path: Path) -> None:
+def test_nothing_is_compiled_or_kept_on_a_users_machine(tmp_path):
     """With no program on the path and an empty home: verdicts, a design and a sweep load the library that was built, and no more."""
     environment = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path), "PATH": "", "PYTHONDONTWRITEBYTECODE": "1"}
     environment["PYTHONPATH"] = os.pathsep.join(sys.path)

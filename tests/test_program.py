@@ -78,14 +78,14 @@ def agree(function: ca.Function, arrays: list[np.ndarray], made: Layout | None =
     assert_same(found, symbolic.call_casadi(function, arrays))
 
 
-def test_each_operation_gives_the_same_bits() -> None:
+def test_each_operation_gives_the_same_bits():
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     arrays = [grid.ravel()[:, None] for grid in np.meshgrid(HARD, HARD)]
     for expression in (*(one(x) for one in UNARY), *(two(x, y) for two in BINARY)):
         agree(ca.Function("one", [x, y], [expression]), arrays)
 
 
-def test_sines_and_cosines_are_right_within_an_ulp() -> None:
+def test_sines_and_cosines_are_right_within_an_ulp():
     """Against the processor's numbers of 64 bits: near multiples of pi/2 too, where a reduction by one number loses all digits."""
     rng, turns, x = np.random.default_rng(4), np.arange(1.0, 4000.0) * np.pi / 2, ca.SX.sym("x")
     drawn, rare = rng.uniform(-1, 1, 4000) * np.repeat([9, 1e5], 2000), [3e7, -1e17, 1e-9, *HARD]
@@ -103,7 +103,7 @@ def test_sines_and_cosines_are_right_within_an_ulp() -> None:
     np.testing.assert_array_equal(np.signbit(found[0][zeros]), np.signbit(angles[zeros]))
 
 
-def test_every_operation_of_scalars_is_known_or_left_to_casadi() -> None:
+def test_every_operation_of_scalars_is_known_or_left_to_casadi():
     """A release of CasADi with another operation, or other numbers of them, is seen here."""
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     tried = set()
@@ -127,7 +127,7 @@ def is_scalar(code: int) -> bool:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_random_functions_give_the_same_bits(seed: int) -> None:
+def test_random_functions_give_the_same_bits(seed):
     function = random_function(seed)
     made = Program.read(function).lay_out()
     for points in (1, 8, 9, 32, 33, 40, 41, 100):
@@ -135,7 +135,7 @@ def test_random_functions_give_the_same_bits(seed: int) -> None:
 
 
 @pytest.mark.parametrize("points", [1, 9, 40])
-def test_a_march_takes_each_output_as_the_next_input(points: int) -> None:
+def test_a_march_takes_each_output_as_the_next_input(points):
     x, u, p = (ca.SX.sym(name, size) for name, size in (("x", 3), ("u", 2), ("p", 1)))
     function = ca.Function("step", [x, u, p], [ca.vertcat(ca.sin(x[1]) + u[0], x[2] * p, x[0] - u[1])])
     rng, made = np.random.default_rng(3), Program.read(function).lay_out()
@@ -148,7 +148,7 @@ def test_a_march_takes_each_output_as_the_next_input(points: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_what_is_written_often_is_computed_once(seed: int) -> None:
+def test_what_is_written_often_is_computed_once(seed):
     """Against value numbering by a dictionary: as many steps, the same bits; signs of zeros are told apart."""
     rng, x = np.random.default_rng(seed), ca.SX.sym("x", 2)
     known = [*ca.vertsplit(x), ca.SX(0.0), ca.SX(-0.0), ca.SX(np.nan), ca.SX(2.5)]
@@ -168,7 +168,7 @@ def test_what_is_written_often_is_computed_once(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_some_of_the_outputs_need_some_of_the_operations(seed: int) -> None:
+def test_some_of_the_outputs_need_some_of_the_operations(seed):
     function, arrays = random_function(seed), random_points(seed, 70)
     names, right, program = function.name_out(), symbolic.call_casadi(function, arrays), Program.read(function)
     for outputs in ((0,), (2, 1), (1,), (2, 1, 0)):
@@ -179,7 +179,7 @@ def test_some_of_the_outputs_need_some_of_the_operations(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_program_in_parts_gives_the_same_numbers(seed: int) -> None:
+def test_a_program_in_parts_gives_the_same_numbers(seed):
     """What x alone or y alone decides, computed apart and given to the rest, where nothing of it is computed again."""
     function, arrays = random_function(seed), random_points(seed, POINTS_TOGETHER)
     program = Program.read(function)
@@ -205,7 +205,7 @@ def carry_out(part: Layout, arrays: list[np.ndarray], outputs: list[np.ndarray],
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_program_is_carried_out_over_any_kind_of_numbers(seed: int) -> None:
+def test_a_program_is_carried_out_over_any_kind_of_numbers(seed):
     """Over sets of names, which say what each output depends on; over expressions, which give the function again."""
     function, arrays = random_function(seed), random_points(seed, 20)
     program = Program.read(function)
@@ -233,7 +233,7 @@ ONE_OPERAND = [
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_quotients_by_what_one_input_decides_become_products(seed: int) -> None:
+def test_quotients_by_what_one_input_decides_become_products(seed):
     function, arrays = random_function(seed), random_points(seed, 70)
     program = Program.read(function)
     other, needs = program.invert_once((1, 2, 1)), program.find_needs((1, 2, 1))
@@ -251,7 +251,7 @@ def test_quotients_by_what_one_input_decides_become_products(seed: int) -> None:
     np.testing.assert_allclose(found, right, rtol=1e-13)
 
 
-def test_many_points_take_the_program_and_few_do_not() -> None:
+def test_many_points_take_the_program_and_few_do_not():
     function, arrays = random_function(99), random_points(0, 50)
     few = symbolic.evaluate(function, *arrays)
     assert symbolic.usage_of(function).program is None
@@ -260,7 +260,7 @@ def test_many_points_take_the_program_and_few_do_not() -> None:
     assert_same(many, (np.tile(one, (40, 1, 1)) for one in few))
 
 
-def test_one_reading_serves_a_function_and_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_reading_serves_a_function_and_its_parts(monkeypatch):
     function, reads, read = random_function(41), [], Program.read
     monkeypatch.setattr(Program, "read", lambda f: reads.append(f) or read(f))
     part, arrays = symbolic.Part(function, (function.name_out()[1],)), random_points(0, 850)
@@ -274,7 +274,7 @@ def test_one_reading_serves_a_function_and_its_parts(monkeypatch: pytest.MonkeyP
     np.testing.assert_array_equal(few[0], right[0][:2])
 
 
-def test_what_cannot_be_read_is_left_to_casadi(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_read_is_left_to_casadi(monkeypatch):
     monkeypatch.setattr(symbolic, "READING_COST", 0)
     x, matrix = ca.SX.sym("x"), ca.MX.sym("m", 2)
     inner = ca.Function("inner", [x], [ca.sin(x)], {"never_inline": True})
@@ -295,7 +295,7 @@ def test_what_cannot_be_read_is_left_to_casadi(monkeypatch: pytest.MonkeyPatch) 
         assert symbolic.usage_of(function).program is None
 
 
-def test_threads_do_not_share_their_numbers() -> None:
+def test_threads_do_not_share_their_numbers():
     function = random_function(7)
     made, every = Program.read(function).lay_out(), [random_points(k, 5000) for k in range(8)]
     alone = [run(made, function, arrays) for arrays in every]

@@ -19,7 +19,7 @@ def block(language: str) -> str:
 
 
 @pytest.mark.slow
-def test_the_tour_runs_and_says_what_it_promises(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_tour_runs_and_says_what_it_promises(capsys):
     exec(compile(block("python"), "README.md", "exec"), {})
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "('q1', 'w11', 'w12') (2, 3, 3)"
@@ -27,12 +27,12 @@ def test_the_tour_runs_and_says_what_it_promises(capsys: pytest.CaptureFixture[s
     assert lines[-1] == "unstable"
 
 
-def test_the_scene_is_one_and_every_effect_is_in_the_table() -> None:
+def test_the_scene_is_one_and_every_effect_is_in_the_table():
     assert parse_scene(tomllib.loads(block("toml"))).designs[0].kind == "periodic-lqr"
     assert [name for name in known_effects() if f"`{name}`" not in README] == []
 
 
-def test_every_command_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_is_named(capsys):
     with pytest.raises(SystemExit):
         parser().parse_args(["--help"])
     listed = re.findall(r"^    ([a-z]+) ", capsys.readouterr().out, flags=re.MULTILINE)

@@ -15,7 +15,7 @@ LOCKS = sorted((ROOT / "requirements").glob("*.txt"))
 
 
 @pytest.mark.parametrize("lock", LOCKS, ids=lambda path: path.stem)
-def test_every_locked_package_has_its_hashes(lock: Path) -> None:
+def test_every_locked_package_has_its_hashes(lock):
     """Every requirement is pinned, and followed by SHA-256 sums and nothing else."""
     text = re.sub(r"^#.*\n", "", lock.read_text(encoding="utf-8"), flags=re.MULTILINE).replace("\\\n", " ")
     lines = [line for line in text.splitlines() if line.strip()]
@@ -27,7 +27,7 @@ def test_every_locked_package_has_its_hashes(lock: Path) -> None:
         assert all(re.fullmatch(r"sha256:[0-9a-f]{64}", one) for one in hashes), pin
 
 
-def test_locks_agree_and_make_installs_nothing_else() -> None:
+def test_locks_agree_and_make_installs_nothing_else():
     """One version of a package in all locks; pip is called with --require-hashes, or for flexlin itself without network needs."""
     pins: dict[str, str] = {}
     for lock in LOCKS:
@@ -56,7 +56,7 @@ def build_wheel(tree: Path, age: int = 0, **environment: str) -> subprocess.Comp
 
 
 @pytest.mark.slow
-def test_the_wheel_has_the_same_bytes_each_time_and_serves_every_python(tmp_path: Path) -> None:
+def test_the_wheel_has_the_same_bytes_each_time_and_serves_every_python(tmp_path):
     """From two places, at two times, with other rights on the files: one wheel, whose library no C source travels with."""
     small = "-DSIZES=2:1 -DLEVELS= -DCMAKE_BUILD_TYPE=None"  # all of it would take a minute
     for age in (0, 10_000):
@@ -73,7 +73,7 @@ def test_the_wheel_has_the_same_bytes_each_time_and_serves_every_python(tmp_path
 
 
 @pytest.mark.slow
-def test_without_a_compiler_the_sources_say_so_in_a_sentence(tmp_path: Path) -> None:
+def test_without_a_compiler_the_sources_say_so_in_a_sentence(tmp_path):
     build = build_wheel(tmp_path / "tree", CC=str(tmp_path / "cc"))
     assert build.returncode == 1
     said = "there is no C compiler: install gcc or clang, or a wheel of flexlin."

@@ -9,7 +9,7 @@ from flexlin.errors import ArgumentError
 
 
 @pytest.fixture
-def function() -> ca.Function:
+def function():
     x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
     return ca.Function("f", [x, y], [ca.horzcat(x, y * x, ca.sin(x)), x[0] + y])
 

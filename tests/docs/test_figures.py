@@ -75,7 +75,7 @@ def test_every_study_has_its_picture():
 
 
 @pytest.mark.slow
-def test_every_study_has_a_card_and_a_page(tmp_path: Path):
+def test_every_study_has_a_card_and_a_page(tmp_path):
     gallery = script("gallery")
     pages = {page.name: page.read_text(encoding="utf-8") for page in gallery.write_gallery(tmp_path)}
     names = [path.stem for path in (ROOT / "studies").glob("*.py")]

@@ -82,14 +82,14 @@ PLACES = [lambda folder: None, one_set, two_sets, foreign, older]
 
 
 @pytest.fixture(autouse=True)
-def no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+def no_disk(monkeypatch):
     """Waiting for the disk is no part of these tests."""
     monkeypatch.setattr(os, "fsync", lambda handle: None)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("prepare", thin(PLACES[::-1], 2))
-def test_a_writer_killed_at_any_step_leaves_one_whole_set(prepare: Callable, tmp_path: Path) -> None:
+def test_a_writer_killed_at_any_step_leaves_one_whole_set(prepare, tmp_path):
     """In a folder of flexlin's own the files agree at every moment; beside foreign files the manifest says when they do not."""
     at, died = 0, True
     while died:
@@ -118,7 +118,7 @@ def test_a_writer_killed_at_any_step_leaves_one_whole_set(prepare: Callable, tmp
 
 
 @pytest.mark.parametrize("prepare", PLACES)
-def test_a_failure_while_the_set_is_made_changes_nothing(prepare: Callable, tmp_path: Path) -> None:
+def test_a_failure_while_the_set_is_made_changes_nothing(prepare, tmp_path):
     folder = tmp_path / "out"
     prepare(folder)
     before = contents(tmp_path)
@@ -128,7 +128,7 @@ def test_a_failure_while_the_set_is_made_changes_nothing(prepare: Callable, tmp_
     assert leftovers(folder) == []
 
 
-def test_an_interrupt_between_two_moves_lets_them_be_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupt_between_two_moves_lets_them_be_finished(tmp_path, monkeypatch):
     folder, replace, calls = tmp_path / "out", os.replace, []
     foreign(folder)
 
@@ -145,7 +145,7 @@ def test_an_interrupt_between_two_moves_lets_them_be_finished(tmp_path: Path, mo
     assert leftovers(folder) == []
 
 
-def test_the_folder_that_one_works_in_stays_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_folder_that_one_works_in_stays_the_same(tmp_path, monkeypatch):
     folder = tmp_path / "out"
     one_set(folder)
     monkeypatch.chdir(folder)
@@ -155,7 +155,7 @@ def test_the_folder_that_one_works_in_stays_the_same(tmp_path: Path, monkeypatch
     assert leftovers(folder) == []
 
 
-def test_files_of_others_stay_whatever_the_manifest_says(tmp_path: Path) -> None:
+def test_files_of_others_stay_whatever_the_manifest_says(tmp_path):
     """A manifest is no key to other folders, and a file that somebody has changed is his."""
     folder = tmp_path / "out"
     one_set(folder)
@@ -175,7 +175,7 @@ def test_files_of_others_stay_whatever_the_manifest_says(tmp_path: Path) -> None
         assert mark_of(folder) == "new"
 
 
-def test_a_folder_in_the_place_of_a_file_is_refused_before_anything_moves(tmp_path: Path) -> None:
+def test_a_folder_in_the_place_of_a_file_is_refused_before_anything_moves(tmp_path):
     folder = tmp_path / "out"
     one_set(folder)
     (folder / "chart.html").mkdir()
@@ -189,7 +189,7 @@ def test_a_folder_in_the_place_of_a_file_is_refused_before_anything_moves(tmp_pa
     assert leftovers(folder) == []
 
 
-def test_many_writers_on_one_place(tmp_path: Path) -> None:
+def test_many_writers_on_one_place(tmp_path):
     """Eight threads; a reader that holds on to the folder, or to the manifest, never sees parts of two sets."""
     folder, single, seen, digits = tmp_path / "out", tmp_path / "single.txt", [], []
     write(folder, "first")

@@ -17,7 +17,7 @@ from flexlin.files import replacing
 from tests.files.reader import contents, interrupt, leftovers, standing
 
 
-def test_a_failure_leaves_the_old_file_and_no_rest(tmp_path: Path) -> None:
+def test_a_failure_leaves_the_old_file_and_no_rest(tmp_path):
     path = tmp_path / "file.txt"
     path.write_text("old")
     with pytest.raises(KeyboardInterrupt), replacing(path) as temporary:
@@ -25,13 +25,13 @@ def test_a_failure_leaves_the_old_file_and_no_rest(tmp_path: Path) -> None:
     assert contents(tmp_path) == {path: b"old"}
 
 
-def test_a_folder_that_refuses_is_named(tmp_path: Path) -> None:
+def test_a_folder_that_refuses_is_named(tmp_path):
     (tmp_path / "occupied").write_text("")
     with pytest.raises(OutputError, match="occupied"), replacing(tmp_path / "occupied" / "file.txt") as temporary:
         temporary.write_text("text")
 
 
-def test_a_fault_of_the_program_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fault_of_the_program_is_one_line(capsys):
     try:
         [][1]
     except IndexError as fault:
@@ -57,7 +57,7 @@ def files_up_to(size: int) -> Iterator[None]:
 
 
 @pytest.mark.slow
-def test_a_full_disk_leaves_the_old_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_full_disk_leaves_the_old_set(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["export", *SCENE, "--out", str(out)]) == 0
     before = contents(out)
@@ -84,7 +84,7 @@ COMMANDS = {
 
 
 @pytest.fixture(params=[pytest.param(name, marks=[pytest.mark.slow] * (name != "linearize")) for name in COMMANDS])
-def written(request: pytest.FixtureRequest, tmp_path: Path) -> list[Path]:
+def written(request, tmp_path):
     """The files of a command on a scene whose designs bear names that a spreadsheet would take for formulas."""
     assert main([request.param, "single-link", *COMMANDS[request.param], *SMALL, "--out", str(tmp_path)]) == 0
     return list(contents(tmp_path))
@@ -101,7 +101,7 @@ def read_arrays(path: Path) -> list[np.ndarray]:
     return [np.array(len(scipy.io.loadmat(path)))] if path.suffix == ".mat" else []
 
 
-def test_no_file_needs_pickle_and_no_name_becomes_a_file_or_a_formula(written: list[Path]) -> None:
+def test_no_file_needs_pickle_and_no_name_becomes_a_file_or_a_formula(written):
     """Names that others chose are contents, never names of files; and no table for spreadsheets is written."""
     arrays = [array for path in written for array in read_arrays(path)]
     assert arrays

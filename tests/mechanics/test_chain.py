@@ -73,6 +73,8 @@ def test_loaded_shapes_are_the_modes_with_payload():
         ({}, {"hub": {"inertia": [1.0, 2.0]}}, "at most 1"),
         ({}, {"shear": {"stiffness": [1e3, 1e3]}}, "shear.stiffness: got 2 numbers, expected 1, one for each link"),
         ({"sections": {"at": [0.0, 0.5], "mass": [1.0, 1.0], "stiffness": [1.0, 1.0]}}, {}, "from 0 to 1"),
+        ({}, {"tip_force": {"frame": "base"}}, "effects.tip_force.frame: got 'base'"),
+        ({}, {"tip_force": {"phase": 0.4}}, "harmonic of at least 1 beside phase"),
         ({}, {"shear": {"stiffness": 0.0}}, "greater than 0"),
         ({}, {"motor": {"torque_constant": 1.0}}, "resistance"),
         ({"modes": {"torsion": 1}, "polar_inertia": 1.0}, {}, "links.0.torsional_stiffness"),

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated
 
 import casadi as ca
@@ -45,7 +44,7 @@ class BearingSprings(Effect):
 
 
 @pytest.fixture(autouse=True)
-def registered(monkeypatch: pytest.MonkeyPatch) -> None:
+def registered(monkeypatch):
     monkeypatch.setattr(tables, "_REGISTRY", tables.known_effects())
     register_effect("bearing_springs", BearingSprings)
 
@@ -54,7 +53,7 @@ SCENE, RIGID = (["single-link", "--set", f"links.0.modes={modes}", "designs=[]"]
 ON = [*SCENE, "effects.bearing_springs={stiffness=[2.5]}"]
 
 
-def test_check_knows_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_knows_it(capsys):
     for words, known in ((ON, True), (SCENE, False)):
         assert main(["check", *words]) == 0
         assert ("bearing_springs" in capsys.readouterr().out) == known
@@ -68,7 +67,7 @@ WRONG = {
 }
 
 
-def test_check_refuses_what_its_class_refuses(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_refuses_what_its_class_refuses(capsys):
     for override, words in WRONG.items():
         assert main(["check", *SCENE, override]) == BAD_INPUT
         told = capsys.readouterr().err
@@ -78,7 +77,7 @@ def test_check_refuses_what_its_class_refuses(capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.slow
-def test_the_report_tells_of_it(tmp_path: Path) -> None:
+def test_the_report_tells_of_it(tmp_path):
     assert main(["report", *ON, "--out", str(tmp_path)]) == 0
     data, text = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
     assert data["scene"]["effects"]["bearing_springs"] == {"stiffness": [2.5]}
@@ -90,7 +89,7 @@ def test_the_report_tells_of_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_audit_tries_it_with_its_own_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_audit_tries_it_with_its_own_figures(tmp_path, capsys):
     assert main(["effects", *RIGID, "--out", str(tmp_path)]) == 0
     told, rows = capsys.readouterr().out, json.loads((tmp_path / "effects.json").read_text())["rows"]
     (row,) = (row for row in rows if row["subject"] == "bearing_springs")
@@ -103,7 +102,7 @@ def test_the_audit_tries_it_with_its_own_figures(tmp_path: Path, capsys: pytest.
     assert f"bearing_springs: stiffness {4 * inertia:.4g} N m/rad" in told
 
 
-def test_its_numbers_may_be_free_and_its_absence_costs_nothing() -> None:
+def test_its_numbers_may_be_free_and_its_absence_costs_nothing():
     bare, sprung = arm_of({}, {}), arm_of({}, {}, effects={"bearing_springs": {"stiffness": [2.0, 3.0]}})
     s, *_ = random_state(bare)
     added = value(sprung, "g", s) - value(bare, "g", s)
@@ -115,7 +114,7 @@ def test_its_numbers_may_be_free_and_its_absence_costs_nothing() -> None:
     assert free.parameters.values.tolist() == [2.0]
 
 
-def test_its_name_must_be_free_and_its_class_an_effect() -> None:
+def test_its_name_must_be_free_and_its_class_an_effect():
     for taken in ("gravity", "bearing_springs", "model_copy", "on", "tip spring"):
         with pytest.raises(ArgumentError, match="name"):
             register_effect(taken, BearingSprings)
@@ -123,6 +122,6 @@ def test_its_name_must_be_free_and_its_class_an_effect() -> None:
         register_effect("table", tables.Table)
 
 
-def test_a_dumped_scene_loads_as_the_same_scene() -> None:
+def test_a_dumped_scene_loads_as_the_same_scene():
     scene = fl.load_scene("single-link", {"effects.bearing_springs": {"stiffness": 2.0}})
     assert fl.parse_scene(scene.model_dump(mode="json", by_alias=True, exclude_unset=True)) == scene

@@ -19,7 +19,7 @@ def falling(angle: float = -1.2, payload: float = 0.03) -> tuple[fl.Scene, fl.Li
     return scene, fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
 
 
-def test_names() -> None:
+def test_names():
     flexible = {"joint_flexibility": {"stiffness": [50.0, 0.0], "motor_inertia": 0.05}}
     plant = arm_of({}, {"modes": 0}, effects=flexible).to_control("plant")
     assert plant.name == "plant"
@@ -29,7 +29,7 @@ def test_names() -> None:
     assert plant.input_labels == ["theta1", "q2"]
 
 
-def test_its_rates_solve_the_equations() -> None:
+def test_its_rates_solve_the_equations():
     """M s'' + C s' + g + d = B u, by the arm's own residual."""
     motor = {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": 50.0}
     arm = arm_of({}, {}, effects={"gravity": {}, "geometric_stiffening": {}, "motor": motor})
@@ -41,7 +41,7 @@ def test_its_rates_solve_the_equations() -> None:
     np.testing.assert_allclose(left, np.append(1.25 * u, np.zeros(4)), atol=1e-10)
 
 
-def test_its_linearization_is_that_of_flexlin() -> None:
+def test_its_linearization_is_that_of_flexlin():
     """[0, I; -M^-1 K, -M^-1 D] and M^-1 B where the arm hangs at rest: python-control differs."""
     _, lin = falling(-np.pi / 2)
     hanging = np.array([-np.pi / 2, *np.zeros(2 * lin.n - 1)])
@@ -53,7 +53,7 @@ def test_its_linearization_is_that_of_flexlin() -> None:
     np.testing.assert_allclose(linear.B, expected.B(np.zeros(1))[0], rtol=1e-6)
 
 
-def test_free_parameters_are_those_of_the_system() -> None:
+def test_free_parameters_are_those_of_the_system():
     scene, _ = falling()
     arm = fl.build_manipulator(scene, [PAYLOAD])
     plant, x, u = arm.to_control(), np.array([-1.0, 0.01, 0.0, 0.2, 0.0, 0.1]), np.zeros(1)
@@ -62,7 +62,7 @@ def test_free_parameters_are_those_of_the_system() -> None:
     np.testing.assert_allclose(found, heavy.dynamics(0.0, x, u), rtol=1e-10)
 
 
-def test_a_periodic_load_needs_the_period() -> None:
+def test_a_periodic_load_needs_the_period():
     arm = arm_of({"modes": 0}, effects={"tip_force": {"torque": [0.0, 0.0, 0.4], "harmonic": 2}})
     with pytest.raises(ArgumentError, match="a periodic load needs a period"):
         arm.to_control()

@@ -15,7 +15,6 @@ from scipy.special import jv
 
 import flexlin as fl
 from flexlin.checks import Array
-from flexlin.errors import SceneError
 from flexlin.motion import SampledMotion
 
 from .scenes import arm_of, held, linear, plain_scene, scene_of, value
@@ -43,18 +42,18 @@ def smallest_load(loaded: dict[str, Any], angle: float = 0.0) -> float:
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7])
-def test_euler_buckling(angle: float) -> None:
+def test_euler_buckling(angle):
     """P = pi^2 EI / (4 l^2), at any angle of the column against the world."""
     assert 0 < smallest_load(push(1.0, angle=angle), angle) / (np.pi**2 / 4) - 1 < 1.3e-4
 
 
-def test_buckling_under_the_own_weight() -> None:
+def test_buckling_under_the_own_weight():
     """q l^3 = 7.8373 EI, where J_-1/3(2/3 sqrt(q)) = 0 (Greenhill 1881)."""
     exact = brentq(lambda q: jv(-1 / 3, 2 / 3 * np.sqrt(q)), 7.0, 8.5)
     assert 0 < smallest_load({"gravity": {"acceleration": 1.0, "direction": [-1.0, 0.0, 0.0]}}) / exact - 1 < 1e-5
 
 
-def test_beck_column() -> None:
+def test_beck_column():
     """A follower never buckles the column; at P = 20.05 EI/l^2 two frequencies meet at omega = 11.02 (Beck 1952)."""
     (M, bare), (_, unit) = column({}), column(push(1.0, "tip"))
 
@@ -85,14 +84,14 @@ def characteristic(load: float, follows: bool) -> Callable[[float], float]:
 
 
 @pytest.mark.parametrize(("load", "frame"), [(2.0, "world"), (-5.0, "world"), (8.0, "tip"), (-5.0, "tip")])
-def test_prestressed_frequencies(load: float, frame: str) -> None:
+def test_prestressed_frequencies(load, frame):
     M, K = column(push(load, frame))
     exact = characteristic(load, frame == "tip")
     for omega in np.sqrt(np.sort(eigvals(K, M).real)[:2]):
         assert brentq(exact, 0.97 * omega, 1.03 * omega) == pytest.approx(omega, rel=2e-3)
 
 
-def test_a_force_in_the_world_is_the_gradient_of_its_potential() -> None:
+def test_a_force_in_the_world_is_the_gradient_of_its_potential():
     """-F . r, in space too, where links bend both ways and twist."""
     spatial = {"modes": {"y": 1, "z": 1, "torsion": 1}, "torsional_stiffness": 0.8, "polar_inertia": 1e-3}
     force = [1.0, -2.0, 3.0]
@@ -103,18 +102,6 @@ def test_a_force_in_the_world_is_the_gradient_of_its_potential() -> None:
     np.testing.assert_allclose(value(arm, "damping", s, np.zeros(arm.n))[:, 0], -slopes.T @ force, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("table", "words"),
-    [
-        ({"frame": "base"}, r"effects\.tip_force\.frame: got 'base'"),
-        ({"phase": 0.4}, "harmonic of at least 1 beside phase"),
-    ],
-)
-def test_what_no_load_is_is_refused(table: dict[str, Any], words: str) -> None:
-    with pytest.raises(SceneError, match=words):
-        scene_of({}, effects={"tip_force": table})
-
-
 def shaken() -> fl.Scene:
     """A unit column with one mode, its joint held, under a harmonic of a motion of 0.4 s."""
     load = {"force": [0.0, 1e-3, 0.0], "harmonic": 3, "phase": 0.4}
@@ -122,7 +109,7 @@ def shaken() -> fl.Scene:
     return plain_scene([{**UNIT, "modes": 1}], held(frequency=2.5), effects=effects)
 
 
-def test_a_periodic_force_shakes_a_beam() -> None:
+def test_a_periodic_force_shakes_a_beam():
     """w = Re(X(l) F e^(i (3 W t + phase)) / (w1^2 - (3 W)^2 + 2 i z w1 3 W)), X(l) = 2, w1 = 1.8751^2; simulated, too."""
     lin, t = linear(shaken()), np.linspace(0.0, 0.4, 9)
     W, w1 = 3 * 2 * np.pi * 2.5, 1.8751040687119611**2
@@ -134,7 +121,7 @@ def test_a_periodic_force_shakes_a_beam() -> None:
     assert run.energy_error < 1e-5
 
 
-def test_a_periodic_force_along_a_motion_of_numbers() -> None:
+def test_a_periodic_force_along_a_motion_of_numbers():
     """What the place on the motion is passed by, a phase or angles, makes no difference; nor does one equation or all."""
     scene = shaken()
     arm, t = fl.build_manipulator(scene), np.array([0.0, 0.05, 0.31])
@@ -146,7 +133,7 @@ def test_a_periodic_force_along_a_motion_of_numbers() -> None:
     np.testing.assert_allclose(whole[:, 1, 0], -by_phase.h(t)[:, 0], rtol=1e-12)
 
 
-def test_a_load_grows_with_the_square_of_the_first_joints_rate() -> None:
+def test_a_load_grows_with_the_square_of_the_first_joints_rate():
     """The torque F l (q'/r)^2 of a rigid link, alike to and fro; about a rotation it is D_L = -2 F l Omega/r^2."""
     load = {"tip_force": {"force": [0.0, 2.0, 0.0], "frame": "tip", "rate": 3.0}}
     arm = arm_of({"length": 0.7, "modes": 0}, effects=load)
@@ -156,7 +143,7 @@ def test_a_load_grows_with_the_square_of_the_first_joints_rate() -> None:
     assert lin.D(0.1).item() == pytest.approx(2 * 2.0 * 0.7 * 5.0 / 9, rel=1e-13)
 
 
-def test_a_force_across_a_cantilever_bends_it_into_the_elastica() -> None:
+def test_a_force_across_a_cantilever_bends_it_into_the_elastica():
     """Both components of the tip's way at P l^2/EI = 1, 2, 5, 10 (Bisshopp, Drucker 1945; Mattiasson 1981)."""
     load = {"geometric_stiffening": {}, "tip_force": {"force": [0.0, 1.0, 0.0]}}
     arm = fl.build_manipulator(scene_of({**UNIT, "modes": 6}, effects=load), ["effects.tip_force.force.1"])

@@ -77,7 +77,7 @@ NUMBERS = {
 
 @pytest.mark.parametrize("number", NUMBERS.values(), ids=NUMBERS)
 @pytest.mark.parametrize("door", DOORS)
-def test_no_door_lets_it_in(door, number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_door_lets_it_in(door, number, tmp_path, capsys):
     with pytest.raises(SystemExit) as end:  # from the reader of the command line, or as the program ends
         sys.exit(main(door(tmp_path, number)))
     said = capsys.readouterr().err
@@ -87,16 +87,16 @@ def test_no_door_lets_it_in(door, number: str, tmp_path: Path, capsys: pytest.Ca
 
 
 @pytest.mark.parametrize("door", DOORS[:6])
-def test_what_an_arm_can_have_is_let_in(door, tmp_path: Path) -> None:
+def test_what_an_arm_can_have_is_let_in(door, tmp_path):
     assert main(door(tmp_path, "0.0" if door in (of_table, of_first_row) else "0.25")) == 0
 
 
 @pytest.mark.parametrize("wrong", ["", "x", "1" * (LONGEST_NUMBER + 1), "1e31", "nan", "-inf", "1,5"])
-def test_read_number_refuses(wrong: str) -> None:
+def test_read_number_refuses(wrong):
     with pytest.raises(ValueError, match=r"a number from -1e\+30 to 1e\+30"):
         read_number(wrong)
 
 
-def test_read_number_reads_to_its_bounds() -> None:
+def test_read_number_reads_to_its_bounds():
     read = [read_number(text) for text in (" 1e30", "-1E30 ", ".5", "0" * (LONGEST_NUMBER - 1) + "7")]
     assert read == [LARGEST_NUMBER, -LARGEST_NUMBER, 0.5, 7.0]

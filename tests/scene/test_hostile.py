@@ -158,15 +158,6 @@ def test_letters_of_every_script_are_welcome():
     assert fl.load_scene("single-link", {"title": title}).title == title
 
 
-@pytest.mark.parametrize(
-    "over", ["motion.frequency=-1:3", "effects.payload.mass=-1:3:5", "links.0.mass_per_length=5e-324:1:4"]
-)
-def test_a_chart_over_what_no_arm_has_is_refused_by_its_key(over, tmp_path, capsys):
-    assert main(["chart", "single-link", "--over", over, "--out", str(tmp_path / "out")]) == BAD_INPUT
-    assert f"{over.partition('=')[0]}: got " in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize("number", ["0x" + "f" * 300, "0x" + "f" * 5000, "-" + "7" * 40, "1_0" * 400])
 def test_a_number_without_end_in_a_file_is_a_mistake_of_the_file(number, tmp_path):
     refuse_text(re.sub("(?m)^length = .*", f"length = {number}", TEXT), tmp_path, r"64 bits|400 characters")

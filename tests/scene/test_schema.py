@@ -5,7 +5,6 @@ import re
 import tomllib
 from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -64,7 +63,7 @@ def raw_scene(name: str) -> dict[str, Any]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", builtin_scenes())
-def test_every_scene_fits_the_schema(name: str) -> None:
+def test_every_scene_fits_the_schema(name):
     raw = raw_scene(name)
     assert accepts(schema(), raw)
     for rule in schema()["allOf"]:
@@ -78,7 +77,7 @@ def test_every_scene_fits_the_schema(name: str) -> None:
     [{"links.0.lenght": 1.0}, {"links.0.length": "long"}, {"links.0.modes": 2.5}, {"effects.shear": {"stiffness": -1.0}},
      {"effects.magnetism": {}}, {"motion.kind": "spiral"}, {"control.feedback.kp": 3.0}, {"links.0.length": -1.0}],
 )  # fmt: skip
-def test_what_the_schema_refuses_flexlin_refuses(change: dict[str, Any]) -> None:
+def test_what_the_schema_refuses_flexlin_refuses(change):
     raw, _ = apply_overrides(raw_scene("single-link"), change)
     assert not accepts(schema(), raw)
     with pytest.raises(SceneError):
@@ -103,7 +102,7 @@ COUNTS = {
 """Keys that are counts, ratios or directions, or are relative in one table and bear a unit in another."""
 
 
-def test_every_key_has_a_description_and_every_number_a_unit() -> None:
+def test_every_key_has_a_description_and_every_number_a_unit():
     found = {path: node for path, node in numbers(schema()) if ".if." not in path}
     assert len(found) > 90
     assert [path for path, node in found.items() if not node.get("description")] == []
@@ -114,7 +113,7 @@ def test_every_key_has_a_description_and_every_number_a_unit() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", builtin_scenes())
-def test_a_new_scene_says_what_its_model_says(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_new_scene_says_what_its_model_says(name, tmp_path, capsys):
     path = tmp_path / "mine.toml"
     assert main(["new", str(tmp_path / "mine"), "--like", name]) == 0
     old, made, text = fl.load_scene(name), fl.load_scene(path), path.read_text()
@@ -126,30 +125,13 @@ def test_a_new_scene_says_what_its_model_says(name: str, tmp_path: Path, capsys:
     assert "there already" in capsys.readouterr().err
 
 
-def test_show_prints_the_file(capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_prints_the_file(capsys):
     assert main(["show", "spinning-link"]) == 0
     assert capsys.readouterr().out == builtin_scenes()["spinning-link"].read_text(encoding="utf-8")
     assert main(["show", "spinning-lnk"]) == 2
     assert "did you mean 'spinning-link'?" in capsys.readouterr().err
     assert main(["schema"]) == 0
     assert json.loads(capsys.readouterr().out) == scene_schema()
-
-
-HINTS = {
-    "control.feedback.kp=5,2": "expected a list [...]",
-    "links.0.length=96kg": "expected a number in m, or a length such as 2 mm",
-    "motion.joints.0.amplitude=30 mm": "expected a number in rad or m",
-    "effects.payload.mass=30 m": "expected a number in kg",
-    "effects.hub.inertia=3kg": "expected a number in kg m^2",
-    "links.0.length=3 parsec": "expected a number in m, or a length such as 2 mm",
-    "effects.gravty=off": "did you mean 'gravity'?",
-}
-
-
-@pytest.mark.parametrize("assignment", HINTS)
-def test_a_refused_value_is_answered_by_what_was_meant(assignment: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", "single-link", "--set", assignment]) == 2
-    assert HINTS[assignment] in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -159,6 +141,6 @@ def test_a_refused_value_is_answered_by_what_was_meant(assignment: str, capsys: 
         {"with space": {"a.b": 1, "": 2}, "deep": {"er": {"est": [{"x": [{"y": 1}]}, {}]}}},
     ],
 )
-def test_what_is_written_reads_back(data: dict[str, Any]) -> None:
+def test_what_is_written_reads_back(data):
     assert tomllib.loads(write_toml(data)) == data
     assert tomllib.loads(write_toml(data, lambda path: "note")) == data
