@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 import flexlin as fl
 from flexlin.arguments import checked
 from flexlin.checks import Array
-from flexlin.errors import ArgumentError
 
 
 @checked
@@ -77,7 +76,7 @@ def test_what_is_asked_for_passes(name):
 @pytest.mark.parametrize("name", BAD)
 def test_what_is_not_asked_for_is_refused_by_name(name):
     for value in BAD[name]:
-        with pytest.raises(ArgumentError, match=f"^{name} is of another kind; got .*, expected "):
+        with pytest.raises(fl.errors.ArgumentError, match=f"^{name} is of another kind; got .*, expected "):
             everything(**{name: value})
 
 
@@ -86,7 +85,7 @@ def test_a_value_without_a_repr_is_refused_too():
         def __repr__(self) -> str:
             raise RuntimeError
 
-    with pytest.raises(ArgumentError, match="got a Hostile, expected a number"):
+    with pytest.raises(fl.errors.ArgumentError, match="got a Hostile, expected a number"):
         everything(Hostile())
 
 
@@ -106,5 +105,5 @@ def test_calls_that_do_not_fit_are_python_s_own_matter():
 
 def test_a_message_about_a_kind_is_one_line_with_the_right_article():
     words = r"^s is of another kind; got array\(\[\[1., 0.\], \[0., 1.\]\]\), expected an SX;"
-    with pytest.raises(ArgumentError, match=words):
+    with pytest.raises(fl.errors.ArgumentError, match=words):
         fl.Manipulator.from_lagrangian(np.eye(2), None, None, None)

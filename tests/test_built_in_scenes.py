@@ -6,7 +6,6 @@ import pytest
 
 import flexlin as fl
 from flexlin.cli import main
-from flexlin.errors import SceneError
 
 WITH_DESIGNS = [name for name in fl.scenes() if fl.load_scene(name).designs]
 REFUSED = {
@@ -30,7 +29,7 @@ def test_a_scene_with_designs_takes_any_number_of_modes(name, capsys):
 @pytest.mark.parametrize("name", sorted(set(fl.scenes()) - set(WITH_DESIGNS)))
 def test_other_scenes_take_it_or_say_what_to_do(name):
     if name in REFUSED:
-        with pytest.raises(SceneError, match=REFUSED[name]):
+        with pytest.raises(fl.errors.SceneError, match=REFUSED[name]):
             fl.load_scene(name, {"links.0.modes": 5})
     else:
         assert fl.build_manipulator(fl.load_scene(name, {"links.0.modes": 5})).n >= 5

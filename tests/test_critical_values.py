@@ -9,7 +9,6 @@ from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
-from flexlin.errors import ArgumentError
 from flexlin.scene import replace_value
 
 from .closed_arm import control_loop
@@ -97,7 +96,7 @@ def test_a_stable_scene_and_a_constant_system_have_none():
 )
 def test_what_does_not_fit_is_refused(path, limits, more):
     for scene in (fl.load_scene("khang-2019"), "khang-2019"):
-        with pytest.raises(ArgumentError):
+        with pytest.raises(fl.errors.ArgumentError):
             fl.critical_values(scene, path, limits, **more)
 
 

@@ -6,7 +6,6 @@ from scipy.optimize import brentq
 
 import flexlin as fl
 from flexlin.analyses import make_box
-from flexlin.errors import ArgumentError, NotStable, SceneError
 from flexlin.report import write_report
 from tests.public_results import oscillator
 
@@ -74,17 +73,17 @@ def test_the_table_of_a_scene_is_read_and_a_sweep_may_leave_it():
 
 def test_too_many_uncertain_numbers_are_refused():
     table = {f"links.{i}.length": {"low": 0.0, "high": 1.0} for i in range(20)}
-    with pytest.raises(SceneError, match=r"uncertainty.*12 at most"):
+    with pytest.raises(fl.errors.SceneError, match=r"uncertainty.*12 at most"):
         fl.load_scene("single-link", {"uncertainty": table})
 
 
 def test_loops_that_cannot_be_asked_are_refused():
     scene = fl.load_scene("single-link", SMALL)
-    with pytest.raises(ArgumentError, match="no range is known"):
+    with pytest.raises(fl.errors.ArgumentError, match="no range is known"):
         fl.nearest_instability(scene)
-    with pytest.raises(ArgumentError, match=r"motion\.frequency does not hold"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"motion\.frequency does not hold"):
         fl.nearest_instability(scene, {"motion.frequency": (0.6, 0.9)})
-    with pytest.raises(NotStable):
+    with pytest.raises(fl.errors.NotStable):
         fl.nearest_instability(lambda d: fl.PeriodicSystem([[d]], 1.0), {"d": (0.0, 2.0)}, own=[1.0])
 
 
@@ -103,12 +102,12 @@ def test_the_growth_rate_rises_to_the_side_on_which_a_number_can_go(ends, sign):
     "path", ["accuracy.tol", "accuracy.seconds", "designs.0.weights.rates", "uncertainty.motion.frequency.low"]
 )
 def test_numbers_of_no_loop_are_not_swept_and_a_report_refuses_them_before_any_work(path, tmp_path, monkeypatch):
-    with pytest.raises(ArgumentError):
+    with pytest.raises(fl.errors.ArgumentError):
         fl.sweep(fl.load_scene("single-link", {"links.0.modes": 1, "uncertainty": RANGES}), {path: [1e-9, 1e-3]})
     monkeypatch.setattr("flexlin.analyses.analysis.analyse", lambda *_: pytest.fail("analysed"))
     if path.startswith("accuracy"):
         table = {path: {"low": 1e-12, "high": 1e-3 if path.endswith("tol") else 90.0}}
-        with pytest.raises(ArgumentError):
+        with pytest.raises(fl.errors.ArgumentError):
             write_report(fl.load_scene("pick-and-place", {"uncertainty": table}), tmp_path)
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, SceneError
 from flexlin.periodic.sampled import hold_plant
 from flexlin.simulation import Drive, simulate
 from tests.closed_arm import closed
@@ -66,10 +65,10 @@ def test_steps_need_samples_and_one_number_a_motor(arm):
     twice = {"control.sampling": {"period": 0.01, "encoders": [1e-3, 1e-3]}}
     delayed = fl.sampled_lqr(system, np.eye(4), 1.0, period, period / 2)
     for error, words, call in (
-        (ArgumentError, "where a device samples", lambda: Drive(encoders=(1e-3,))),
-        (ArgumentError, "encoders do not fit", lambda: run(arm, np.zeros(4), encoders=(1e-3, 1e-3))),
-        (SceneError, "one for each torque-driven joint", lambda: fl.load_scene("single-link", twice)),
-        (ArgumentError, "held before", lambda: delayed.law),
+        (fl.errors.ArgumentError, "where a device samples", lambda: Drive(encoders=(1e-3,))),
+        (fl.errors.ArgumentError, "encoders do not fit", lambda: run(arm, np.zeros(4), encoders=(1e-3, 1e-3))),
+        (fl.errors.SceneError, "one for each torque-driven joint", lambda: fl.load_scene("single-link", twice)),
+        (fl.errors.ArgumentError, "held before", lambda: delayed.law),
     ):
         with pytest.raises(error, match=words):
             call()

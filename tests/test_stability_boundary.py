@@ -7,7 +7,6 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, SceneError
 from flexlin.scene import revise_scene
 from tests.mechanics.scenes import clamped_constants
 from tests.test_critical_values import oscillator
@@ -63,9 +62,9 @@ def test_tongues_of_the_spinning_link_lie_on_mathieus_curves():
 @pytest.mark.parametrize(
     ("rate", "other", "error"),
     [
-        ((1.0, 2.0), {}, ArgumentError),
-        ((2.0, 1.0), {"effects.gravity.acceleration": (1.0, 2.0)}, ArgumentError),
-        ((1.0, 2.0), {"links.0.length": (-1.0, 1.0)}, SceneError),
+        ((1.0, 2.0), {}, fl.errors.ArgumentError),
+        ((2.0, 1.0), {"effects.gravity.acceleration": (1.0, 2.0)}, fl.errors.ArgumentError),
+        ((1.0, 2.0), {"links.0.length": (-1.0, 1.0)}, fl.errors.SceneError),
     ],
 )
 def test_ranges_that_do_not_fit_are_refused(rate, other, error):

@@ -7,7 +7,6 @@ import flexlin as fl
 from flexlin.analyses import gain_search, make_family
 from flexlin.analyses.gain_search import SMOOTHING_LEVELS, Problem, follow_levels, lay_scenarios, smooth_growth
 from flexlin.analyses.spectra import Family
-from flexlin.errors import ArgumentError, NotStable
 from flexlin.periodic import Spectra
 
 
@@ -140,7 +139,7 @@ def test_arm_decays_twice_as_fast_in_all_scenarios():
 
 def test_a_loop_that_no_gain_makes_stable_is_said_to_be_so():
     """x' = x beside a mode that the gain moves."""
-    with pytest.raises(NotStable, match=r"got unstable, expected gains that hold everywhere"):
+    with pytest.raises(fl.errors.NotStable, match=r"got unstable, expected gains that hold everywhere"):
         fl.tune(lambda k: fl.PeriodicSystem([[1.0, 0.0], [0.0, -k]], 1.0), {"k": 1.0}, starts=1)
 
 
@@ -155,11 +154,11 @@ def test_the_result_is_confirmed_to_the_wanted_error_and_one_scenario_counts_onc
 
 
 def test_what_cannot_be_tuned_is_refused():
-    with pytest.raises(ArgumentError, match="first values"):
+    with pytest.raises(fl.errors.ArgumentError, match="first values"):
         fl.tune(oscillator, ["gain"])
-    with pytest.raises(ArgumentError, match="leave nothing"):
+    with pytest.raises(fl.errors.ArgumentError, match="leave nothing"):
         fl.tune(oscillator, {"gain": 1.0}, limits={"gain": (2.0, 1.0)})
-    with pytest.raises(ArgumentError, match="needs limits"):
+    with pytest.raises(fl.errors.ArgumentError, match="needs limits"):
         fl.tune(oscillator, {"gain": 0.0})
 
 

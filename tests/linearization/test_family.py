@@ -9,7 +9,6 @@ import scipy.integrate
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
-from flexlin.errors import ArgumentError
 from flexlin.periodic import measure_distances
 from tests.thinned import thin
 
@@ -154,5 +153,5 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_what_does_not_fit_is_refused(name):
-    with pytest.raises(ArgumentError):
+    with pytest.raises(fl.errors.ArgumentError):
         BAD[name]()

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin import sweep
 from flexlin.linearization import parametric_loop
 from tests.closed_arm import control_loop
 from tests.mechanics.scenes import linear, plain_scene, swinging
@@ -48,7 +47,7 @@ def test_pulses_of_any_width_are_met(frequency, phase, rate):
 
 def test_a_sweep_meets_them_too():
     rates = np.array([1e-2, 1e-4])
-    data = sweep(scene(20.0, 0.3, 0.01), {"effects.coulomb_friction.rate": rates}, 1e-6)
+    data = fl.sweep(scene(20.0, 0.3, 0.01), {"effects.coulomb_friction.rate": rates}, 1e-6)
     assert data["exponents"].values.real.max(axis=1) == pytest.approx(limit(20.0), rel=2e-3)
 
 

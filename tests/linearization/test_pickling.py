@@ -14,7 +14,6 @@ import pytest
 
 import flexlin as fl
 from flexlin import series, simulation
-from flexlin.control import horizon_system
 from flexlin.errors import FlexlinError
 from flexlin.linearization import parametric_loop
 from tests import public_results as made_of
@@ -116,7 +115,7 @@ def test_scene_arm_and_linear_equations(name, tmp_path):
     scene, plant, lin = both(name, {})
     system = lin.periodic_system()
     objects = {"arm": lin.arm, "plant": plant, "linearization": lin, "deviation": lin.about, "law": lin.law}
-    objects |= {"system": system, "horizon": horizon_system(plant), "result": fl.floquet(system, tol=1e-6)}
+    objects |= {"system": system, "horizon": fl.control.horizon_system(plant), "result": fl.floquet(system, tol=1e-6)}
     check(objects, tmp_path, fresh=name == "five-bar")
     assert pickle.loads(pickle.dumps(scene)) == scene
 

@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import SceneError
 from flexlin.mechanics import directions_across, unit
-from flexlin.scene import parse_scene
 
 from .scenes import arm_of, held, linear, matrices_at_rest, plain_scene, swinging, value
 from .spatial import scene_table
@@ -56,13 +54,13 @@ def test_an_arm_on_a_soft_turret_droops_and_a_carriage_swings_across_its_rail():
 def test_a_bearing_that_does_not_give_has_no_coordinates():
     links = [{"body": {"mass": 1.0, "centre": [0.3, 0, 0]}, "joint": "revolute"}] * 2
     table = scene_table(links, bearing_compliance={"stiffness": [0.0, 5.0]})
-    assert fl.build_manipulator(parse_scene(table)).names == ("q1", "q2", "beta21", "beta22")
+    assert fl.build_manipulator(fl.parse_scene(table)).names == ("q1", "q2", "beta21", "beta22")
     weighted = {"name": "d", "kind": "periodic-lqr", "state_weight": [1.0] * 8, "input_weight": [1.0, 1.0]}
-    assert len(parse_scene({**table, "designs": [weighted]}).designs[0].state_weight) == 8
-    with pytest.raises(SceneError, match=r"8, one for each state"):
-        parse_scene({**table, "designs": [{**weighted, "state_weight": [1.0] * 4}]})
-    with pytest.raises(SceneError, match=r"effects\.bearing_compliance\.stiffness"):
-        parse_scene({**table, "effects": {"bearing_compliance": {"stiffness": -1.0}}})
+    assert len(fl.parse_scene({**table, "designs": [weighted]}).designs[0].state_weight) == 8
+    with pytest.raises(fl.errors.SceneError, match=r"8, one for each state"):
+        fl.parse_scene({**table, "designs": [{**weighted, "state_weight": [1.0] * 4}]})
+    with pytest.raises(fl.errors.SceneError, match=r"effects\.bearing_compliance\.stiffness"):
+        fl.parse_scene({**table, "effects": {"bearing_compliance": {"stiffness": -1.0}}})
 
 
 @pytest.mark.slow

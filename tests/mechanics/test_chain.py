@@ -5,7 +5,6 @@ import pytest
 from scipy.linalg import eigh
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, SceneError
 from flexlin.mechanics import clamped_with_tip, pinned_with_hub
 
 from .scenes import arm_of, linear, matrices_at_rest, plain_scene, random_state, scene_of, swinging, value
@@ -100,12 +99,12 @@ def test_loaded_shapes_are_the_modes_with_payload():
     ],
 )
 def test_contradictions_are_named(link, effects, message):
-    with pytest.raises(SceneError, match=message):
+    with pytest.raises(fl.errors.SceneError, match=message):
         scene_of(link, effects=effects)
 
 
 def test_pinned_hub_shapes_need_a_hub():
-    with pytest.raises(ArgumentError, match=r"effects\.hub"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"effects\.hub"):
         arm_of({"mode_shapes": "pinned-hub"})
 
 

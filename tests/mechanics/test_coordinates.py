@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.control import bending
 from flexlin.mechanics import Coordinate, make_shapes
 from tests.thinned import thin
 
@@ -17,7 +16,7 @@ def test_a_strain_gauge_on_an_arm_of_ten_links_reads_one_link(link):
     """The names w11 and w101 share their beginnings with those of other links."""
     scene = scene_of(*[{"modes": 2}] * 10)
     lin = linear(scene)
-    row = bending(scene, lin, link=link, at=0.0)(np.zeros(1))[0, 0]
+    row = fl.control.bending(scene, lin, link=link, at=0.0)(np.zeros(1))[0, 0]
     columns = [10 + 2 * link, 11 + 2 * link]
     assert np.flatnonzero(row).tolist() == columns
     curvature = make_shapes(scene, link).values(np.array([0.0]), 2)[:, 0] / scene.links[link].length ** 2
@@ -29,7 +28,7 @@ def test_a_prescribed_joint_moves_the_columns():
     scene = scene_of({"modes": 1}, {"modes": 3}, motion=motion)
     lin = linear(scene)
     assert [c.name for c in lin.coordinates] == list(lin.names) == ["q2", "w11", "w21", "w22", "w23"]
-    assert np.flatnonzero(bending(scene, lin, link=1, at=0.3)(np.zeros(1))[0, 0]).tolist() == [2, 3, 4]
+    assert np.flatnonzero(fl.control.bending(scene, lin, link=1, at=0.3)(np.zeros(1))[0, 0]).tolist() == [2, 3, 4]
 
 
 def test_a_chain_describes_itself():

@@ -5,7 +5,6 @@ import pytest
 from scipy.integrate import quad
 
 import flexlin as fl
-from flexlin.scene import parse_scene
 
 from .scenes import clamped_mode, swinging
 
@@ -40,7 +39,7 @@ def scene_of(way, modes=1):
     effects = {"hub": {"inertia": J1}, "payload": {"mass": M_E}, "gravity": {"acceleration": G}}
     by_hand = {"model": "khang-2019", "parameters": own}
     arm = by_hand if way == "by hand" else {"links": links, "effects": effects}
-    return parse_scene({"schema": 1, "title": way, "motion": MOTION, **arm})
+    return fl.parse_scene({"schema": 1, "title": way, "motion": MOTION, **arm})
 
 
 @pytest.mark.parametrize("route", ["jacobian", "kronecker"])

@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 import flexlin as fl
-from flexlin.errors import ModelError, SceneError, SingularClosure, ToleranceNotReached
 from flexlin.mechanics import close_loop
 from flexlin.scene import revise_scene
 from tests.mechanics.loop_scenes import ENDS, Arms, Z, accelerations, nearest, random_rssr, raw, rssr_angles
@@ -146,7 +145,7 @@ def test_a_dead_point_is_refused_with_its_time():
     t = np.linspace(0, 0.25, 400)
     first = next((a, b) for a, b in pairwise(t) if room(swing(b)) < 0)
     dead = brentq(lambda t: room(swing(t)), *first)
-    with pytest.raises(SingularClosure, match=rf"dead point.*t = {dead:.5f}"):
+    with pytest.raises(fl.errors.SingularClosure, match=rf"dead point.*t = {dead:.5f}"):
         linear(fl.parse_scene(table))
 
 
@@ -161,7 +160,7 @@ def test_a_singular_closure_is_refused_with_its_time():
         motion = swinging({"mean": 1.0, "amplitude": amplitude})
         return linear(plain_scene([bar, coupler, rocker], motion, loops=[{"link": "coupler", "to": "rocker"}]))
 
-    with pytest.raises(SingularClosure, match=r"at t = 0\.125 s"):
+    with pytest.raises(fl.errors.SingularClosure, match=r"at t = 0\.125 s"):
         linearized(-np.sqrt(2.0))
     assert linearized(0.8).n == 1
 
@@ -180,7 +179,7 @@ def test_a_singular_closure_is_refused_with_its_time():
     ],
 )
 def test_tables_that_do_not_fit_are_named(change, key, words):
-    with pytest.raises(SceneError) as error:
+    with pytest.raises(fl.errors.SceneError) as error:
         fl.load_scene("spatial-four-bar", {**change, "designs": []})
     assert any(problem.key == key and words in problem.expected for problem in error.value.problems), error.value
 
@@ -188,14 +187,14 @@ def test_tables_that_do_not_fit_are_named(change, key, words):
 def test_a_joint_too_many_is_counted():
     joints = [{"mean": 0.5, "amplitude": 0.8}, {"amplitude": 0.1}]
     changes = {"links.1.passive": False, "motion.joints": joints, "control": {}, "designs": []}
-    with pytest.raises(ModelError, match=r"2 passive joints.*3, one for each equation"):
+    with pytest.raises(fl.errors.ModelError, match=r"2 passive joints.*3, one for each equation"):
         fl.build_manipulator(fl.load_scene("spatial-four-bar", changes))
 
 
 def test_an_impossible_posture_is_refused():
     pair = arm_of(*[{"modes": 0}] * 4)
     gap, posture = pair.points[:, 2] - pair.points[:, -1], [2.2, -1.3, 0.95, 1.3]
-    with pytest.raises(ToleranceNotReached, match="no solution"):
+    with pytest.raises(fl.errors.ToleranceNotReached, match="no solution"):
         close_loop(pair, gap + 100.0, [0, 2], (0, 2), posture)
-    with pytest.raises(ModelError, match="the motors' among them"):
+    with pytest.raises(fl.errors.ModelError, match="the motors' among them"):
         close_loop(pair, gap, [3, 0], (0, 2), posture)

@@ -10,7 +10,6 @@ import pytest
 
 import flexlin as fl
 from flexlin.cli import BAD_INPUT, main
-from flexlin.errors import ArgumentError, Problem, SceneError
 from flexlin.mechanics import Chain, Effect, Scale, register_effect
 from flexlin.scene import NonNegative, Positive, Unit
 from flexlin.scene import effects as tables
@@ -33,10 +32,10 @@ class BearingSprings(Effect):
         return cls(stiffness=scale.of_inertias(4.0))
 
     @classmethod
-    def contradictions(cls, raw: tables.RawTable, arm: tables.RawArm) -> Iterator[Problem]:
+    def contradictions(cls, raw: tables.RawTable, arm: tables.RawArm) -> Iterator[fl.errors.Problem]:
         for i, link in enumerate(arm.links):
             if link.get("joint") == "prismatic":
-                yield Problem(f"links.{i}.joint", "'prismatic'", "'revolute' beside effects.bearing_springs")
+                yield fl.errors.Problem(f"links.{i}.joint", "'prismatic'", "'revolute' beside effects.bearing_springs")
 
     def potential_energy(self, chain: Chain) -> ca.SX:
         stiffness = self.stiffness if isinstance(self.stiffness, tuple) else (self.stiffness,) * len(chain.joints)
@@ -72,7 +71,7 @@ def test_check_refuses_what_its_class_refuses(capsys):
         assert main(["check", *SCENE, override]) == BAD_INPUT
         told = capsys.readouterr().err
         assert all(word in told for word in words), told
-    with pytest.raises(SceneError, match=r"links\.0\.joint: got 'prismatic'"):
+    with pytest.raises(fl.errors.SceneError, match=r"links\.0\.joint: got 'prismatic'"):
         arm_of({"joint": "prismatic"}, effects={"bearing_springs": {"stiffness": 1.0}})
 
 
@@ -116,9 +115,9 @@ def test_its_numbers_may_be_free_and_its_absence_costs_nothing():
 
 def test_its_name_must_be_free_and_its_class_an_effect():
     for taken in ("gravity", "bearing_springs", "model_copy", "on", "tip spring"):
-        with pytest.raises(ArgumentError, match="name"):
+        with pytest.raises(fl.errors.ArgumentError, match="name"):
             register_effect(taken, BearingSprings)
-    with pytest.raises(ArgumentError, match="no effect"):
+    with pytest.raises(fl.errors.ArgumentError, match="no effect"):
         register_effect("table", tables.Table)
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import ArgumentError
 
 from .scenes import arm_of, random_state, value
 
@@ -64,7 +63,7 @@ def test_free_parameters_are_those_of_the_system():
 
 def test_a_periodic_load_needs_the_period():
     arm = arm_of({"modes": 0}, effects={"tip_force": {"torque": [0.0, 0.0, 0.4], "harmonic": 2}})
-    with pytest.raises(ArgumentError, match="a periodic load needs a period"):
+    with pytest.raises(fl.errors.ArgumentError, match="a periodic load needs a period"):
         arm.to_control()
     plant, inertia = arm.to_control(period=0.5), value(arm, "M", np.zeros(1))[0, 0]
     found = [plant.dynamics(t, np.zeros(2), np.zeros(1))[1] for t in (0.0, 0.05, 0.625)]

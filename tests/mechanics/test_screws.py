@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
 import flexlin as fl
-from flexlin.errors import ArgumentError
 from flexlin.kronecker import derivative
 from flexlin.mechanics.screws import Ad, ad, exponential, hat, helical, prismatic, revolute, skew
 
@@ -88,5 +87,5 @@ WRONG = {
 
 @pytest.mark.parametrize("words", WRONG)
 def test_what_is_no_screw_or_multi_index_is_refused(words):
-    with pytest.raises(ArgumentError, match=words):
+    with pytest.raises(fl.errors.ArgumentError, match=words):
         WRONG[words]()

@@ -5,7 +5,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import flexlin as fl
-from flexlin.scene import parse_scene
 
 from .scenes import random_state, value
 from .spatial import random_chain, scene_table
@@ -24,7 +23,7 @@ def test_turning_and_moving_a_whole_scene_changes_nothing():
 
     def exponents(links, direction):
         table = {**raw, "links": links, "effects": raw["effects"] | {"gravity": {"direction": list(direction)}}}
-        scene = parse_scene(table)
+        scene = fl.parse_scene(table)
         lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
         return fl.floquet(lin.periodic_system(), 1e-10).exponents
 
@@ -37,7 +36,7 @@ def test_turning_and_moving_a_whole_scene_changes_nothing():
 
 def test_the_axis_may_stay_a_symbol():
     """Its derivative is that of the forces by finite differences of the axis."""
-    scene = parse_scene(scene_table(random_chain(np.random.default_rng(2), 2, fixed=0.0)))
+    scene = fl.parse_scene(scene_table(random_chain(np.random.default_rng(2), 2, fixed=0.0)))
     arm = fl.build_manipulator(scene, ["links.1.axis.0"])
     p, state, residual = arm.parameters, random_state(arm, 1), arm.functions["residual"]
     slope = ca.Function("f", [arm.s, arm.s_dot, arm.s_ddot, p.symbols], [ca.jacobian(arm.residual, p.symbols)])

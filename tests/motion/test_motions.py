@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, MotionError
 from flexlin.motion import build_motion
 from flexlin.scene import LogMotion, TableMotion
 from tests.mechanics.scenes import swinging
@@ -79,7 +78,7 @@ def test_rotations_share_a_period():
     ],
 )
 def test_joints_that_do_not_move_together_are_refused(table, says):
-    with pytest.raises(MotionError, match=says):
+    with pytest.raises(fl.errors.MotionError, match=says):
         build_motion(table)
 
 
@@ -118,7 +117,7 @@ def test_table_may_turn_around(tmp_path):
 
 def test_the_number_of_joints_is_the_tables_or_the_arms():
     assert build_motion(swinging({"amplitude": 0.1}, {"amplitude": 0.2})).joints == 2
-    with pytest.raises(ArgumentError, match="joints are not known; got 0"):
+    with pytest.raises(fl.errors.ArgumentError, match="joints are not known; got 0"):
         build_motion({"kind": "log", "file": "log.csv", "columns": ["q"]})
 
 

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.control import pd_feedback
-from flexlin.errors import ArgumentError
 from flexlin.plots import MOST_POINTS, Series, Shown, View, make_card
 from tests.closed_arm import opened
 from tests.public_results import arm_results, stability_results
@@ -126,7 +124,7 @@ def test_datasets_bear_names_units_and_the_numbers(results):
     five = response.to_xarray(5)
     np.testing.assert_array_equal(five["response"].values, response(five["time"].values))
     for wrong in (lambda: design.to_xarray(9, ["q1"]), lambda: response.to_xarray(1), lambda: floquet.plot("left")):
-        with pytest.raises(ArgumentError):
+        with pytest.raises(fl.errors.ArgumentError):
             wrong()
 
 
@@ -140,9 +138,9 @@ def test_charts_of_one_and_two_parameters_are_drawn():
     ax = fl.plots.plot_chart(fl.sweep(scene, grid, 1e-5, grid=True))
     assert (ax.get_xlabel(), ax.get_ylabel()) == tuple(grid)
     for wrong in (None, one["exponents"], {"verdict": 1}):
-        with pytest.raises(ArgumentError):
+        with pytest.raises(fl.errors.ArgumentError):
             fl.plots.plot_chart(wrong)
-    with pytest.raises(ArgumentError, match="'b'"):
+    with pytest.raises(fl.errors.ArgumentError, match="'b'"):
         fl.plots.compare({"b": 3})
 
 
@@ -190,7 +188,7 @@ def test_a_linearization_serves_where_a_system_is_meant():
     np.testing.assert_allclose(fl.floquet(lin, tol=1e-7).exponents, same, rtol=1e-12)
     loops, Q = ((plant, 100.0), (plant.periodic_system(), [[100.0]])), np.diag([1.0, 1.0, 0.01, 0.01])
     np.testing.assert_array_equal(*[fl.periodic_lqr(system, Q, R, tol=1e-6).K(0.3) for system, R in loops])
-    assert pd_feedback(plant, [0], [10.0], [1.0]).K(np.zeros(1)).shape == (1, 1, 4)
+    assert fl.control.pd_feedback(plant, [0], [10.0], [1.0]).K(np.zeros(1)).shape == (1, 1, 4)
 
 
 def test_curves_beyond_the_colours_are_dashed():

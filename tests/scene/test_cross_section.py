@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import SceneError
 from flexlin.scene import MATERIALS, CrossSection, scene_schema, strip, tube
 from tests.mechanics.scenes import swinging
 
@@ -70,7 +69,7 @@ def test_effects_follow_where_every_link_has_a_section():
     assert on.shear.stiffness == pytest.approx((10 * 1.35 / (12 + 11 * 0.35) * 68.9e9 / 2.7 * 6e-5,) * 2)
     assert parse(LINK, effects={"shear": {"stiffness": 3.0}}).effects.shear.stiffness == 3.0
     plain = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0}
-    with pytest.raises(SceneError, match=r"effects\.shear\.stiffness: got nothing"):
+    with pytest.raises(fl.errors.SceneError, match=r"effects\.shear\.stiffness: got nothing"):
         parse(LINK, plain, effects={"shear": {}})
 
 
@@ -90,7 +89,7 @@ def test_effects_follow_where_every_link_has_a_section():
     ],
 )  # fmt: skip
 def test_refusals(change, words):
-    with pytest.raises(SceneError, match=words) as refused:
+    with pytest.raises(fl.errors.SceneError, match=words) as refused:
         parse({**LINK, **change})
     assert len(refused.value.problems) == 1
 

@@ -12,7 +12,6 @@ import pytest
 
 import flexlin as fl
 from flexlin.cli import main
-from flexlin.errors import SceneError
 from flexlin.scene import apply_overrides, builtin_scenes, known_effects, scene_schema, write_toml
 
 pytestmark = pytest.mark.xdist_group("schema")
@@ -80,7 +79,7 @@ def test_every_scene_fits_the_schema(name):
 def test_what_the_schema_refuses_flexlin_refuses(change):
     raw, _ = apply_overrides(raw_scene("single-link"), change)
     assert not accepts(schema(), raw)
-    with pytest.raises(SceneError):
+    with pytest.raises(fl.errors.SceneError):
         fl.parse_scene(raw)
 
 

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 import flexlin as fl
 from flexlin.cli import BAD_INPUT, main
-from flexlin.errors import SceneError
 from flexlin.scene import angles_of, models_folder, rotation_of
 from tests.mechanics.scenes import swinging, value
 from tests.mechanics.spatial import inverse_dynamics, random_chain
@@ -81,7 +80,7 @@ def test_branches_and_the_chosen_chain(tmp_path):
         ("tip: got 2 possible links", {}),
         ("base: got 'nowhere'", {"base": "nowhere", "tip": "link_4"}),
     ):
-        with pytest.raises(SceneError, match=words):
+        with pytest.raises(fl.errors.SceneError, match=words):
             fl.scene_from_urdf(path, **ends)
 
 
@@ -131,7 +130,7 @@ def test_a_link_that_bends_keeps_its_place():
     assert other.links[1].mass_per_length == pytest.approx(2710.0 * area)
     assert other.links[1].bending_stiffness == pytest.approx((68.9e9 * second,) * 2)
     assert "kg by its section" in other.source
-    with pytest.raises(SceneError, match="no bending_stiffness beside section"):
+    with pytest.raises(fl.errors.SceneError, match="no bending_stiffness beside section"):
         scene_of(link_2={**stiff, "section": tube})
 
 
@@ -222,7 +221,7 @@ def test_a_negative_inertia_beside_the_chain_is_not_judged(parent, kind, tmp_pat
         return fl.scene_from_urdf(put(tmp_path, TEXT.replace("</robot>", antenna + joint)), tip=tip)
 
     assert scene_with(parent, kind).links == fl.scene_from_urdf(R3).links
-    with pytest.raises(SceneError, match=r"line \d+.*negative principal inertia in the chain, of 'antenna'"):
+    with pytest.raises(fl.errors.SceneError, match=r"line \d+.*negative principal inertia in the chain, of 'antenna'"):
         scene_with("link_2", "fixed")
 
 

@@ -8,7 +8,6 @@ import pytest
 
 import flexlin as fl
 from flexlin.cli import BAD_INPUT, main
-from flexlin.errors import SceneError
 from flexlin.scene import models_folder
 from tests.mechanics.scenes import swinging
 
@@ -40,14 +39,14 @@ def robot(**more):
 )
 def test_scenes_that_name_a_robot_wrongly(tables, key):
     motion = swinging(*[{"amplitude": 0.1}] * 6)
-    with pytest.raises(SceneError) as caught:
+    with pytest.raises(fl.errors.SceneError) as caught:
         fl.parse_scene({"schema": 1, "title": "t", "motion": motion, **tables}, folder=R3.parent)
     assert key in {problem.key for problem in caught.value.problems}, caught.value
 
 
 def test_a_scene_whose_robot_file_is_broken_names_its_key_and_the_line(tmp_path):
     (tmp_path / "half.urdf").write_text(TEXT[: len(TEXT) // 2], encoding="utf-8")
-    with pytest.raises(SceneError, match=r"robot\.urdf: line \d+") as caught:
+    with pytest.raises(fl.errors.SceneError, match=r"robot\.urdf: line \d+") as caught:
         fl.parse_scene({"schema": 1, "title": "t", "robot": {"urdf": "half.urdf"}}, folder=tmp_path)
     assert "half.urdf" in str(caught.value)
 
@@ -138,5 +137,5 @@ def test_two_hundred_broken_files_end_with_a_message_that_says_where(tmp_path, c
         assert "\x1b" not in told
         assert len(told) < 4000
         if i < len(BROKEN):
-            with pytest.raises(SceneError, match="line "):
+            with pytest.raises(fl.errors.SceneError, match="line "):
                 fl.scene_from_urdf(path)

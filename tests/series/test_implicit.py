@@ -8,7 +8,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
 from flexlin.mechanics import five_bar, four_bar, rssr
 
 from .test_explicit import slope
@@ -207,7 +206,7 @@ def test_few_digits_are_refined(inverse):
 
 def test_singular_point_is_named():
     f, u, v = five_bar(1.6, LEFT, LEFT).equations((4, 5))
-    with pytest.raises(SingularClosure, match="closest singular configuration: u = ") as caught:
+    with pytest.raises(fl.errors.SingularClosure, match="closest singular configuration: u = ") as caught:
         fl.implicit_taylor(f, u, v, [0.8, 0.0], [0, 0, np.pi, 0], 3)
     assert "can move along" in str(caught.value)
 
@@ -215,12 +214,12 @@ def test_singular_point_is_named():
 def test_open_loop_is_refused():
     f, u, v = INVERSE
     for equations, words in ((f, "does not solve"), (f[:3], "equations")):
-        with pytest.raises(ArgumentError, match=words):
+        with pytest.raises(fl.errors.ArgumentError, match=words):
             fl.implicit_taylor(equations, u, v, [0.1, 0.5], [1.0, 1.0, 1.0, 1.0], 3)
 
 
 def test_refinement_outside_the_reach_says_so(inverse):
-    with pytest.raises(ToleranceNotReached, match="radius"):
+    with pytest.raises(fl.errors.ToleranceNotReached, match="radius"):
         inverse.refined([2.0, 0.0])
     assert inverse.error([2.0, 0.0]) > 0.1
 
