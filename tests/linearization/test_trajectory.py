@@ -93,29 +93,6 @@ def swing(**changes):
     return fl.Trajectory(given.pop("x"), given.pop("u"), **given)
 
 
-@pytest.mark.slow
-def test_the_loop_of_a_design_along_a_trajectory_holds_the_function_itself():
-    """LQR of the linear system brings the nonlinear pendulum back to its trajectory, at the rate that Floquet states."""
-    from scipy.integrate import solve_ivp
-
-    f, path = pendulum(), swing()
-    system = fl.linearize(f, path)
-    assert fl.floquet(system).verdict == "unstable"
-    design = fl.periodic_lqr(system, np.eye(2), np.eye(1))
-    slowest = fl.floquet(design.closed_loop)
-    assert slowest.verdict == "stable"
-
-    def rate(t, x):
-        y = x - path(t)
-        return np.array(f(x, path.u(np.array([t]))[0] - design.K(np.array([t]))[0] @ y)).ravel()
-
-    start = path(0.0) + np.array([1e-4, 0.0])
-    run = solve_ivp(rate, (0, 6 * T), start, rtol=1e-11, atol=1e-14, t_eval=[2 * T, 3 * T])
-    sizes = [np.linalg.norm(design.X(np.array([0.0]))[0] @ (x - path(t))) for t, x in zip(run.t, run.y.T, strict=True)]
-    decay = np.log(sizes[1] / sizes[0]) / T
-    assert decay < 0.9 * slowest.exponents[0].real
-
-
 def test_a_finite_trajectory_is_a_horizon():
     """Anderson, Moore (1990), ch. 2: for x' = u with unit weights and no cost at the end X = tanh(T - t)."""
     x, u, t = (ca.SX.sym(name) for name in "xut")

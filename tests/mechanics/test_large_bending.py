@@ -1,12 +1,10 @@
-"""Links that bend far: the elastica, an inextensible curve of segments, positive kinetic energy, and the second order of small bending."""
+"""Links that bend far: positive kinetic energy, the energy that a swing keeps, and the second order of small bending."""
 
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.mechanics import clamped_free
 from flexlin.scene import builtin_scenes
 from tests.closed_arm import control_loop
 from tests.thinned import thin
@@ -16,64 +14,6 @@ from .test_jury import random_scene
 
 STIFFENED = {"geometric_stiffening": {}}
 THIN = {"length": 1.0, "mass_per_length": 0.162, "bending_stiffness": 1.4}
-
-
-def swing(arm, start, t, dissipated=0.0):
-    """The tip (N, 2) and the energy of an arm that is let go at rest."""
-    n = arm.n
-    still = [ca.substitute(part, arm.s_ddot, 0) for part in (ca.jacobian(arm.residual, arm.s_ddot), arm.residual)]
-    equations = ca.Function("equations", [arm.s, arm.s_dot], still)
-
-    def rates(_, x):
-        M, left = equations(x[:n], x[n:])
-        return np.r_[x[n:], np.linalg.solve(M.full(), -left.full()[:, 0])]
-
-    run = solve_ivp(rates, (0.0, t[-1]), np.r_[start, np.zeros(n)], "DOP853", t, rtol=1e-9, atol=1e-11)
-    assert run.success
-    energy = np.array([float(arm.functions["energy"](x[:n], x[n:], [])) for x in run.y.T])
-    return np.array([arm.functions["points"](x[:n], []).full()[:, -1] for x in run.y.T]), energy
-
-
-def segment_form(length, mass, payload):
-    """a (n, n) with T = 1/2 sum a_ij e_i'.e_j' of rigid segments: the lever l_i times (m_j / 2 + all beyond j) l_j.
-
-    Source: the rigid finite element method, Wittbrodt, Adamiec-Wojcik, Wojciech (2006).
-    """
-    beyond = np.append(np.cumsum(mass[::-1])[::-1][1:], 0.0) + payload
-    a = np.triu(np.outer(length, length * (mass / 2 + beyond)), 1)
-    return a + a.T + np.diag(length**2 * (mass / 3 + beyond))
-
-
-def swing_segments(link, size, payload, count, t):
-    """The tip of rigid segments, cut at springs EI / h, half a segment at both ends, let go from the first mode's slopes."""
-    h = 1.0 / count
-    own = np.array([h / 2, *[h] * (count - 1), h / 2])
-    a, between = segment_form(own, own * link["mass_per_length"], payload), np.diff(np.eye(len(own)), axis=0)
-    centres = np.cumsum(own) - own / 2
-    phi = size * clamped_free(1).values(centres, 1)[0] / clamped_free(1).values(np.ones(1))[0, 0]
-    K, n = link["bending_stiffness"] / h * between.T @ between, len(own)
-
-    def rates(_, x):
-        phi, rate = x[:n], x[n:]
-        apart = phi[:, None] - phi
-        return np.r_[rate, np.linalg.solve(a * np.cos(apart), -K @ phi - a * np.sin(apart) @ rate**2)]
-
-    run = solve_ivp(rates, (0.0, t[-1]), np.r_[phi, np.zeros(n)], "LSODA", t, rtol=1e-7, atol=1e-9)
-    return np.stack([own @ np.cos(run.y[:n]), own @ np.sin(run.y[:n])], axis=1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [0.1, 0.25])
-def test_a_free_link_swings_as_an_inextensible_curve(size):
-    """No hub, a payload of half the mass: against segments by Richardson's rule."""
-    payload, t = 0.08, np.linspace(0.0, 0.15, 16)
-    arm = arm_of({**THIN, "modes": 4}, effects={**STIFFENED, "payload": {"mass": payload}})
-    first = size / clamped_free(1).values(np.ones(1))[0, 0]
-    tip, energy = swing(arm, np.r_[0.0, first, np.zeros(3)], t)
-    coarse, fine = (swing_segments(THIN, size, payload, count, t) for count in (6, 12))
-    exact = fine + (fine - coarse) / 3
-    assert np.abs(tip - exact).max() < {0.1: 0.005, 0.25: 0.02}[size] * size
-    assert np.ptp(energy) < 1e-8 * energy[0]
 
 
 def light_arm(seed):

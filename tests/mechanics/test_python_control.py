@@ -40,18 +40,6 @@ def test_its_rates_solve_the_equations():
     np.testing.assert_allclose(left, np.append(1.25 * u, np.zeros(4)), atol=1e-10)
 
 
-def test_its_linearization_is_that_of_flexlin():
-    """[0, I; -M^-1 K, -M^-1 D] and M^-1 B where the arm hangs at rest: python-control differs."""
-    _, lin = falling(-np.pi / 2)
-    hanging = np.array([-np.pi / 2, *np.zeros(2 * lin.n - 1)])
-    plant, expected = lin.arm.to_control(), lin.periodic_system()
-    np.testing.assert_allclose(plant.dynamics(0.0, hanging, np.zeros(1)), 0.0, atol=1e-12)
-    linear = plant.linearize(hanging, 0.0)
-    scale = np.abs(lin.K(0.0)).max()
-    np.testing.assert_allclose(linear.A, expected.A(np.zeros(1))[0], rtol=1e-5, atol=1e-6 * scale)
-    np.testing.assert_allclose(linear.B, expected.B(np.zeros(1))[0], rtol=1e-6)
-
-
 def test_free_parameters_are_those_of_the_system():
     scene, _ = falling()
     arm = fl.build_manipulator(scene, [PAYLOAD])

@@ -6,7 +6,6 @@ A unit column l = EI = rhoA = 1, clamped at its base; eight clamped-free modes c
 from collections.abc import Callable
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import eigvals
@@ -89,17 +88,6 @@ def test_prestressed_frequencies(load, frame):
     exact = characteristic(load, frame == "tip")
     for omega in np.sqrt(np.sort(eigvals(K, M).real)[:2]):
         assert brentq(exact, 0.97 * omega, 1.03 * omega) == pytest.approx(omega, rel=2e-3)
-
-
-def test_a_force_in_the_world_is_the_gradient_of_its_potential():
-    """-F . r, in space too, where links bend both ways and twist."""
-    spatial = {"modes": {"y": 1, "z": 1, "torsion": 1}, "torsional_stiffness": 0.8, "polar_inertia": 1e-3}
-    force = [1.0, -2.0, 3.0]
-    effects = {"geometric_stiffening": {}, "tip_force": {"force": force}}
-    arm = arm_of(spatial, {"axis": [0, 1, 0]}, effects=effects)
-    s = 0.1 * np.random.default_rng(0).normal(size=arm.n)
-    slopes = ca.Function("slopes", [arm.s], [ca.jacobian(arm.points[:, -1], arm.s)])(s).full()
-    np.testing.assert_allclose(value(arm, "damping", s, np.zeros(arm.n))[:, 0], -slopes.T @ force, atol=1e-12)
 
 
 def shaken() -> fl.Scene:

@@ -3,8 +3,6 @@
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import flexlin as fl
@@ -77,16 +75,6 @@ def test_matrix_symbols_of_mx_kind():
     x = ca.MX.sym("x", 2)
     P = fl.taylor(ca.sin(x) * x[0], x, POINT, 2)
     assert_allclose(P(np.zeros(2))[:, 0], np.sin(POINT) * POINT[0], atol=1e-16)
-
-
-@settings(deadline=None, max_examples=20)
-@given(st.lists(st.floats(-2, 2), min_size=10, max_size=10), st.floats(-1, 1), st.floats(-1, 1))
-def test_polynomials_are_reproduced_everywhere(weights, x, y):
-    terms = ca.vertcat(*[X[0] ** i * X[1] ** j for i in range(4) for j in range(4 - i)])
-    cubic = ca.dot(ca.DM(weights), terms)
-    P, exact = fl.taylor(cubic, X, [x, y], 3), ca.Function("p", [X], [cubic])
-    away = np.array([1.5, -0.7])
-    assert_allclose(P(away), exact(away + np.array([x, y])).full(), atol=1e-10)
 
 
 def test_geometric_series_and_whole_powers_at_zero():
