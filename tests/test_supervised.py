@@ -216,14 +216,14 @@ def test_an_interrupt_while_the_program_is_loaded_leaves_no_trace(wait):
     """Whether a request to end strikes the program, or Ctrl-C the program and its work, as in a terminal."""
     begins = "lambda event, of: event == 'import' and of[0] == 'flexlin.cli.program' and print('begun', flush=True)"
     code = f"import sys, flexlin.__main__ as program; sys.addaudithook({begins}); program.main()"
-    for whole in (False, True):
+    word = "flexlin: interrupted; no file was left half-written"  # by the program, its work, or both at once
+    for kill, number in ((os.killpg, signal.SIGINT), (os.kill, signal.SIGTERM)):
         run = begin("-c", code, "check", "single-link", start_new_session=True)
         assert run.stdout.readline() == "begun\n"
         time.sleep(wait)
-        os.killpg(run.pid, signal.SIGINT) if whole else os.kill(run.pid, signal.SIGTERM)
+        kill(run.pid, number)
         out, said = run.communicate(timeout=300)
         assert run.returncode in (0, 1), out
-        word = "flexlin: interrupted; no file was left half-written"  # by the program, its work, or both at once
         left = [line for line in said.replace(word, "").split("\n") if line and not line.endswith(" so far)")]
         assert (left, word in said) == ([], run.returncode == 1)
 

@@ -20,16 +20,14 @@ from .scenes import arm_of, linear, plain_scene, swinging, value
 @pytest.mark.parametrize("seed", thin(range(6), 2))
 def test_a_random_rssr_is_where_the_closed_form_has_it(seed):
     """Positions by the input-output equation."""
-    rng = np.random.default_rng(20 + seed)
-    table, bars, length, angle, start = random_rssr(rng)
-    arm = fl.build_manipulator(fl.parse_scene(table))
-    at, ways = start, 0
+    table, bars, length, angle, at = random_rssr(np.random.default_rng(20 + seed))
+    arm, ways = fl.build_manipulator(fl.parse_scene(table)), 0
     for crank in angle + np.linspace(0, 0.6, 13):
         both = rssr_angles(bars, length, crank)
         if not np.all(np.isfinite(both)) or np.ptp(np.cos(both)) + np.ptp(np.sin(both)) < 0.3:
             break  # near a dead point
         at = nearest(both, at)
-        assert_allclose(np.array(arm.functions["followers"]([crank], []))[-1, 0], at, rtol=0, atol=1e-12)
+        assert_allclose(value(arm, "followers", [crank])[-1, 0], at, rtol=0, atol=1e-12)
         ways += 1
     assert ways > 0
 
@@ -80,31 +78,28 @@ def flexible():
     """The spatial four-bar with one mode in each direction."""
     faster = {"motion.frequency": 8.0, "control.feedback": {"kind": "pd", "kp": [40.0], "kd": [0.3]}}
     scene = fl.load_scene("spatial-four-bar", {"links.2.modes": {"y": 1, "z": 1}, "designs": [], **faster})
-    arm = fl.build_manipulator(scene)
-    return scene, arm, fl.linearize(arm, scene.motion, scene.control)
+    return scene, fl.build_manipulator(scene)
 
 
 def test_both_routes_agree_and_are_slopes_of_the_nonlinear_equations(flexible):
-    scene, arm, lin = flexible
-    t, h = np.linspace(0, lin.period, 5), 1e-5
-    one, two = (fl.linearize(arm, scene.motion, route=route).sample(t) for route in ("jacobian", "kronecker"))
-    assert_allclose(one.K, two.K, rtol=0, atol=1e-10 * np.abs(one.K).max())
-    assert_allclose(one.D, two.D, rtol=0, atol=1e-10 * np.abs(one.D).max())
-    q, rate, more = (np.append(part[1], [0.0, 0.0]) for part in lin.motion.sample(t))
-
-    def residual(dq, dv):
-        return np.array(arm.functions["residual"](q + dq, rate + dv, more, []))[:, 0]
-
+    scene, arm = flexible
+    lins = [fl.linearize(arm, scene.motion, route=route) for route in ("jacobian", "kronecker")]
+    t, h = np.linspace(0, lins[0].period, 5), 1e-5
+    one, two = (lin.sample(t) for lin in lins)
+    for name in "KD":
+        first = getattr(one, name)
+        assert_allclose(first, getattr(two, name), rtol=0, atol=1e-10 * np.abs(first).max())
+    q, rate, more = (np.append(part[1], [0.0, 0.0]) for part in lins[0].motion.sample(t))
     for k, e in enumerate(h * np.eye(3)):
-        slopes = residual(e, 0 * e) - residual(-e, 0 * e), residual(0 * e, e) - residual(0 * e, -e)
-        for slope, exact in zip(slopes, (one.K[1], one.D[1]), strict=True):
-            assert_allclose(slope / (2 * h), exact[:, k], rtol=0, atol=1e-6 * np.abs(exact).max())
+        for dq, dv, exact in ((e, 0 * e, one.K[1]), (0 * e, e, one.D[1])):
+            change = value(arm, "residual", q + dq, rate + dv, more) - value(arm, "residual", q - dq, rate - dv, more)
+            assert_allclose(change[:, 0] / (2 * h), exact[:, k], rtol=0, atol=1e-6 * np.abs(exact).max())
 
 
 @pytest.mark.slow
 def test_free_numbers_move_the_closure(flexible):
     """A length left free as a symbol is one that is built in."""
-    scene, _, _ = flexible
+    scene, _ = flexible
     free = fl.build_manipulator(scene, ["links.3.length"])
     built = fl.build_manipulator(revise_scene(scene, {"links.3.length": 0.53}))
     state = ([0.3, 1e-3, -2e-3], [1.0, 0.1, 0.2], [2.0, 3.0, 4.0])

@@ -90,10 +90,8 @@ KNOWN = [("prismatic", "20 mm", 0.02, "20 deg"), ("revolute", "20 deg", math.pi 
 def test_an_amplitude_has_the_unit_of_its_joint(kind, amplitude, value, other):
     """A degree passes for no metre, and a metre for no degree: in a scene, and in a motion as a dict beside an arm."""
     assert moved(amplitude, kind).motion.joints[0].amplitude == pytest.approx(value)
-    expected = (
-        "expected a number in rad or m, or an angle such as 0.5 deg where all joints turn, or a length such as 2 mm"
-    )
-    with pytest.raises(fl.errors.SceneError, match=rf"amplitude: got '20 .*{expected} where all slide"):
+    expected = "a number in rad or m, or an angle such as 0.5 deg where all joints turn, or a length such as 2 mm"
+    with pytest.raises(fl.errors.SceneError, match=rf"amplitude: got '20 .*expected {expected} where all slide"):
         moved(other, kind)
     arm = fl.build_manipulator(moved(0.0, kind))
     lin = fl.linearize(arm, swinging({"amplitude": amplitude}))
