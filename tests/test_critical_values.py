@@ -1,4 +1,4 @@
-"""Critical values of scenes, against Mathieu's characteristic values and against bisection by `floquet`."""
+"""Critical values and boundary curves of scenes and functions, against Mathieu's characteristic values and bisection by `floquet`."""
 
 from itertools import product
 
@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
-from flexlin.scene import replace_value
+from flexlin.scene import replace_value, revise_scene
 
 from .closed_arm import control_loop
 from .mechanics.scenes import clamped_constants, plain_scene, swinging
@@ -165,3 +165,120 @@ def test_a_free_rigid_motion_does_not_blur_a_critical_value():
     for one in (onset, recovery):
         assert one.error < 1e-3
         assert growth(one.value - one.error) * growth(one.value + one.error) < 0
+
+
+def distances(points):
+    """Distance (N,) of points (rate, gravity) of the spinning link from the nearest boundary of Mathieu's tongues, by a Newton step."""
+    k11, G, H = clamped_constants()
+    (rate, gravity), h, every = points.T, 1e-6, []
+    for n, characteristic in product(range(1, 8), (mathieu_a, mathieu_b)):
+
+        def excess(rate, gravity, n=n, characteristic=characteristic):
+            return 4 * (k11 / rate**2 + G - 1) - characteristic(n, 2 * gravity * H / rate**2)
+
+        by_rate = excess(rate + h, gravity) - excess(rate - h, gravity)
+        by_gravity = excess(rate, gravity + h) - excess(rate, gravity - h)
+        every.append(2 * h * np.abs(excess(rate, gravity)) / np.hypot(by_rate, by_gravity))
+    return np.min(every, axis=0)
+
+
+def test_verdicts_of_the_spinning_link_are_those_of_mathieus_chart():
+    """Unstable exactly between b_n(q) and a_n(q) for some n. Source: McLachlan (1947), through scipy.special.
+
+    a = 4 (k11 + (G - m11) W^2)/(m11 W^2), q = 2 g H/(m11 W^2); constants of the first clamped mode.
+    """
+    axes = {"motion.joints.0.rate": np.linspace(1.5, 4.5, 31), "effects.gravity.acceleration": np.linspace(1.0, 6.0, 6)}
+    data = fl.sweep(fl.load_scene("spinning-link"), axes, grid=True)
+    rate, gravity = np.meshgrid(*axes.values(), indexing="ij")
+    k11, G, H = clamped_constants()
+    a, q = 4 * (k11 + (G - 1) * rate**2) / rate**2, 2 * gravity * H / rate**2
+    inside = np.zeros(a.shape, dtype=bool)
+    for n in range(1, 12):
+        inside |= (mathieu_b(n, q) < a) & (a < mathieu_a(n, q))
+    np.testing.assert_array_equal(data["verdict"].values == "unstable", inside)
+    assert 10 < inside.sum() < inside.size / 2
+
+
+@pytest.mark.slow
+def test_tongues_of_the_spinning_link_lie_on_mathieus_curves():
+    ranges = {"motion.joints.0.rate": (2.2, 4.5), "effects.gravity.acceleration": (1.0, 6.0)}
+    curves = fl.stability_boundary(fl.load_scene("spinning-link"), ranges, cells=12)
+    assert len(curves) == 4
+    for curve in curves:
+        between = (curve.points[1:] + curve.points[:-1]) / 2
+        assert np.all(distances(curve.points) <= curve.error + 1e-9)
+        assert max(distances(curve.points).max(), distances(between).max()) < 1e-6
+        assert not curve.closed
+    assert curves[0].evaluations < 30_000
+    orders = sorted(curve.resonance[:30] for curve in curves)
+    assert orders == ["principal resonance of order 2"] * 2 + ["principal resonance of order 3"] * 2
+
+
+@pytest.mark.parametrize(
+    ("rate", "other", "error"),
+    [
+        ((1.0, 2.0), {}, fl.errors.ArgumentError),
+        ((2.0, 1.0), {"effects.gravity.acceleration": (1.0, 2.0)}, fl.errors.ArgumentError),
+        ((1.0, 2.0), {"links.0.length": (-1.0, 1.0)}, fl.errors.SceneError),
+    ],
+)
+def test_ranges_that_do_not_fit_are_refused(rate, other, error):
+    with pytest.raises(error):
+        fl.stability_boundary(fl.load_scene("spinning-link"), {"motion.joints.0.rate": rate, **other})
+
+
+@pytest.mark.slow
+def test_a_curve_says_whether_it_is_as_near_as_was_asked():
+    """The claims of a curve are below tol as far as rounding of the spectra lets them."""
+
+    def damped(a, q):
+        return oscillator(lambda t: a - 2 * q * np.cos(2 * t), 0.2)
+
+    ranges = {"a": (0.9, 1.3), "q": (0.15, 0.3)}
+    for curve in fl.stability_boundary(damped, ranges, 1e-5, cells=6):
+        assert curve.error.max() <= 0.4e-5  # of a range of 0.4
+        assert curve.status == f"every point lies within {curve.error.max():.1e} of the boundary"
+    for curve in fl.stability_boundary(damped, ranges, 1e-10, cells=6):
+        (a, q), far = curve.points[curve.error.argmax()], (curve.error > 0.4e-10).sum()
+        assert far
+        assert curve.status.startswith(f"{far} of {len(curve.points)} points may lie further")
+        assert f"4.0e-11 asked for, up to {curve.error.max():.1e} at a = {a:.6g}, q = {q:.6g}; ask for" in curve.status
+
+
+STRIP = {
+    "links.0.modes": 3,
+    "effects.geometric_stiffening": "off",
+    "links.0.length": 1.0,
+    "links.0.mass_per_length": 0.162,
+    "links.0.bending_stiffness": 1.4,
+    "effects.hub": {"inertia": 0.05},
+    "effects.payload": {"mass": 0.1},
+    "effects.modal_damping": {"ratio": 0.005},
+    "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}]},
+    "control": {"feedback": {"kind": "pd", "kp": [20], "kd": [2]}},
+    "designs": [],
+}
+RANGES = {"motion.frequency": (0.5, 12.0), "effects.payload.mass": (0.0, 2.0)}
+
+
+@pytest.mark.slow
+def test_no_tongue_of_a_strip_is_lost_between_lattice_lines(monkeypatch):
+    """In a cell of 0.36 Hz multipliers turn several times round; critical values along other lines are those of the curves."""
+    scene = fl.load_scene("single-link", STRIP)
+    curves = fl.stability_boundary(scene, RANGES, tol=1e-4)
+    assert not any(len(curve.lost) for curve in curves)
+    for mass in (0.17, 0.23):
+        exact = fl.critical_values(revise_scene(scene, {"effects.payload.mass": mass}), "motion.frequency", (0.5, 12.0))
+        found = [crossed for curve in curves for crossed in cross(curve.points, mass)]
+        np.testing.assert_allclose(sorted(found), [one.value for one in exact], atol=5e-3)
+    monkeypatch.setattr("flexlin.periodic.boundary.crossings.LINE_HALVINGS", 0)
+    broken = [curve for curve in fl.stability_boundary(scene, RANGES, tol=1e-4) if len(curve.lost)]
+    assert broken
+    assert all("it was lost at motion.frequency = " in curve.status for curve in broken)
+
+
+def cross(points, height):
+    """Where a polyline crosses a level of its second coordinate."""
+    above = points[:, 1] - height
+    k = np.flatnonzero(above[1:] * above[:-1] < 0)
+    return points[k, 0] + (points[k + 1, 0] - points[k, 0]) * above[k] / (above[k] - above[k + 1])
