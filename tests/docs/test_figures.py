@@ -1,4 +1,4 @@
-"""The pages of docs/ show what the code and the studies give: blocks, the picture of the house, the index of studies."""
+"""The pages of docs/ show what the code and the studies give, and every link leads somewhere; `make links` asks those to other sites."""
 
 import ast
 import importlib.util
@@ -6,6 +6,7 @@ import re
 import sys
 from pathlib import Path
 from types import ModuleType
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -123,3 +124,37 @@ def test_every_place_that_the_walks_name_exists():
         defined = {node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
         assert name in defined, file
     assert not re.findall(r"`[\w/]+\.py`", walks), "a file is named without what it holds"
+
+
+FOLDERS = ("*.md", "docs/*.md", "docs/tasks/*.md", "docs/theory/*.md", "docs/reference/*.md")
+BUILT = {"gallery", "gallery.md", "house.svg"}
+"""Pages and pictures that are made when the site is built."""
+LINKED = sorted(page for pattern in FOLDERS for page in ROOT.glob(pattern) if page.name not in BUILT)
+
+
+def collect_links(text: str) -> list[str]:
+    """Targets of Markdown links and pictures, of figures and of {doc} roles; what stands in code is none."""
+    prose = re.sub(r"`[^`\n]*`(?!\])", "", re.sub(r"```(?!\{figure).*?```", "", text, flags=re.S))
+    plain = re.findall(r"(?<!\w)!?\[[^\]\n]*\]\(([^)\s]+)\)", prose)
+    figures = re.findall(r"```\{figure\} (\S+)", text)
+    return [*plain, *figures, *re.findall(r"https?://[^\s)>\"'`]+", prose)]
+
+
+@pytest.mark.parametrize("page", LINKED, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_leads_somewhere(page):
+    text = page.read_text(encoding="utf-8")
+    for link in collect_links(text):
+        parts = urlsplit(link)
+        if parts.scheme:
+            assert parts.scheme == "https", link
+            assert re.fullmatch(r"[a-z0-9.-]+\.[a-z]{2,}", parts.netloc), link
+        elif parts.path:
+            assert (page.parent / parts.path).exists() or parts.path in BUILT, link
+    for name in re.findall(r"\{doc\}`([^`<>]+)`", text):
+        base = DOCS if name.startswith("/") else page.parent
+        assert (base / f"{name.lstrip('/')}.md").exists() or name.removeprefix("../") in BUILT, name
+
+
+def test_links_are_recognised():
+    text = "see [a](b.md), ![c](d.png) and <https://e.org/f>; `[g](h)` is code\n```{figure} i.png\n```\n"
+    assert sorted(set(collect_links(text))) == ["b.md", "d.png", "https://e.org/f", "i.png"]
