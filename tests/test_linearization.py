@@ -7,7 +7,7 @@ import pytest
 import flexlin as fl
 from flexlin.errors import ArgumentError, InputError, MotionError
 from flexlin.linearization import by_jacobian, by_kronecker
-from tests.mechanics.scenes import clamped_constants, linear, plain_scene, swinging
+from tests.mechanics.scenes import linear, plain_scene, swinging
 
 LINK = {"length": 0.7, "mass_per_length": 0.4, "bending_stiffness": 3.0, "modes": 2}
 ALL = {
@@ -47,24 +47,6 @@ def test_rigid_two_link_arm():
         _, D, K = (m.full() for m in matrices(q, q1, q2))
         np.testing.assert_allclose(K, [[-8.475995, -3.684682], [-4.127415, -4.233294]], atol=5e-7)
         np.testing.assert_allclose(D, [[1.288435, 0.322109], [0.966327, 0.0]], atol=5e-7)
-
-
-def test_prescribed_link_is_mathieu():
-    """One mode, gravity, stiffening, q = W t: x'' + (a - 2 q cos 2 tau) x = 0 with tau = W t/2 - pi/4.
-
-    Derived by hand: K_L = k11 + (G - m11) W^2 - g H sin W t; the integrals come from SciPy's quadrature here.
-    """
-    scene = fl.load_scene("spinning-link")
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
-    W, g = scene.motion.joints[0].rate, scene.effects.gravity.acceleration
-    _, G, H = clamped_constants()
-    a, q = 4 * (12.36236337 + (G - 1) * W**2) / W**2, 2 * g * H / W**2
-    t = np.linspace(0.0, lin.period, 9)
-    tau = W * t / 2 - np.pi / 4
-    stiffness = W**2 / 4 * (a - 2 * q * np.cos(2 * tau))
-    np.testing.assert_allclose(lin.M(t)[:, 0, 0], 1.0, rtol=1e-12)
-    np.testing.assert_allclose(lin.K(t)[:, 0, 0], stiffness, rtol=1e-8)
-    assert lin.inputs == ()
 
 
 def test_free_parameters_change_nothing_at_their_nominal_values():
