@@ -11,16 +11,7 @@ from pydantic import ValidationError
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.scene import (
-    apply_overrides,
-    builtin_scenes,
-    get_value,
-    label_number,
-    numeric_paths,
-    parse_assignment,
-    parse_scene,
-    replace_value,
-)
+from flexlin.scene import apply_overrides, get_value, label_number, numeric_paths, parse_assignment, replace_value
 
 GOOD = {
     "schema": 1,
@@ -39,7 +30,7 @@ def with_change(path, value):
     return raw
 
 
-@pytest.mark.parametrize("name", sorted(builtin_scenes()))
+@pytest.mark.parametrize("name", sorted(fl.scenes()))
 def test_shipped_scenes_load(name):
     scene = fl.load_scene(name)
     assert scene.title == fl.scenes()[name]
@@ -48,15 +39,15 @@ def test_shipped_scenes_load(name):
 
 def test_scenes_are_frozen():
     with pytest.raises(ValidationError):
-        parse_scene(GOOD).title = "other"
+        fl.parse_scene(GOOD).title = "other"
 
 
 def test_an_effect_is_switched_by_its_whole_table():
-    on = parse_scene(GOOD, overrides={"effects.hub": {"inertia": 0.1}})
+    on = fl.parse_scene(GOOD, overrides={"effects.hub": {"inertia": 0.1}})
     assert on.effects.hub.inertia == 0.1
-    assert parse_scene(GOOD, overrides={"effects.payload": "off"}).effects.payload is None
+    assert fl.parse_scene(GOOD, overrides={"effects.payload": "off"}).effects.payload is None
     with pytest.raises(SceneError, match="effect that is off"):
-        parse_scene(GOOD, overrides={"effects.hub.inertia": 0.1})
+        fl.parse_scene(GOOD, overrides={"effects.hub.inertia": 0.1})
 
 
 def test_an_override_into_a_list_that_is_not_there_is_answered_by_the_keys_that_are():
@@ -80,7 +71,7 @@ def test_keys_of_a_model_s_table_may_go_without_their_prefix():
 
 def test_a_key_that_the_scene_has_is_never_one_of_its_model_s_table():
     raw = {"schema": 1, "title": "x", "model": "own", "parameters": {"title": 1.0, "units": 2.0, "links": []}}
-    scene = parse_scene({**raw, "motion": GOOD["motion"]}, overrides={"title": "y", "parameters.title": 3.0})
+    scene = fl.parse_scene({**raw, "motion": GOOD["motion"]}, overrides={"title": "y", "parameters.title": 3.0})
     assert (scene.title, scene.parameters["title"]) == ("y", 3.0)
     assert get_value(scene, "motion.frequency") == GOOD["motion"]["frequency"]
 
@@ -102,12 +93,12 @@ def test_assignments(text, key, value):
 @given(st.floats(min_value=1e-6, max_value=1e6))
 def test_override_equals_edited_file(mass):
     edited, override = with_change("effects.payload.mass", mass), {"effects.payload.mass": mass}
-    assert parse_scene(GOOD, overrides=override) == parse_scene(edited)
+    assert fl.parse_scene(GOOD, overrides=override) == fl.parse_scene(edited)
     assert apply_overrides(GOOD, override)[0] == edited
 
 
 def test_numbers_by_path():
-    scene = parse_scene(GOOD)
+    scene = fl.parse_scene(GOOD)
     paths = numeric_paths(scene)
     assert {"links.0.length", "effects.payload.mass", "motion.joints.0.amplitude", "control.feedback.kp.0"} <= {*paths}
     assert "links.0.modes" not in paths
@@ -122,14 +113,14 @@ def test_numbers_by_path():
 def build_own(model, parameters=None):
     """The arm of a model's name."""
     raw = {"schema": 1, "title": "x", "model": model, "parameters": parameters or {}, "motion": GOOD["motion"]}
-    return fl.build_manipulator(parse_scene(raw))
+    return fl.build_manipulator(fl.parse_scene(raw))
 
 
 def test_nothing_is_evaluated():
     with pytest.raises(SceneError, match="registered model"):
         build_own("os.system")
     with pytest.raises(SceneError, match="expected a number"):
-        parse_scene(with_change("links.0.length", "__import__('os').getcwd()"))
+        fl.parse_scene(with_change("links.0.length", "__import__('os').getcwd()"))
 
 
 def test_a_registered_model_checks_its_parameters():
