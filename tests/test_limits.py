@@ -306,9 +306,8 @@ def test_what_is_advised_helps():
     problems = dict[str, str]()
 
     def prove(seconds: float) -> str | None:
-        return Clock().attempt(
-            problems, "proof", "proof", Accuracy(seconds=seconds), lambda: spin(0.5) or "proved", at_most=0.2
-        )
+        asked = Accuracy(seconds=seconds)
+        return Clock().attempt(problems, "proof", "proof", asked, lambda: spin(0.5) or "proved", at_most=0.2)
 
     assert prove(60.0) is None
     assert "no answer in 0.2 s of the 60 s of the whole; allow more time (--limit-seconds above 60" in problems["proof"]

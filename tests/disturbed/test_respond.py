@@ -81,9 +81,8 @@ def test_a_push_reaches_an_arm_whose_joint_may_stick():
     """While it is pushed its friction is the smooth one, with `static` as without."""
     t, found = np.linspace(0.0, 0.05, 6), []
     for static in ({}, {"static": 0.012}):
-        lin = closed_arm.closed(
-            "single-link", {**SMALL, "effects.coulomb_friction": {"torque": 0.01, "rate": 0.01} | static}
-        )
+        friction = {"torque": 0.01, "rate": 0.01} | static
+        lin = closed_arm.closed("single-link", {**SMALL, "effects.coulomb_friction": friction})
         pushed = [PushedLoop(lin, lin.law, Directions(lin), size) for size in (0.0, 0.5)]
         found += [one.integrate(t, np.zeros(4), 1e-8) for one in pushed]
     assert np.abs(found[1] - found[0]).max() > 1e-3

@@ -21,9 +21,8 @@ def test_expressions_and_numbers_agree_on_where_the_arm_is(name):
     arm, t = about.arm, np.array([0.1, 0.4])
     *moved, angles = about.symbols()
     probe = ca.vertcat(ca.sin(arm.s), arm.s * arm.s_dot, arm.s_ddot - arm.s)
-    function = about.function(
-        angles, dict(zip(("y", "y1", "y2"), moved, strict=True)), {"probe": about.lift([probe], angles, *moved)[0]}
-    )
+    names, lifted = dict(zip(("y", "y1", "y2"), moved, strict=True)), about.lift([probe], angles, *moved)[0]
+    function = about.function(angles, names, {"probe": lifted})
     parts = [rng.normal(size=(2, about.n)) for _ in range(3)]
     s, s_dot, s_ddot = about.positions(t, *parts)
     expected = np.concatenate([np.sin(s), s * s_dot, s_ddot - s], axis=1)

@@ -136,9 +136,8 @@ def test_free_numbers_stay_free(tmp_path):
 def test_a_motion_from_a_table(tmp_path):
     t, file = np.linspace(0.0, 2.0, 41), tmp_path / "sine.csv"
     np.savetxt(file, np.column_stack([t, 0.5 * np.sin(np.pi * t)]), delimiter=",", header="t,q1", comments="")
-    check(
-        {"linearization": closed("single-link", {"motion": {"kind": "table", "file": str(file)}}, tmp_path)}, tmp_path
-    )
+    motion = {"kind": "table", "file": str(file)}
+    check({"linearization": closed("single-link", {"motion": motion}, tmp_path)}, tmp_path)
 
 
 @pytest.mark.slow

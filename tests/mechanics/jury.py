@@ -88,10 +88,9 @@ class Elastic:
 
     def __init__(self, scene, i, direction, xi, count):
         shapes = make_shapes(scene, i, direction) if count else None
-        looks = ("values", 0), ("values", 1), ("rotation", 0), ("rotation", 1)
-        self.X, self.dX, self.psi, self.dpsi = (
-            getattr(shapes, name)(xi, order).T if count else np.zeros((len(xi), 0)) for name, order in looks
-        )
+        none, looks = np.zeros((len(xi), 0)), (("values", 0), ("values", 1), ("rotation", 0), ("rotation", 1))
+        found = (getattr(shapes, name)(xi, order).T if count else none for name, order in looks)
+        self.X, self.dX, self.psi, self.dpsi = found
         self.beta = shapes.beta if count else np.zeros(0)
 
 

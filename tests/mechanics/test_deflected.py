@@ -78,9 +78,8 @@ def scene_of(*links, **effects):
 
 
 def test_a_bent_link_lies_where_its_shapes_say():
-    arm = fl.build_manipulator(
-        scene_of({**BEAM, "mount": MOUNT, "axis": AXIS}, {"body": {"mass": 1.0}, "mount": MOUNT})
-    )
+    body = {"body": {"mass": 1.0}, "mount": MOUNT}
+    arm = fl.build_manipulator(scene_of({**BEAM, "mount": MOUNT, "axis": AXIS}, body))
     q, v, w = 0.7, 0.05, -0.03
     s = np.array([q, 0.2, v, w])
     curves = np.split(value(arm, "axes", s), 2, axis=1)

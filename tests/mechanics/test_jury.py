@@ -137,6 +137,5 @@ def test_a_random_tree_entry_by_entry(seed):
     q, rate, acceleration = (part[0] for part in lin.motion.sample(np.array([t])))
     expected = Jury(scene).linearized(q, rate, acceleration, t / lin.period)
     for name, own, other in zip("MDKh", (lin.M(t), lin.D(t), lin.K(t), lin.h(t)), expected, strict=True):
-        np.testing.assert_allclose(
-            own, other, rtol=0, atol=1e-11 * max(np.abs(other).max(), 1.0), err_msg=f"{name} {lin.names}"
-        )
+        size = max(np.abs(other).max(), 1.0)
+        np.testing.assert_allclose(own, other, rtol=0, atol=1e-11 * size, err_msg=f"{name} {lin.names}")

@@ -39,9 +39,8 @@ def test_flexible_loops_obey_multipliers_on_the_open_tree(name):
     arm = fl.build_manipulator(fl.parse_scene(table))
     passive = [i for i, link in enumerate(table["links"]) if link.get("passive")]
     links = [{k: v for k, v in link.items() if k not in ("passive", "posture")} for link in table["links"]]
-    tree = fl.build_manipulator(
-        plain_scene(links, swinging(*[{"amplitude": 0.1}] * len(links)), effects=table["effects"])
-    )
+    motion = swinging(*[{"amplitude": 0.1}] * len(links))
+    tree = fl.build_manipulator(plain_scene(links, motion, effects=table["effects"]))
     rng = np.random.default_rng(3)
     u = np.concatenate([[s["mean"] for s in table["motion"]["joints"]], rng.normal(size=arm.n - arm.joints) * 2e-3])
     u_dot, torque = rng.normal(size=arm.n), rng.normal(size=arm.joints)

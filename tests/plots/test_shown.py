@@ -154,9 +154,8 @@ def test_a_scene_draws_its_arm_along_the_motion():
     ax = loop.plot()
     *arms, tip = (line.get_xydata() for line in ax.lines)
     lengths = np.hypot(*np.diff(arms, axis=1).T).T
-    np.testing.assert_allclose(
-        lengths[:, [0, 1, 4, 5, 7, 8]], np.tile([0.2, 0.3, 0.3, 0.2, 0.2, 0.3], (3, 1)), rtol=1e-9
-    )
+    bars = lengths[:, [0, 1, 4, 5, 7, 8]]
+    np.testing.assert_allclose(bars, np.tile([0.2, 0.3, 0.3, 0.2, 0.2, 0.3], (3, 1)), rtol=1e-9)
     np.testing.assert_allclose(tip[0], tip[-1], atol=1e-9)
     assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_aspect(), ax.get_title()) == ("x in m", "y in m", 1.0, loop.title)
     assert loop.summary().startswith(f"{loop.title}\n  4 links")
