@@ -1,6 +1,6 @@
 """One of each public result, of small scenes: what the tests of pickling and of `repr` go through."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -14,24 +14,19 @@ from flexlin.periodic import find_resonances, finite_horizon_riccati, periodic_r
 from flexlin.scene import EstimatorTable
 from flexlin.series import solve_implicit
 from flexlin.simulation import region_of_attraction
+from tests.closed_arm import both
 
 SMALL, RIGID = ({"links.0.modes": modes, "designs": []} for modes in (1, 0))
 
 
-class Made(Mapping[str, Any]):
-    """Results by name, each made when it is first asked for."""
+class Made(dict[str, Any]):
+    """Results by name, each made by its function when it is first asked for."""
 
     def __init__(self, ways: dict[str, Callable[[], Any]]) -> None:
-        self.ways = {name: cache(way) for name, way in ways.items()}
+        super().__init__({name: cache(way) for name, way in ways.items()})
 
     def __getitem__(self, name: str) -> Any:
-        return self.ways[name]()
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.ways)
-
-    def __len__(self) -> int:
-        return len(self.ways)
+        return super().__getitem__(name)()
 
 
 def swinging(t: np.ndarray) -> np.ndarray:
@@ -112,12 +107,12 @@ def logged_results() -> Made:
 @cache
 def arm_results() -> Made:
     """What is made of one scene, from its arm to the region of attraction."""
-    scene = fl.load_scene("single-link", SMALL)
-    arm = fl.build_manipulator(scene)
-    plant, lin = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
+    scene, plant, lin = both("single-link", SMALL)
+    arm = lin.arm
     system = plant.periodic_system()
     weights = np.diag([1.0, 1.0, 0.01, 0.01]), 100 * np.eye(1)
-    T = np.linspace(0.0, lin.period, 8, endpoint=False)
+    T, angles = np.linspace(0.0, lin.period, 8, endpoint=False), control.joint_angles(plant)
+    table = EstimatorTable(encoders=1e-4, tip=1e-3, torque=0.01)
     made = Made(
         {
             "scene": lambda: scene,
@@ -133,13 +128,9 @@ def arm_results() -> Made:
             "averaged": lambda: control.averaged_lqr(system, *weights),
             "finite horizon": lambda: control.finite_horizon_lqr(system, *weights, tol=1e-6),
             "pd": lambda: control.pd_feedback(system, [0], [10.0], [1.0]),
-            "estimator": lambda: control.kalman_filter(
-                system, fl.control.joint_angles(plant), 0.1 * np.eye(4), 1e-4 * np.eye(1), tol=1e-6
-            ),
-            "drive load": lambda: fl.control.drive_load(lin, T, np.zeros((len(T), 4)), lin.law),
-            "sensors": lambda: fl.control.scene_sensors(
-                scene, plant, EstimatorTable(encoders=1e-4, tip=1e-3, torque=0.01)
-            ),
+            "estimator": lambda: control.kalman_filter(system, angles, 0.1 * np.eye(4), 1e-4 * np.eye(1), tol=1e-6),
+            "drive load": lambda: control.drive_load(lin, T, np.zeros((len(T), 4)), lin.law),
+            "sensors": lambda: control.scene_sensors(scene, plant, table),
             "loop": lambda: control.output_feedback(made["periodic"], made["estimator"]),
             "integral": lambda: control.with_integral_action(system, np.eye(1, 4)),
             "elastic motion": lambda: control.periodic_motion(lin),
@@ -160,8 +151,7 @@ def arm_results() -> Made:
 @cache
 def answer_results() -> dict[str, Any]:
     """Sweep, sensitivities, audit and cost of one scene."""
-    scene = fl.load_scene("single-link", SMALL)
-    rigid = fl.load_scene("single-link", RIGID)
+    scene, rigid = (fl.load_scene("single-link", changes) for changes in (SMALL, RIGID))
     return {
         "sweep": fl.sweep(scene, {"effects.payload.mass": [0.0, 0.02]}, 1e-5),
         "sensitivity": fl.sensitivity(scene, ["effects.payload.mass"], 1e-5),
@@ -176,4 +166,4 @@ KINDS = series_results, stability_results, arm_results, logged_results, answer_r
 @cache
 def public_results() -> dict[str, Any]:
     """All of them, by name."""
-    return {name: one for kind in KINDS for name, one in kind().items()}
+    return {name: made[name] for made in (kind() for kind in KINDS) for name in made}

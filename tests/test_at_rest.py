@@ -8,19 +8,15 @@ import flexlin as fl
 from flexlin.analyses import examine
 from flexlin.cli import main
 
-from .mechanics.scenes import scene_of
+from .mechanics.scenes import linear, scene_of, swinging
 
 UNIT = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0, "modes": 6}
 
 
 def examined(*links, effects=None, **motion):
-    joints = [{"mean": 0.0, "amplitude": 0.0, **motion} for _ in links]
-    scene = scene_of(*links, effects=effects).model_copy()
-    raw = scene.model_dump(mode="json", by_alias=True, exclude_unset=True)
-    raw["motion"] = {"kind": "harmonic", "frequency": 0.01, "joints": joints}
-    scene = fl.parse_scene(raw)
-    plant = fl.linearize(fl.build_manipulator(scene), scene.motion)
-    return examine(plant, np.array([link.length for link in scene.links]))
+    still = swinging(*[{"mean": 0.0, "amplitude": 0.0, **motion} for _ in links], frequency=0.01)
+    scene = scene_of(*links, effects=effects, motion=still)
+    return examine(linear(scene), np.array([link.length for link in scene.links]))
 
 
 def test_a_cantilever_with_its_own_mass_at_the_tip():
@@ -32,14 +28,11 @@ def test_a_cantilever_with_its_own_mass_at_the_tip():
 
 def test_bending_under_gravity_and_along_a_motion():
     """w = rhoA g l^4 / (8 EI) where the link lies level; turned at q'' = -a W^2 it bends by 11/120 rhoA q'' l^5 / EI more."""
-    gravity = {"gravity": {"acceleration": 0.08}}
-    still = examined(UNIT, effects=gravity)
-    assert still.bending.at_rest[0] == pytest.approx(0.01, rel=1e-3)
-    assert still.bending.moving[0] == pytest.approx(0.01, rel=1e-3)
-    swung = examined(UNIT, effects={}, amplitude=0.5)
-    assert swung.bending.at_rest[0] == 0
-    assert swung.bending.moving[0] == pytest.approx(11 / 120 * 0.5 * (2 * np.pi * 0.01) ** 2, rel=1e-3)
-    assert still.bending.largest[0] == pytest.approx(0.01, rel=1e-3)
+    still = examined(UNIT, effects={"gravity": {"acceleration": 0.08}}).bending
+    assert [one[0] for one in (still.at_rest, still.moving, still.largest)] == pytest.approx([0.01] * 3, rel=1e-3)
+    swung = examined(UNIT, amplitude=0.5).bending
+    assert swung.at_rest[0] == 0
+    assert swung.moving[0] == pytest.approx(11 / 120 * 0.5 * (2 * np.pi * 0.01) ** 2, rel=1e-3)
 
 
 def test_the_second_of_two_links_bends_by_itself():
@@ -49,19 +42,22 @@ def test_the_second_of_two_links_bends_by_itself():
     assert two.bending.at_rest[0] == pytest.approx(0.01 * (1 / 8 + 1 / 3 + 1 / 4) * 8 / 100, rel=5e-3)
 
 
-def test_an_arm_that_buckles_or_has_nothing_to_bend():
-    pressed = {"geometric_stiffening": {}, "tip_force": {"force": [-2.6, 0.0, 0.0]}}
-    assert examined(UNIT, effects=pressed).gives_way
-    assert not examined(UNIT, effects={**pressed, "tip_force": {"force": [-2.4, 0.0, 0.0]}}).gives_way
-    follower = {"geometric_stiffening": {}, "tip_force": {"force": [-21.0, 0.0, 0.0], "frame": "tip"}}
-    assert examined(UNIT, effects=follower).gives_way
+@pytest.mark.parametrize(("load", "frame", "gives"), [(2.6, "world", True), (2.4, "world", False), (21.0, "tip", True)])
+def test_an_arm_that_buckles(load, frame, gives):
+    push = {"tip_force": {"force": [-load, 0.0, 0.0], "frame": frame}}
+    assert examined(UNIT, effects={"geometric_stiffening": {}, **push}).gives_way == gives
+
+
+def test_a_coordinate_without_a_spring_gives_way_and_a_rigid_arm_has_nothing_to_bend():
+    """An arm of one's own, whose mass slides along it freely."""
+    s, s_dot = ca.SX.sym("s", 2), ca.SX.sym("s_dot", 2)
+    T = (2 + (1 + s[1]) ** 2) * s_dot[0] ** 2 / 2 + s_dot[1] ** 2 / 2
+    arm = fl.Manipulator.from_lagrangian(s, s_dot, T, 9.81 * ca.sin(s[0]), B=ca.DM([1, 0]))
+    assert examine(fl.linearize(arm, swinging({"amplitude": 0.2})), np.ones(1)).gives_way
     assert examined({**UNIT, "modes": 0}) is None
 
 
-def test_check_prints_sections_frequencies_and_what_bends_too_far(tmp_path, capsys):
-    path = tmp_path / "strip.toml"
-    path.write_text(
-        """schema = 1
+STRIP = """schema = 1
 title = "A strip"
 motion = { kind = "harmonic", frequency = 0.1, joints = [{ amplitude = 0.3 }] }
 effects = { gravity = {} }
@@ -70,27 +66,23 @@ length = 1.0
 section = { width = "30 mm", thickness = "2 mm", material = "aluminium" }
 modes = 3
 """
-    )
+
+
+def test_check_prints_sections_frequencies_and_what_bends_too_far(tmp_path, capsys):
+    path = tmp_path / "strip.toml"
+    path.write_text(STRIP)
     assert main(["check", str(path)]) == 0
     said = capsys.readouterr().out
-    assert (
-        "link 1       0.1626 kg/m, EI in y 1.378 N m^2, EI in z 310.1 N m^2, GJ 1.956 N m^2, rho I_p 1.225e-05 kg m"
-        in said
-    )
-    assert "at rest      1.629, 10.21, 28.59 Hz, its joints held where the motion begins" in said
-    assert "link 1       bends by 0.145 m under gravity" in said
+    section = "0.1626 kg/m, EI in y 1.378 N m^2, EI in z 310.1 N m^2, GJ 1.956 N m^2, rho I_p 1.225e-05 kg m"
+    for words in (
+        f"link 1       {section}",
+        "at rest      1.629, 10.21, 28.59 Hz, its joints held where the motion begins",
+        "link 1       bends by 0.145 m under gravity",
+    ):
+        assert words in said
     assert "stiffen" not in said
     assert main(["check", str(path), "--set", "links.0.section.thickness=1 mm"]) == 0
     assert "58 % of its length: so far that linear equations may not hold; stiffen the link" in capsys.readouterr().out
-
-
-def test_a_coordinate_without_a_spring_gives_way():
-    """An arm of one's own, whose mass slides along it freely."""
-    s, s_dot = ca.SX.sym("s", 2), ca.SX.sym("s_dot", 2)
-    T = (2 + (1 + s[1]) ** 2) * s_dot[0] ** 2 / 2 + s_dot[1] ** 2 / 2
-    arm = fl.Manipulator.from_lagrangian(s, s_dot, T, 9.81 * ca.sin(s[0]), B=ca.DM([1, 0]))
-    plant = fl.linearize(arm, scene_of({}).motion)
-    assert examine(plant, np.ones(1)).gives_way
 
 
 def test_a_missing_unit_is_asked_for(capsys):
@@ -104,5 +96,5 @@ def test_rounding_bends_no_link():
     """The links of an unloaded arm were said to bend by some 1e-16 m."""
     scene = scene_of({**UNIT, "modes": 2}, effects={"payload": {"mass": 0.1}, "geometric_stiffening": {}})
     motion = {"kind": "rotation", "joints": [{"rate": 1.0}]}
-    spun = examine(fl.linearize(fl.build_manipulator(scene), motion), np.array([1.0]))
+    spun = examine(fl.linearize(fl.build_manipulator(scene), motion), np.ones(1))
     assert spun.bending.at_rest[0] == spun.bending.moving[0] == 0

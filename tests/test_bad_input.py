@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 from flexlin.cli import BAD_INPUT, main
-from flexlin.scene import builtin_scenes
-
-TABLE = "[motion]\nkind = 'table'\nfile = 'motion.csv'\n\n"
-
-
-def scene_text() -> str:
-    return builtin_scenes()["single-link"].read_text(encoding="utf-8")
+from tests.scene.test_hostile import put_scene
 
 
 def refused(capsys: pytest.CaptureFixture[str], arguments: list[str], *words: str, folder: Path) -> str:
@@ -26,8 +20,7 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: list[str], *words: st
     assert captured.err.startswith("flexlin: ")
     assert captured.err.count("flexlin:") == 1
     assert "Traceback" not in captured.err
-    assert "got " in captured.err
-    for word in words:
+    for word in ("got ", *words):
         assert word in captured.err
     assert not out.exists()
     return captured.err
@@ -44,15 +37,16 @@ NAMELESS = [
 
 
 @pytest.mark.parametrize("arguments", NAMELESS, ids=lambda words: " ".join(words[::2]))
-def test_a_name_without_letters_is_not_the_current_folder(
-    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_name_without_letters_is_not_the_current_folder(arguments, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as end:
         main(arguments)
     assert end.value.code == 2
     assert "got an empty name, expected that of a file or folder" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+RANGE = '{{"{}"={{low=0.0, high=1.0}}}}'
 
 
 # One row each: the override, then what the message must name.
@@ -96,86 +90,81 @@ OVERRIDES = {
     "an index beyond the list": ("links.7.length=1.0", "links.7.length", "index '7'"),
     "parameters without a model": ("parameters={a=1.0}", "parameters", "without model"),
     "another version of the format": ("schema=99", "schema", "99", "expected 1"),
+    "no links": ("links=[]", "links", "at least one"),
+    "an uncertain key that is none": (f"uncertainty={RANGE.format('effects.payload.mas')}", "uncertainty", "expected one of mass"),
+    "an uncertain count": (f"uncertainty={RANGE.format('links.0.modes')}", "uncertainty", "no real number"),
+    "a range upside down": ('uncertainty={"motion.frequency"={low=0.9, high=0.3}}', "uncertainty", "low below high"),
+    "a range that is a number": ('uncertainty={"motion.frequency"=3.0}', "uncertainty", "a table"),
+    "a list without brackets": ("control.feedback.kp=5,2", "expected a list [...]"),
+    "a mass for a length": ("links.0.length=96kg", "expected a number in m, or a length such as 2 mm"),
+    "a length for an angle": ("motion.joints.0.amplitude=30 mm", "expected a number in rad or m"),
+    "a length for a mass": ("effects.payload.mass=30 m", "expected a number in kg"),
+    "a mass for an inertia": ("effects.hub.inertia=3kg", "expected a number in kg m^2"),
+    "a unit that is none": ("links.0.length=3 parsec", "expected a number in m, or a length such as 2 mm"),
+    "an effect misspelt": ("effects.gravty=off", "did you mean 'gravity'?"),
     "no equals sign": ("links.0.length", "'links.0.length'", "key=value"),
     "no key": ("=3", "'=3'", "key=value"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", OVERRIDES)
-def test_a_bad_override_is_named(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_bad_override_is_named(kind, tmp_path, capsys):
     override, *words = OVERRIDES[kind]
     message = refused(capsys, ["single-link", "--set", override], *words, "expected ", folder=tmp_path)
     assert "problems" not in message, "one mistake is one problem"
 
 
-@pytest.mark.parametrize("kind", ['weights={joints="2 mm", input="1 N m"}', "sample_time=0.0123"])
-def test_a_design_that_does_not_fit_is_refused_before_any_loop_is_judged(
-    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [('weights={joints="2 mm", input="1 N m"}', "weights.joints"), ("sample_time=0.0123", "sample_time")],
+)
+def test_a_design_that_does_not_fit_is_refused_before_any_loop_is_judged(change, words, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("flexlin.analyses.analysis.judge_own_loops", lambda _: pytest.fail("too late"))
-    key, _, value = kind.partition("=")
-    change = ["--set", f"designs.1.{key}={value}"]
-    assert main(["report", "single-link", *change, "--out", str(tmp_path)]) == 2
-    assert ("weights.joints" if key == "weights" else "sample_time") in capsys.readouterr().err
+    refused(capsys, ["single-link", "--set", f"designs.1.{change}"], words, folder=tmp_path)
 
 
-def test_all_mistakes_are_told_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_mistakes_are_told_at_once(tmp_path, capsys):
     mistakes = ["links.0.length=-1", "motion.frequency=0", "effects.payload.mas=1", "control.feedback.kp=[1.0, 2.0]"]
     message = refused(capsys, ["single-link", "--set", *mistakes], "4 problems", folder=tmp_path)
     for mistake in mistakes:
         assert mistake.partition("=")[0] in message
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (None, ("no such file", "single-link")),
-        (b'schema = 1\ntitle = "open\n', ('got title = "open in line 2', "expected a closing quote")),
-        (b"schema = 1\n[motion\n", ("got [motion in line 2", "expected a closing bracket")),
-        (b"a = 1\na = 2", ("got a = 2 in line 2", "expected each key once")),
-        (b"[motion]\n", ('motion.kind: got nothing, expected one of "harmonic"',)),
-        (b"\xff\xfe\x00", ("no text in UTF-8, from byte 0 on", "a TOML file in UTF-8")),
-        (
-            b"",
-            (
-                "schema: got nothing, expected 1:",
-                "title",
-                'table [motion] with kind = "harmonic" or',
-                "links",
-                "required",
-            ),
-        ),
-    ],
-    ids=["missing", "open text", "open heading", "twice", "no kind", "binary", "empty"],
-)
-def test_a_file_that_is_no_scene(
-    content: bytes | None, words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "scene.toml"
+EMPTY = "schema: got nothing, expected 1:", "title", 'table [motion] with kind = "harmonic" or', "links", "required"
+FILES = {
+    "missing": (None, ("no such file", "single-link")),
+    "open text": (b'schema = 1\ntitle = "open\n', ('got title = "open in line 2', "expected a closing quote")),
+    "open heading": (b"schema = 1\n[motion\n", ("got [motion in line 2", "expected a closing bracket")),
+    "twice": (b"a = 1\na = 2", ("got a = 2 in line 2", "expected each key once")),
+    "no kind": (b"[motion]\n", ('motion.kind: got nothing, expected one of "harmonic"',)),
+    "binary": (b"\xff\xfe\x00", ("no text in UTF-8, from byte 0 on", "a TOML file in UTF-8")),
+    "empty": (b"", EMPTY),
+}
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_a_file_that_is_no_scene(kind, tmp_path, capsys):
+    path, (content, words) = tmp_path / "scene.toml", FILES[kind]
     if content is not None:
         path.write_bytes(content)
     refused(capsys, [str(path)], "scene.toml", *words, folder=tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["single-lnk"], ("did you mean 'single-link'",)),
-        (["khang-2019", "--set", "model='os'"], ("model", "'os'", "khang-2019")),
-        (
-            [
-                "single-link",
-                "--set",
-                "motion={kind='point-to-point', course='one-way', move_time=1.0, joints=[{waypoints=[0.0, 1.0]}]}",
-            ],
-            ("one-way", "there-and-back"),
-        ),
-    ],
-    ids=["misspelt", "a model that nobody registered", "a motion without a period"],
-)
-def test_what_is_no_scene_or_has_no_answer(
-    arguments: list[str], words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+ONE_WAY = "motion={kind='point-to-point', course='one-way', move_time=1.0, joints=[{waypoints=[0.0, 1.0]}]}"
+NO_ANSWER = {
+    "links beside a model": (
+        ["single-link", "--set", "model='khang-2019'"],
+        ("links: got 1 table beside model", "either links"),
+    ),
+    "misspelt": (["single-lnk"], ("did you mean 'single-link'",)),
+    "a model that nobody registered": (["khang-2019", "--set", "model='os'"], ("model", "'os'", "khang-2019")),
+    "a motion without a period": (["single-link", "--set", ONE_WAY], ("one-way", "there-and-back")),
+}
+
+
+@pytest.mark.parametrize("kind", NO_ANSWER)
+def test_what_is_no_scene_or_has_no_answer(kind, tmp_path, capsys):
+    arguments, words = NO_ANSWER[kind]
     refused(capsys, arguments, *words, folder=tmp_path)
 
 
@@ -192,34 +181,23 @@ TABLES = {
 
 
 @pytest.mark.parametrize("kind", TABLES)
-def test_a_bad_table_motion(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_bad_table_motion(kind, tmp_path, capsys):
     rows, words = TABLES[kind]
-    scene = tmp_path / "scene.toml"
-    scene.write_text(re.sub(r"\[motion\].*?(?=\[control\])", TABLE, scene_text(), flags=re.DOTALL), encoding="utf-8")
     if rows is not None:
         (tmp_path / "motion.csv").write_text("\n".join(rows), encoding="utf-8")
-    refused(capsys, [str(scene)], "scene.toml", "motion.file", *words, folder=tmp_path)
+    refused(capsys, [str(put_scene(tmp_path, "motion.csv"))], "scene.toml", "motion.file", *words, folder=tmp_path)
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        "",
-        "dance single-link",
-        "report",
-        "report single-link --require luck",
-        "report single-link --set",
-        "report single-link --colour",
-        "linearize single-link --points few",
-        "linearize single-link --points 1",
-        "simulate single-link --periods long",
-        "chart single-link",
-        "chart single-link --over motion.frequency",
-        "chart single-link --over motion.frequency=3",
-        "chart single-link --over motion.frequency=1:3:few",
-    ],
-)
-def test_a_command_that_does_not_exist(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+NO_COMMANDS = """
+; dance single-link; report; report single-link --require luck; report single-link --set; report single-link --colour
+; linearize single-link --points few; linearize single-link --points 1; simulate single-link --periods long; chart single-link
+; chart single-link --over motion.frequency; chart single-link --over motion.frequency=3
+; chart single-link --over motion.frequency=1:3:few
+"""
+
+
+@pytest.mark.parametrize("words", [words.strip() for words in NO_COMMANDS.split(";")])
+def test_a_command_that_does_not_exist(words, capsys):
     with pytest.raises(SystemExit) as stop:
         main(words.split())
     assert stop.value.code == BAD_INPUT
@@ -234,6 +212,18 @@ REFUSED = {
     **{f"simulate spinning-link --periods {periods}": "periods" for periods in ("0", "-1", "nan")},
     **{f"chart single-link --over {path}=1:2": path for path in ("motion.speed", "title")},
     "chart single-link --over motion.frequency=1:2 motion.frequency=1:3": "motion.frequency",
+    **{
+        f"chart single-link --over {path}={limits}": f"{path}: got "
+        for path, limits in (
+            ("motion.frequency", "-1:3"),
+            ("effects.payload.mass", "-1:3:5"),
+            ("links.0.length", "5e-324:1:4"),
+        )
+    },
+    **{
+        f"linearize single-link --points={points}": f"got '{points}', expected a whole number from 2 on"
+        for points in ("1e9", "many", "-5")
+    },
     "design spinning-link": "[[designs]]",
     **{f"report single-link --tol={tol}": "accuracy.tol" for tol in ("0", "-1e-9", "nan", "inf", "1e9", "1e-30")},
     **dict.fromkeys(
@@ -255,7 +245,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("words", REFUSED)
-def test_what_cannot_be_asked_is_refused_before_any_file(words: str, tmp_path: Path, capsys) -> None:
+def test_what_cannot_be_asked_is_refused_before_any_file(words, tmp_path, capsys):
     """A range or length that is none, what is no parameter, what has no measure, what no memory holds."""
     with pytest.raises(SystemExit) as stop:
         sys.exit(main([*(word.replace("_", " ") for word in words.split()), "--out", str(tmp_path / "out")]))
@@ -264,19 +254,17 @@ def test_what_cannot_be_asked_is_refused_before_any_file(words: str, tmp_path: P
     assert not (tmp_path / "out").exists()
 
 
-def test_a_range_is_written_in_any_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("limits", ["100 g:0.3", "0.1:300 g"])
+def test_a_range_is_written_in_any_unit(limits, tmp_path):
     """Also where one limit is a bare number, in SI units."""
-    for words in ("100 g:0.3", "0.1:300 g"):
-        out = tmp_path / words[0]
-        over = ["--over", f"effects.payload.mass={words}:3", "motion.joints.0.amplitude=10 deg:0.5:2"]
-        assert main(["chart", "single-link", "--set", "links.0.modes=1", *over, "--out", str(out)]) == 0
-        with np.load(out / "chart.npz") as data:
-            np.testing.assert_allclose(data["payload_mass"], [0.1, 0.2, 0.3], rtol=1e-15)
-            np.testing.assert_allclose(data["amplitude_of_joint_1"], [np.pi / 18, 0.5], rtol=1e-15)
-    capsys.readouterr()
+    over = ["--over", f"effects.payload.mass={limits}:3", "motion.joints.0.amplitude=10 deg:0.5:2"]
+    assert main(["chart", "single-link", "--set", "links.0.modes=0", *over, "--out", str(tmp_path)]) == 0
+    with np.load(tmp_path / "chart.npz") as data:
+        np.testing.assert_allclose(data["payload_mass"], [0.1, 0.2, 0.3], rtol=1e-15)
+        np.testing.assert_allclose(data["amplitude_of_joint_1"], [np.pi / 18, 0.5], rtol=1e-15)
 
 
-def test_an_output_folder_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_output_folder_that_is_none(tmp_path, capsys):
     occupied = tmp_path / "out"
     occupied.write_text("mine")
     for folder, got in ((str(occupied), "a file"), (str(occupied / "below"), "a file"), ("a\0b", "embedded null byte")):

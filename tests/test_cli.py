@@ -15,21 +15,14 @@ import xarray
 import flexlin as fl
 from flexlin.cli import COMMANDS, main
 from flexlin.scene import builtin_scenes
-from tests.test_stability_boundary import distances
+from tests.closed_arm import closed, opened
+from tests.test_critical_values import distances
 
 
-def test_check_says_what_moves(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", "single-link"]) == 0
-    assert "q1, w11, w12" in capsys.readouterr().out
-
-
-def test_results_of_different_scenes_go_to_different_folders(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_results_of_different_scenes_go_to_different_folders(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    scene = builtin_scenes()["spinning-link"]
     mine = tmp_path / "my arm.toml"
-    mine.write_text(scene.read_text(encoding="utf-8"), encoding="utf-8")
+    mine.write_text(builtin_scenes()["spinning-link"].read_text(encoding="utf-8"), encoding="utf-8")
     for name in ("spinning-link", str(mine)):
         assert main(["linearize", name, "--points", "8"]) == 0
     said = capsys.readouterr().out
@@ -40,10 +33,9 @@ def test_results_of_different_scenes_go_to_different_folders(
     assert sorted(path.name for path in (tmp_path / "out").iterdir() if path.is_dir()) == ["my arm", "spinning-link"]
 
 
-def test_linearize_writes_what_the_library_samples(tmp_path: Path) -> None:
+def test_linearize_writes_what_the_library_samples(tmp_path):
     assert main(["linearize", "single-link", "--points", "8", "--out", str(tmp_path)]) == 0
-    scene = fl.load_scene("single-link")
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    lin = opened("single-link")[1]
     with xarray.open_dataset(tmp_path / "coefficients.nc", engine="scipy") as data:
         t = data["time"].values
         assert np.array_equal(data["K"].values, lin.K(t))
@@ -55,7 +47,7 @@ def test_linearize_writes_what_the_library_samples(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_design_writes_the_gains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_design_writes_the_gains(tmp_path, capsys):
     scene = ["design", "khang-2019", "--points", "8", "--out", str(tmp_path), "--require"]
     assert main([*scene, "linear-stable"]) == 0
     assert main([*scene, "stable"]) == 3  # its link would bend by 0.6 of its length
@@ -68,48 +60,42 @@ def test_design_writes_the_gains(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.slow
-def test_a_chart_over_one_parameter_agrees_with_single_verdicts(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    over = ["--over", "motion.joints.0.rate=3.5:4.1:3"]
-    weight = ["--set", "effects.gravity.acceleration=5.0"]
-    assert main(["chart", "spinning-link", *over, *weight, "--out", str(tmp_path)]) == 0
+def test_a_chart_over_one_parameter_agrees_with_single_verdicts(tmp_path, capsys):
+    weight, path = {"effects.gravity.acceleration": 5.0}, "motion.joints.0.rate"
+    over = ["--over", f"{path}=3.5:4.1:3", "--set", "effects.gravity.acceleration=5.0"]
+    assert main(["chart", "spinning-link", *over, "--out", str(tmp_path)]) == 0
     with xarray.open_dataset(tmp_path / "chart.nc", engine="scipy") as data:
-        growth = data["exponents_re"].values.max(axis=-1)
-        rates = data["rate_of_joint_1"].values
+        growth, rates = data["exponents_re"].values.max(axis=-1), data["rate_of_joint_1"].values
         assert data["rate_of_joint_1"].attrs["units"] == ""  # the scene is dimensionless
         assert data["critical_value"].values.round(4).tolist() == [3.6424, 3.9659]
     for rate, found in zip(rates, growth, strict=True):
-        changes = {"effects.gravity.acceleration": 5.0, "motion.joints.0.rate": float(rate)}
-        scene = fl.load_scene("spinning-link", changes)
-        lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+        lin = closed("spinning-link", weight | {path: float(rate)})
         assert abs(fl.floquet(lin.periodic_system()).exponents[0].real - found) < 1e-7
-    said = capsys.readouterr().out
-    assert "3 values" in said
-    assert "rate of joint 1: becomes unstable at 3.642" in said
-    page = (tmp_path / "chart.html").read_text()
-    assert "flexlin chart spinning-link" in page
-    for words in ("Stability chart of the scene", "Campbell diagram", "rate of joint 1</text>"):
+    said, page = capsys.readouterr().out, (tmp_path / "chart.html").read_text()
+    for words in ("3 values", "rate of joint 1: becomes unstable at 3.642"):
+        assert words in said
+    drawn = "Stability chart of the scene", "Campbell diagram", "rate of joint 1</text>"
+    for words in ("flexlin chart spinning-link", *drawn):
         assert words in page
 
 
 @pytest.mark.slow
-def test_a_chart_over_two_parameters_is_a_map(tmp_path: Path) -> None:
+def test_a_chart_over_two_parameters_is_a_map(tmp_path):
     over = ["--over", "motion.joints.0.rate=2:6:5", "effects.gravity.acceleration=0:20:4"]
     assert main(["chart", "spinning-link", *over, "--out", str(tmp_path)]) == 0
     page = (tmp_path / "chart.html").read_text()
-    assert "fill:var(--unstable)" in page
-    assert "fill:var(--undecided)" in page
+    for words in ("unstable", "undecided"):
+        assert f"fill:var(--{words})" in page
     for words in ("gravity acceleration</text>", "principal, order", "url(#hatch", "data-probe="):
         assert words in page
     with np.load(tmp_path / "chart.npz") as arrays:
         assert arrays["verdict"].shape == (5, 4)
-        rate, gravity = arrays["boundary_rate_of_joint_1"], arrays["boundary_gravity_acceleration"]
-    assert len(rate) > 100
-    assert distances(np.stack([rate, gravity], axis=1)).max() < 4e-3
+        curve = np.stack([arrays["boundary_rate_of_joint_1"], arrays["boundary_gravity_acceleration"]], axis=1)
+    assert len(curve) > 100
+    assert distances(curve).max() < 4e-3
 
 
-def test_export_writes_what_other_tools_read(tmp_path: Path) -> None:
+def test_export_writes_what_other_tools_read(tmp_path):
     assert main(["export", "khang-2019", "--points", "8", "--out", str(tmp_path)]) == 0
     names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     gains = {f"{folder}/{name}" for folder in ("c-own", "c-periodic-lqr") for name in ("gain.c", "gain.h", "main.c")}
@@ -120,42 +106,36 @@ def test_export_writes_what_other_tools_read(tmp_path: Path) -> None:
         assert arrays["K_0"].shape == (8, 1, 4)
 
 
-def designs_named(*names: str) -> list[str]:
-    """An override that gives khang-2019 periodic designs of these names, each with another weight."""
-    tables = [
+def export_designs(folder: Path, *names: str) -> int:
+    """Export khang-2019 with periodic designs of these names, each with another weight."""
+    tables = ", ".join(
         f'{{name="{name}", kind="periodic-lqr", state_weight=[{i}, 1, 1, 1], input_weight=[0.1]}}'
         for i, name in enumerate(names, start=1)
-    ]
-    return ["--set", f"designs=[{', '.join(tables)}]", "--points", "8"]
+    )
+    return main(["export", "khang-2019", "--set", f"designs=[{tables}]", "--points", "8", "--out", str(folder)])
 
 
 @pytest.mark.parametrize("names", [("A b", "a-B"), ("Régler 1", "r gler 1"), ("design 2", "регулятор")])
-def test_designs_that_would_share_a_folder_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], names: tuple[str, str]
-) -> None:
+def test_designs_that_would_share_a_folder_are_refused(tmp_path, capsys, names):
     """The second gain would silently replace the first: both are named, and nothing is written."""
-    assert main(["export", "khang-2019", *designs_named(*names), "--out", str(tmp_path / "new")]) == 2
+    assert export_designs(tmp_path / "new", *names) == 2
     message = capsys.readouterr().err
-    assert repr(names[0]) in message
-    assert repr(names[1]) in message
+    assert all(repr(name) in message for name in names)
     assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.slow
-def test_designs_without_latin_letters_have_folders_of_their_own(tmp_path: Path) -> None:
+def test_designs_without_latin_letters_have_folders_of_their_own(tmp_path):
     """Each folder holds the gain of its own design."""
-    options = designs_named("регулятор", "制御 1", "2", "×" * 300)
-    assert main(["export", "khang-2019", *options, "--out", str(tmp_path)]) == 0
+    assert export_designs(tmp_path, "регулятор", "制御 1", "2", "×" * 300) == 0
     folders = sorted(path.name for path in tmp_path.iterdir() if path.is_dir())
     assert folders == ["c", "c-2", "c-design-1", "c-design-2", "c-design-4", "c-own"]
-    gains = {(tmp_path / folder / "gain.c").read_text() for folder in folders[1:]}
-    assert len(gains) == 5
+    assert len({(tmp_path / folder / "gain.c").read_text() for folder in folders[1:]}) == 5
 
 
-def test_the_program_ends_quietly_when_nobody_reads(tmp_path: Path) -> None:
+def test_the_program_ends_quietly_when_nobody_reads():
     program = f"{sys.executable} -m flexlin list | true"
-    run = subprocess.run(["bash", "-c", program], capture_output=True, text=True, check=False)
-    assert run.stderr == ""
+    assert subprocess.run(["bash", "-c", program], capture_output=True, check=False).stderr == b""
 
 
 BESIDES = {"xarray", "pandas", "control", "matplotlib", "scipy.integrate"}
@@ -172,39 +152,28 @@ print(sorted(%r & set(sys.modules)), code)
 """
 
 
-@pytest.fixture(scope="module")
-def run_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
-    """What `list` and then the report of an undecided loop with two designs print where the terminal knows only ASCII."""
+@pytest.mark.slow
+def test_no_command_loads_a_library_that_it_does_not_need_and_a_terminal_of_ascii_is_served(tmp_path):
+    """`list` loads no numerical library; a report of an undecided loop with designs neither python-control nor matplotlib.
+
+    Signs and powers of numbers became question marks: ?2.52 for -2.52 and 1.3?10? s for 1.3x10^6 s.
+    """
     weights = "state_weight=[1, 1], input_weight=[10]"
     kinds = ", ".join(f'{{name="{kind}", kind="{kind}-lqr", {weights}}}' for kind in ("periodic", "frozen"))
     free = ["links.0.modes=0", "effects.gravity=off", "control={}", f"designs=[{kinds}]"]
-    arguments = ["report", "single-link", "--set", *free, "--out", str(tmp_path_factory.mktemp("ascii"))]
-    command = [sys.executable, "-c", COMMANDS_IN_TURN % (BESIDES, BESIDES), *arguments]
+    code = COMMANDS_IN_TURN % (BESIDES, BESIDES)
+    command = [sys.executable, "-c", code, "report", "single-link", "--set", *free, "--out", str(tmp_path)]
     run = subprocess.run(command, capture_output=True, check=False, env={**os.environ, "PYTHONIOENCODING": "ascii"})
     assert run.returncode == 0, run.stderr
     assert b"Traceback" not in run.stderr
-    return run.stdout.splitlines()
+    lines = run.stdout.splitlines()
+    assert [line for line in lines if line.startswith(b"[")] == [b"[]", b"[] 0"]
+    zero, rate = rb"zero to within \d?(\.\d)?x10\^-\d+ 1/s", rb", -\d\.\d+ \+- \dx10\^-\d+ 1/s"
+    for said in (b"undecided", b"periodic.*stable", zero, rate):
+        assert any(re.search(said, line) for line in lines), said
 
 
-@pytest.mark.slow
-def test_a_terminal_that_knows_only_ascii_is_served(run_of_its_own: list[bytes]) -> None:
-    """The signs and powers of numbers became question marks: ?2.52 for -2.52 and 1.3?10? s for 1.3x10^6 s."""
-    assert any(b"undecided" in line for line in run_of_its_own)
-    assert any(re.search(rb"zero to within \d?(\.\d)?x10\^-\d+ 1/s", line) for line in run_of_its_own)
-    assert any(re.search(rb", -\d\.\d+ \+- \dx10\^-\d+ 1/s", line) for line in run_of_its_own)
-    assert run_of_its_own[-1].endswith(b" 0")
-
-
-@pytest.mark.slow
-def test_no_command_loads_a_library_that_it_does_not_need(run_of_its_own: list[bytes]) -> None:
-    """`list` loads no numerical library; a report with designs neither python-control nor matplotlib."""
-    after_list, after_report = (line for line in run_of_its_own if line.startswith(b"["))
-    assert any(b"periodic" in line and b"stable" in line for line in run_of_its_own)
-    assert after_list == b"[]"
-    assert after_report == b"[] 0"
-
-
-def test_completion_knows_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+def test_completion_knows_every_command(capsys):
     with pytest.raises(SystemExit) as end:
         main(["--print-completion", "bash"])
     script = capsys.readouterr().out
@@ -213,9 +182,7 @@ def test_completion_knows_every_command(capsys: pytest.CaptureFixture[str]) -> N
     assert subprocess.run(["bash", "-n"], input=script, text=True, check=False).returncode == 0
 
 
-def test_what_to_type_next_can_be_typed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_to_type_next_can_be_typed(tmp_path, monkeypatch, capsys):
     """A scene's name with a space was printed without quotes, so that the printed command failed."""
     monkeypatch.chdir(tmp_path)
     assert main(["new", "my arm"]) == 0
@@ -223,22 +190,8 @@ def test_what_to_type_next_can_be_typed(
     assert main(shlex.split(check)[1:]) == 0
 
 
-@pytest.mark.parametrize("points", ["1e9", "many", "-5"])
-def test_a_number_of_points_is_refused_in_words(points: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """What is no whole number at all was refused as an "invalid count value", a name of the program's own."""
-    with pytest.raises(SystemExit):
-        main(["linearize", "single-link", f"--points={points}"])
-    assert f"got '{points}', expected a whole number from 2 on" in capsys.readouterr().err
-
-
-def test_a_folder_is_named_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A folder given as a scene was said not to be there."""
-    assert main(["check", str(tmp_path)]) == 2
-    assert "file: got a folder, expected a TOML file" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("name", ["check", "predict", "identify", "cost", "linearize"])
-def test_a_command_that_no_tolerance_changes_says_what_it_takes(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_command_that_no_tolerance_changes_says_what_it_takes(name, capsys):
     """What was left over met the usage of the program, which names no option of the command."""
     needed = {"predict": ["--log", "log.csv"], "identify": ["--log", "log.csv", "--free=links.0.length"]}
     with pytest.raises(SystemExit) as end:

@@ -6,7 +6,6 @@ import pkgutil
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,34 +16,29 @@ from flexlin import _core
 NEEDS = "void find_needs(long steps, const Step *code, const int *kinds, int *needs)"
 
 
-def find_prototypes() -> set[str]:
-    """The prototypes of all functions that the C sources offer to Python, one line each."""
-    sources = [path.read_text(encoding="utf-8") for path in sorted(_core.BUILT.parent.rglob("*.c"))]
-    found = (one for text in sources for one in re.findall(r"^CALLED ([^{;]*?)\s*\{", text, flags=re.MULTILINE))
-    return {re.sub(r"\s+", " ", one) for one in found}
-
-
-def test_prototypes_are_those_of_the_sources() -> None:
+def test_prototypes_are_those_of_the_sources():
     for module in pkgutil.walk_packages(flexlin.__path__, "flexlin."):
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
-    written = find_prototypes()
+    texts = [path.read_text(encoding="utf-8") for path in _core.BUILT.parent.rglob("*.c")]
+    offered = (one for text in texts for one in re.findall(r"^CALLED ([^{;]*?)\s*\{", text, flags=re.MULTILINE))
+    written = {re.sub(r"\s+", " ", one) for one in offered}
     assert len(written) > 3
     assert written - {"int find_level(void)"} == set(_core.DECLARED)
 
 
-@pytest.mark.parametrize(
-    ("place", "value"),
-    [
-        (1, np.zeros((2, 4))),  # another type
-        (1, np.zeros((4, 2), np.intc).T),  # not in C order
-        (1, np.zeros((3, 4), np.intc)),  # another shape
-        (1, np.zeros(8, np.intc)),
-        (3, np.broadcast_to(np.zeros((), np.intc), 2)),  # not to be written
-        (1, None),
-    ],
-)
-def test_arrays_that_do_not_fit_are_refused(place: int, value: np.ndarray | None) -> None:
+WRONG = [
+    (1, np.zeros((2, 4))),  # another type
+    (1, np.zeros((4, 2), np.intc).T),  # not in C order
+    (1, np.zeros((3, 4), np.intc)),  # another shape
+    (1, np.zeros(8, np.intc)),
+    (3, np.broadcast_to(np.zeros((), np.intc), 2)),  # not to be written
+    (1, None),
+]
+
+
+@pytest.mark.parametrize(("place", "value"), WRONG)
+def test_arrays_that_do_not_fit_are_refused(place, value):
     function = _core.Function(NEEDS, lambda steps, *_: ((steps, 4), None, steps), ())
     arguments = [2, np.zeros((2, 4), np.intc), np.ones(1, np.intc), np.zeros(2, np.intc)]
     function(*arguments)
@@ -53,14 +47,14 @@ def test_arrays_that_do_not_fit_are_refused(place: int, value: np.ndarray | None
         function(*arguments)
 
 
-def test_an_array_may_be_none_where_that_is_said() -> None:
+def test_an_array_may_be_none_where_that_is_said():
     function, needs = _core.Function(NEEDS, None, ("code", "kinds")), np.full(1, 7, np.intc)
     function(0, None, None, needs)
     assert needs == 7
 
 
 @pytest.mark.parametrize("text", ["void find_needs(steps)", "find_needs(long steps)", "int no_such_function(int n)"])
-def test_what_is_no_function_of_the_core_is_not_declared(text: str) -> None:
+def test_what_is_no_function_of_the_core_is_not_declared(text):
     with pytest.raises((ValueError, AttributeError)):
         _core.declare(text)
 
@@ -72,8 +66,13 @@ def variants() -> list[str]:
     return sorted(built & {"baseline", *(name for needs, name in _core.VARIANTS.items() if needs <= level)})
 
 
+def run_variant(name: str, code: str) -> subprocess.CompletedProcess:
+    environment = {**os.environ, "FLEXLIN_CORE": name}
+    return subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+
+
 @pytest.mark.slow
-def test_each_variant_gives_the_same_answer() -> None:
+def test_each_variant_gives_the_same_answer():
     code = (
         "import flexlin as fl; from flexlin import _core; s = fl.load_scene('single-link')\n"
         "r = fl.floquet(fl.linearize(fl.build_manipulator(s), s.motion, s.control).periodic_system())\n"
@@ -81,9 +80,7 @@ def test_each_variant_gives_the_same_answer() -> None:
     )
     found = {}
     for variant in variants():
-        environment = {**os.environ, "FLEXLIN_CORE": variant}
-        said = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True)
-        name, verdict, *numbers = said.stdout.split()
+        name, verdict, *numbers = run_variant(variant, code).stdout.split()
         assert name == variant
         found[variant] = verdict, *map(float, numbers)
     verdict, error, *rates = found["baseline"]
@@ -92,11 +89,8 @@ def test_each_variant_gives_the_same_answer() -> None:
         np.testing.assert_allclose(others, rates, rtol=0, atol=error + most)
 
 
-def test_a_library_that_is_not_there_is_said_plainly() -> None:
-    environment = {**os.environ, "FLEXLIN_CORE": "other"}
-    said = subprocess.run(
-        [sys.executable, "-c", "import flexlin._core"], env=environment, capture_output=True, text=True
-    )
+def test_a_library_that_is_not_there_is_said_plainly():
+    said = run_variant("other", "import flexlin._core")
     assert said.returncode == 1
     assert "make core" in said.stderr.splitlines()[-1]
 
@@ -131,16 +125,15 @@ print(*sorted(set(seen)), sep="\\n")
 
 
 @pytest.mark.slow
-def test_nothing_is_compiled_or_kept_on_a_users_machine(tmp_path: Path) -> None:
+def test_nothing_is_compiled_or_kept_on_a_users_machine(tmp_path):
     """With no program on the path and an empty home: verdicts, a design and a sweep load the library that was built, and no more."""
     environment = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path), "PATH": "", "PYTHONDONTWRITEBYTECODE": "1"}
     environment["PYTHONPATH"] = os.pathsep.join(sys.path)
     run = subprocess.run([sys.executable, "-c", WATCHED], env=environment, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
-    verdicts, seen = run.stdout.splitlines()[:3], run.stdout.splitlines()[3:]
-    assert verdicts == ["stable", "stable", "stable"]
+    lines = run.stdout.splitlines()
+    assert lines[:3] == ["stable", "stable", "stable"]
+    seen = [line for line in lines[3:] if "None" not in line]
     assert seen
-    assert all(
-        line.startswith("('ctypes.dlopen',") and "_core/built/" in line for line in seen if "None" not in line
-    ), seen
+    assert all(line.startswith("('ctypes.dlopen',") and "_core/built/" in line for line in seen), seen
     assert not list(tmp_path.iterdir())

@@ -1,30 +1,18 @@
-"""Critical values of scenes, against Mathieu's characteristic values and against bisection by `floquet`."""
+"""Critical values and boundary curves of scenes and functions, against Mathieu's characteristic values and bisection by `floquet`."""
+
+from itertools import product
 
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
-from flexlin.errors import ArgumentError
-from flexlin.scene import replace_value
+from flexlin.scene import replace_value, revise_scene
 
 from .closed_arm import control_loop
-
-
-def clamped_constants() -> tuple[float, float, float]:
-    """k11, G, H of the first clamped mode for l = EI = rhoA = 1, by quadrature."""
-    beta = 1.8751040687119611
-    sigma = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
-
-    def slope(x):
-        return beta * (np.sinh(beta * x) + np.sin(beta * x) - sigma * (np.cosh(beta * x) - np.cos(beta * x)))
-
-    shares = (lambda x: (1 - x * x) / 2, lambda x: 1 - x)
-    G, H = (quad(lambda x, f=f: f(x) * slope(x) ** 2, 0, 1, epsabs=1e-13)[0] for f in shares)
-    return beta**4, G, H
+from .mechanics.scenes import clamped_constants, plain_scene, swinging
 
 
 def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:
@@ -34,17 +22,19 @@ def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:
     """
     k11, G, H = clamped_constants()
     grid, roots = np.linspace(low, high, 20001), []
-    for n in range(1, 9):
-        for characteristic in (mathieu_a, mathieu_b):
+    for n, characteristic in product(range(1, 9), (mathieu_a, mathieu_b)):
 
-            def excess(W, n=n, characteristic=characteristic):
-                return 4 * (k11 / W**2 + G - 1) - characteristic(n, 2 * gravity * H / W**2)
+        def excess(W, n=n, characteristic=characteristic):
+            return 4 * (k11 / W**2 + G - 1) - characteristic(n, 2 * gravity * H / W**2)
 
-            value = excess(grid)
-            roots += [
-                brentq(excess, grid[k], grid[k + 1], xtol=1e-14) for k in np.flatnonzero(value[1:] * value[:-1] < 0)
-            ]
+        roots += find_roots(excess, grid)
     return np.sort(roots)
+
+
+def find_roots(function, grid):
+    """Zeros between points of a grid at which the sign changes."""
+    values = np.array([function(x) for x in grid])
+    return [brentq(function, grid[k], grid[k + 1], xtol=1e-14) for k in np.flatnonzero(values[1:] * values[:-1] < 0)]
 
 
 @pytest.mark.slow
@@ -66,16 +56,16 @@ def largest_growth(scene, path, value):
     return fl.floquet(control_loop(scene).periodic_system(), 1e-12).exponents.real.max()
 
 
+DAMPED = [
+    ("khang-2019", "motion.frequency", 2.0, 3.0),
+    ("arm-on-carriage", "control.feedback.kp.0", 0.05, 1.0),
+    ("three-link", "control.feedback.kp.0", 1.0, 4.0),
+    ("single-link", "effects.payload.mass", 0.3, 0.8),
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "path", "low", "high"),
-    [
-        ("khang-2019", "motion.frequency", 2.0, 3.0),
-        ("arm-on-carriage", "control.feedback.kp.0", 0.05, 1.0),
-        ("three-link", "control.feedback.kp.0", 1.0, 4.0),
-        ("single-link", "effects.payload.mass", 0.3, 0.8),
-    ],
-)
+@pytest.mark.parametrize(("name", "path", "low", "high"), DAMPED)
 def test_damped_scenes_agree_with_bisection_by_floquet(name, path, low, high):
     scene = fl.load_scene(name)
     (found,) = fl.critical_values(scene, path, (low, high), tol=1e-8, samples=17)
@@ -97,18 +87,24 @@ def test_a_stable_scene_and_a_constant_system_have_none():
 
 
 @pytest.mark.parametrize(
-    ("path", "limits", "loop"),
+    ("path", "limits", "more"),
     [
-        ("motion.frequency", (2.0, 1.0), "own"),
-        ("motion.frequency", (1.0, 2.0), "no such"),
-        ("links.0.x", (1.0, 2.0), "own"),
+        ("motion.frequency", (2.0, 1.0), {}),
+        ("motion.frequency", (1.0, 2.0), {"loop": "no such"}),
+        ("links.0.x", (1.0, 2.0), {}),
     ],
 )
-def test_what_does_not_fit_is_refused(path, limits, loop):
-    with pytest.raises(ArgumentError):
-        fl.critical_values(fl.load_scene("khang-2019"), path, limits, loop=loop)
-    with pytest.raises(ArgumentError):
-        fl.critical_values("khang-2019", path, limits)
+def test_what_does_not_fit_is_refused(path, limits, more):
+    for scene in (fl.load_scene("khang-2019"), "khang-2019"):
+        with pytest.raises(fl.errors.ArgumentError):
+            fl.critical_values(scene, path, limits, **more)
+
+
+def oscillator(stiffness, damping=0.0, **more):
+    """Of a stiffness of the times, period pi."""
+    return fl.PeriodicSystem.from_second_order(
+        [[1.0]], [[damping]], lambda t: stiffness(t)[:, None, None], np.pi, **more
+    )
 
 
 def test_a_spring_that_jumps():
@@ -116,10 +112,7 @@ def test_a_spring_that_jumps():
     q, c, T = 0.6, 0.05, np.pi
 
     def system(a):
-        def spring(t):
-            return (a + q * np.where(np.mod(t, T) < T / 2, 1.0, -1.0))[:, None, None]
-
-        return fl.PeriodicSystem.from_second_order([[1.0]], [[c]], spring, T, breaks=(0.0, T / 2))
+        return oscillator(lambda t: a + q * np.where(np.mod(t, T) < T / 2, 1.0, -1.0), c, breaks=(0.0, T / 2))
 
     def excess(a):
         first, second = np.sqrt(a + q - c * c / 4 + 0j), np.sqrt(a - q - c * c / 4 + 0j)
@@ -127,10 +120,7 @@ def test_a_spring_that_jumps():
         trace = 2 * np.cos(x) * np.cos(y) - (first / second + second / first) * np.sin(x) * np.sin(y)
         return abs(trace.real) - 2 * np.cosh(c * T / 2)
 
-    grid = np.linspace(0.1, 5, 4001)
-    values = np.array([excess(a) for a in grid])
-    cells = np.flatnonzero(values[:-1] * values[1:] < 0)
-    exact = [brentq(excess, grid[k], grid[k + 1], xtol=1e-13) for k in cells]
+    exact = find_roots(excess, np.linspace(0.1, 5, 4001))
     found = fl.critical_values(system, "a", (0.1, 5.0), tol=1e-7)
     assert [one.value for one in found] == pytest.approx(exact, abs=1e-7)
     assert [one.kind for one in found] == [("onset", "recovery")[int(excess(a + 1e-3) < 0)] for a in exact]
@@ -141,16 +131,12 @@ def test_a_function_with_a_kink_in_its_number(bend):
     """No polynomial in the number serves across the kink: Mathieu's equation in |p|, and in a number that counts less below zero."""
 
     def system(p):
-        a = float(bend(p))
-        return fl.PeriodicSystem.from_second_order(
-            [[1.0]], [[0.0]], lambda t: (a - 0.4 * np.cos(2 * t))[:, None, None], np.pi
-        )
+        return oscillator(lambda t: float(bend(p)) - 0.4 * np.cos(2 * t))
 
     found = [one.value for one in fl.critical_values(system, "p", (-1.0, 1.5), samples=257)]
     above = [0.795124, 1.194874]
     assert [value for value in found if value > 0.5] == pytest.approx(above, abs=2e-6)
-    if bend is np.abs:
-        assert found[0] == pytest.approx(-above[0], abs=2e-6)
+    assert bend is not np.abs or found[0] == pytest.approx(-above[0], abs=2e-6)
 
 
 def test_a_tongue_that_begins_where_the_mean_is_unstable_is_still_a_parametric_resonance():
@@ -167,16 +153,132 @@ def test_a_free_rigid_motion_does_not_blur_a_critical_value():
     """Its exponents are zero on both sides and were taken for those that cross: the onset was said to be known to 132 Hz."""
     link = {"length": 0.8, "mass_per_length": 0.324, "bending_stiffness": 6.2, "modes": 2, "mode_shapes": "pinned-hub"}
     effects = {"hub": {"inertia": 0.01}, "payload": {"mass": 0.05}, "modal_damping": {"ratio": 0.01}}
-    motion = {"kind": "harmonic", "frequency": 2.0, "joints": [{"amplitude": 0.35}]}
-    raw = {"schema": 1, "title": "Free", "links": [link], "effects": effects, "motion": motion}
+    scene = plain_scene([link], swinging({"amplitude": 0.35}, frequency=2.0), effects=effects)
 
     def growth(frequency):
-        changed = fl.parse_scene(raw, overrides={"motion.frequency": frequency})
-        exponents = fl.floquet(fl.linearize(fl.build_manipulator(changed), changed.motion).periodic_system()).exponents
+        lin = control_loop(replace_value(scene, "motion.frequency", frequency))
+        exponents = fl.floquet(lin.periodic_system()).exponents
         return np.sort(exponents[np.abs(exponents) > 1e-6].real)[-1]
 
-    onset, recovery = fl.critical_values(fl.parse_scene(raw), "motion.frequency", (7.5, 8.0), samples=17)
+    onset, recovery = fl.critical_values(scene, "motion.frequency", (7.5, 8.0), samples=17)
     assert [one.kind for one in (onset, recovery)] == ["onset", "recovery"]
     for one in (onset, recovery):
         assert one.error < 1e-3
         assert growth(one.value - one.error) * growth(one.value + one.error) < 0
+
+
+def distances(points):
+    """Distance (N,) of points (rate, gravity) of the spinning link from the nearest boundary of Mathieu's tongues, by a Newton step."""
+    k11, G, H = clamped_constants()
+    (rate, gravity), h, every = points.T, 1e-6, []
+    for n, characteristic in product(range(1, 8), (mathieu_a, mathieu_b)):
+
+        def excess(rate, gravity, n=n, characteristic=characteristic):
+            return 4 * (k11 / rate**2 + G - 1) - characteristic(n, 2 * gravity * H / rate**2)
+
+        by_rate = excess(rate + h, gravity) - excess(rate - h, gravity)
+        by_gravity = excess(rate, gravity + h) - excess(rate, gravity - h)
+        every.append(2 * h * np.abs(excess(rate, gravity)) / np.hypot(by_rate, by_gravity))
+    return np.min(every, axis=0)
+
+
+def test_verdicts_of_the_spinning_link_are_those_of_mathieus_chart():
+    """Unstable exactly between b_n(q) and a_n(q) for some n. Source: McLachlan (1947), through scipy.special.
+
+    a = 4 (k11 + (G - m11) W^2)/(m11 W^2), q = 2 g H/(m11 W^2); constants of the first clamped mode.
+    """
+    axes = {"motion.joints.0.rate": np.linspace(1.5, 4.5, 31), "effects.gravity.acceleration": np.linspace(1.0, 6.0, 6)}
+    data = fl.sweep(fl.load_scene("spinning-link"), axes, grid=True)
+    rate, gravity = np.meshgrid(*axes.values(), indexing="ij")
+    k11, G, H = clamped_constants()
+    a, q = 4 * (k11 + (G - 1) * rate**2) / rate**2, 2 * gravity * H / rate**2
+    inside = np.zeros(a.shape, dtype=bool)
+    for n in range(1, 12):
+        inside |= (mathieu_b(n, q) < a) & (a < mathieu_a(n, q))
+    np.testing.assert_array_equal(data["verdict"].values == "unstable", inside)
+    assert 10 < inside.sum() < inside.size / 2
+
+
+@pytest.mark.slow
+def test_tongues_of_the_spinning_link_lie_on_mathieus_curves():
+    ranges = {"motion.joints.0.rate": (2.2, 4.5), "effects.gravity.acceleration": (1.0, 6.0)}
+    curves = fl.stability_boundary(fl.load_scene("spinning-link"), ranges, cells=12)
+    assert len(curves) == 4
+    for curve in curves:
+        between = (curve.points[1:] + curve.points[:-1]) / 2
+        assert np.all(distances(curve.points) <= curve.error + 1e-9)
+        assert max(distances(curve.points).max(), distances(between).max()) < 1e-6
+        assert not curve.closed
+    assert curves[0].evaluations < 30_000
+    orders = sorted(curve.resonance[:30] for curve in curves)
+    assert orders == ["principal resonance of order 2"] * 2 + ["principal resonance of order 3"] * 2
+
+
+@pytest.mark.parametrize(
+    ("rate", "other", "error"),
+    [
+        ((1.0, 2.0), {}, fl.errors.ArgumentError),
+        ((2.0, 1.0), {"effects.gravity.acceleration": (1.0, 2.0)}, fl.errors.ArgumentError),
+        ((1.0, 2.0), {"links.0.length": (-1.0, 1.0)}, fl.errors.SceneError),
+    ],
+)
+def test_ranges_that_do_not_fit_are_refused(rate, other, error):
+    with pytest.raises(error):
+        fl.stability_boundary(fl.load_scene("spinning-link"), {"motion.joints.0.rate": rate, **other})
+
+
+@pytest.mark.slow
+def test_a_curve_says_whether_it_is_as_near_as_was_asked():
+    """The claims of a curve are below tol as far as rounding of the spectra lets them."""
+
+    def damped(a, q):
+        return oscillator(lambda t: a - 2 * q * np.cos(2 * t), 0.2)
+
+    ranges = {"a": (0.9, 1.3), "q": (0.15, 0.3)}
+    for curve in fl.stability_boundary(damped, ranges, 1e-5, cells=6):
+        assert curve.error.max() <= 0.4e-5  # of a range of 0.4
+        assert curve.status == f"every point lies within {curve.error.max():.1e} of the boundary"
+    for curve in fl.stability_boundary(damped, ranges, 1e-10, cells=6):
+        (a, q), far = curve.points[curve.error.argmax()], (curve.error > 0.4e-10).sum()
+        assert far
+        assert curve.status.startswith(f"{far} of {len(curve.points)} points may lie further")
+        assert f"4.0e-11 asked for, up to {curve.error.max():.1e} at a = {a:.6g}, q = {q:.6g}; ask for" in curve.status
+
+
+STRIP = {
+    "links.0.modes": 3,
+    "effects.geometric_stiffening": "off",
+    "links.0.length": 1.0,
+    "links.0.mass_per_length": 0.162,
+    "links.0.bending_stiffness": 1.4,
+    "effects.hub": {"inertia": 0.05},
+    "effects.payload": {"mass": 0.1},
+    "effects.modal_damping": {"ratio": 0.005},
+    "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}]},
+    "control": {"feedback": {"kind": "pd", "kp": [20], "kd": [2]}},
+    "designs": [],
+}
+RANGES = {"motion.frequency": (0.5, 12.0), "effects.payload.mass": (0.0, 2.0)}
+
+
+@pytest.mark.slow
+def test_no_tongue_of_a_strip_is_lost_between_lattice_lines(monkeypatch):
+    """In a cell of 0.36 Hz multipliers turn several times round; critical values along other lines are those of the curves."""
+    scene = fl.load_scene("single-link", STRIP)
+    curves = fl.stability_boundary(scene, RANGES, tol=1e-4)
+    assert not any(len(curve.lost) for curve in curves)
+    for mass in (0.17, 0.23):
+        exact = fl.critical_values(revise_scene(scene, {"effects.payload.mass": mass}), "motion.frequency", (0.5, 12.0))
+        found = [crossed for curve in curves for crossed in cross(curve.points, mass)]
+        np.testing.assert_allclose(sorted(found), [one.value for one in exact], atol=5e-3)
+    monkeypatch.setattr("flexlin.periodic.boundary.crossings.LINE_HALVINGS", 0)
+    broken = [curve for curve in fl.stability_boundary(scene, RANGES, tol=1e-4) if len(curve.lost)]
+    assert broken
+    assert all("it was lost at motion.frequency = " in curve.status for curve in broken)
+
+
+def cross(points, height):
+    """Where a polyline crosses a level of its second coordinate."""
+    above = points[:, 1] - height
+    k = np.flatnonzero(above[1:] * above[:-1] < 0)
+    return points[k, 0] + (points[k + 1, 0] - points[k, 0]) * above[k] / (above[k] - above[k + 1])

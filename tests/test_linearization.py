@@ -3,12 +3,11 @@
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, InputError, MotionError
 from flexlin.linearization import by_jacobian, by_kronecker
-from flexlin.scene import parse_scene
+from tests.mechanics.scenes import linear, plain_scene, swinging
 
 LINK = {"length": 0.7, "mass_per_length": 0.4, "bending_stiffness": 3.0, "modes": 2}
 ALL = {
@@ -21,15 +20,9 @@ ALL = {
 }
 
 
-def two_links(effects=None, **motion):
+def two_links(effects=None):
     joints = [{"amplitude": 0.7, "mean": 0.3}, {"amplitude": -0.9, "mean": 0.8, "phase": 0.5}]
-    return scene_of(
-        [LINK, {**LINK, "length": 0.5}], motion or {"kind": "harmonic", "frequency": 0.8, "joints": joints}, effects
-    )
-
-
-def scene_of(links, motion, effects=None):
-    return parse_scene({"schema": 1, "title": "own", "links": links, "effects": effects or {}, "motion": motion})
+    return plain_scene([LINK, {**LINK, "length": 0.5}], swinging(*joints, frequency=0.8), effects=effects or {})
 
 
 @pytest.mark.parametrize("effects", [{}, {"gravity": {}}, ALL], ids=["none", "gravity", "all"])
@@ -44,33 +37,11 @@ def test_both_routes_agree_on_two_links(effects):
     assert np.abs(fast.D(t)).max() > 0.1  # on two links D_L is full
 
 
-def test_coefficients_are_the_slopes_of_the_residual():
-    """Central differences of the nonlinear residual: another route, of second order, to the same D_L and K_L."""
-    scene = two_links(ALL)
-    arm = fl.build_manipulator(scene)
-    lin = fl.linearize(arm, scene.motion)
-    t = np.array([0.37])
-    q, q1, q2 = (np.append(part[0], np.zeros(4)) for part in lin.motion.sample(t))
-    residual = arm.functions["residual"]
-    errors = []
-    for step in (1e-2, 5e-3):
-        worst = 0.0
-        for matrix, which in ((lin.K(t)[0], 0), (lin.D(t)[0], 1), (lin.M(t)[0], 2)):
-            for column, d in enumerate(step * np.eye(6)):
-                up, down = ([*(x + sign * d * (i == which) for i, x in enumerate((q, q1, q2))), []] for sign in (1, -1))
-                slope = (residual(*up) - residual(*down)).full()[:, 0] / (2 * step)
-                worst = max(worst, np.abs(slope - matrix[:, column]).max())
-        errors.append(worst)
-    assert errors[0] < 1.0
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.02)
-
-
 def test_rigid_two_link_arm():
     """l = m = 1, centre inertias 1/12, g = 9.81: K and D as computed with CasADi, SymPy and Pinocchio, which agree to the digits given."""
     q, q1, q2 = np.array([0.3, 0.7]), np.array([1.5, -2.0]), np.array([3.0, -5.0])
     link = {"length": 1.0, "mass_per_length": 1.0}
-    motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.0}] * 2}
-    arm = fl.build_manipulator(scene_of([link, link], motion, {"gravity": {}}))
+    arm = fl.build_manipulator(plain_scene([link] * 2, swinging(*[{"amplitude": 0.0}] * 2), effects={"gravity": {}}))
     for route in (by_jacobian, by_kronecker):
         matrices = ca.Function("f", [arm.s, arm.s_dot, arm.s_ddot], list(route(arm)))
         _, D, K = (m.full() for m in matrices(q, q1, q2))
@@ -78,36 +49,10 @@ def test_rigid_two_link_arm():
         np.testing.assert_allclose(D, [[1.288435, 0.322109], [0.966327, 0.0]], atol=5e-7)
 
 
-def test_prescribed_link_is_mathieu():
-    """One mode, gravity, stiffening, q = W t: x'' + (a - 2 q cos 2 tau) x = 0 with tau = W t/2 - pi/4.
-
-    Derived by hand: K_L = k11 + (G - m11) W^2 - g H sin W t; the integrals come from SciPy's quadrature here.
-    """
-    scene = fl.load_scene("spinning-link")
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
-    W, g = scene.motion.joints[0].rate, scene.effects.gravity.acceleration
-    k = 1.8751040687119612
-    sigma = (np.cosh(k) + np.cos(k)) / (np.sinh(k) + np.sin(k))
-
-    def slope(x):
-        return k * (np.sinh(k * x) + np.sin(k * x) - sigma * (np.cosh(k * x) - np.cos(k * x)))
-
-    G = quad(lambda x: (1 - x**2) / 2 * slope(x) ** 2, 0, 1)[0]
-    H = quad(lambda x: (1 - x) * slope(x) ** 2, 0, 1)[0]
-    a, q = 4 * (12.36236337 + (G - 1) * W**2) / W**2, 2 * g * H / W**2
-    t = np.linspace(0.0, lin.period, 9)
-    tau = W * t / 2 - np.pi / 4
-    stiffness = W**2 / 4 * (a - 2 * q * np.cos(2 * tau))
-    np.testing.assert_allclose(lin.M(t)[:, 0, 0], 1.0, rtol=1e-12)
-    np.testing.assert_allclose(lin.K(t)[:, 0, 0], stiffness, rtol=1e-8)
-    assert lin.inputs == ()
-
-
 def test_free_parameters_change_nothing_at_their_nominal_values():
     scene = two_links(ALL)
-    fixed = fl.linearize(fl.build_manipulator(scene), scene.motion)
     free = ["links.0.length", "effects.payload.mass", "motion.frequency", "effects.hub.radius.1"]
-    freed = fl.linearize(fl.build_manipulator(scene, free), scene.motion)
+    fixed, freed = linear(scene), fl.linearize(fl.build_manipulator(scene, free), scene.motion)
     t = np.linspace(0.0, fixed.period, 5)
     assert freed.period == fixed.period
     for name in ("M", "D", "K", "h"):
@@ -115,42 +60,36 @@ def test_free_parameters_change_nothing_at_their_nominal_values():
         np.testing.assert_allclose(one, other, atol=1e-12 * np.abs(fixed.K(t)).max())
 
 
-def test_bad_requests():
-    scene = two_links()
-    arm = fl.build_manipulator(scene)
-    with pytest.raises(ArgumentError, match="route"):
-        fl.linearize(arm, scene.motion, route="guess")
-    with pytest.raises(MotionError, match="number of joints"):
-        fl.linearize(arm, fl.load_scene("single-link").motion)
-    with pytest.raises(ArgumentError, match="kp"):
-        fl.linearize(arm, scene.motion, fl.load_scene("single-link").control)
-    led = {"kind": "rotation", "joints": [{"rate": 1.0, "drive": "prescribed"}]}
-    rigid = scene_of([{"length": 1.0, "mass_per_length": 1.0}], led)
-    with pytest.raises(InputError, match="nothing is left"):
-        fl.linearize(fl.build_manipulator(rigid), rigid.motion)
+TWO = two_links()
+LED = {"kind": "rotation", "joints": [{"rate": 1.0, "drive": "prescribed"}]}
+
+
+def linearize(*given, **more):
+    return fl.linearize(fl.build_manipulator(TWO), *given, **more)
+
+
+BAD = [
+    (ArgumentError, "route", lambda: linearize(TWO.motion, route="guess")),
+    (MotionError, "number of joints", lambda: linearize(fl.load_scene("single-link").motion)),
+    (ArgumentError, "kp", lambda: linearize(TWO.motion, fl.load_scene("single-link").control)),
+    (InputError, "nothing is left", lambda: linear(plain_scene([{"length": 1.0, "mass_per_length": 1.0}], LED))),
+    (ArgumentError, "another kind", lambda: fl.build_manipulator("single-link")),
+    (ArgumentError, "another kind", lambda: fl.linearize(TWO, TWO.motion)),
+    (ArgumentError, "another kind", lambda: linearize("harmonic")),
+    (ArgumentError, "another kind", lambda: fl.floquet(np.eye(2))),
+    (ArgumentError, "cannot be left free", lambda: fl.build_manipulator(TWO, ["links.0.modes"])),
+    (ArgumentError, "complex", lambda: fl.PeriodicSystem(1j * np.eye(2), 1.0)),
+]
+
+
+@pytest.mark.parametrize(("error", "words", "call"), BAD, ids=range(len(BAD)))
+def test_bad_requests(error, words, call):
+    with pytest.raises(error, match=words):
+        call()
 
 
 def test_a_stiffness_that_is_zero_for_a_stiff_joint_cannot_be_left_free():
     """The symbol would let the joint go: fits of such a number ended in overflow."""
-    scene = fl.load_scene("quanser-two-link")
-    with pytest.raises(
-        ArgumentError, match=r"stiffness of joint 1 is left free, but 0 there stands for a joint that is stiff"
-    ):
-        fl.build_manipulator(scene, ["effects.joint_flexibility.stiffness.0"])
-
-
-def test_things_of_another_kind_are_named():
-    scene = two_links()
-    arm = fl.build_manipulator(scene)
-    for wrong in (
-        lambda: fl.build_manipulator("single-link"),
-        lambda: fl.linearize(scene, scene.motion),
-        lambda: fl.linearize(arm, "harmonic"),
-        lambda: fl.floquet(np.eye(2)),
-    ):
-        with pytest.raises(ArgumentError, match="another kind"):
-            wrong()
-    with pytest.raises(ArgumentError, match="cannot be left free"):
-        fl.build_manipulator(scene, ["links.0.modes"])
-    with pytest.raises(ArgumentError, match="complex"):
-        fl.PeriodicSystem(1j * np.eye(2), 1.0)
+    words = "stiffness of joint 1 is left free, but 0 there stands for a joint that is stiff"
+    with pytest.raises(ArgumentError, match=words):
+        fl.build_manipulator(fl.load_scene("quanser-two-link"), ["effects.joint_flexibility.stiffness.0"])

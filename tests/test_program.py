@@ -1,5 +1,6 @@
-"""CasADi functions read as programs: the same numbers as CasADi's own, to the last bit (sines within an ulp), or CasADi's own."""
+"""The door between CasADi and NumPy: values, layout, refusals; functions read as programs give CasADi's own numbers to the last bit."""
 
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
@@ -10,6 +11,47 @@ from flexlin import symbolic
 from flexlin._core import addresses
 from flexlin.errors import ArgumentError
 from flexlin.program import CONST, INPUT, OUTPUT, POINTS_TOGETHER, Layout, Program, march_program, name_of
+
+
+@pytest.fixture
+def function():
+    x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
+    return ca.Function("f", [x, y], [ca.horzcat(x, y * x, ca.sin(x)), x[0] + y])
+
+
+def test_values_and_layout(function):
+    x, y = np.random.default_rng(1).normal(size=(2, 7, 2))[0], np.arange(7.0)[:, None]
+    matrix, scalar = symbolic.evaluate(function, x, y)
+    np.testing.assert_allclose(matrix, np.stack([x, y * x, np.sin(x)], axis=2), rtol=1e-15)
+    np.testing.assert_allclose(scalar[:, 0, 0], x[:, 0] + y[:, 0], rtol=1e-15)
+
+
+def test_chunks_join(function, monkeypatch):
+    x, y = np.ones((10, 2)), np.arange(10.0)[:, None]
+    whole = symbolic.evaluate(function, x, y)
+    monkeypatch.setattr(symbolic, "CHUNK_POINTS", 3)
+    for a, b in zip(whole, symbolic.evaluate(function, x, y), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize(("x", "y"), [((4, 2), (1, 1)), ((4, 1), (4, 1)), ((0, 2), (0, 1)), ((4, 2), (4, 1))], ids=str)
+def test_nothing_is_broadcast_and_numbers_are_finite(function, x, y):
+    with pytest.raises(ArgumentError):
+        symbolic.evaluate(function, np.full(x, np.nan if y == (4, 1) else 1.0), np.ones(y))
+
+
+def test_sparse_outputs_are_refused():
+    x = ca.SX.sym("x", 2)
+    with pytest.raises(ArgumentError, match="sparse"):
+        symbolic.evaluate(ca.Function("f", [x], [ca.diag(x)]), np.ones((3, 2)))
+
+
+def test_point_by_point_equals_the_batch(function):
+    x, y = np.random.default_rng(2).normal(size=(5, 2)), np.arange(5.0)[:, None]
+    for one, rows in enumerate(zip(*symbolic.evaluate(function, x, y), strict=True)):
+        for now, row in zip(symbolic.call_at(function, x[one], y[one]), rows, strict=True):
+            np.testing.assert_array_equal(now, row)
+
 
 UNARY = [
     *(ca.exp, ca.log, ca.sqrt, ca.tan, ca.asin, ca.acos, ca.atan, ca.floor, ca.ceil, ca.fabs, ca.sign),
@@ -38,6 +80,10 @@ def grow(known: list[ca.SX], choices: list[tuple[int, int, int]]) -> list[ca.SX]
     return known
 
 
+SIZES = (3, 2, 0)
+"""Numbers that the inputs of random functions hold."""
+
+
 def random_function(seed: int, length: int = 300) -> ca.Function:
     """Operations of every kind on what came before, what is not a number among them."""
     rng = np.random.default_rng(seed)
@@ -48,55 +94,57 @@ def random_function(seed: int, length: int = 300) -> ca.Function:
     return ca.Function("random", [x, y, ca.SX(0, 1)], [shape, known[len(known) // 2], ca.densify(ca.SX(2, 1))])
 
 
+def random_points(seed: int, points: int) -> list[np.ndarray]:
+    """Inputs of a random function."""
+    rng = np.random.default_rng(seed)
+    return [rng.normal(size=(points, size)) for size in SIZES]
+
+
 def run(made: Layout, function: ca.Function, arrays: list[np.ndarray]) -> list[np.ndarray]:
     outputs = symbolic.empty_outputs(function, len(arrays[0]))
     made(arrays, outputs)
     return [output.transpose(0, 2, 1) for output in outputs]
 
 
+def assert_same(found: Iterable[np.ndarray], right: Iterable[np.ndarray]) -> None:
+    """The same bits, signs of zeros among them."""
+    for one, other in zip(found, right, strict=True):
+        np.testing.assert_array_equal(one, other)
+        np.testing.assert_array_equal(np.signbit(one[other == 0]), np.signbit(other[other == 0]))
+
+
 def agree(function: ca.Function, arrays: list[np.ndarray], made: Layout | None = None) -> None:
-    """The same bits as CasADi's, signs of zeros among them."""
+    """The same numbers as CasADi's."""
     found = run(made or Program.read(function).lay_out(), function, arrays)
-    for right, one in zip(symbolic.call_casadi(function, arrays), found, strict=True):
-        np.testing.assert_array_equal(one, right)
-        np.testing.assert_array_equal(np.signbit(one[right == 0]), np.signbit(right[right == 0]))
+    assert_same(found, symbolic.call_casadi(function, arrays))
 
 
-def test_each_operation_gives_the_same_bits() -> None:
+def test_each_operation_gives_the_same_bits():
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     arrays = [grid.ravel()[:, None] for grid in np.meshgrid(HARD, HARD)]
     for expression in (*(one(x) for one in UNARY), *(two(x, y) for two in BINARY)):
         agree(ca.Function("one", [x, y], [expression]), arrays)
 
 
-def test_sines_and_cosines_are_right_within_an_ulp() -> None:
+def test_sines_and_cosines_are_right_within_an_ulp():
     """Against the processor's numbers of 64 bits: near multiples of pi/2 too, where a reduction by one number loses all digits."""
     rng, turns, x = np.random.default_rng(4), np.arange(1.0, 4000.0) * np.pi / 2, ca.SX.sym("x")
-    angles = np.concatenate(
-        [
-            rng.uniform(-9, 9, 2000),
-            rng.uniform(-1e5, 1e5, 2000),
-            turns,
-            np.nextafter(-turns, 0),
-            [3e7, -1e17, 1e-9, *HARD],
-        ]
-    )[:, None]
-    found = run(
-        Program.read(function := ca.Function("sines", [x], [ca.sin(x), ca.cos(x)])).lay_out(), function, [angles]
-    )
+    drawn, rare = rng.uniform(-1, 1, 4000) * np.repeat([9, 1e5], 2000), [3e7, -1e17, 1e-9, *HARD]
+    angles = np.concatenate([drawn, turns, np.nextafter(-turns, 0), rare])[:, None]
+    function = ca.Function("sines", [x], [ca.sin(x), ca.cos(x)])
+    found = [one[:, :, 0] for one in run(Program.read(function).lay_out(), function, [angles])]
+    known, long = np.isfinite(angles), angles.astype(np.longdouble)
     with np.errstate(invalid="ignore"):
-        for one, exact in zip(
-            found, (np.sin(angles.astype(np.longdouble)), np.cos(angles.astype(np.longdouble))), strict=True
-        ):
-            known = np.isfinite(angles)
-            missed = np.abs(one[:, :, 0].astype(np.longdouble) - exact)[known]
-            assert (missed <= np.spacing(np.abs(exact[known]).astype(float))).all()
-            assert np.isnan(one[:, :, 0][~known]).all()
+        exact = np.sin(long), np.cos(long)
+    for one, right in zip(found, exact, strict=True):
+        missed = np.abs(one.astype(np.longdouble) - right)[known]
+        assert (missed <= np.spacing(np.abs(right[known]).astype(float))).all()
+        assert np.isnan(one[~known]).all()
     zeros = angles == 0
-    np.testing.assert_array_equal(np.signbit(found[0][:, :, 0][zeros]), np.signbit(angles[zeros]))
+    np.testing.assert_array_equal(np.signbit(found[0][zeros]), np.signbit(angles[zeros]))
 
 
-def test_every_operation_of_scalars_is_known_or_left_to_casadi() -> None:
+def test_every_operation_of_scalars_is_known_or_left_to_casadi():
     """A release of CasADi with another operation, or other numbers of them, is seen here."""
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     tried = set()
@@ -120,29 +168,28 @@ def is_scalar(code: int) -> bool:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_random_functions_give_the_same_bits(seed: int) -> None:
-    function, rng = random_function(seed), np.random.default_rng(seed)
+def test_random_functions_give_the_same_bits(seed):
+    function = random_function(seed)
     made = Program.read(function).lay_out()
     for points in (1, 8, 9, 32, 33, 40, 41, 100):
-        agree(function, [rng.normal(size=(points, 3)), rng.normal(size=(points, 2)), np.zeros((points, 0))], made)
+        agree(function, random_points(seed, points), made)
 
 
 @pytest.mark.parametrize("points", [1, 9, 40])
-def test_a_march_takes_each_output_as_the_next_input(points: int) -> None:
+def test_a_march_takes_each_output_as_the_next_input(points):
     x, u, p = (ca.SX.sym(name, size) for name, size in (("x", 3), ("u", 2), ("p", 1)))
     function = ca.Function("step", [x, u, p], [ca.vertcat(ca.sin(x[1]) + u[0], x[2] * p, x[0] - u[1])])
     rng, made = np.random.default_rng(3), Program.read(function).lay_out()
     states, driven, held = np.empty((8, points, 3)), rng.normal(size=(7, points, 2)), rng.normal(size=(points, 1))
     states[0] = rng.normal(size=(points, 3))
-    made.march(
-        7, [states[0], driven[0], held], np.array([3 * points, 2 * points, 0]), [states[1]], np.array([3 * points])
-    )
+    steps = np.array([3 * points, 2 * points, 0])
+    made.march(7, [states[0], driven[0], held], steps, [states[1]], steps[:1])
     for k in range(7):
         np.testing.assert_array_equal(states[k + 1], run(made, function, [states[k], driven[k], held])[0][:, :, 0])
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_what_is_written_often_is_computed_once(seed: int) -> None:
+def test_what_is_written_often_is_computed_once(seed):
     """Against value numbering by a dictionary: as many steps, the same bits; signs of zeros are told apart."""
     rng, x = np.random.default_rng(seed), ca.SX.sym("x", 2)
     known = [*ca.vertsplit(x), ca.SX(0.0), ca.SX(-0.0), ca.SX(np.nan), ca.SX(2.5)]
@@ -162,24 +209,21 @@ def test_what_is_written_often_is_computed_once(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_some_of_the_outputs_need_some_of_the_operations(seed: int) -> None:
-    function, rng = random_function(seed), np.random.default_rng(seed)
-    names = function.name_out()
-    arrays = [rng.normal(size=(70, k)) for k in (3, 2, 0)]
-    right, program = symbolic.call_casadi(function, arrays), Program.read(function)
+def test_some_of_the_outputs_need_some_of_the_operations(seed):
+    function, arrays = random_function(seed), random_points(seed, 70)
+    names, right, program = function.name_out(), symbolic.call_casadi(function, arrays), Program.read(function)
     for outputs in ((0,), (2, 1), (1,), (2, 1, 0)):
         part = symbolic.selected(function, tuple(names[i] for i in outputs))
         kept = program.lay_out(outputs)
         assert len(kept.steps) <= part.n_instructions() + 6
-        for i, found in zip(outputs, run(kept, part, arrays), strict=True):
-            np.testing.assert_array_equal(found, right[i])
+        assert_same(run(kept, part, arrays), (right[i] for i in outputs))
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_program_in_parts_gives_the_same_numbers(seed: int) -> None:
+def test_a_program_in_parts_gives_the_same_numbers(seed):
     """What x alone or y alone decides, computed apart and given to the rest, where nothing of it is computed again."""
-    function, rng = random_function(seed), np.random.default_rng(seed)
-    program, arrays = Program.read(function), [rng.normal(size=(POINTS_TOGETHER, k)) for k in (3, 2, 0)]
+    function, arrays = random_function(seed), random_points(seed, POINTS_TOGETHER)
+    program = Program.read(function)
     needs = program.find_needs((1, 2, 1))
     of_one = np.flatnonzero((program.steps[:, 0] != OUTPUT) & (needs < 3))
     alone = program.lay_out((), kept=of_one)
@@ -191,8 +235,7 @@ def test_a_program_in_parts_gives_the_same_numbers(seed: int) -> None:
     carry_out(alone, arrays, [], first)
     second[: len(of_one)] = first[alone.places[of_one]]
     carry_out(rest, arrays, outputs, second)
-    for right, found in zip(symbolic.call_casadi(function, arrays), outputs, strict=True):
-        np.testing.assert_array_equal(found.transpose(0, 2, 1), right)
+    assert_same((found.transpose(0, 2, 1) for found in outputs), symbolic.call_casadi(function, arrays))
 
 
 def carry_out(part: Layout, arrays: list[np.ndarray], outputs: list[np.ndarray], memory: np.ndarray) -> None:
@@ -203,9 +246,9 @@ def carry_out(part: Layout, arrays: list[np.ndarray], outputs: list[np.ndarray],
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_program_is_carried_out_over_any_kind_of_numbers(seed: int) -> None:
+def test_a_program_is_carried_out_over_any_kind_of_numbers(seed):
     """Over sets of names, which say what each output depends on; over expressions, which give the function again."""
-    function, rng = random_function(seed), np.random.default_rng(seed)
+    function, arrays = random_function(seed), random_points(seed, 20)
     program = Program.read(function)
     names = program.carry_out([[{"x"}] * 3, [{"y"}] * 2, []], lambda _: set(), lambda _, a, b: a | b)
     for values, sets in zip(program.find_outputs(), names, strict=True):
@@ -217,7 +260,6 @@ def test_a_program_is_carried_out_over_any_kind_of_numbers(seed: int) -> None:
     symbols = function.sx_in()
     made = program.carry_out([ca.vertsplit(one) for one in symbols], ca.SX, apply)
     again = ca.Function("again", symbols, [ca.densify(ca.vertcat(*column)) for column in made])
-    arrays = [rng.normal(size=(20, k)) for k in (3, 2, 0)]
     for right, found in zip(symbolic.call_casadi(function, arrays), symbolic.call_casadi(again, arrays), strict=True):
         np.testing.assert_array_equal(found[:, :, 0], right.transpose(0, 2, 1).reshape(20, -1))
 
@@ -232,52 +274,48 @@ ONE_OPERAND = [
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_quotients_by_what_one_input_decides_become_products(seed: int) -> None:
-    function, rng = random_function(seed), np.random.default_rng(seed)
+def test_quotients_by_what_one_input_decides_become_products(seed):
+    function, arrays = random_function(seed), random_points(seed, 70)
     program = Program.read(function)
     other, needs = program.invert_once((1, 2, 1)), program.find_needs((1, 2, 1))
     code, _, _, below = program.steps.T
     quotients = code == ca.OP_DIV
     left = int((quotients & (needs[np.where(quotients, below, 0)] == needs)).sum())
     assert int((other.steps[:, 0] == ca.OP_DIV).sum()) == left
-    arrays = [rng.normal(size=(70, 3)), rng.normal(size=(70, 2)), np.zeros((70, 0))]
+    assert len(run(other.lay_out(), function, arrays)) == 3
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     plain = ca.Function("plain", [x, y], [(x + y) / y + x / (y * y) + (x * y) / (x - y)])
     once = Program.read(plain).invert_once((1, 2))
-    assert sorted(once.steps[:, 0].tolist()).count(ca.OP_DIV) == 1
+    assert once.steps[:, 0].tolist().count(ca.OP_DIV) == 1
     pairs = [array[:, :1].copy() for array in arrays[:2]]
     found, right = run(once.lay_out(), plain, pairs)[0], symbolic.call_casadi(plain, pairs)[0]
     np.testing.assert_allclose(found, right, rtol=1e-13)
-    assert len(run(other.lay_out(), function, arrays)) == 3
 
 
-def test_many_points_take_the_program_and_few_do_not() -> None:
-    function = random_function(99)
-    arrays = np.random.default_rng(0).normal(size=(50, 3)), np.ones((50, 2)), np.zeros((50, 0))
+def test_many_points_take_the_program_and_few_do_not():
+    function, arrays = random_function(99), random_points(0, 50)
     few = symbolic.evaluate(function, *arrays)
     assert symbolic.usage_of(function).program is None
-    again = symbolic.evaluate(function, *(np.tile(a, (40, 1)) for a in arrays))
+    many = symbolic.evaluate(function, *(np.tile(a, (40, 1)) for a in arrays))
     assert symbolic.usage_of(function).program is not None
-    for one, many in zip(few, again, strict=True):
-        np.testing.assert_array_equal(many, np.tile(one, (40, 1, 1)))
+    assert_same(many, (np.tile(one, (40, 1, 1)) for one in few))
 
 
-def test_one_reading_serves_a_function_and_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_reading_serves_a_function_and_its_parts(monkeypatch):
     function, reads, read = random_function(41), [], Program.read
     monkeypatch.setattr(Program, "read", lambda f: reads.append(f) or read(f))
-    part = symbolic.Part(function, (function.name_out()[1],))
-    arrays = np.random.default_rng(0).normal(size=(850, 3)), np.ones((850, 2)), np.zeros((850, 0))
+    part, arrays = symbolic.Part(function, (function.name_out()[1],)), random_points(0, 850)
     for _ in range(2):
         symbolic.evaluate(part, *arrays)
         symbolic.evaluate(function, *arrays)
         few = symbolic.evaluate(part, *(array[:2] for array in arrays))
     assert len(reads) == 1
-    right = symbolic.call_casadi(part.function, list(arrays))
+    right = symbolic.call_casadi(part.function, arrays)
     np.testing.assert_array_equal(symbolic.evaluate(part, *arrays)[0], right[0])
     np.testing.assert_array_equal(few[0], right[0][:2])
 
 
-def test_what_cannot_be_read_is_left_to_casadi(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_read_is_left_to_casadi(monkeypatch):
     monkeypatch.setattr(symbolic, "READING_COST", 0)
     x, matrix = ca.SX.sym("x"), ca.MX.sym("m", 2)
     inner = ca.Function("inner", [x], [ca.sin(x)], {"never_inline": True})
@@ -298,12 +336,10 @@ def test_what_cannot_be_read_is_left_to_casadi(monkeypatch: pytest.MonkeyPatch) 
         assert symbolic.usage_of(function).program is None
 
 
-def test_threads_do_not_share_their_numbers() -> None:
+def test_threads_do_not_share_their_numbers():
     function = random_function(7)
-    made, rng = Program.read(function).lay_out(), np.random.default_rng(7)
-    every = [[rng.normal(size=(5000, k)) for k in (3, 2, 0)] for _ in range(8)]
+    made, every = Program.read(function).lay_out(), [random_points(k, 5000) for k in range(8)]
     alone = [run(made, function, arrays) for arrays in every]
     with ThreadPoolExecutor(4) as pool:
         for right, found in zip(alone, pool.map(lambda arrays: run(made, function, arrays), every), strict=True):
-            for one, other in zip(right, found, strict=True):
-                np.testing.assert_array_equal(one, other)
+            assert_same(found, right)

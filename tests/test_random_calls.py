@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin import control
-from flexlin.errors import FlexlinError
 from tests.thinned import thin
 
 MOST = 300e6
@@ -50,12 +48,10 @@ def calls(system, inputs, C, rng):
         "output_lqr": lambda: fl.output_lqr(system, C, Q, R),
         "frequency_response": lambda: fl.frequency_response(system, C, np.array([0.0, 1.0, 20.0]) / T),
         "invariant_zeros": lambda: fl.invariant_zeros(system, C),
-        "forced_response": lambda: fl.forced_response(
-            system, lambda t: np.cos(2 * np.pi * t / T)[:, None] * push[:, 0]
-        ),
+        "forced_response": lambda: fl.forced_response(system, lambda t: np.cos(2 * np.pi * t / T)[:, None] * push.T),
         "respond": lambda: fl.respond(system, T * np.linspace(0, 3, 50), x0=push[:, 0], noise=np.eye(m)),
         "margins": lambda: fl.margins(system, rng.standard_normal((m, n))),
-        "averaged_lqr": lambda: control.averaged_lqr(system, Q, R),
+        "averaged_lqr": lambda: fl.control.averaged_lqr(system, Q, R),
         "critical_values": lambda: fl.critical_values(lambda a: turned(system, a), "a", (0.5, 2.0), samples=65),
     }
 
@@ -76,6 +72,6 @@ def test_a_result_or_a_typed_error(seed):
     system, inputs, C = draw(rng)
     for name, call in calls(system, inputs, C, rng).items():
         before = most_memory()
-        with suppress(FlexlinError):
+        with suppress(fl.errors.FlexlinError):
             assert repr(call()), name
         assert most_memory() < before + MOST, name

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, SceneError
 from flexlin.periodic.sampled import hold_plant
 from flexlin.simulation import Drive, simulate
+from tests.closed_arm import closed
 
 SAMPLES = 25
 CHANGES = {"links.0.modes": 1, "designs": [], "control.feedback": {"kind": "none"}}
@@ -14,8 +14,7 @@ CHANGES = {"links.0.modes": 1, "designs": [], "control.feedback": {"kind": "none
 
 def make_arm(share=1.0):
     loads = {"effects.gravity.acceleration": 9.81 * share, "motion.joints.0.amplitude": 0.5 * share}
-    scene = fl.load_scene("single-link", CHANGES | loads)
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    lin = closed("single-link", CHANGES | loads)
     system = lin.periodic_system()
     return lin, fl.sampled_lqr(system, np.diag([9.0, 9.0, 0.1, 0.1]), 2.0, system.period / SAMPLES)
 
@@ -27,8 +26,7 @@ def arm():
 
 def run(arm, initial, **steps):
     lin, made = arm
-    drive = Drive(sample_time=made.sample_time, **steps)
-    law = lin.law.with_gain(made.gain)
+    drive, law = Drive(sample_time=made.sample_time, **steps), lin.law.with_gain(made.gain)
     return simulate(lin, 1.0, initial, tol=1e-8, points_per_period=SAMPLES, drive=drive, law=law)
 
 
@@ -63,16 +61,17 @@ def test_rounding_moves_the_arm_no_further_than_its_loop_lets_it(arm):
 
 
 def test_steps_need_samples_and_one_number_a_motor(arm):
-    with pytest.raises(ArgumentError, match="where a device samples"):
-        Drive(encoders=(1e-3,))
-    with pytest.raises(ArgumentError, match="encoders do not fit"):
-        run(arm, np.zeros(4), encoders=(1e-3, 1e-3))
-    with pytest.raises(SceneError, match="one for each torque-driven joint"):
-        fl.load_scene("single-link", {"control.sampling": {"period": 0.01, "encoders": [1e-3, 1e-3]}})
-    scene = fl.load_scene("single-link", {**CHANGES, "control.sampling": {"period": 0.01, "torque": [1e-2]}})
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    system, period = arm[1].system, arm[1].sample_time
+    twice = {"control.sampling": {"period": 0.01, "encoders": [1e-3, 1e-3]}}
+    delayed = fl.sampled_lqr(system, np.eye(4), 1.0, period, period / 2)
+    for error, words, call in (
+        (fl.errors.ArgumentError, "where a device samples", lambda: Drive(encoders=(1e-3,))),
+        (fl.errors.ArgumentError, "encoders do not fit", lambda: run(arm, np.zeros(4), encoders=(1e-3, 1e-3))),
+        (fl.errors.SceneError, "one for each torque-driven joint", lambda: fl.load_scene("single-link", twice)),
+        (fl.errors.ArgumentError, "held before", lambda: delayed.law),
+    ):
+        with pytest.raises(error, match=words):
+            call()
+    lin = closed("single-link", {**CHANGES, "control.sampling": {"period": 0.01, "torque": [1e-2]}})
     found = simulate(lin, 0.05, tol=1e-4).torque
     np.testing.assert_allclose(found / 1e-2, np.round(found / 1e-2), atol=1e-9)
-    delayed = fl.sampled_lqr(arm[1].system, np.eye(4), 1.0, arm[1].sample_time, arm[1].sample_time / 2)
-    with pytest.raises(ArgumentError, match="held before"):
-        _ = delayed.law

@@ -3,11 +3,11 @@
 import contextlib
 import ctypes
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -31,11 +31,8 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="work is supervi
 def start(work: str, *words: str) -> "subprocess.Popen[str]":
     """A program that does the work under supervision, called with these words."""
     code = f"{WORK}\ndef work():\n    {work}\n    return 0\nsys.exit(run_to_its_end(work))"
-    parent = (
-        "import sys\nfrom flexlin.cli.supervised import supervise\n"
-        f"sys.exit(supervise([sys.executable, '-c', {code!r}, *{words!r}]))"
-    )
-    return begin("-c", parent)
+    command = f"sys.exit(supervise([sys.executable, '-c', {code!r}, *{words!r}]))"
+    return begin("-c", f"import sys\nfrom flexlin.cli.supervised import supervise\n{command}")
 
 
 def begin(*words: str, **options: Any) -> "subprocess.Popen[str]":
@@ -70,7 +67,7 @@ ENDS = {
 
 
 @pytest.mark.parametrize(("work", "code", "out", "err"), ENDS.values(), ids=ENDS.keys())
-def test_however_the_work_ends_there_is_a_message(work: str, code: int, out: str, err: str) -> None:
+def test_however_the_work_ends_there_is_a_message(work, code, out, err):
     run = start(work)
     said = run.communicate(timeout=300)
     assert (run.returncode, said[0]) == (code, out)
@@ -79,7 +76,7 @@ def test_however_the_work_ends_there_is_a_message(work: str, code: int, out: str
 
 
 @pytest.mark.parametrize("words", [("--limit-seconds", "1"), ("--limit-seconds=1",)])
-def test_a_limit_holds_before_the_work_has_sent_its_own(words: tuple[str, ...]) -> None:
+def test_a_limit_holds_before_the_work_has_sent_its_own(words):
     """Nothing is known of a scene while libraries are loaded, which takes long on a busy machine."""
     run = start("time.sleep(60)", *words)
     _, said = run.communicate(timeout=300)
@@ -88,28 +85,26 @@ def test_a_limit_holds_before_the_work_has_sent_its_own(words: tuple[str, ...]) 
 
 
 @pytest.mark.parametrize("stated", ["nan", "-1", "inf", "four", ""])
-def test_a_limit_that_is_none_is_for_the_work_to_refuse(stated: str) -> None:
+def test_a_limit_that_is_none_is_for_the_work_to_refuse(stated):
     assert read_limit(["check", "single-link", "--limit-seconds", stated]) == 0.0
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_request_to_end_reaches_the_work(number: int) -> None:
+def test_a_request_to_end_reaches_the_work(number):
     work = (
         "for number in (signal.SIGTERM, signal.SIGINT): signal.signal(number, signal.default_int_handler)\n"
         "    try: print('ready', flush=True); time.sleep(60)\n"
         "    except KeyboardInterrupt: print('cleaned')"
     )
     run = start(work)
-    assert run.stdout is not None
     assert run.stdout.readline() == "ready\n"
     run.send_signal(number)
     assert run.communicate(timeout=300) == ("cleaned\n", "")
     assert run.returncode == 0
 
 
-def test_a_killed_parent_takes_the_work_with_it() -> None:
+def test_a_killed_parent_takes_the_work_with_it():
     run = start("print(os.getpid(), flush=True); time.sleep(60)")
-    assert run.stdout is not None
     child = int(run.stdout.readline())
     run.kill()
     run.communicate(timeout=300)
@@ -123,7 +118,7 @@ def test_a_killed_parent_takes_the_work_with_it() -> None:
             pytest.fail("the work went on alone")
 
 
-def test_an_error_in_a_destructor_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_error_in_a_destructor_is_one_line(capsys):
     """Python can raise nothing there; the default is to print a traceback and go on. After an interruption it is no news."""
     odd = SimpleNamespace(exc_type=ValueError, exc_value=ValueError("odd"))
     with contextlib.suppress(KeyboardInterrupt), ended_by_signal():
@@ -160,7 +155,7 @@ def make_another_error() -> None:
 
 
 @pytest.mark.parametrize("lose", [drop_in_a_destructor, drop_in_a_library, make_another_error])
-def test_ctrl_c_that_a_library_drops_comes_again(lose: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_that_a_library_drops_comes_again(lose, monkeypatch):
     monkeypatch.setattr("flexlin.cli.program.SIGNAL_SECONDS", 0.1)
 
     def work() -> None:
@@ -174,31 +169,31 @@ def test_ctrl_c_that_a_library_drops_comes_again(lose: Callable[[], None], monke
 
 
 @pytest.mark.parametrize("space", [60e6, 200e6])
-def test_little_memory_from_the_start_ends_in_one_message(space: float, tmp_path: Path) -> None:
+def test_little_memory_from_the_start_ends_in_one_message(space):
     """Libraries that cannot even be loaded: some raise, some end the process, some wait for ever."""
     import resource
 
-    run = begin(
-        *("-m", "flexlin", "check", "single-link", "--limit-seconds", "8"),
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (int(space), int(space))),
-        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-    )
+    def tighten() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (int(space), int(space)))
+
+    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    words = "-m", "flexlin", "check", "single-link", "--limit-seconds", "8"
+    run = begin(*words, preexec_fn=tighten, env={**os.environ, **threads})
     _, said = run.communicate(timeout=300)
     assert run.returncode in (1, 2)
-    assert "memory" in said or "time limit" in said
-    assert "Traceback" not in said
-    assert "fault of flexlin" not in said
+    assert re.search("memory|time limit", said)
+    assert not re.search("Traceback|fault of flexlin", said)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("words", "closed", "code"), [("list", 1, 0), ("show no-such-scene", 2, 2)])
-def test_a_stream_that_is_closed_stops_nothing(words: str, closed: int, code: int) -> None:
+def test_a_stream_that_is_closed_stops_nothing(words, closed, code):
     run = begin("-m", "flexlin", *words.split(), preexec_fn=lambda: os.close(closed))
     assert (*run.communicate(timeout=300), run.returncode) == ("", "", code)
 
 
 @pytest.mark.slow
-def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_path: Path) -> None:
+def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_path):
     """Ctrl-C while threads are inside the compiled kernel: whole files, or none, and a message; no thread and no trace is left."""
     out, over = tmp_path / "out", ["effects.payload.mass=0:0.3:600", "motion.frequency=0.1:1:600"]
     run = begin("-m", "flexlin", "chart", "single-link", "--over", *over, "--out", str(out))
@@ -207,36 +202,32 @@ def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_p
     _, said = run.communicate(timeout=300)
     assert run.returncode in (1, 4), said
     assert "interrupted" in said
-    assert "Traceback" not in said
-    assert "fault" not in said
+    assert not re.search("Traceback|fault", said)
     if run.returncode == 4:
         with np.load(out / "chart.npz", allow_pickle=False) as found:
-            known = np.isfinite(found["error"])
-            assert 0 < known.sum() < known.size
-            assert np.isfinite(found["error"][known]).all()
+            assert 0 < np.isfinite(found["error"]).sum() < found["error"].size
     else:
         assert not out.exists() or not list(out.iterdir())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("wait", [0.02, 0.1, 0.4])
-def test_an_interrupt_while_the_program_is_loaded_leaves_no_trace(wait: float) -> None:
+def test_an_interrupt_while_the_program_is_loaded_leaves_no_trace(wait):
     """Whether a request to end strikes the program, or Ctrl-C the program and its work, as in a terminal."""
     begins = "lambda event, of: event == 'import' and of[0] == 'flexlin.cli.program' and print('begun', flush=True)"
     code = f"import sys, flexlin.__main__ as program; sys.addaudithook({begins}); program.main()"
-    for whole in (False, True):
+    word = "flexlin: interrupted; no file was left half-written"  # by the program, its work, or both at once
+    for kill, number in ((os.killpg, signal.SIGINT), (os.kill, signal.SIGTERM)):
         run = begin("-c", code, "check", "single-link", start_new_session=True)
-        assert run.stdout is not None
         assert run.stdout.readline() == "begun\n"
         time.sleep(wait)
-        os.killpg(run.pid, signal.SIGINT) if whole else os.kill(run.pid, signal.SIGTERM)
+        kill(run.pid, number)
         out, said = run.communicate(timeout=300)
         assert run.returncode in (0, 1), out
-        word = "flexlin: interrupted; no file was left half-written"  # by the program, its work, or both at once
         left = [line for line in said.replace(word, "").split("\n") if line and not line.endswith(" so far)")]
         assert (left, word in said) == ([], run.returncode == 1)
 
 
-def test_the_parent_of_the_work_loads_no_library() -> None:
+def test_the_parent_of_the_work_loads_no_library():
     code = "import flexlin.cli.program, sys; print(sorted({'pydantic', 'pydantic_core', 'numpy', 'casadi', 'scipy'} & set(sys.modules)))"
     assert begin("-c", code).communicate(timeout=300) == ("[]\n", "")

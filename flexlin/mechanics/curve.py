@@ -62,7 +62,7 @@ def make_rule(y: Shapes, z: Shapes, twist: Shapes, mass: Profile | None, stiffne
     Products of two slopes of n modes of a uniform beam are integrated to 3e-9 and better; other shapes get as many as that takes.
     """
     mu, eps, shapes = mass or UNIFORM, stiffness or UNIFORM, (twist, z, y)
-    edges = np.unique([0.0, *mu.breaks, *eps.breaks, 1.0])
+    edges = np.unique([0.0, *(place for part in (*shapes, mu, eps) for place in part.breaks), 1.0])
     least = max(-(-(2 * max(part.n for part in shapes) + 6) // (len(edges) - 1)), 3)
     order, exact = least, [integrate_slopes(part, edges, MOST_NODES) for part in shapes]
     while order < MOST_NODES and any(

@@ -57,7 +57,8 @@ def make_shapes(scene: Scene, index: int, direction: Direction = "y") -> Shapes:
     if direction == "torsion":
         return twisted(n, make_profiles(link)[1], read_disc(scene, index))
     ends, section = read_ends(scene, index, direction), make_section(scene, index, direction)
-    return bending_shapes(n, *make_profiles(link), ends, link.pinned, section)
+    elements = link.elements if link.mode_shapes == "finite-element" else None
+    return bending_shapes(n, *make_profiles(link), ends, link.pinned, section, elements)
 
 
 def make_section(scene: Scene, index: int, direction: Direction = "y") -> Section:

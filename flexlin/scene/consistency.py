@@ -75,8 +75,9 @@ def _bending(key: str, link: RawTable, beams: Sequence[str]) -> Iterator[Problem
 
 def _shapes(key: str, link: RawTable) -> Iterator[Problem]:
     shapes = link.get("mode_shapes", "clamped-free")
-    if "carried" in link and shapes != "clamped-loaded":
-        yield Problem(f"{key}.carried", f"a value beside mode_shapes = {shapes!r}", "only beside 'clamped-loaded'")
+    for setting, needed in (("carried", "clamped-loaded"), ("elements", "finite-element")):
+        if setting in link and shapes != needed:
+            yield Problem(f"{key}.{setting}", f"a value beside mode_shapes = {shapes!r}", f"only beside {needed!r}")
 
 
 def _joint(key: str, link: RawTable) -> Iterator[Problem]:

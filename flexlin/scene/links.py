@@ -293,8 +293,12 @@ class Link(Table):
     """Polar inertia of the sections per length, rho I_p."""
     modes: AnyModes = 0
     """Number of assumed modes, or a table of those in y, in z and of torsion; 0 is a rigid link."""
-    mode_shapes: Literal["clamped-free", "clamped-loaded", "pinned-free", "pinned-hub"] = "clamped-free"
+    mode_shapes: Literal["clamped-free", "clamped-loaded", "pinned-free", "pinned-hub", "finite-element"] = (
+        "clamped-free"
+    )
     """The assumed modes' shapes."""
+    elements: Annotated[int, Field(strict=True, ge=1, le=500)] = 40
+    """Finite elements of which finite-element shapes are made."""
     carried: Carried | None = None
     """The body at the tip for which clamped-loaded shapes are made."""
     section: CrossSection | None = None

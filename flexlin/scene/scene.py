@@ -108,7 +108,7 @@ class FlexibleTable(Table):
     """Its section, in the place of mass_per_length and the stiffnesses."""
     modes: AnyModes = 0
     """Number of assumed modes, or a table of those in y, in z and of torsion."""
-    mode_shapes: Literal["clamped-free", "clamped-loaded"] = "clamped-free"
+    mode_shapes: Literal["clamped-free", "clamped-loaded", "finite-element"] = "clamped-free"
     """The assumed modes' shapes."""
 
     @model_validator(mode="after")

@@ -38,36 +38,36 @@ def tip_and_force(lin, t):
 @pytest.mark.slow
 def test_a_push_is_answered_as_by_runge_kutta(closed):
     """At two phases, with a push longer than the distance of two phases; the tip by differences of positions."""
-    stated = state_disturbance("push", "tip 0.2 N 0.3 s", closed)
-    found, system = respond(closed, stated, periods=0.5), closed.periodic_system()
+    found, system = (
+        respond(closed, state_disturbance("push", "tip 0.2 N 0.3 s", closed), periods=0.5),
+        closed.periodic_system(),
+    )
     h, count = 0.3 / 1200, 1200 + 2400
     for k in (0, 5):
         t = found.phases[k] * closed.period + h / 2 * np.arange(2 * count + 1)
-        A, b, x = system.A(t), 0.2 * tip_and_force(closed, t)[1], np.zeros((count + 1, 4))
+        A, (across, reach), x = system.A(t), tip_and_force(closed, t), np.zeros((count + 1, 4))
         for s in range(count):
-            force = b if s < 1200 else 0 * b
+            force = (0.2 if s < 1200 else 0.0) * reach
             one = A[2 * s] @ x[s] + force[2 * s]
             two = A[2 * s + 1] @ (x[s] + h / 2 * one) + force[2 * s + 1]
             three = A[2 * s + 1] @ (x[s] + h / 2 * two) + force[2 * s + 1]
             four = A[2 * s + 2] @ (x[s] + h * three) + force[2 * s + 2]
             x[s + 1] = x[s] + h / 6 * (one + 2 * two + 2 * three + four)
-        seen = np.einsum("tn,tn->t", tip_and_force(closed, t[::2])[0], x[:, :2])
+        seen = np.einsum("tn,tn->t", across[::2], x[:, :2])
         inside = found.t <= count * h
         exact = CubicSpline(h * np.arange(count + 1), seen)(found.t[inside])
         assert np.abs(found.linear[k, inside] - exact).max() < 1e-6 * np.abs(exact).max()
 
 
-@pytest.mark.parametrize(
-    ("kind", "words", "half"),
-    thin(
-        [
-            ("initial", "w11=2 mm", "w11=1 mm"),
-            ("step", "joint 1 torque 0.02 N m", "joint 1 torque 0.01 N m"),
-            ("push", "tip 0.2 N 20 ms", "tip 0.1 N 20 ms"),
-        ]
-    ),
-)
-def test_the_nonlinear_answer_tends_to_the_linear_one(closed, kind, words, half):
+HALVES = [
+    ("initial", "w11=2 mm", "w11=1 mm"),
+    ("step", "joint 1 torque 0.02 N m", "joint 1 torque 0.01 N m"),
+    ("push", "tip 0.2 N 20 ms", "tip 0.1 N 20 ms"),
+]
+
+
+@pytest.mark.parametrize(("kind", "words", "half"), thin(HALVES))
+def test_the_nonlinear_answer_tends_to_the_linear_one(kind, words, half):
     """What a disturbance of a third of a steady motion's size moves is linear but for that motion; its own part falls with its size."""
     lin = closed_arm.closed("single-link", {**SMALL, "motion.joints.0.amplitude": 1e-4, "effects.gravity": "off"})
     large, small = (respond(lin, state_disturbance(kind, text, lin)) for text in (words, half))
@@ -83,15 +83,13 @@ def test_a_push_reaches_an_arm_whose_joint_may_stick():
     for static in ({}, {"static": 0.012}):
         friction = {"torque": 0.01, "rate": 0.01} | static
         lin = closed_arm.closed("single-link", {**SMALL, "effects.coulomb_friction": friction})
-        found += [
-            PushedLoop(lin, lin.law, Directions(lin), size).integrate(t, np.zeros(4), 1e-8) for size in (0.0, 0.5)
-        ]
-    still, pushed, _, again = found
-    assert np.abs(pushed - still).max() > 1e-3
-    np.testing.assert_allclose(again, pushed, atol=1e-7)
+        pushed = [PushedLoop(lin, lin.law, Directions(lin), size) for size in (0.0, 0.5)]
+        found += [one.integrate(t, np.zeros(4), 1e-8) for one in pushed]
+    assert np.abs(found[1] - found[0]).max() > 1e-3
+    np.testing.assert_allclose(found[3], found[1], atol=1e-7)
 
 
-def test_a_step_ends_where_the_stiffness_holds_it(closed):
+def test_a_step_ends_where_the_stiffness_holds_it():
     """A constant loop: y ends at K^-1 B u."""
     lin = closed_arm.closed("single-link", {**SMALL, "motion.joints.0.amplitude": 0.0})
     found = respond(lin, state_disturbance("step", "joint 1 torque 0.1 N m", lin))
@@ -102,44 +100,36 @@ def test_a_step_ends_where_the_stiffness_holds_it(closed):
 
 def test_noise_spreads_as_many_runs_do(closed):
     """White torque on a held grid: 400 runs by the discrete transition of the loop, beside the covariance."""
-    stated, system = state_disturbance("noise", "torque 0.05 N m 200 Hz", closed), closed.periodic_system()
-    found = answer_noise(closed, stated, system)
-    rng, steps = np.random.default_rng(4), 400
-    h = closed.period / steps
-    x = np.zeros((400, 4))
+    system, rng, steps = closed.periodic_system(), np.random.default_rng(4), 400
+    found = answer_noise(closed, state_disturbance("noise", "torque 0.05 N m 200 Hz", closed), system)
+    h, x = closed.period / steps, np.zeros((400, 4))
     t = h * (np.arange(steps) + 0.5)
-    A, B = system.A(t), closed.input_matrix(t)
-    for k in range(4 * steps):
-        k %= steps
-        noise = rng.normal(size=(400, 1)) * np.sqrt(0.05**2 / 400 / h)
-        drift = x @ A[k].T + noise @ B[k].T
-        middle = x + h / 2 * drift
-        x = x + h * (middle @ A[k].T + noise @ B[k].T)
+    for A, B in zip(np.tile(system.A(t), (4, 1, 1)), np.tile(closed.input_matrix(t), (4, 1, 1)), strict=True):
+        push = rng.normal(size=(400, 1)) * np.sqrt(0.05**2 / 400 / h) @ B.T
+        x = x + h * ((x + h / 2 * (x @ A.T + push)) @ A.T + push)
     np.testing.assert_allclose(x.std(axis=0)[:2], found.states[0, :2], rtol=0.12)
     assert found.tip.min() > 0
 
 
 def test_settling_and_overshoot_of_known_curves():
     t = np.linspace(0, 10, 2001)
-    curve = 1 - np.exp(-t) * (np.cos(3 * t) + np.sin(3 * t) / 3)
-    assert overshoot(curve, np.ones_like(t)) == pytest.approx(np.exp(-np.pi / 3), rel=1e-4)
-    late = settling_time(t, np.exp(-t), np.zeros_like(t))
-    assert late == pytest.approx(np.log(50), abs=0.01)
-    assert settling_time(t, np.ones_like(t), np.zeros_like(t)) == np.inf
-    assert overshoot(np.exp(-t) * np.cos(3 * t), np.zeros_like(t)) == pytest.approx(np.exp(-np.pi / 3) * 0.95, abs=0.06)
+    zero, one, decay = 0 * t, 0 * t + 1, np.exp(-t)
+    dip = np.exp(-np.pi / 3)
+    assert overshoot(1 - decay * (np.cos(3 * t) + np.sin(3 * t) / 3), one) == pytest.approx(dip, rel=1e-4)
+    assert overshoot(decay * np.cos(3 * t), zero) == pytest.approx(dip * 0.95, abs=0.06)
+    assert settling_time(t, decay, zero) == pytest.approx(np.log(50), abs=0.01)
+    assert settling_time(t, one, zero) == np.inf
 
 
 def test_the_command_writes_page_and_numbers(tmp_path, capsys):
     words = ["respond", "single-link", "--set", "links.0.modes=1", "drives={torque={peak=0.5}}", "--out", str(tmp_path)]
     assert main([*words, "--push", "tip 0.1 N 20 ms", "--loop", "periodic LQR", "--tol", "1e-6"]) == 0
-    data = json.loads((tmp_path / "respond.json").read_text())
+    data, said = json.loads((tmp_path / "respond.json").read_text()), capsys.readouterr().out
     assert len(data["linear"]) == len(data["phases"]) == 16
     assert data["nonlinear"] is not None
-    page = (tmp_path / "respond.html").read_text()
-    assert "--push" in page
-    said = capsys.readouterr().out
-    assert "settles to 2 % in" in said
-    assert "above the drive: peak torque of q1" in said
+    assert "--push" in (tmp_path / "respond.html").read_text()
+    for words in ("settles to 2 % in", "above the drive: peak torque of q1"):
+        assert words in said
 
 
 @pytest.mark.parametrize(

@@ -81,29 +81,19 @@ def test_the_walk_reaches_what_is_public():
     assert {"flexlin.Manipulator.from_matrices", "flexlin.Linearization.M"} <= set(METHODS)
 
 
-def test_functions_and_classes():
-    found = {}
-    for name, value in NAMES.items():
-        wanted = set(FORM)
-        if value.__name__ not in BRANCHES:
-            wanted |= EXAMPLES
-        if not inspect.isclass(value) or constructed(value):
-            wanted |= PARAMETERS
-        found[name] = mistakes(value, wanted)
-    assert {name: wrong for name, wrong in found.items() if wrong} == {}
-
-
-def constructed(kind: type) -> bool:
-    """Whether users make objects of this class themselves, by arguments that it checks or explains: not a result, not a subclass."""
-    doc = NumpyDocString(inspect.getdoc(kind) or "")
-    return "__init__" in vars(kind) and not (
-        dataclasses.is_dataclass(kind) and doc["Attributes"] and not doc["Parameters"]
-    )
-
-
-def test_methods():
+def test_functions_and_classes_and_methods():
     found = {name: mistakes(method, FORM | PARAMETERS) for name, method in METHODS.items()}
+    for name, value in NAMES.items():
+        wanted = FORM | (EXAMPLES if value.__name__ not in BRANCHES else set())
+        found[name] = mistakes(value, wanted | (PARAMETERS if constructed(value) else set()))
     assert {name: wrong for name, wrong in found.items() if wrong} == {}
+
+
+def constructed(value: Any) -> bool:
+    """Whether users call it with arguments that it checks or explains: a function, or a class that is no result and no subclass."""
+    doc = NumpyDocString(inspect.getdoc(value) or "")
+    result = dataclasses.is_dataclass(value) and doc["Attributes"] and not doc["Parameters"]
+    return not inspect.isclass(value) or ("__init__" in vars(value) and not result)
 
 
 @pytest.mark.parametrize("name", [name for name, value in NAMES.items() if dataclasses.is_dataclass(value)])
@@ -111,9 +101,8 @@ def test_every_field_is_described(name):
     doc = NumpyDocString(inspect.getdoc(NAMES[name]) or "")
     entries = doc["Parameters"] + doc["Attributes"]
     described = [part.strip() for entry in entries for part in entry.name.split(",")]
-    inherited = {
-        f.name for base in NAMES[name].__mro__[1:] if dataclasses.is_dataclass(base) for f in dataclasses.fields(base)
-    }
+    bases = [base for base in NAMES[name].__mro__[1:] if dataclasses.is_dataclass(base)]
+    inherited = {field.name for base in bases for field in dataclasses.fields(base)}
     fields = {field.name for field in dataclasses.fields(NAMES[name]) if field.repr}
     arguments = set(inspect.signature(NAMES[name]).parameters)
     assert fields - inherited <= set(described) <= fields | inherited | arguments
@@ -143,10 +132,5 @@ def test_examples_run(name, monkeypatch):
 
 
 def test_public_names_have_examples_among_those_that_run():
-    finder = doctest.DocTestFinder(recurse=False)
-    without = [
-        name
-        for name, value in NAMES.items()
-        if value.__name__ not in BRANCHES and not finder.find(value, name)[0].examples
-    ]
-    assert without == []
+    finder, shown = doctest.DocTestFinder(recurse=False), {n: v for n, v in NAMES.items() if v.__name__ not in BRANCHES}
+    assert [name for name, value in shown.items() if not finder.find(value, name)[0].examples] == []

@@ -1,4 +1,4 @@
-"""The pages of docs/ show what the code and the studies give: blocks, the picture of the house, the index of studies."""
+"""The pages of docs/ show what the code and the studies give, and every link leads somewhere; `make links` asks those to other sites."""
 
 import ast
 import importlib.util
@@ -6,10 +6,12 @@ import re
 import sys
 from pathlib import Path
 from types import ModuleType
+from urllib.parse import urlsplit
 
 import pytest
 
 import flexlin as fl
+from tests.closed_arm import closed
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -17,8 +19,7 @@ DOCS = ROOT / "docs"
 
 def script(name: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(f"docs_{name}", DOCS / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
+    sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
@@ -49,9 +50,7 @@ def test_a_block_is_a_table_with_a_row_for_each_thing_it_is_about(name):
 
 @pytest.mark.slow
 def test_a_figure_of_a_block_is_what_the_library_answers():
-    scene = fl.load_scene("single-link")
-    loop = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    left = 1e3 * fl.control.feedforward(loop, "tip-exact").tip_error
+    left = 1e3 * fl.control.feedforward(closed(), "tip-exact").tip_error
     assert f"{left:.2g} mm" in figures.fill("<!-- built: tracking -->")
 
 
@@ -65,17 +64,19 @@ def test_records_say_when_and_where():
 def test_every_study_has_its_picture():
     studies = (ROOT / "studies").glob("*.py")
     names = {path.stem for path in studies if ".savefig(" in path.read_text(encoding="utf-8")}  # the others only check
-    assert names == {path.stem for path in (DOCS / "pictures").glob("*.png")}
-    index = figures.BLOCKS["studies"]()
-    for name in names:
-        picture = (DOCS / "pictures" / f"{name}.png").read_bytes()
+    pictures, index = (
+        {path.stem: path.read_bytes() for path in (DOCS / "pictures").glob("*.png")},
+        figures.BLOCKS["studies"](),
+    )
+    assert names == set(pictures)
+    for name, picture in pictures.items():
         assert picture.startswith(b"\x89PNG")
         assert len(picture) < 60_000
         assert f"](../studies/{name}.py)" in index
 
 
 @pytest.mark.slow
-def test_every_study_has_a_card_and_a_page(tmp_path: Path):
+def test_every_study_has_a_card_and_a_page(tmp_path):
     gallery = script("gallery")
     pages = {page.name: page.read_text(encoding="utf-8") for page in gallery.write_gallery(tmp_path)}
     names = [path.stem for path in (ROOT / "studies").glob("*.py")]
@@ -101,27 +102,59 @@ def test_the_picture_of_the_house_is_drawn_from_this_code_and_no_arrow_points_up
 
 def test_the_house_shows_every_import(tmp_path, monkeypatch):
     """The arrows against a list made by the eye: a package whose modules are known."""
-    package = tmp_path / "flexlin"
-    (package / "above").mkdir(parents=True)
-    (package / "above" / "__init__.py").write_text("from flexlin.below.deep import a\nfrom flexlin import ground\n")
-    (package / "above" / "more.py").write_text(
-        "def f():\n    import flexlin.below\n    import numpy\n    from flexlin.above import x\n"
-    )
-    (package / "below.py").write_text("")
-    (package / "ground.py").write_text("from flexlin.errors import E\n")
-    monkeypatch.setattr(house, "PACKAGE", package)
+    (tmp_path / "flexlin" / "above").mkdir(parents=True)
+    inner = "def f():\n    import flexlin.below\n    import numpy\n    from flexlin.above import x\n"
+    for name, text in (
+        ("above/__init__.py", "from flexlin.below.deep import a\nfrom flexlin import ground\n"),
+        ("above/more.py", inner),
+        ("below.py", ""),
+        ("ground.py", "from flexlin.errors import E\n"),
+    ):
+        (tmp_path / "flexlin" / name).write_text(text)
+    monkeypatch.setattr(house, "PACKAGE", tmp_path / "flexlin")
     assert house.arrows(["above", "below", "ground"]) == {("above", "below"): 2, ("above", "ground"): 1}
 
 
 def test_every_place_that_the_walks_name_exists():
     """`room/file.py: name` is a class or function of that file; each walk names several places."""
     walks = PAGES["house.md"].split("## Three walks")[1].split("\n## ")[0]
-    places = re.findall(r"`([\w/]+\.py): (\w+)`", walks)
     assert min(len(re.findall(r"\.py: \w+`", walk)) for walk in re.split(r"\n\*\*", walks)[1:]) >= 5
-    missing = []
-    for file, name in places:
+    for file, name in re.findall(r"`([\w/]+\.py): (\w+)`", walks):
         tree = ast.parse((ROOT / "flexlin" / file).read_text(encoding="utf-8"))
         defined = {node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
-        missing += [f"{file}: {name}"] if name not in defined else []
-    assert not missing
+        assert name in defined, file
     assert not re.findall(r"`[\w/]+\.py`", walks), "a file is named without what it holds"
+
+
+FOLDERS = ("*.md", "docs/*.md", "docs/tasks/*.md", "docs/theory/*.md", "docs/reference/*.md")
+BUILT = {"gallery", "gallery.md", "house.svg"}
+"""Pages and pictures that are made when the site is built."""
+LINKED = sorted(page for pattern in FOLDERS for page in ROOT.glob(pattern) if page.name not in BUILT)
+
+
+def collect_links(text: str) -> list[str]:
+    """Targets of Markdown links and pictures, of figures and of {doc} roles; what stands in code is none."""
+    prose = re.sub(r"`[^`\n]*`(?!\])", "", re.sub(r"```(?!\{figure).*?```", "", text, flags=re.S))
+    plain = re.findall(r"(?<!\w)!?\[[^\]\n]*\]\(([^)\s]+)\)", prose)
+    figures = re.findall(r"```\{figure\} (\S+)", text)
+    return [*plain, *figures, *re.findall(r"https?://[^\s)>\"'`]+", prose)]
+
+
+@pytest.mark.parametrize("page", LINKED, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_leads_somewhere(page):
+    text = page.read_text(encoding="utf-8")
+    for link in collect_links(text):
+        parts = urlsplit(link)
+        if parts.scheme:
+            assert parts.scheme == "https", link
+            assert re.fullmatch(r"[a-z0-9.-]+\.[a-z]{2,}", parts.netloc), link
+        elif parts.path:
+            assert (page.parent / parts.path).exists() or parts.path in BUILT, link
+    for name in re.findall(r"\{doc\}`([^`<>]+)`", text):
+        base = DOCS if name.startswith("/") else page.parent
+        assert (base / f"{name.lstrip('/')}.md").exists() or name.removeprefix("../") in BUILT, name
+
+
+def test_links_are_recognised():
+    text = "see [a](b.md), ![c](d.png) and <https://e.org/f>; `[g](h)` is code\n```{figure} i.png\n```\n"
+    assert sorted(set(collect_links(text))) == ["b.md", "d.png", "https://e.org/f", "i.png"]

@@ -19,3 +19,14 @@ def standing(folder: Path, name: str) -> dict[str, bytes] | None:
 def leftovers(folder: Path) -> list[str]:
     """Whatever bears the mark of a set in the making, in the folder, below it and beside it."""
     return sorted(str(path) for path in {*folder.parent.rglob("*flexlin-*")} if path.name != "flexlin-results.json")
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    """Every file below a folder."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def interrupt(path: Path) -> None:
+    """Ctrl-C when half a file is written."""
+    path.write_text("half")
+    raise KeyboardInterrupt

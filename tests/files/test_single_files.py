@@ -14,36 +14,24 @@ import xarray
 from flexlin.cli import BAD_INPUT, main, program
 from flexlin.errors import OutputError
 from flexlin.files import replacing
-from tests.files.reader import leftovers, standing
+from tests.files.reader import contents, interrupt, leftovers, standing
 
 
-def write_text(path: Path, text: str) -> None:
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-
-
-def test_a_failure_leaves_the_old_file_and_no_rest(tmp_path: Path) -> None:
+def test_a_failure_leaves_the_old_file_and_no_rest(tmp_path):
     path = tmp_path / "file.txt"
     path.write_text("old")
-
-    def fail() -> None:
-        with replacing(path) as temporary:
-            temporary.write_text("half")
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        fail()
-    assert path.read_text() == "old"
-    assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
+    with pytest.raises(KeyboardInterrupt), replacing(path) as temporary:
+        interrupt(temporary)
+    assert contents(tmp_path) == {path: b"old"}
 
 
-def test_a_folder_that_refuses_is_named(tmp_path: Path) -> None:
+def test_a_folder_that_refuses_is_named(tmp_path):
     (tmp_path / "occupied").write_text("")
-    with pytest.raises(OutputError, match="occupied"):
-        write_text(tmp_path / "occupied" / "file.txt", "text")
+    with pytest.raises(OutputError, match="occupied"), replacing(tmp_path / "occupied" / "file.txt") as temporary:
+        temporary.write_text("text")
 
 
-def test_a_fault_of_the_program_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fault_of_the_program_is_one_line(capsys):
     try:
         [][1]
     except IndexError as fault:
@@ -69,19 +57,18 @@ def files_up_to(size: int) -> Iterator[None]:
 
 
 @pytest.mark.slow
-def test_a_full_disk_leaves_the_old_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_full_disk_leaves_the_old_set(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["export", *SCENE, "--out", str(out)]) == 0
-    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    before = contents(out)
     sizes = sorted(len(content) for content in before.values())
     capsys.readouterr()
     for size in (0, *sorted({one - 1 for one in sizes if one > 1})[::5], sizes[-1] - 1):
         with files_up_to(size):
             code = main(["export", *SCENE, "--set", "title='other'", "--out", str(out)])
-        message = capsys.readouterr().err
         assert code == BAD_INPUT
-        assert message.count("out cannot be written; got ") == 1
-        assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before, size
+        assert capsys.readouterr().err.count("out cannot be written; got ") == 1
+        assert contents(out) == before, size
         assert leftovers(out) == []
     assert standing(out, "export")
 
@@ -96,37 +83,29 @@ COMMANDS = {
 }
 
 
-@pytest.fixture(
-    scope="module", params=[pytest.param(name, marks=[pytest.mark.slow] * (name != "linearize")) for name in COMMANDS]
-)
-def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+@pytest.fixture(params=[pytest.param(name, marks=[pytest.mark.slow] * (name != "linearize")) for name in COMMANDS])
+def written(request, tmp_path):
     """The files of a command on a scene whose designs bear names that a spreadsheet would take for formulas."""
-    folder = tmp_path_factory.mktemp(request.param)
-    assert main([request.param, "single-link", *COMMANDS[request.param], *SMALL, "--out", str(folder)]) == 0
-    return [path for path in folder.rglob("*") if path.is_file()]
+    assert main([request.param, "single-link", *COMMANDS[request.param], *SMALL, "--out", str(tmp_path)]) == 0
+    return list(contents(tmp_path))
 
 
-def test_no_file_needs_pickle(written: list[Path]) -> None:
-    opened = 0
-    for path in written:
-        found: dict = {}
-        if path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as archive:
-                found = {name: archive[name] for name in archive.files}
-        elif path.suffix == ".nc":
-            found = {
-                name: one.values
-                for name, one in xarray.load_dataset(path, engine="scipy", decode_cf=False).variables.items()
-            }
-        elif path.suffix == ".mat":
-            found = {"all": np.array(len(scipy.io.loadmat(path)))}
-        opened += bool(found)
-        assert all(array.dtype.kind in "biufcSU" for array in found.values()), path
-    assert opened >= 1
+def read_arrays(path: Path) -> list[np.ndarray]:
+    """The arrays of a file, by readers that take no pickled objects."""
+    if path.suffix == ".npz":
+        with np.load(path, allow_pickle=False) as archive:
+            return [archive[name] for name in archive.files]
+    if path.suffix == ".nc":
+        data = xarray.load_dataset(path, engine="scipy", decode_cf=False)
+        return [one.values for one in data.variables.values()]
+    return [np.array(len(scipy.io.loadmat(path)))] if path.suffix == ".mat" else []
 
 
-def test_no_name_becomes_a_file_or_a_formula(written: list[Path]) -> None:
+def test_no_file_needs_pickle_and_no_name_becomes_a_file_or_a_formula(written):
     """Names that others chose are contents, never names of files; and no table for spreadsheets is written."""
+    arrays = [array for path in written for array in read_arrays(path)]
+    assert arrays
+    assert all(array.dtype.kind in "biufcSU" for array in arrays)
     for path in written:
         assert path.suffix in (".npz", ".nc", ".mat", ".m", ".json", ".html", ".c", ".h", ".txt", ".toml"), path
         assert not set("=+\"'()\u03a9 ") & set(path.name), path

@@ -1,4 +1,4 @@
-"""The rules of the Kronecker calculus: CasADi's derivatives against NumPy, finite differences nowhere."""
+"""The Kronecker calculus: rules, sums and linearizations against CasADi's derivatives, and the observed order of remainders."""
 
 import subprocess
 import sys
@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 
 import flexlin.kronecker as kr
 from flexlin.errors import ArgumentError
+from tests.series.test_explicit import slope
 
 
 def normal(*shape, seed=0):
@@ -29,19 +30,15 @@ def numbers(x, x0, *expressions):
 
 @pytest.mark.parametrize(("m", "p", "s", "n"), [(2, 3, 2, 3), (1, 2, 4, 2), (3, 1, 1, 4), (2, 2, 2, 1)])
 def test_rules_against_casadi_derivatives(m, p, s, n):
-    x = ca.SX.sym("x", n)
-    x0 = normal(n, 1, seed=5)
+    """Of numbers and of symbols."""
+    x, x0 = ca.SX.sym("x", n), normal(n, 1, seed=5)
     A, B = polynomial_matrix(x, m, p, 10), polynomial_matrix(x, p, s, 20)
-    derivative = kr.derivative
-    a, da, b, db = numbers(x, x0, A, derivative(A, x), B, derivative(B, x))
-    product, kronecker = numbers(x, x0, derivative(A @ B, x), derivative(ca.kron(A, B), x))
-    assert_allclose(kr.product_rule(a, da, b, db), product, rtol=1e-12, atol=1e-13)
-    assert_allclose(kr.kronecker_rule(a, da, b, db), kronecker, rtol=1e-12, atol=1e-13)
-
-    symbolic = kr.product_rule(A, derivative(A, x), B, derivative(B, x))
-    symbolic_kron = kr.kronecker_rule(A, derivative(A, x), B, derivative(B, x))
-    for value, expected in zip(numbers(x, x0, symbolic, symbolic_kron), (product, kronecker), strict=True):
-        assert_allclose(value, expected, rtol=1e-12, atol=1e-13)
+    symbols = A, kr.derivative(A, x), B, kr.derivative(B, x)
+    values = numbers(x, x0, *symbols)
+    for rule, made in ((kr.product_rule, A @ B), (kr.kronecker_rule, ca.kron(A, B))):
+        expected, symbolic = numbers(x, x0, kr.derivative(made, x), rule(*symbols))
+        assert_allclose(rule(*values), expected, rtol=1e-12, atol=1e-13)
+        assert_allclose(symbolic, expected, rtol=1e-12, atol=1e-13)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
@@ -71,13 +68,20 @@ def test_chain_and_inverse_rules():
     assert_allclose(numbers(b, inner0, symbolic)[0], D_inverse, rtol=1e-9, atol=1e-11)
 
 
-def test_shapes_that_do_not_fit_are_refused():
-    with pytest.raises(ArgumentError, match="DB"):
-        kr.product_rule(np.eye(2), np.ones((2, 4)), np.eye(2), np.ones((2, 6)))
-    with pytest.raises(ArgumentError, match="does not fit A"):
-        kr.kronecker_rule(np.eye(2), np.ones((2, 3)), np.eye(2), np.ones((2, 4)))
-    with pytest.raises(ArgumentError, match="factor"):
-        kr.kronecker_power(np.eye(2), 0)
+I2 = np.eye(2)
+UNFIT = {
+    "DB": lambda: kr.product_rule(I2, np.ones((2, 4)), I2, np.ones((2, 6))),
+    "does not fit A": lambda: kr.kronecker_rule(I2, np.ones((2, 3)), I2, np.ones((2, 4))),
+    "factor": lambda: kr.kronecker_power(I2, 0),
+    "derivative 1": lambda: kr.taylor_sum([I2, np.ones((2, 3))], np.ones((2, 1))),
+    "columns": lambda: kr.linearization(I2, (np.ones((2, 6)), np.ones((2, 1)))),
+}
+
+
+@pytest.mark.parametrize("words", UNFIT)
+def test_shapes_that_do_not_fit_are_refused(words):
+    with pytest.raises(ArgumentError, match=words):
+        UNFIT[words]()
 
 
 def test_numpy_side_leaves_casadi_unloaded():
@@ -86,3 +90,69 @@ def test_numpy_side_leaves_casadi_unloaded():
         "k.taylor_sum([np.eye(2), np.ones((2, 4))], np.ones((2, 1))); assert 'casadi' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", script], check=True)
+
+
+RNG = np.random.default_rng(3)
+W = [RNG.normal(size=(6, 2)) for _ in range(4)]
+
+
+@pytest.fixture
+def model():
+    x, y = ca.SX.sym("x", 2), ca.SX.sym("y", 2)
+    A = ca.reshape(ca.sin(W[0] @ x + W[1] @ y) + ca.exp(0.4 * (W[2] @ x)) * ca.cos(W[3] @ y), 3, 2)
+    return x, y, A
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 1), (3, 2)])
+@pytest.mark.parametrize("order", range(5))
+def test_remainder_of_taylor_sum_falls_with_order(model, shape, order):
+    x, _, A = model
+    A = ca.substitute(A, model[1], ca.DM([0.3, -0.2]))[: shape[0], : shape[1]]
+    x0, angles = np.array([[0.5], [0.3]]), np.linspace(0, np.pi, 7)
+    jets = [kr.derivative(A, x, k) for k in range(order + 1)]
+    derivatives = [d.full() for d in ca.Function("jets", [x], jets).call([x0])]
+    exact = ca.Function("A", [x], [A])
+
+    def error(delta):
+        return np.linalg.norm(kr.taylor_sum(derivatives, delta) - exact(x0 + delta).full())
+
+    d = np.array([[0.05], [-0.11]])
+    in_symbols = ca.Function("s", [x], [kr.taylor_sum(jets, ca.DM(d))])
+    assert_allclose(in_symbols(x0).full(), kr.taylor_sum(derivatives, d), rtol=1e-13)
+    steps = np.geomspace(0.01, 0.05, 5)
+    errors = [max(error(h * np.array([[np.cos(a)], [np.sin(a)]])) for a in angles) for h in steps]
+    assert abs(slope(errors, steps) - (order + 1)) < 0.25
+
+
+def test_linearization_of_two_vectors_49_50(model):
+    x, y, A = model
+    x0, y0 = np.array([[0.2], [-0.4]]), np.array([[0.5], [0.1]])
+    by_x, by_y = kr.derivative(A, x), kr.derivative(A, y)
+    D = ca.Function("D", [x, y], [A, by_x, by_y, kr.derivative(by_y, x)])
+    A0, DxA, DyA, DxDyA = (d.full() for d in D.call([x0, y0]))
+    steps, linear, bilinear = np.geomspace(1e-3, 1e-2, 5), [], []
+    for h in steps:
+        dx, dy = h * np.array([[0.6], [0.8]]), h * np.array([[-1.0], [0.4]])
+        corners = [D(x0 + i * dx, y0 + j * dy)[0].full() for i, j in ((1, 1), (1, 0), (0, 1))]
+        linear.append(np.linalg.norm(corners[0] - kr.linearization(A0, (DxA, dx), (DyA, dy))))
+        mixed = corners[0] - corners[1] - corners[2] + A0
+        bilinear.append(np.linalg.norm(mixed - kr.bilinear_term(DxDyA, dx, dy)))
+    assert abs(slope(linear, steps) - 2) < 0.05
+    assert abs(slope(bilinear, steps) - 3) < 0.05
+
+
+def test_linearized_product_52_is_the_jacobian(model):
+    x, y, A = model
+    point = [np.array([0.2, -0.4]), np.array([0.5, 0.1])]
+    product = A @ y
+    by_y, by_x = ca.Function("J", [x, y], [ca.jacobian(product, y), ca.jacobian(product, x)]).call(point)
+    D = ca.Function("D", [x, y], [A, kr.derivative(A, y), kr.derivative(A, x), product])
+    A0, DyA, DxA, value = (d.full() for d in D.call(point))
+    result = kr.linearized_product(A0, point[1][:, None], DyA, DxA)
+    assert_allclose(result.value, value, rtol=1e-14)
+    assert_allclose(result.by_y, by_y.full(), rtol=1e-13)
+    assert_allclose(result.by_x, by_x.full(), rtol=1e-13)
+
+    symbolic = kr.linearized_product(A, y, kr.derivative(A, y), kr.derivative(A, x))
+    for ours, numeric in zip(ca.Function("s", [x, y], list(symbolic)).call(point), result, strict=True):
+        assert_allclose(ours.full(), numeric, rtol=1e-13)

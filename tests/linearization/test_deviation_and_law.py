@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.control import feedforward, periodic_motion
-from flexlin.errors import ArgumentError
 from tests.closed_arm import closed
 
 
@@ -23,9 +21,8 @@ def test_expressions_and_numbers_agree_on_where_the_arm_is(name):
     arm, t = about.arm, np.array([0.1, 0.4])
     *moved, angles = about.symbols()
     probe = ca.vertcat(ca.sin(arm.s), arm.s * arm.s_dot, arm.s_ddot - arm.s)
-    function = about.function(
-        angles, dict(zip(("y", "y1", "y2"), moved, strict=True)), {"probe": about.lift([probe], angles, *moved)[0]}
-    )
+    names, lifted = dict(zip(("y", "y1", "y2"), moved, strict=True)), about.lift([probe], angles, *moved)[0]
+    function = about.function(angles, names, {"probe": lifted})
     parts = [rng.normal(size=(2, about.n)) for _ in range(3)]
     s, s_dot, s_ddot = about.positions(t, *parts)
     expected = np.concatenate([np.sin(s), s * s_dot, s_ddot - s], axis=1)
@@ -39,11 +36,11 @@ def test_one_time_gives_one_matrix(lin):
         assert alone.shape == shape
         np.testing.assert_array_equal(alone, many[0])
     np.testing.assert_array_equal(lin.K([0.5, 0.6]), lin.sample(np.array([0.5, 0.6])).K)
-    motion = periodic_motion(lin)
+    motion = fl.control.periodic_motion(lin)
     assert motion(0.5).shape == (3,)
     assert motion.state(0.5).shape == (6,)
-    assert feedforward(lin, "rigid").torque(0.5).shape == (1,)
-    with pytest.raises(ArgumentError, match="not finite"):
+    assert fl.control.feedforward(lin, "rigid").torque(0.5).shape == (1,)
+    with pytest.raises(fl.errors.ArgumentError, match="not finite"):
         lin.M(np.nan)
 
 
@@ -69,13 +66,13 @@ def test_a_gain_left_free_has_its_own_value_in_the_law():
 
 
 def test_a_gain_that_does_not_fit_is_refused(lin):
-    with pytest.raises(ArgumentError, match="gain does not fit"):
+    with pytest.raises(fl.errors.ArgumentError, match="gain does not fit"):
         lin.law.with_gain(np.ones((2, 6)))
 
 
 def test_the_periodic_motion_of_a_feedforwards_law_is_its_reference(lin):
     """With the joint-exact torque and reference in the law, the loop's periodic motion is the reference, whatever the gain."""
-    made = feedforward(lin, "joint-exact")
-    found = periodic_motion(lin, law=made.law)
+    made = fl.control.feedforward(lin, "joint-exact")
+    found = fl.control.periodic_motion(lin, law=made.law)
     t = np.linspace(0.0, lin.period, 9)
     np.testing.assert_allclose(found.state(t), made.reference(t), atol=1e-7 * np.abs(made.reference(t)).max())

@@ -1,25 +1,27 @@
-"""A turn-around under Coulomb friction is a pulse of damping: no verdict may step over it."""
+"""Narrow features, of friction and of loops near their dead points: none goes unnamed, and no verdict steps over one."""
 
 import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin import sweep
+from flexlin.linearization import parametric_loop
+from tests.closed_arm import control_loop
+from tests.mechanics.scenes import linear, plain_scene, swinging
+from tests.thinned import thin
 
 J, TORQUE, DAMPING, AMPLITUDE = 0.4 * 0.5**3 / 3, 0.02, 0.001, 0.5
 
 
 def scene(frequency: float, phase: float, rate: float):
     """A rigid link of 0.5 m and 0.4 kg/m under a PD loop, with friction in its joint."""
-    joints = [{"amplitude": AMPLITUDE, "phase": phase}]
+    joints, feedback = [{"amplitude": AMPLITUDE, "phase": phase}], {"kind": "pd", "kp": [0.2], "kd": [DAMPING]}
     changes = {
         "links": [{"length": 0.5, "mass_per_length": 0.4, "modes": 0}],
         "effects": {"coulomb_friction": {"torque": TORQUE, "rate": rate}},
         "motion": {"kind": "harmonic", "frequency": frequency, "joints": joints},
-        "control": {"feedback": {"kind": "pd", "kp": [0.2], "kd": [DAMPING]}},
-        "designs": [],
+        "control": {"feedback": feedback},
     }
-    return fl.load_scene("single-link", changes)
+    return fl.load_scene("single-link", {**changes, "designs": []})
 
 
 def limit(frequency: float) -> float:
@@ -28,8 +30,7 @@ def limit(frequency: float) -> float:
 
 
 def growth(frequency: float, phase: float, rate: float) -> float:
-    chosen = scene(frequency, phase, rate)
-    lin = fl.linearize(fl.build_manipulator(chosen), chosen.motion, chosen.control)
+    lin = control_loop(scene(frequency, phase, rate))
     return float(fl.floquet(lin.periodic_system()).exponents[0].real)
 
 
@@ -46,5 +47,38 @@ def test_pulses_of_any_width_are_met(frequency, phase, rate):
 
 def test_a_sweep_meets_them_too():
     rates = np.array([1e-2, 1e-4])
-    data = sweep(scene(20.0, 0.3, 0.01), {"effects.coulomb_friction.rate": rates}, 1e-6)
+    data = fl.sweep(scene(20.0, 0.3, 0.01), {"effects.coulomb_friction.rate": rates}, 1e-6)
     assert data["exponents"].values.real.max(axis=1) == pytest.approx(limit(20.0), rel=2e-3)
+
+
+def stretched(gap):
+    """A five-bar whose distal links come within `gap` of being stretched, at half the period; the rigid motion turns both bases alike.
+
+    The distance of the elbows is base + 0.4 cos x, x = 0.9 sin(2 pi t / T); the dead point at 0.6 lies at x = i sqrt(5 gap).
+    """
+    base = {"parent": "base", "mount": {"xyz": [0.2 - gap, 0.0, 0.0]}}
+    more = [{}, {"passive": True, "name": "left"}, base, {"passive": True, "name": "right"}]
+    posture = [np.pi - 0.15, -2.87, 0.15, 2.87]
+    bars = [{"length": 0.2 + 0.1 * (k % 2), "mass_per_length": 0.1, "posture": posture[k], **more[k]} for k in range(4)]
+    motion = swinging({"mean": np.pi, "amplitude": 0.9, "phase": np.pi}, {"mean": 0.0, "amplitude": 0.9})
+    return linear(plain_scene(bars, motion, loops=[{"link": "left", "to": "right"}]))
+
+
+@pytest.mark.parametrize("gap", thin([0.02, 1e-4, 3e-4]))
+def test_what_is_complete_is_right_between_its_samples(gap):
+    lin = stretched(gap)
+    width = np.arcsinh(np.sqrt(5 * gap) / 0.9) / (2 * np.pi)  # of the dead point from real times, in periods
+    assert lin.complete == (width > 1 / 100)
+    resolved = lin.periodic_system().resolved
+    t = lin.period * np.concatenate([np.random.default_rng(1).random(2000), 0.5 + 1e-3 * np.linspace(-1, 1, 201)])
+    exact = np.concatenate(lin.equations(t), axis=2)
+    assert np.all(np.abs(resolved.series(t) - exact) <= 2 * resolved.error + 1e-15 * np.abs(exact).max(axis=0))
+
+
+@pytest.mark.parametrize(("path", "followed"), [("motion.frequency", True), ("motion.joints.0.mean", False)])
+def test_a_number_that_moves_no_follower_leaves_the_dead_points_where_they_are(path, followed):
+    scene = fl.load_scene("spatial-four-bar")
+    loop = parametric_loop(scene, [path])
+    moved = loop.at(1.01 * loop.nominal)
+    assert moved.clear is (True if followed else None)
+    assert moved.complete

@@ -14,10 +14,10 @@ import pytest
 
 import flexlin as fl
 from flexlin import series, simulation
-from flexlin.control import horizon_system
 from flexlin.errors import FlexlinError
 from flexlin.linearization import parametric_loop
 from tests import public_results as made_of
+from tests.closed_arm import both, closed
 
 pytestmark = pytest.mark.xdist_group("public results")
 
@@ -36,7 +36,7 @@ pickle.dump({name: numbers(value, t) for name, value in objects.items()}, open(s
 ANSWERS = {
     "Linearization": lambda v, t: [
         *vars(v.sample(t)).values(),
-        v.law.gain(t),
+        *numbers(v.law, t),
         v.law.torque(t, np.ones((len(t), 2 * v.n))),
     ],
     "Deviation": lambda v, t: [*v.positions(t, np.ones((len(t), v.n)))],
@@ -87,42 +87,43 @@ def leaves(value):
     return [leaf for part in parts for leaf in leaves(part)]
 
 
+def assert_same(expected, found, name=""):
+    """The same arrays to the last bit."""
+    for a, b in zip(expected, found, strict=True):
+        np.testing.assert_array_equal(a, b, err_msg=name)
+
+
 def check(objects, folder, fresh=True):
     """Round trips here and, which takes a second, in a fresh interpreter."""
-    expected = {name: numbers(value, T) for name, value in objects.items()}
     source, target = folder / "objects.pickle", folder / "numbers.pickle"
     source.write_bytes(pickle.dumps((objects, T)))
     found = [{name: numbers(value, T) for name, value in pickle.loads(source.read_bytes())[0].items()}]
     if fresh:
         subprocess.run([sys.executable, "-c", FRESH, source, target, Path(__file__).parents[2]], check=True)
         found.append(pickle.loads(target.read_bytes()))
-    for got in found:
-        for name, arrays in expected.items():
-            for a, b in zip(arrays, got[name], strict=True):
-                np.testing.assert_array_equal(a, b, err_msg=name)
+    for name, value in objects.items():
+        for got in found:
+            assert_same(numbers(value, T), got[name], name)
+
+
+SCENES = ["single-link", "de-luca-siciliano-1991", "flexible-joint-link", "pick-and-place", "khang-2019", "five-bar"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["single-link", "de-luca-siciliano-1991", "flexible-joint-link", "pick-and-place", "khang-2019", "five-bar"]
-)
+@pytest.mark.parametrize("name", SCENES)
 def test_scene_arm_and_linear_equations(name, tmp_path):
-    scene = fl.load_scene(name)
-    arm = fl.build_manipulator(scene)
-    plant, lin = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
+    scene, plant, lin = both(name, {})
     system = lin.periodic_system()
-    objects = {"arm": arm, "plant": plant, "linearization": lin, "deviation": lin.about, "law": lin.law}
-    objects |= {"system": system, "horizon": horizon_system(plant), "result": fl.floquet(system, tol=1e-6)}
+    objects = {"arm": lin.arm, "plant": plant, "linearization": lin, "deviation": lin.about, "law": lin.law}
+    objects |= {"system": system, "horizon": fl.control.horizon_system(plant), "result": fl.floquet(system, tol=1e-6)}
     check(objects, tmp_path, fresh=name == "five-bar")
     assert pickle.loads(pickle.dumps(scene)) == scene
 
 
 def test_an_arm_that_came_back_is_linearized_as_before():
-    scene = fl.load_scene("de-luca-siciliano-1991")
-    arm = fl.build_manipulator(scene)
-    lin, again = (fl.linearize(a, scene.motion, scene.control) for a in (arm, pickle.loads(pickle.dumps(arm))))
-    for a, b in zip(numbers(lin, T), numbers(again, T), strict=True):
-        np.testing.assert_array_equal(a, b)
+    scene, _, lin = both("de-luca-siciliano-1991", {})
+    again = fl.linearize(pickle.loads(pickle.dumps(lin.arm)), scene.motion, scene.control)
+    assert_same(numbers(lin, T), numbers(again, T))
 
 
 def test_free_numbers_stay_free(tmp_path):
@@ -135,8 +136,8 @@ def test_free_numbers_stay_free(tmp_path):
 def test_a_motion_from_a_table(tmp_path):
     t, file = np.linspace(0.0, 2.0, 41), tmp_path / "sine.csv"
     np.savetxt(file, np.column_stack([t, 0.5 * np.sin(np.pi * t)]), delimiter=",", header="t,q1", comments="")
-    scene = fl.load_scene("single-link", {"motion": {"kind": "table", "file": str(file)}}, file.parent)
-    check({"linearization": fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)}, tmp_path)
+    motion = {"kind": "table", "file": str(file)}
+    check({"linearization": closed("single-link", {"motion": motion}, tmp_path)}, tmp_path)
 
 
 @pytest.mark.slow
@@ -151,15 +152,12 @@ def test_every_result_class_is_tried():
     """The classes whose instances public functions hand back, by their annotations."""
     tried = {kind.__name__ for value in made_of.public_results().values() for kind in type(value).__mro__}
     for module in (fl, fl.control, fl.kronecker, series, simulation):
-        for name in module.__all__:
-            value = getattr(module, name)
+        for name, value in ((name, getattr(module, name)) for name in module.__all__):
             if inspect.isfunction(value):
                 words = set(re.findall(r"[A-Z]\w+", str(inspect.signature(value).return_annotation).split(".")[-1]))
-                words.discard("Kind")  # the mark of an array, no result
-                known = {
-                    word for word in words if dataclasses.is_dataclass(getattr(inspect.getmodule(value), word, None))
-                }
-                assert known <= tried, name
+                words -= {"Kind"}  # the mark of an array, no result
+                home = inspect.getmodule(value)
+                assert {word for word in words if dataclasses.is_dataclass(getattr(home, word, None))} <= tried, name
 
 
 @pytest.mark.parametrize("by_dask", [False, True])
@@ -167,15 +165,10 @@ def test_errors_come_back_whole(by_dask):
     """Dask's workers register a way of their own for exceptions, which does without a class's constructor."""
     if by_dask:
         importlib.import_module("distributed")
-    problems = [fl.errors.Problem("links.0.length", "-1", "a positive number")]
     kinds = {kind for kind in vars(fl.errors).values() if inspect.isclass(kind) and issubclass(kind, FlexlinError)}
     kinds = {kind for kind in kinds if kind.__init__ is FlexlinError.__init__}
     assert len(kinds) > 15
-    for error in (
-        fl.errors.SceneError("scene.toml", problems),
-        *(kind("a", got=1, expected="b", todo="c") for kind in kinds),
-    ):
+    scene = fl.errors.SceneError("scene.toml", [fl.errors.Problem("links.0.length", "-1", "a positive number")])
+    for error in (scene, *(kind("a", got=1, expected="b", todo="c") for kind in kinds)):
         again = pickle.loads(pickle.dumps(error))
-        assert type(again) is type(error)
-        assert str(again) == str(error)
-        assert vars(again) == vars(error)
+        assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))

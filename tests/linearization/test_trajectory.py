@@ -1,4 +1,4 @@
-"""Own equations along a trajectory, against finite differences; what does not fit is refused by name."""
+"""Equations of one's own, a function along a trajectory or a manipulator: against differences and by hand; what does not fit is named."""
 
 import casadi as ca
 import numpy as np
@@ -44,15 +44,14 @@ def draw_problem(seed):
 
 def slopes(f, t, x, u):
     """df/dx and df/du by central differences with Richardson's extrapolation, in NumPy alone."""
-    both = np.concatenate([x, u])
+    both, n = np.concatenate([x, u]), len(x)
 
-    def central(k, h):
-        step = np.eye(len(both))[k] * h
-        high, low = both + step, both - step
-        return (np.array(f(np, t, *np.split(high, [len(x)]))) - np.array(f(np, t, *np.split(low, [len(x)])))) / (2 * h)
+    def central(step):
+        high, low = (np.array(f(np, t, *np.split(both + sign * step, [n]))) for sign in (1, -1))
+        return (high - low) / (2 * np.abs(step).max())
 
-    columns = [(64 * central(k, 5e-3) - 20 * central(k, 1e-2) + central(k, 2e-2)) / 45 for k in range(len(both))]
-    return np.split(np.array(columns).T, [len(x)], axis=1)
+    columns = [(64 * central(5e-3 * e) - 20 * central(1e-2 * e) + central(2e-2 * e)) / 45 for e in np.eye(len(both))]
+    return np.split(np.array(columns).T, [n], axis=1)
 
 
 @pytest.mark.slow
@@ -94,33 +93,9 @@ def swing(**changes):
     return fl.Trajectory(given.pop("x"), given.pop("u"), **given)
 
 
-@pytest.mark.slow
-def test_the_loop_of_a_design_along_a_trajectory_holds_the_function_itself():
-    """LQR of the linear system brings the nonlinear pendulum back to its trajectory, at the rate that Floquet states."""
-    from scipy.integrate import solve_ivp
-
-    f, path = pendulum(), swing()
-    system = fl.linearize(f, path)
-    assert fl.floquet(system).verdict == "unstable"
-    design = fl.periodic_lqr(system, np.eye(2), np.eye(1))
-    slowest = fl.floquet(design.closed_loop)
-    assert slowest.verdict == "stable"
-
-    def rate(t, x):
-        y = x - path(t)
-        return np.array(f(x, path.u(np.array([t]))[0] - design.K(np.array([t]))[0] @ y)).ravel()
-
-    start = path(0.0) + np.array([1e-4, 0.0])
-    run = solve_ivp(rate, (0, 6 * T), start, rtol=1e-11, atol=1e-14, t_eval=[2 * T, 3 * T])
-    sizes = [np.linalg.norm(design.X(np.array([0.0]))[0] @ (x - path(t))) for t, x in zip(run.t, run.y.T, strict=True)]
-    decay = np.log(sizes[1] / sizes[0]) / T
-    assert decay < 0.9 * slowest.exponents[0].real
-
-
 def test_a_finite_trajectory_is_a_horizon():
     """Anderson, Moore (1990), ch. 2: for x' = u with unit weights and no cost at the end X = tanh(T - t)."""
-    x, u = ca.SX.sym("x"), ca.SX.sym("u")
-    t = ca.SX.sym("t")
+    x, u, t = (ca.SX.sym(name) for name in "xut")
     system = fl.linearize(ca.Function("f", [x, u], [u]), fl.Trajectory(t, 1, period=1.0, t=t, periodic=False))
     design = fl.control.finite_horizon_lqr(system, [[1.0]], [[1.0]], end=[[0.0]])
     assert abs(design.X(0.25).item() - np.tanh(0.75)) < 1e-8
@@ -163,10 +138,104 @@ def test_a_measured_trajectory_may_miss_by_tol():
 
 
 def test_functions_of_other_kinds_are_refused():
-    for arm, motion in ((pendulum(), fl.load_scene("single-link").motion), (pendulum(), {"kind": "harmonic"})):
-        with pytest.raises(fl.errors.ArgumentError, match="along a trajectory"):
+    scene = fl.load_scene("single-link")
+    for arm, motion, words in (
+        (pendulum(), scene.motion, "along a trajectory"),
+        (pendulum(), {"kind": "harmonic"}, "along a trajectory"),
+        (fl.build_manipulator(scene), swing(), "belongs to a function"),
+        (lambda x, u: x, swing(), "another kind"),
+    ):
+        with pytest.raises(fl.errors.ArgumentError, match=words):
             fl.linearize(arm, motion)
-    with pytest.raises(fl.errors.ArgumentError, match="belongs to a function"):
-        fl.linearize(fl.build_manipulator(fl.load_scene("single-link")), swing())
-    with pytest.raises(fl.errors.ArgumentError, match="another kind"):
-        fl.linearize(lambda x, u: x, swing())
+
+
+MOTION = {"kind": "harmonic", "frequency": 0.5, "joints": [{"amplitude": 0.3}]}
+
+
+def cart_with_pole(**given):
+    """A cart with a pole that is held up by a spring (5 N m/rad), standing up at zero."""
+    s, v = ca.SX.sym("s", 2), ca.SX.sym("v", 2)
+    tip = ca.vertcat(v[0] + 0.5 * ca.cos(s[1]) * v[1], -0.5 * ca.sin(s[1]) * v[1])
+    T, V = v[0] ** 2 + 0.1 * ca.sumsqr(tip), 0.2 * 9.81 * 0.5 * ca.cos(s[1]) + 2.5 * s[1] ** 2
+    return fl.Manipulator.from_lagrangian(s, v, T, V, **{"names": ("x", "phi"), "joints": [0]} | given)
+
+
+def test_a_dict_is_a_motion_table():
+    arm = cart_with_pole()
+    by_dict = fl.linearize(arm, MOTION)
+    by_table = fl.linearize(arm, fl.build_motion(MOTION, 1))
+    np.testing.assert_array_equal(by_dict.h([0.1, 0.6]), by_table.h([0.1, 0.6]))
+    # by hand: x = 0.3 sin(pi t), at phi = 0 the pole's equation is 0.05 phi'' + 0.1 x'' + (5 - 0.981) phi = 0
+    K, h = by_dict.K(0.5), by_dict.h(0.5)
+    assert K[1, 1] == pytest.approx(5 - 0.981, rel=1e-12)
+    assert h[1] == pytest.approx(0.1 * 0.3 * np.pi**2, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("table", "match"),
+    [
+        ({}, "motion.kind"),
+        ({"kind": "harmonics"}, "motion.kind"),
+        ({**MOTION, "frequncy": 1.0}, "frequncy"),
+        ({**MOTION, "frequency": -1.0}, "frequency"),
+        ({**MOTION, "frequency": 10**400}, "frequency"),
+    ],
+)
+def test_a_wrong_table_is_refused_key_by_key(table, match):
+    with pytest.raises(fl.errors.SceneError, match=match):
+        fl.linearize(cart_with_pole(), table)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"B": ca.DM([[1], [0]]), "joints": [0, 1]},
+        {"B": ca.DM([[1], [-1]]), "joints": None},
+        {"B": ca.DM([[1, 0], [0, 1]]), "joints": [0]},
+        {"B": ca.DM([[0, 0], [1, 1]]), "joints": [0, 1]},
+        {"B": ca.DM([[1, 1], [1, 1]]), "joints": [0, 1]},
+        {"B": ca.DM([[0], [1]]), "joints": [0]},
+        {"joints": [2]},
+        {"joints": [0, 0]},
+    ],
+)
+def test_inputs_that_cannot_lead_the_joints_are_refused(given):
+    with pytest.raises(fl.errors.ModelError, match="joints"):
+        fl.linearize(cart_with_pole(**given), {**MOTION, "joints": [{"amplitude": 0.3}] * len(given["joints"] or ())})
+
+
+def test_each_joint_has_its_own_input_in_the_order_of_the_joints():
+    arm = cart_with_pole(joints=(1, 0))
+    lin = fl.linearize(arm, {**MOTION, "joints": [{"amplitude": 0.0}, {"amplitude": 0.3}]})
+    np.testing.assert_array_equal(lin.B(0.0), [[0, 1], [1, 0]])
+    np.testing.assert_allclose(lin.h(0.3) + lin.B(0.3) @ lin.feedforward(0.3), 0, atol=1e-12)
+
+
+def test_what_no_input_balances_is_said():
+    lin = fl.linearize(cart_with_pole(), MOTION)
+    assert "0.296 N in phi that no input balances" in lin.summary()  # 0.1 * 0.3 pi^2, by hand
+    rest = fl.linearize(cart_with_pole(), {**MOTION, "joints": [{"amplitude": 0.0}]})
+    assert "balances" not in rest.summary()
+
+
+def test_tables_and_states_say_the_numbers_of_the_equations():
+    lin = fl.linearize(cart_with_pole(), MOTION)
+    system = lin.periodic_system()
+    modes = fl.floquet_modes(system)
+    np.testing.assert_array_equal(modes.to_dataframe().growth_rate, modes.exponents.real)
+    np.testing.assert_array_equal(lin.to_xarray(3).K.sel(equation="phi", coordinate="x"), lin.K([0, 1, 2])[:, 1, 0])
+    for t in (0.3, [0.3]):
+        np.testing.assert_array_equal(lin.A(t), system.A(t))
+        np.testing.assert_array_equal(np.shape(lin.forcing(t)), (*np.shape(t), 4))
+
+
+def test_a_control_may_be_a_dict_of_its_keys():
+    scene = fl.load_scene("single-link", {"designs": []})
+    arm = fl.build_manipulator(scene)
+    given = {"feedback": {"kind": "pd", "kp": [3.0], "kd": [0.4]}}
+    same = fl.load_scene("single-link", {"designs": [], "control": given})
+    made = fl.linearize(arm, scene.motion, given)
+    t = np.linspace(0.0, 1.0, 5)
+    assert (made.law.gain(t) == fl.linearize(arm, same.motion, same.control).law.gain(t)).all()
+    with pytest.raises(fl.errors.SceneError, match=r"control.feedback.kind.*did you mean 'pd'"):
+        fl.linearize(arm, scene.motion, {"feedback": {"kind": "pdd"}})

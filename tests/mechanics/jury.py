@@ -88,10 +88,9 @@ class Elastic:
 
     def __init__(self, scene, i, direction, xi, count):
         shapes = make_shapes(scene, i, direction) if count else None
-        looks = ("values", 0), ("values", 1), ("rotation", 0), ("rotation", 1)
-        self.X, self.dX, self.psi, self.dpsi = (
-            getattr(shapes, name)(xi, order).T if count else np.zeros((len(xi), 0)) for name, order in looks
-        )
+        none, looks = np.zeros((len(xi), 0)), (("values", 0), ("values", 1), ("rotation", 0), ("rotation", 1))
+        found = (getattr(shapes, name)(xi, order).T if count else none for name, order in looks)
+        self.X, self.dX, self.psi, self.dpsi = found
         self.beta = shapes.beta if count else np.zeros(0)
 
 
@@ -102,8 +101,9 @@ class Jury:
         self.scene, self.effects = scene, {name: getattr(scene.effects, name) for name in scene.effects.on()}
         links = scene.links
         names = [link.name for link in links]
+        places = {None: range(-1, len(links) - 1), "base": [-1] * len(links)}
         self.parents = [
-            i - 1 if link.parent is None else -1 if link.parent == "base" else names.index(link.parent)
+            places[link.parent][i] if link.parent in places else names.index(link.parent)
             for i, link in enumerate(links)
         ]
         self.moving = [i for i, link in enumerate(links) if link.joint != "fixed" and link.mimic is None]
@@ -115,17 +115,13 @@ class Jury:
                 self.modes[i][direction] = slice(place, place + count)
                 place += count
             self.nodes.append(self.lay_nodes(i, link))
-        self.bearings, self.motors = {}, {}
-        give, spring = self.effects.get("bearing_compliance"), self.effects.get("joint_flexibility")
-        for i in self.moving:
-            if give and each(give.stiffness, i) > 0:
-                self.bearings[i] = slice(place, place + 2)
-                place += 2
-        for i in self.moving:
-            if spring and each(spring.stiffness, i) > 0:
-                self.motors[i] = place
-                place += 1
-        self.n = place
+        give, spring = (
+            [i for i in self.moving if effect in self.effects and each(self.effects[effect].stiffness, i) > 0]
+            for effect in ("bearing_compliance", "joint_flexibility")
+        )
+        self.bearings = {i: slice(place + 2 * k, place + 2 * k + 2) for k, i in enumerate(give)}
+        self.motors = {i: place + 2 * len(give) + k for k, i in enumerate(spring)}
+        self.n = place = place + 2 * len(give) + len(spring)
         # the joints' displacements as their bearings and as their motors see them, rows of s
         self.q, self.motor = np.zeros((2, len(self.moving), place))
         for k, i in enumerate(self.moving):
@@ -136,8 +132,10 @@ class Jury:
 
     def lay_nodes(self, i, link):
         """Places from 0 to 1 with weights of integrals over all and up to each of them; shapes and profiles there."""
-        of, table = link.counts.by_direction(), link.sections
-        edges = np.unique([0.0, 1.0, *(table.at if table else ())])
+        of = link.counts.by_direction()
+        breaks = {b for d, count in of.items() if count for b in make_shapes(self.scene, i, d).breaks}
+        table = link.sections
+        edges = np.unique([0.0, 1.0, *breaks, *(table.at if table else ())])
         nodes, weights = legendre.leggauss(8 + 40 // (len(edges) - 1))
         half, m = np.diff(edges) / 2, len(nodes)
         xi = np.r_[0.0, (edges[:-1, None] + half[:, None] * (nodes + 1)).ravel(), 1.0]
@@ -148,12 +146,10 @@ class Jury:
         for k, size in enumerate(half):
             own = slice(1 + k * m, 1 + (k + 1) * m)
             upto[own, own], upto[own.stop :, own] = size * inside, weight[own]
-        found = {"xi": xi, "weight": weight, "upto": upto}
-        found |= (
-            {"mu": np.interp(xi, table.at, table.mass), "eps": np.interp(xi, table.at, table.stiffness)}
-            if table
-            else {"mu": 0 * xi + 1, "eps": 0 * xi + 1}
-        )
+        mu, eps = np.ones((2, len(xi)))
+        if table:
+            mu, eps = (np.interp(xi, table.at, part) for part in (table.mass, table.stiffness))
+        found = {"xi": xi, "weight": weight, "upto": upto, "mu": mu, "eps": eps}
         return found | {d: Elastic(self.scene, i, d, xi, count) for d, count in of.items()}
 
     def bodies(self, s, rate, acceleration):
@@ -224,13 +220,8 @@ class Jury:
         spin = self.effects["rotor_spin"]
         ratio, J = each(spin.gear_ratio, i), each(spin.inertia, i) * np.outer(axis, axis)
         turned = turn_about(axis, pick(self.motor[place][:, None]).map(lambda x: ratio * x))
-        nowhere = Series.of(np.zeros((1, 3, 1)))
-        ground = Series.of(np.eye(3)[None])
-        return [
-            (nowhere, R @ turned, 0.0, np.zeros(3), J),
-            (nowhere, R, 0.0, np.zeros(3), -J),
-            (nowhere, ground @ turned, 0.0, np.zeros(3), -J),
-        ]
+        parts = (R @ turned, J), (R, -J), (Series.of(np.eye(3)[None]) @ turned, -J)
+        return [(Series.of(np.zeros((1, 3, 1))), turn, 0.0, np.zeros(3), inertia) for turn, inertia in parts]
 
     def bend(self, i, link, R, p, pick):
         """The bodies of a link's points and sections, and its tip."""
@@ -282,9 +273,7 @@ class Jury:
         """
         states, paths, n = rate.shape
         at_rest = np.zeros((states, n, n)), np.broadcast_to(np.eye(n), (states, n, n))
-        rates, accelerations = (
-            np.concatenate(pair, axis=1) for pair in zip((rate, acceleration), at_rest, strict=True)
-        )
+        rates, accelerations = np.concatenate([(rate, acceleration), at_rest], axis=2)
         every = paths + n
         found, (R, p) = self.bodies(np.repeat(s, every, axis=0), rates.reshape(-1, n), accelerations.reshape(-1, n))
 
@@ -342,9 +331,8 @@ class Jury:
             for k, i in enumerate(self.moving):
                 v, level = rate @ rows[k], each(friction.torque, i)
                 if friction.stribeck is not None:
-                    level = level + (each(friction.static, i) - level) * np.exp(
-                        -((v / each(friction.stribeck, i)) ** 2)
-                    )
+                    slow = np.exp(-((v / each(friction.stribeck, i)) ** 2))
+                    level = level + (each(friction.static, i) - level) * slow
                 force = force + (level * np.tanh(v / each(friction.rate, i)))[..., None] * rows[k]
         return force
 
@@ -356,18 +344,15 @@ class Jury:
             for direction, own in self.modes[i].items():
                 if own.stop > own.start:
                     self.add_link(K, D, i, link, direction, own)
-        joints = enumerate(self.moving)
-        for k, i in joints:
+        for k, i in enumerate(self.moving):
             q, motor = self.q[k], self.motor[k]
             if table := effects.get("joint_flexibility"):
                 K += each(table.stiffness, i) * np.outer(motor - q, motor - q)
                 D += each(table.damping, i) * np.outer(motor - q, motor - q)
                 M += each(table.motor_inertia, i) * np.outer(motor, motor)
             if table := effects.get("motor"):
-                N, k_t, ohm, J = (
-                    each(getattr(table, key), i)
-                    for key in ("gear_ratio", "torque_constant", "resistance", "rotor_inertia")
-                )
+                keys = "gear_ratio", "torque_constant", "resistance", "rotor_inertia"
+                N, k_t, ohm, J = (each(getattr(table, key), i) for key in keys)
                 M += N**2 * J * np.outer(motor, motor)
                 D += (N * k_t) ** 2 / ohm * np.outer(motor, motor)
             if table := effects.get("viscous_friction"):
@@ -383,12 +368,10 @@ class Jury:
         """What a link's modes in one direction resist."""
         k, length, effects = self.nodes[i], link.length, self.effects
         part = k[direction]
-        rigidity = {"y": link.bending_stiffness, "z": link.bending_stiffness, "torsion": link.torsional_stiffness}[
-            direction
-        ]
+        twist = direction == "torsion"
+        rigidity = link.torsional_stiffness if twist else link.bending_stiffness
         if isinstance(rigidity, tuple):
             rigidity = rigidity[1] if direction == "y" else rigidity[0]
-        twist = direction == "torsion"
         bending = rigidity / length ** (1 if twist else 3) * (part.dpsi.T * (k["weight"] * k["eps"])) @ part.dpsi
         shear = np.zeros_like(bending)
         if "shear" in effects and not twist:
@@ -399,11 +382,8 @@ class Jury:
         own_mass = mass * (shape.T * (k["weight"] * profile)) @ shape
         K[own, own] += bending + shear
         if table := effects.get("modal_damping"):
-            omega = (
-                part.beta**2
-                * np.sqrt(rigidity / (link.polar_inertia if twist else link.mass_per_length * length**2))
-                / length
-            )
+            density = link.polar_inertia if twist else link.mass_per_length * length**2
+            omega = part.beta**2 * np.sqrt(rigidity / density) / length
             given = table.ratio if isinstance(table.ratio, tuple) else (table.ratio,)
             ratio = np.array([given[min(m, len(given) - 1)] for m in range(len(omega))])
             D[own, own] += np.diag(2 * ratio * np.diag(bending + shear) / omega)
@@ -421,10 +401,7 @@ class Jury:
                 at[:, self.motors[i]] = at[:, k]
         step, (still, moving, pushed) = 1j * STEP * np.eye(n), at
         turned = self.residual(still + step, np.tile(moving + 0j, (n, 1, 1)), np.tile(pushed, (n, 1, 1)), phase)
-        rates, accelerations = (
-            np.concatenate([moving + step, moving + 0 * step]),
-            np.concatenate([pushed + 0 * step, pushed + step]),
-        )
+        rates, accelerations = np.r_[moving + step, moving + 0 * step], np.r_[pushed + 0 * step, pushed + step]
         driven = self.residual(still[None], rates[None], accelerations[None], phase)[0]
         K, D, M = (part.imag.T / STEP for part in (turned[:, 0], driven[:n], driven[n:]))
         return M, D, K, -driven[0].real

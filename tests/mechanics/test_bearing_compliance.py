@@ -5,19 +5,19 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import SceneError
 from flexlin.mechanics import directions_across, unit
-from flexlin.scene import parse_scene
 
-from .scenes import arm_of, value
+from .scenes import arm_of, held, linear, matrices_at_rest, plain_scene, swinging, value
 from .spatial import scene_table
 
-HARMONIC = {"kind": "harmonic", "frequency": 1.0}
 
-
-def directions(axis):
-    """The two directions across an axis that flexlin has chosen, which the test takes as given."""
-    return np.array(ca.DM(ca.densify(directions_across(unit(axis)))))
+def test_the_two_directions_across_any_axis():
+    rng = np.random.default_rng(1)
+    for axis in (*np.eye(3), *-np.eye(3), *rng.normal(size=(20, 3)), np.array([1e-9, 0, -1.0])):
+        across = np.array(ca.DM(ca.densify(directions_across(unit(axis)))))
+        E = np.column_stack([across, axis / np.linalg.norm(axis)])
+        np.testing.assert_allclose(E.T @ E, np.eye(3), atol=1e-12)
+        assert np.linalg.det(E) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("spin", [0.0, 3.0, 40.0])
@@ -25,19 +25,13 @@ def test_a_rotor_on_a_soft_bearing_whirls(spin):
     """J_t b'' + i J_p Omega b' + d b' + k b = 0 with b = beta_1 + i beta_2: forward and backward whirl (Genta, section 4.6)."""
     k, d, across_axis, along = 30.0, 0.02, 0.05, 0.08
     body = {"mass": 2.0, "inertia": {"xx": across_axis, "yy": across_axis, "zz": along}}
-    motion = {"kind": "rotation", "drive": "prescribed", "joints": [{"rate": spin}]}
-    if not spin:
-        motion = {**HARMONIC, "joints": [{"amplitude": 0.0, "drive": "prescribed"}]}
-    scene = {"schema": 1, "title": "rotor", "links": [{"body": body}], "motion": motion}
-    scene["effects"] = {"bearing_compliance": {"stiffness": k, "damping": d}}
-    checked = parse_scene(scene)
-    lin = fl.linearize(fl.build_manipulator(checked), checked.motion)
-    A = lin.A(np.zeros(1))[0]
+    motion = {"kind": "rotation", "drive": "prescribed", "joints": [{"rate": spin}]} if spin else held()
+    soft = {"bearing_compliance": {"stiffness": k, "damping": d}}
+    found = np.linalg.eigvals(linear(plain_scene([{"body": body}], motion, effects=soft)).A(0.0))
     whirl = np.roots([across_axis, d - 1j * along * spin, k])
     expected = np.concatenate([whirl, whirl.conj()])
-    found = np.linalg.eigvals(A)
-    assert np.abs(found[:, None] - expected).min(axis=0).max() < 1e-9 * np.abs(expected).max()
-    assert np.abs(found[:, None] - expected).min(axis=1).max() < 1e-9 * np.abs(expected).max()
+    apart = np.abs(found[:, None] - expected)
+    assert max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-9 * np.abs(expected).max()
 
 
 def test_an_arm_on_a_soft_turret_droops_and_a_carriage_swings_across_its_rail():
@@ -46,45 +40,27 @@ def test_an_arm_on_a_soft_turret_droops_and_a_carriage_swings_across_its_rail():
     links = [{"body": {"mass": mass, "centre": [reach, 0.0, 0.1], "inertia": {"xx": 0.1, "yy": 0.1, "zz": 0.1}}}]
     links.append({"joint": "prismatic", "axis": [0, 1, 0], "body": {"mass": 3.0}})
     effects = {"gravity": {"direction": [0, 0, -1]}, "bearing_compliance": {"stiffness": [k, 75.0]}}
-    joints = [{"amplitude": 0.0}] * 2
-    scene = {
-        "schema": 1,
-        "title": "turret",
-        "links": links,
-        "effects": effects,
-        "motion": {**HARMONIC, "joints": joints},
-    }
-    arm = fl.build_manipulator(parse_scene(scene))
+    arm = fl.build_manipulator(plain_scene(links, swinging(*[{"amplitude": 0.0}] * 2), effects=effects))
     assert arm.names == ("q1", "q2", "beta11", "beta12", "beta21", "beta22")
     g = value(arm, "g", np.zeros(6))[:, 0]
     np.testing.assert_allclose(g[:4], [0, 0, 0, -mass * 9.81 * reach], atol=1e-12)
-    slope = np.array(ca.Function("K", [arm.s], [ca.jacobian(arm.g, arm.s)])(np.zeros(6)))
-    assert slope[2, 2] == pytest.approx(k - mass * 9.81 * 0.1)
-    assert slope[3, 3] == pytest.approx(k - mass * 9.81 * 0.1)
+    M, slope = matrices_at_rest(arm)
+    np.testing.assert_allclose(np.diag(slope)[2:4], k - mass * 9.81 * 0.1, rtol=1e-6)
     np.testing.assert_allclose(slope[4:, 4:], 75.0 * np.eye(2), atol=1e-12)
-    M = value(arm, "M", np.zeros(6))
     np.testing.assert_allclose(M[4:, 4:], 3.0 * np.eye(2), atol=1e-12)
     assert M[3, 3] == pytest.approx(0.1 + mass * (reach**2 + 0.1**2))
 
 
-def test_the_two_directions_across_any_axis():
-    rng = np.random.default_rng(1)
-    for axis in (*np.eye(3), *-np.eye(3), *rng.normal(size=(20, 3)), np.array([1e-9, 0, -1.0])):
-        E = np.column_stack([directions(axis), axis / np.linalg.norm(axis)])
-        np.testing.assert_allclose(E.T @ E, np.eye(3), atol=1e-12)
-        assert np.linalg.det(E) == pytest.approx(1.0)
-
-
 def test_a_bearing_that_does_not_give_has_no_coordinates():
-    links = [{"body": {"mass": 1.0, "centre": [0.3, 0, 0]}}] * 2
-    table = scene_table([{**link, "joint": "revolute"} for link in links], bearing_compliance={"stiffness": [0.0, 5.0]})
-    assert fl.build_manipulator(parse_scene(table)).names == ("q1", "q2", "beta21", "beta22")
+    links = [{"body": {"mass": 1.0, "centre": [0.3, 0, 0]}, "joint": "revolute"}] * 2
+    table = scene_table(links, bearing_compliance={"stiffness": [0.0, 5.0]})
+    assert fl.build_manipulator(fl.parse_scene(table)).names == ("q1", "q2", "beta21", "beta22")
     weighted = {"name": "d", "kind": "periodic-lqr", "state_weight": [1.0] * 8, "input_weight": [1.0, 1.0]}
-    assert len(parse_scene({**table, "designs": [weighted]}).designs[0].state_weight) == 8
-    with pytest.raises(SceneError, match=r"8, one for each state"):
-        parse_scene({**table, "designs": [{**weighted, "state_weight": [1.0] * 4}]})
-    with pytest.raises(SceneError, match=r"effects\.bearing_compliance\.stiffness"):
-        parse_scene({**table, "effects": {"bearing_compliance": {"stiffness": -1.0}}})
+    assert len(fl.parse_scene({**table, "designs": [weighted]}).designs[0].state_weight) == 8
+    with pytest.raises(fl.errors.SceneError, match=r"8, one for each state"):
+        fl.parse_scene({**table, "designs": [{**weighted, "state_weight": [1.0] * 4}]})
+    with pytest.raises(fl.errors.SceneError, match=r"effects\.bearing_compliance\.stiffness"):
+        fl.parse_scene({**table, "effects": {"bearing_compliance": {"stiffness": -1.0}}})
 
 
 @pytest.mark.slow
@@ -101,14 +77,11 @@ def test_kinetic_energy_is_positive_at_every_tilt(seed):
         | {"mode_shapes": str(rng.choice(shapes)), "joint": str(rng.choice(["revolute", "revolute", "prismatic"]))}
         for _ in range(3)
     ]
+    tips = {"mass": rng.uniform(0.01, 0.3, 3).tolist(), "inertia": [1e-5] * 3, "tensor": {"xx": 1e-4, "yy": 1e-4}}
     effects = {
         "geometric_stiffening": {},
         "bearing_compliance": {"stiffness": 80.0},
-        "payload": {
-            "mass": rng.uniform(0.01, 0.3, 3).tolist(),
-            "inertia": [1e-5] * 3,
-            "tensor": {"xx": 1e-4, "yy": 1e-4},
-        },
+        "payload": tips,
         "rotor_spin": {"inertia": 1e-5, "gear_ratio": float(rng.choice([-60.0, 60.0]))},
         "joint_flexibility": {"stiffness": 50.0, "motor_inertia": 1.1e-5 * 60.0**2},
     }

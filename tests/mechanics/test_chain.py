@@ -1,14 +1,17 @@
-"""The chain's geometry: prismatic joints, a moving base, other shapes, tapers, and the energy of a free motion."""
+"""The chain: joints, bases, shapes and tapers, names and kinds of coordinates, and whole scenes turned and moved."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, SceneError
-from flexlin.mechanics import Ends, bending_shapes
+from flexlin.mechanics import Coordinate, Ends, bending_shapes, make_shapes
+from tests.thinned import thin
 
-from .scenes import arm_of, matrices_at_rest, random_state, scene_of, value
+from .scenes import arm_of, linear, matrices_at_rest, plain_scene, random_state, scene_of, swinging, value
+from .spatial import random_chain, scene_table
 
 CARRIAGE = {"length": 0.0, "mass_per_length": 0.0, "modes": 0, "joint": "prismatic"}
 ROD = {"length": 0.6, "mass_per_length": 0.5, "modes": 0}
@@ -30,21 +33,12 @@ def test_pendulum_on_a_cart():
 
 def test_moving_base_is_a_prescribed_carriage():
     """A base that shakes sideways with x = a cos wt turns gravity's direction: K = -m l/2 (sin q g + cos q x'') about q."""
-    mean, amplitude, frequency = 0.4, 0.05, 2.0
-    joints = [{"amplitude": amplitude, "drive": "prescribed"}, {"mean": mean, "amplitude": 0.0}]
-    motion = {"kind": "harmonic", "frequency": frequency, "joints": joints}
-    scene = scene_of(CARRIAGE, ROD, effects={"gravity": {}}).model_dump(by_alias=True)
-    scene |= {"motion": motion}
-    scene["links"] = [CARRIAGE, ROD]
-    scene["effects"], scene["control"], scene["designs"] = {"gravity": {}}, {}, []
-    scene = fl.parse_scene(scene)
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    joints = [{"amplitude": 0.05, "drive": "prescribed"}, {"mean": 0.4, "amplitude": 0.0}]
+    lin = linear(plain_scene([CARRIAGE, ROD], swinging(*joints, frequency=2.0), effects={"gravity": {}}))
     t = np.linspace(0, 0.5, 7)
-    omega = 2 * np.pi * frequency
-    _, _, acceleration = lin.motion.sample(t)
-    np.testing.assert_allclose(np.abs(acceleration[:, 0]).max(), amplitude * omega**2, rtol=0.2)
-    half = 0.3 * 0.6 / 2
-    expected = -half * (np.cos(mean) * acceleration[:, 0] + np.sin(mean) * 9.81)
+    acceleration = lin.motion.sample(t)[2][:, 0]
+    np.testing.assert_allclose(np.abs(acceleration).max(), 0.05 * (2 * np.pi * 2.0) ** 2, rtol=0.2)
+    expected = -0.3 * 0.6 / 2 * (np.cos(0.4) * acceleration + np.sin(0.4) * 9.81)
     assert lin.names == ("q2",)
     np.testing.assert_allclose(lin.K(t)[:, 0, 0], expected, rtol=1e-10, atol=1e-12)
 
@@ -82,12 +76,10 @@ def test_loaded_shapes_are_the_modes_with_payload():
         ({"carried": {"mass": 1.0}}, {}, "clamped-loaded"),
         ({"mode_shapes": "pinned-free"}, {"hub": {"radius": 0.1}}, "effects.hub.radius"),
         ({}, {"hub": {"inertia": [1.0, 2.0]}}, "at most 1"),
-        (
-            {},
-            {"shear": {"stiffness": [1e3, 1e3]}},
-            "effects.shear.stiffness: got 2 numbers, expected 1, one for each link",
-        ),
+        ({}, {"shear": {"stiffness": [1e3, 1e3]}}, "shear.stiffness: got 2 numbers, expected 1, one for each link"),
         ({"sections": {"at": [0.0, 0.5], "mass": [1.0, 1.0], "stiffness": [1.0, 1.0]}}, {}, "from 0 to 1"),
+        ({}, {"tip_force": {"frame": "base"}}, "effects.tip_force.frame: got 'base'"),
+        ({}, {"tip_force": {"phase": 0.4}}, "harmonic of at least 1 beside phase"),
         ({}, {"shear": {"stiffness": 0.0}}, "greater than 0"),
         ({}, {"motor": {"torque_constant": 1.0}}, "resistance"),
         ({"modes": {"torsion": 1}, "polar_inertia": 1.0}, {}, "links.0.torsional_stiffness"),
@@ -96,7 +88,7 @@ def test_loaded_shapes_are_the_modes_with_payload():
         (
             {"polar_inertia": 1e-4},
             {"rotary_inertia": {"radius_of_gyration": 0.03}},
-            "radius_of_gyration: got 0.03, expected 0.02236 at most",
+            "got 0.03, expected 0.02236 at most",
         ),
         ({"modes": {"x": 1}}, {}, "links.0.modes.x"),
         ({"modes": {"y": -1}}, {}, "links.0.modes.y"),
@@ -113,12 +105,12 @@ def test_loaded_shapes_are_the_modes_with_payload():
     ],
 )
 def test_contradictions_are_named(link, effects, message):
-    with pytest.raises(SceneError, match=message):
+    with pytest.raises(fl.errors.SceneError, match=message):
         scene_of(link, effects=effects)
 
 
 def test_pinned_hub_shapes_need_a_hub():
-    with pytest.raises(ArgumentError, match=r"effects\.hub"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"effects\.hub"):
         arm_of({"mode_shapes": "pinned-hub"})
 
 
@@ -129,3 +121,96 @@ def test_coordinates_bear_the_names_of_the_robots_joints():
     lin = fl.linearize(arm, scene.motion, scene.control)
     assert "q2 (shoulder) in rad" in repr(lin)
     assert lin.to_xarray(3)["joint"].values.tolist()[:4] == ["turret", "shoulder", "elbow", ""]
+
+
+@pytest.mark.parametrize("link", thin([9, 0]))
+def test_a_strain_gauge_on_an_arm_of_ten_links_reads_one_link(link):
+    """The names w11 and w101 share their beginnings with those of other links."""
+    scene = scene_of(*[{"modes": 2}] * 10)
+    lin = linear(scene)
+    row = fl.control.bending(scene, lin, link=link, at=0.0)(np.zeros(1))[0, 0]
+    columns = [10 + 2 * link, 11 + 2 * link]
+    assert np.flatnonzero(row).tolist() == columns
+    curvature = make_shapes(scene, link).values(np.array([0.0]), 2)[:, 0] / scene.links[link].length ** 2
+    np.testing.assert_allclose(row[columns], curvature, rtol=1e-14)
+
+
+def test_a_prescribed_joint_moves_the_columns():
+    motion = swinging({"amplitude": 0.2, "drive": "prescribed"}, {"amplitude": 0.2})
+    scene = scene_of({"modes": 1}, {"modes": 3}, motion=motion)
+    lin = linear(scene)
+    assert [c.name for c in lin.coordinates] == list(lin.names) == ["q2", "w11", "w21", "w22", "w23"]
+    assert np.flatnonzero(fl.control.bending(scene, lin, link=1, at=0.3)(np.zeros(1))[0, 0]).tolist() == [2, 3, 4]
+
+
+def test_a_chain_describes_itself():
+    flexible = {"joint_flexibility": {"stiffness": 50.0, "motor_inertia": 0.01}}
+    arm = arm_of({"modes": 1}, {"modes": 11, "joint": "prismatic"}, effects=flexible)
+    assert len(arm.coordinates) == arm.n == 16
+    assert arm.coordinates[0] == Coordinate("joint", "q1", "rad", 0)
+    assert arm.coordinates[1] == Coordinate("joint", "q2", "m", 1)
+    assert arm.coordinates[2] == Coordinate("elastic", "w11", "m", 0, 0)
+    assert arm.coordinates[13] == Coordinate("elastic", "w2_11", "m", 1, 10)
+    assert arm.coordinates[14:] == (Coordinate("motor", "theta1", "rad", 0), Coordinate("motor", "theta2", "m", 1))
+    eleven = arm_of(*[{"modes": modes} for modes in (12, 2, 1, 1, 1, 1, 1, 1, 1, 11, 2)])
+    assert all(len(set(one.names)) == one.n for one in (arm, eleven))
+
+
+def test_a_model_of_ones_own_has_joints_where_the_motion_is_and_elastic_coordinates_elsewhere():
+    s, s_dot = ca.SX.sym("s", 3), ca.SX.sym("s_dot", 3)
+
+    def build(*names):
+        T, V = ca.sumsqr(s_dot) / 2, ca.sumsqr(s)
+        return fl.Manipulator.from_lagrangian(s, s_dot, T, V, joints=(2, 0), names=names)
+
+    joints = Coordinate("joint", "wrist", "rad", 1), Coordinate("joint", "walk", "rad", 0)
+    assert build("wrist", "q", "walk").coordinates == (joints[0], Coordinate("elastic", "q", "m", None), joints[1])
+    with pytest.raises(fl.errors.ModelError, match="2 names"):
+        build("a", "b")
+
+
+LINK = {"length": 0.6, "mass_per_length": 0.5, "bending_stiffness": 9.0, "modes": 2}
+EFFECTS = {"payload": {"mass": 0.2, "inertia": 0.01}, "geometric_stiffening": {}, "modal_damping": {"ratio": 0.01}}
+
+
+def test_turning_and_moving_a_whole_scene_changes_nothing():
+    """Gravity with it: the same exponents, gains and all. A planar arm is then one in space."""
+    control = {"feedback": {"kind": "pd", "kp": [30.0, 10.0], "kd": [3.0, 1.0]}}
+    link = {**LINK, "modes": 1, "joint": "revolute"}
+    raw = scene_table([link, {**link, "mount_angle": 0.4}], **EFFECTS)
+    raw |= {"control": control, "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}] * 2}}
+    turn = Rotation.from_rotvec([0.3, -1.1, 0.7])
+
+    def exponents(links, direction):
+        table = {**raw, "links": links, "effects": raw["effects"] | {"gravity": {"direction": list(direction)}}}
+        scene = fl.parse_scene(table)
+        lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+        return fl.floquet(lin.periodic_system(), 1e-10).exponents
+
+    base = {"xyz": [0.4, 2.0, -0.7], "rpy": turn.as_euler("xyz").tolist()}
+    plain = exponents(raw["links"], [0.0, -1.0, 0.0])
+    turned = exponents([{**raw["links"][0], "mount": base}, raw["links"][1]], turn.apply([0.0, -1.0, 0.0]))
+    distance = np.abs(plain[:, None] - turned).min(axis=1)
+    assert distance.max() <= 1e-9 * np.abs(plain).max()
+
+
+def test_the_axis_may_stay_a_symbol():
+    """Its derivative is that of the forces by finite differences of the axis."""
+    scene = fl.parse_scene(scene_table(random_chain(np.random.default_rng(2), 2, fixed=0.0)))
+    arm = fl.build_manipulator(scene, ["links.1.axis.0"])
+    p, state, residual = arm.parameters, random_state(arm, 1), arm.functions["residual"]
+    slope = ca.Function("f", [arm.s, arm.s_dot, arm.s_ddot, p.symbols], [ca.jacobian(arm.residual, p.symbols)])
+    change = (residual(*state, p.values + 1e-6) - residual(*state, p.values - 1e-6)).full() / 2e-6
+    np.testing.assert_allclose(slope(*state, p.values).full(), change, rtol=1e-6)
+
+
+def test_the_puma_is_the_published_one():
+    """Inertia at the motors and gravity at the nominal pose of Corke's robotics toolbox (Robotics, Vision and Control, section 9.2)."""
+    inertias = np.array(fl.load_scene("puma-560").effects.joint_flexibility.motor_inertia)
+    bare = {"effects.payload": "off", "effects.joint_flexibility": "off"}
+    arm = fl.build_manipulator(fl.load_scene("puma-560", bare))
+    q = np.array([0, np.pi / 4, np.pi, 0, np.pi / 4, 0])
+    M = value(arm, "M", q) + np.diag(inertias)
+    np.testing.assert_allclose(M[0], [3.6594, -0.4044, 0.1006, -0.0025, 0, 0], atol=6e-5)
+    np.testing.assert_allclose(np.diag(M), [3.6594, 4.4137, 0.9378, 0.1925, 0.1713, 0.1941], atol=1.1e-4)
+    np.testing.assert_allclose(value(arm, "g", q)[:, 0], [0, 31.6399, 6.0351, 0, 0.0283, 0], atol=6e-5)

@@ -10,8 +10,10 @@ import flexlin as fl
 from flexlin.linearization import parametric_loop
 from flexlin.mechanics import CoulombFriction
 from flexlin.motion import build_motion, read_table_motion
-from flexlin.scene import Fourier, Harmonic, PointToPoint, Rotation, TableMotion
+from flexlin.scene import TableMotion
 from tests.closed_arm import opened
+
+from .scenes import swinging
 
 RIGID = {
     "links": [{"length": 0.5, "mass_per_length": 0.4, "modes": 0}],
@@ -24,20 +26,18 @@ FRICTION = CoulombFriction(torque=0.02, rate=1e-4)
 
 
 def found(motion, friction=FRICTION):
-    features = np.array(friction.features(motion)).reshape(-1, 2)
-    return features[:, 0], features[:, 1]
+    """Times and half-widths."""
+    return np.array(friction.features(motion)).reshape(-1, 2).T
 
 
-def fourier(period=2.0, **joint):
-    table = {"kind": "fourier", "period": period, "joints": [joint]}
-    return build_motion(Fourier.model_validate(table), 1)
+def fourier(**joint):
+    return build_motion({"kind": "fourier", "period": 2.0, "joints": [joint]})
 
 
 def test_every_joint_has_its_own_turns_rates_and_torques():
     joints = [{"amplitude": 0.5}, {"amplitude": 0.2, "phase": 1.0}, {"amplitude": 0.3, "phase": 2.0}]
-    table = {"kind": "harmonic", "frequency": 1.0, "joints": joints}
     friction = CoulombFriction(torque=(0.1, 0.0, 0.2), rate=(1e-3, 1e-3, 1e-4))
-    times, widths = found(build_motion(Harmonic.model_validate(table), 3), friction)
+    times, widths = found(build_motion(swinging(*joints)), friction)
     order = np.argsort(times)
     w = 2 * np.pi
     at = np.mod(np.array([np.pi / 2, 3 * np.pi / 2, np.pi / 2 - 2, 3 * np.pi / 2 - 2]), w) / w
@@ -57,81 +57,62 @@ def test_a_rate_that_only_touches_zero_is_found():
     """q' = (1 - cos p)(cos p + 1/2) a w: touches zero at p = 0 as 3/4 a w p^2, turns round at p = 2 pi/3 and 4 pi/3."""
     times, widths = found(fourier(sin=(0.25, -0.125)))
     w, amplitude = np.pi, 0.5
-    times = np.where(times > 2 - 1e-6, times - 2, times)
-    assert times == pytest.approx([0.0, 2 / 3, 4 / 3], abs=1e-6)
+    assert np.where(times > 2 - 1e-6, times - 2, times) == pytest.approx([0.0, 2 / 3, 4 / 3], abs=1e-6)
     assert widths[0] == pytest.approx(np.sqrt(1e-4 / (0.75 * amplitude * w)) / w, rel=1e-2)
-    steep = amplitude * w**2 * 1.5 * np.sin(2 * np.pi / 3)
-    assert widths[1:] == pytest.approx(1e-4 / steep, rel=1e-4)
+    assert widths[1:] == pytest.approx(1e-4 / (amplitude * w**2 * 1.5 * np.sin(2 * np.pi / 3)), rel=1e-4)
 
 
 def test_two_turns_closer_than_the_grid_are_found():
     """q' = (1 + d - cos p)(cos p + 1/2 + ...) with d < 0 dips below zero for p within sqrt(-2 d): here for 4e-5 of the period."""
-    d = -4e-9
-    # (1 + d - c)(c - a) has mean -a (1 + d) - 1/2, zero for a = -1/(2 (1 + d)); coefficients of cos p and cos 2p:
-    a = -0.5 / (1 + d)
-    first, second = 1 + d + a, -0.5
-    w = np.pi
-    times, _ = found(fourier(sin=(first / w, second / (2 * w))), CoulombFriction(torque=1.0, rate=1e-12))
+    d, w = -4e-9, np.pi
+    a = -0.5 / (1 + d)  # for which (1 + d - c)(c - a) has mean -a (1 + d) - 1/2 = 0
+    sines = (1 + d + a) / w, -0.5 / (2 * w)
+    times, _ = found(fourier(sin=sines), CoulombFriction(torque=1.0, rate=1e-12))
     inner = np.arccos(1 + d) / w
-    assert np.min(np.abs(times - inner)) < 1e-8
-    assert np.min(np.abs(times - (2 - inner))) < 1e-8
+    assert np.abs(times[:, None] - [inner, 2 - inner]).min(axis=0).max() < 1e-8
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_turns_of_any_fourier_motion_are_the_roots_of_its_polynomial(seed):
     """q' = Re sum c_k z^k on |z| = 1: its zeros are roots of a polynomial, found by a companion matrix."""
-    rng = np.random.default_rng(seed)
-    cos, sin = rng.normal(size=(2, 12)) / np.arange(1, 13) ** 2
+    rng, k = np.random.default_rng(seed), np.arange(1, 13)
+    cos, sin = rng.normal(size=(2, 12)) / k**2
     times, widths = found(fourier(cos=tuple(cos), sin=tuple(sin)), CoulombFriction(torque=1.0, rate=1e-9))
-    k = np.arange(1, 13)
     half = 0.5 * np.pi * k * (sin + 1j * cos)  # of exp(i k p)
     roots = np.roots(np.concatenate([half[::-1], [0.0], half.conj()]))
     on = np.angle(roots[np.abs(np.abs(roots) - 1) < 1e-7]) / np.pi
     assert times == pytest.approx(np.sort(np.mod(on, 2.0)), abs=1e-8)
-    bend = np.abs(build(cos, sin, times))
+    angle = np.pi * np.outer(times, k)
+    bend = np.abs((np.cos(angle) * cos + np.sin(angle) * sin) @ (np.pi * k) ** 2)  # |q''|
     assert widths == pytest.approx(1e-9 / bend, rel=1e-3)
-
-
-def build(cos, sin, t):
-    """q'' of a Fourier motion of period 2 s, written out."""
-    k = np.arange(1, len(cos) + 1)
-    angle = np.pi * np.outer(t, k)
-    return -(np.cos(angle) * cos + np.sin(angle) * sin) @ (np.pi * k) ** 2
 
 
 def test_ends_of_a_rest_are_features_and_the_rest_is_none():
     """Quintic: q' = 30 D x^2/tau + ... at the ends of a move, so |q'| = rate a time tau sqrt(rate tau/(30 D)) from them."""
-    joint = {"waypoints": [0.0, 1.0]}
-    table = {"kind": "point-to-point", "move_time": 0.4, "dwell_time": 0.6, "joints": [joint]}
-    motion = build_motion(PointToPoint.model_validate(table), 1)
-    friction = CoulombFriction(torque=1.0, rate=1e-6)
-    times, widths = found(motion, friction)
-    near = 0.4 * np.sqrt(1e-6 * 0.4 / 30)
+    table = {"kind": "point-to-point", "move_time": 0.4, "dwell_time": 0.6, "joints": [{"waypoints": [0.0, 1.0]}]}
+    times, widths = found(build_motion(table), CoulombFriction(torque=1.0, rate=1e-6))
     assert times == pytest.approx([0.0, 0.4, 1.0, 1.4], abs=1e-7)
-    assert widths == pytest.approx(near, rel=0.02)
+    assert widths == pytest.approx(0.4 * np.sqrt(1e-6 * 0.4 / 30), rel=0.02)
 
 
 def test_motions_that_never_turn_or_never_move_have_none():
-    spinning = build_motion(Rotation.model_validate({"kind": "rotation", "joints": [{"rate": 2.0}]}), 1)
-    resting = build_motion(
-        Harmonic.model_validate({"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.0}]}), 1
-    )
-    for motion in (spinning, resting):
-        assert FRICTION.features(motion) == ()
+    spinning = {"kind": "rotation", "joints": [{"rate": 2.0}]}
+    for table in (spinning, swinging({"amplitude": 0.0})):
+        assert FRICTION.features(build_motion(table)) == ()
     assert CoulombFriction(torque=0.1, rate=10.0).features(fourier(cos=(0.4,))) == ()  # never leaves sticking
 
 
 def test_the_linearization_says_it_and_the_present_values_count():
     scene = fl.load_scene("single-link", RIGID)
     lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    expected = [(0.25, 0.001 / (0.5 * (2 * np.pi) ** 2)), (0.75, 0.001 / (0.5 * (2 * np.pi) ** 2))]
-    assert np.array(lin.features) == pytest.approx(np.array(expected), rel=1e-5)
+    width = 0.001 / (0.5 * (2 * np.pi) ** 2)
+    assert np.array(lin.features) == pytest.approx(np.array([(0.25, width), (0.75, width)]), rel=1e-5)
     assert lin.complete
     assert pickle.loads(pickle.dumps(lin)).features == lin.features
     loop = parametric_loop(scene, ["effects.coulomb_friction.rate", "motion.frequency"])
-    there = loop.at(np.array([0.01, 2.0]))
-    assert np.array(there.features)[:, 1] == pytest.approx(0.01 / (0.5 * (4 * np.pi) ** 2), rel=1e-3)
-    assert np.array(there.features)[:, 0] == pytest.approx([0.125, 0.375])
+    times, widths = np.array(loop.at(np.array([0.01, 2.0])).features).T
+    assert widths == pytest.approx(0.01 / (0.5 * (4 * np.pi) ** 2), rel=1e-3)
+    assert times == pytest.approx([0.125, 0.375])
 
 
 def test_a_motion_is_kept_only_while_none_of_its_own_numbers_changes():
@@ -144,22 +125,10 @@ def test_a_motion_is_kept_only_while_none_of_its_own_numbers_changes():
     assert np.array(wide.features)[:, 1] == pytest.approx(np.array(own.features)[:, 1] / 2, rel=1e-3)
 
 
-def test_without_friction_nothing_is_named():
-    for name in ("single-link", "three-link", "rotating-beam", "pick-and-place"):
-        lin = opened(name)[1]
-        assert lin.features == ()
-        assert lin.complete
-
-
-@pytest.mark.parametrize(("harmonics", "complete"), [(20, True), (60, True), (61, False), (200, False)])
-def test_a_motion_of_many_harmonics_promises_nothing(harmonics, complete):
-    assert fourier(cos=(0.01,) * 3 + (0.0,) * (harmonics - 4) + (1e-9,)).complete is complete
-
-
-def test_angles_that_turn_fast_promise_nothing():
-    """sin(40 sin p) has harmonics up to about 40 times one: narrower than T/200, though the angle is a single sine."""
-    for amplitude, complete in ((0.5, True), (14.0, True), (40.0, False)):
-        assert fourier(sin=(amplitude,)).complete is complete
+@pytest.mark.parametrize("name", ["single-link", "three-link", "rotating-beam", "pick-and-place"])
+def test_without_friction_nothing_is_named(name):
+    lin = opened(name)[1]
+    assert (lin.features, lin.complete) == ((), True)
 
 
 def test_equations_of_unknown_make_promise_nothing():
@@ -169,19 +138,27 @@ def test_equations_of_unknown_make_promise_nothing():
     assert (own.features, own.complete) == ((), False)
 
 
+MANY = [{"cos": (0.01,) * 3 + (0.0,) * (harmonics - 4) + (1e-9,)} for harmonics in (20, 60, 61, 200)]
+
+
+@pytest.mark.parametrize(
+    ("joint", "complete"),
+    [*zip(MANY, (True, True, False, False), strict=True)]
+    + [({"sin": (amplitude,)}, amplitude < 20) for amplitude in (0.5, 14.0, 40.0)],
+)
+def test_a_motion_of_many_harmonics_and_angles_that_turn_fast_promise_nothing(joint, complete):
+    """sin(40 sin p) has harmonics up to about 40 times one: narrower than T/200, though the angle is a single sine."""
+    assert fourier(**joint).complete is complete
+
+
 def test_close_rows_of_a_table_are_features(tmp_path):
     """A few rows close together are named; a table that is fine all over has many harmonics instead."""
     t = np.sort(np.concatenate([np.linspace(0, 1, 41), [0.51, 0.5101, 0.5102]]))
-    for name, rows, complete in (
-        ("few", t, True),
-        ("fine", np.linspace(0, 1, 1001), False),
-        ("plain", np.linspace(0, 1, 51), True),
-    ):
+    fine, plain = np.linspace(0, 1, 1001), np.linspace(0, 1, 51)
+    for name, rows, complete in (("few", t, True), ("fine", fine, False), ("plain", plain, True)):
         path = tmp_path / f"{name}.csv"
         np.savetxt(path, np.column_stack([rows, 0.3 * np.sin(2 * np.pi * rows)]), delimiter=",")
         motion = read_table_motion(TableMotion(kind="table", file=str(path)), 1, (False,))
         assert motion.complete is complete
-        if name == "few":
-            assert np.array(motion.features) == pytest.approx(np.array([(0.51, 1e-4), (0.5101, 1e-4)]), rel=1e-6)
-        else:
-            assert motion.features == ()
+        known = [(0.51, 1e-4), (0.5101, 1e-4)] if name == "few" else ()
+        assert np.array(motion.features) == pytest.approx(np.array(known), rel=1e-6)

@@ -1,78 +1,19 @@
-"""Links that bend far: the elastica, an inextensible curve of segments, positive kinetic energy, and the second order of small bending."""
+"""Links that bend far: positive kinetic energy, the energy that a swing keeps, and the second order of small bending."""
 
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.mechanics import bending_shapes
-from flexlin.scene import builtin_scenes, parse_scene
+from flexlin.scene import builtin_scenes
+from tests.closed_arm import control_loop
 from tests.thinned import thin
 
-from .scenes import LINK, arm_of, scene_of
+from .scenes import LINK, arm_of, plain_scene, scene_of, swinging
 from .test_jury import random_scene
 
 STIFFENED = {"geometric_stiffening": {}}
 THIN = {"length": 1.0, "mass_per_length": 0.162, "bending_stiffness": 1.4}
-
-
-def swing(arm, start, t, dissipated=0.0):
-    """The tip (N, 2) and the energy of an arm that is let go at rest."""
-    n = arm.n
-    still = [ca.substitute(part, arm.s_ddot, 0) for part in (ca.jacobian(arm.residual, arm.s_ddot), arm.residual)]
-    equations = ca.Function("equations", [arm.s, arm.s_dot], still)
-
-    def rates(_, x):
-        M, left = equations(x[:n], x[n:])
-        return np.r_[x[n:], np.linalg.solve(M.full(), -left.full()[:, 0])]
-
-    run = solve_ivp(rates, (0.0, t[-1]), np.r_[start, np.zeros(n)], "DOP853", t, rtol=1e-9, atol=1e-11)
-    assert run.success
-    energy = np.array([float(arm.functions["energy"](x[:n], x[n:], [])) for x in run.y.T])
-    return np.array([arm.functions["points"](x[:n], []).full()[:, -1] for x in run.y.T]), energy
-
-
-def segment_form(length, mass, payload):
-    """a (n, n) with T = 1/2 sum a_ij e_i'.e_j' of rigid segments: the lever l_i times (m_j / 2 + all beyond j) l_j.
-
-    Source: the rigid finite element method, Wittbrodt, Adamiec-Wojcik, Wojciech (2006).
-    """
-    beyond = np.append(np.cumsum(mass[::-1])[::-1][1:], 0.0) + payload
-    a = np.triu(np.outer(length, length * (mass / 2 + beyond)), 1)
-    return a + a.T + np.diag(length**2 * (mass / 3 + beyond))
-
-
-def swing_segments(link, size, payload, count, t):
-    """The tip of rigid segments, cut at springs EI / h, half a segment at both ends, let go from the first mode's slopes."""
-    h = 1.0 / count
-    own = np.array([h / 2, *[h] * (count - 1), h / 2])
-    a, between = segment_form(own, own * link["mass_per_length"], payload), np.diff(np.eye(len(own)), axis=0)
-    centres = np.cumsum(own) - own / 2
-    phi = size * bending_shapes(1).values(centres, 1)[0] / bending_shapes(1).values(np.ones(1))[0, 0]
-    K, n = link["bending_stiffness"] / h * between.T @ between, len(own)
-
-    def rates(_, x):
-        phi, rate = x[:n], x[n:]
-        apart = phi[:, None] - phi
-        return np.r_[rate, np.linalg.solve(a * np.cos(apart), -K @ phi - a * np.sin(apart) @ rate**2)]
-
-    run = solve_ivp(rates, (0.0, t[-1]), np.r_[phi, np.zeros(n)], "LSODA", t, rtol=1e-7, atol=1e-9)
-    return np.stack([own @ np.cos(run.y[:n]), own @ np.sin(run.y[:n])], axis=1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [0.1, 0.25])
-def test_a_free_link_swings_as_an_inextensible_curve(size):
-    """No hub, a payload of half the mass: against segments by Richardson's rule."""
-    payload, t = 0.08, np.linspace(0.0, 0.15, 16)
-    arm = arm_of({**THIN, "modes": 4}, effects={**STIFFENED, "payload": {"mass": payload}})
-    first = size / bending_shapes(1).values(np.ones(1))[0, 0]
-    tip, energy = swing(arm, np.r_[0.0, first, np.zeros(3)], t)
-    coarse, fine = (swing_segments(THIN, size, payload, count, t) for count in (6, 12))
-    exact = fine + (fine - coarse) / 3
-    assert np.abs(tip - exact).max() < {0.1: 0.005, 0.25: 0.02}[size] * size
-    assert np.ptp(energy) < 1e-8 * energy[0]
 
 
 def light_arm(seed):
@@ -135,9 +76,7 @@ def test_a_payload_that_may_vanish_and_a_link_that_bends_upward_alone():
         effects = {**STIFFENED, "gravity": {}, "payload": {"mass": 0.2, "offset": 0.1, "inertia": 1e-3}}
         scene = scene_of(*links, effects=effects)
         free = fl.build_manipulator(scene, ["effects.payload.mass"])
-        written = fl.build_manipulator(
-            scene_of(*links, effects={**effects, "payload": {**effects["payload"], "mass": mass}})
-        )
+        written = arm_of(*links, effects={**effects, "payload": {**effects["payload"], "mass": mass}})
         state = np.random.default_rng(0).normal(size=(2, free.n)) * np.r_[1, 1, np.full(free.n - 2, 0.05)]
         for name, at in (("M", state[:1]), ("energy", state)):
             one, other = free.functions[name](*at, [mass]).full(), written.functions[name](*at, []).full()
@@ -172,19 +111,13 @@ def test_to_first_order_the_curve_is_the_energy_of_second_order(case):
 @pytest.mark.slow
 def test_a_strip_that_bends_is_judged_alike_with_any_number_of_modes():
     """A strip of 1 m without a hub, 30 x 2 mm of aluminium: with 2 and 3 modes it used to end in a mass matrix without meaning."""
+    effects = {**STIFFENED, "payload": {"mass": 0.1}, "modal_damping": {"ratio": 0.01}}
+    control = {"feedforward": "rigid", "feedback": {"kind": "pd", "kp": [20.0], "kd": [3.0]}}
     errors = []
     for modes in (1, 2, 3, 4):
-        scene = parse_scene(
-            {
-                "schema": 1,
-                "title": "strip",
-                "links": [{**THIN, "modes": modes}],
-                "effects": {**STIFFENED, "payload": {"mass": 0.1}, "modal_damping": {"ratio": 0.01}},
-                "motion": {"kind": "harmonic", "frequency": 0.5, "joints": [{"mean": 0.0, "amplitude": 0.3}]},
-                "control": {"feedforward": "rigid", "feedback": {"kind": "pd", "kp": [20.0], "kd": [3.0]}},
-            }
-        )
-        run = fl.simulate(fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control), 1.0, tol=1e-6)
+        motion = swinging({"amplitude": 0.3}, frequency=0.5)
+        scene = plain_scene([{**THIN, "modes": modes}], motion, effects=effects, control=control)
+        run = fl.simulate(control_loop(scene), 1.0, tol=1e-6)
         assert "the linear model holds here" in run.status
         errors.append(run.tip_error)
     np.testing.assert_allclose(errors[1:], errors[-1], rtol=0.02)

@@ -9,24 +9,25 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 import flexlin as fl
-from flexlin.errors import ModelError, SceneError, SingularClosure
+from flexlin.mechanics import close_loop
+from flexlin.scene import revise_scene
 from tests.mechanics.loop_scenes import ENDS, Arms, Z, accelerations, nearest, random_rssr, raw, rssr_angles
 from tests.thinned import thin
+
+from .scenes import arm_of, linear, plain_scene, swinging, value
 
 
 @pytest.mark.parametrize("seed", thin(range(6), 2))
 def test_a_random_rssr_is_where_the_closed_form_has_it(seed):
     """Positions by the input-output equation."""
-    rng = np.random.default_rng(20 + seed)
-    table, bars, length, angle, start = random_rssr(rng)
-    arm = fl.build_manipulator(fl.parse_scene(table))
-    at, ways = start, 0
+    table, bars, length, angle, at = random_rssr(np.random.default_rng(20 + seed))
+    arm, ways = fl.build_manipulator(fl.parse_scene(table)), 0
     for crank in angle + np.linspace(0, 0.6, 13):
         both = rssr_angles(bars, length, crank)
         if not np.all(np.isfinite(both)) or np.ptp(np.cos(both)) + np.ptp(np.sin(both)) < 0.3:
             break  # near a dead point
         at = nearest(both, at)
-        assert_allclose(np.array(arm.functions["followers"]([crank], []))[-1, 0], at, rtol=0, atol=1e-12)
+        assert_allclose(value(arm, "followers", [crank])[-1, 0], at, rtol=0, atol=1e-12)
         ways += 1
     assert ways > 0
 
@@ -38,53 +39,37 @@ def test_flexible_loops_obey_multipliers_on_the_open_tree(name):
     arm = fl.build_manipulator(fl.parse_scene(table))
     passive = [i for i, link in enumerate(table["links"]) if link.get("passive")]
     links = [{k: v for k, v in link.items() if k not in ("passive", "posture")} for link in table["links"]]
-    joints = [{"amplitude": 0.1}] * len(links)
-    motion = {"kind": "harmonic", "frequency": 1.0, "joints": joints}
-    effects = table["effects"]
-    open_arm = fl.build_manipulator(
-        fl.parse_scene({"schema": 1, "title": "open", "links": links, "effects": effects, "motion": motion})
-    )
+    motion = swinging(*[{"amplitude": 0.1}] * len(links))
+    tree = fl.build_manipulator(plain_scene(links, motion, effects=table["effects"]))
     rng = np.random.default_rng(3)
     u = np.concatenate([[s["mean"] for s in table["motion"]["joints"]], rng.normal(size=arm.n - arm.joints) * 2e-3])
     u_dot, torque = rng.normal(size=arm.n), rng.normal(size=arm.joints)
-    tip = open_arm.points[:, -1]
-    ends = [open_arm.points[:, k] for k in ENDS[name]]
-    tips = ca.vertcat(
-        *[
-            end - tip - ca.DM(loop.get("point", [0, 0, 0])[: tip.numel()])
-            for end, loop in zip(ends, table["loops"], strict=True)
-        ]
-    )
-    J = ca.jacobian(tips, open_arm.s)
-    table_of = ca.Function(
-        "open", [open_arm.s, open_arm.s_dot], [tips, J, ca.jtimes(J @ open_arm.s_dot, open_arm.s, open_arm.s_dot)]
-    )
-    kept = [i for i in range(open_arm.n) if i not in passive]
-    s, s_dot = np.zeros(open_arm.n), np.zeros(open_arm.n)
+    tip, gaps = tree.points[:, -1], []
+    for k, loop in zip(ENDS[name], table["loops"], strict=True):
+        gaps.append(tree.points[:, k] - tip - ca.DM(loop.get("point", [0, 0, 0])[: tip.numel()]))
+    tips = ca.vertcat(*gaps)
+    J = ca.jacobian(tips, tree.s)
+    bends = ca.jtimes(J @ tree.s_dot, tree.s, tree.s_dot)
+    table_of = ca.Function("open", [tree.s, tree.s_dot], [tips, J, bends])
+    kept = [i for i in range(tree.n) if i not in passive]
+    s, s_dot = np.zeros(tree.n), np.zeros(tree.n)
     s[kept], s[passive] = u, np.array(arm.functions["followers"](u, []))[:, 0]
     gap, J, _ = (np.array(x) for x in table_of(s, s_dot))
     assert np.abs(gap).max() < 1e-13
     s_dot[kept] = u_dot
     s_dot[passive] = np.linalg.solve(J[:, passive], -J @ s_dot)
-    bend = np.array(table_of(s, s_dot)[2])[:, 0]
-    M = np.array(open_arm.functions["M"](s, []))
-    rest = np.array(open_arm.functions["residual"](s, s_dot, np.zeros(open_arm.n), []))[:, 0]
-    push = np.zeros(open_arm.n)
+    bend, M = table_of(s, s_dot)[2].full()[:, 0], value(tree, "M", s)
+    rest = value(tree, "residual", s, s_dot, np.zeros(tree.n))[:, 0]
+    push = np.zeros(tree.n)
     push[kept[: arm.joints]] = torque
     saddle = np.block([[M, -J.T], [J, np.zeros((len(passive), len(passive)))]])
     judge = np.linalg.solve(saddle, np.concatenate([push - rest, -bend]))[kept]
     found = accelerations(arm, u, u_dot, torque)
     assert_allclose(found, judge, rtol=1e-8, atol=1e-8 * np.abs(judge).max())
-    kinetic = ca.Function(
-        "rate",
-        [arm.s, arm.s_dot, arm.s_ddot],
-        [ca.jtimes(arm.energy, ca.vertcat(arm.s, arm.s_dot), ca.vertcat(arm.s_dot, arm.s_ddot))],
-    )
-    lost = u_dot @ np.array(arm.functions["damping"](u, u_dot, []))[:, 0]
-    power = torque @ u_dot[: arm.joints] - lost
-    assert_allclose(
-        float(kinetic(u, u_dot, found)), power, atol=1e-9 * (abs(power) + np.abs(u_dot) @ np.abs(rest[kept]))
-    )
+    rate = ca.jtimes(arm.energy, ca.vertcat(arm.s, arm.s_dot), ca.vertcat(arm.s_dot, arm.s_ddot))
+    kinetic = ca.Function("rate", [arm.s, arm.s_dot, arm.s_ddot], [rate])(u, u_dot, found)
+    power = torque @ u_dot[: arm.joints] - u_dot @ value(arm, "damping", u, u_dot)[:, 0]
+    assert_allclose(float(kinetic), power, atol=1e-9 * (abs(power) + np.abs(u_dot) @ np.abs(rest[kept])))
 
 
 @pytest.fixture(scope="module")
@@ -92,41 +77,33 @@ def flexible():
     """The spatial four-bar with one mode in each direction."""
     faster = {"motion.frequency": 8.0, "control.feedback": {"kind": "pd", "kp": [40.0], "kd": [0.3]}}
     scene = fl.load_scene("spatial-four-bar", {"links.2.modes": {"y": 1, "z": 1}, "designs": [], **faster})
-    arm = fl.build_manipulator(scene)
-    return scene, arm, fl.linearize(arm, scene.motion, scene.control)
+    return scene, fl.build_manipulator(scene)
 
 
 def test_both_routes_agree_and_are_slopes_of_the_nonlinear_equations(flexible):
-    scene, arm, lin = flexible
-    t, h = np.linspace(0, lin.period, 5), 1e-5
-    one, two = (fl.linearize(arm, scene.motion, route=route).sample(t) for route in ("jacobian", "kronecker"))
-    assert_allclose(one.K, two.K, rtol=0, atol=1e-10 * np.abs(one.K).max())
-    assert_allclose(one.D, two.D, rtol=0, atol=1e-10 * np.abs(one.D).max())
-    q, rate, more = (np.append(part[1], [0.0, 0.0]) for part in lin.motion.sample(t))
-
-    def residual(dq, dv):
-        return np.array(arm.functions["residual"](q + dq, rate + dv, more, []))[:, 0]
-
+    scene, arm = flexible
+    lins = [fl.linearize(arm, scene.motion, route=route) for route in ("jacobian", "kronecker")]
+    t, h = np.linspace(0, lins[0].period, 5), 1e-5
+    one, two = (lin.sample(t) for lin in lins)
+    for name in "KD":
+        first = getattr(one, name)
+        assert_allclose(first, getattr(two, name), rtol=0, atol=1e-10 * np.abs(first).max())
+    q, rate, more = (np.append(part[1], [0.0, 0.0]) for part in lins[0].motion.sample(t))
     for k, e in enumerate(h * np.eye(3)):
-        slopes = residual(e, 0 * e) - residual(-e, 0 * e), residual(0 * e, e) - residual(0 * e, -e)
-        for slope, exact in zip(slopes, (one.K[1], one.D[1]), strict=True):
-            assert_allclose(slope / (2 * h), exact[:, k], rtol=0, atol=1e-6 * np.abs(exact).max())
+        for dq, dv, exact in ((e, 0 * e, one.K[1]), (0 * e, e, one.D[1])):
+            change = value(arm, "residual", q + dq, rate + dv, more) - value(arm, "residual", q - dq, rate - dv, more)
+            assert_allclose(change[:, 0] / (2 * h), exact[:, k], rtol=0, atol=1e-6 * np.abs(exact).max())
 
 
 @pytest.mark.slow
 def test_free_numbers_move_the_closure(flexible):
     """A length left free as a symbol is one that is built in."""
-    scene, _, _ = flexible
+    scene, _ = flexible
     free = fl.build_manipulator(scene, ["links.3.length"])
-    other = scene.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
-    other["links"][3]["length"] = 0.53
-    built = fl.build_manipulator(fl.parse_scene(other))
+    built = fl.build_manipulator(revise_scene(scene, {"links.3.length": 0.53}))
     state = ([0.3, 1e-3, -2e-3], [1.0, 0.1, 0.2], [2.0, 3.0, 4.0])
-    assert_allclose(
-        np.array(free.functions["residual"](*state, [0.53])),
-        np.array(built.functions["residual"](*state, [])),
-        rtol=1e-9,
-    )
+    found = free.functions["residual"](*state, [0.53])
+    assert_allclose(found.full(), value(built, "residual", *state), rtol=1e-9)
 
 
 def test_a_crank_goes_round_and_round():
@@ -162,36 +139,24 @@ def test_a_dead_point_is_refused_with_its_time():
     t = np.linspace(0, 0.25, 400)
     first = next((a, b) for a, b in pairwise(t) if room(swing(b)) < 0)
     dead = brentq(lambda t: room(swing(t)), *first)
-    scene = fl.parse_scene(table)
-    with pytest.raises(SingularClosure, match=rf"dead point.*t = {dead:.5f}"):
-        fl.linearize(fl.build_manipulator(scene), scene.motion)
+    with pytest.raises(fl.errors.SingularClosure, match=rf"dead point.*t = {dead:.5f}"):
+        linear(fl.parse_scene(table))
 
 
 @pytest.mark.slow
 def test_a_singular_closure_is_refused_with_its_time():
     """A parallelogram goes flat when its crank lies along the base, here at t = 0.125 s: it closes there, and might turn over."""
-    links = [
-        {"length": 0.2, "posture": 1.0},
-        {"length": 0.5, "passive": True, "posture": -1.0, "name": "coupler"},
-        {
-            "length": 0.2,
-            "parent": "base",
-            "mount": {"xyz": [0.5, 0.0, 0.0]},
-            "passive": True,
-            "posture": 1.0,
-            "name": "rocker",
-        },
-    ]
-    links = [{**link, "mass_per_length": 1.0} for link in links]
-    motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"mean": 1.0, "amplitude": -np.sqrt(2.0)}]}
-    loops = [{"link": "coupler", "to": "rocker"}]
-    table = {"schema": 1, "title": "parallelogram", "links": links, "loops": loops, "motion": motion}
-    scene = fl.parse_scene(table)
-    with pytest.raises(SingularClosure, match=r"at t = 0\.125 s"):
-        fl.linearize(fl.build_manipulator(scene), scene.motion)
-    table["motion"]["joints"] = [{"mean": 1.0, "amplitude": 0.8}]
-    scene = fl.parse_scene(table)
-    fl.linearize(fl.build_manipulator(scene), scene.motion)
+    bar, passive = {"length": 0.2, "posture": 1.0, "mass_per_length": 1.0}, {"passive": True}
+    coupler = {**bar, **passive, "length": 0.5, "posture": -1.0, "name": "coupler"}
+    rocker = {**bar, **passive, "parent": "base", "mount": {"xyz": [0.5, 0.0, 0.0]}, "name": "rocker"}
+
+    def linearized(amplitude):
+        motion = swinging({"mean": 1.0, "amplitude": amplitude})
+        return linear(plain_scene([bar, coupler, rocker], motion, loops=[{"link": "coupler", "to": "rocker"}]))
+
+    with pytest.raises(fl.errors.SingularClosure, match=r"at t = 0\.125 s"):
+        linearized(-np.sqrt(2.0))
+    assert linearized(0.8).n == 1
 
 
 @pytest.mark.parametrize(
@@ -208,7 +173,7 @@ def test_a_singular_closure_is_refused_with_its_time():
     ],
 )
 def test_tables_that_do_not_fit_are_named(change, key, words):
-    with pytest.raises(SceneError) as error:
+    with pytest.raises(fl.errors.SceneError) as error:
         fl.load_scene("spatial-four-bar", {**change, "designs": []})
     assert any(problem.key == key and words in problem.expected for problem in error.value.problems), error.value
 
@@ -216,5 +181,14 @@ def test_tables_that_do_not_fit_are_named(change, key, words):
 def test_a_joint_too_many_is_counted():
     joints = [{"mean": 0.5, "amplitude": 0.8}, {"amplitude": 0.1}]
     changes = {"links.1.passive": False, "motion.joints": joints, "control": {}, "designs": []}
-    with pytest.raises(ModelError, match=r"2 passive joints.*3, one for each equation"):
+    with pytest.raises(fl.errors.ModelError, match=r"2 passive joints.*3, one for each equation"):
         fl.build_manipulator(fl.load_scene("spatial-four-bar", changes))
+
+
+def test_an_impossible_posture_is_refused():
+    pair = arm_of(*[{"modes": 0}] * 4)
+    gap, posture = pair.points[:, 2] - pair.points[:, -1], [2.2, -1.3, 0.95, 1.3]
+    with pytest.raises(fl.errors.ToleranceNotReached, match="no solution"):
+        close_loop(pair, gap + 100.0, [0, 2], (0, 2), posture)
+    with pytest.raises(fl.errors.ModelError, match="the motors' among them"):
+        close_loop(pair, gap, [3, 0], (0, 2), posture)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.mechanics import build_manipulator
 from flexlin.scene import parse_scene, read_robot, scene_tables
 
 from .scenes import random_state, value
@@ -42,7 +41,7 @@ def test_spatial_chains(joints):
     for seed in range(8):
         links = random_chain(np.random.default_rng(1000 * joints + seed), joints)
         scene = parse_scene(scene_table(links))
-        arm = build_manipulator(scene)
+        arm = fl.build_manipulator(scene)
         model = spatial_model(links)
         data = model.createData()
         lin = fl.linearize(arm, scene.motion)

@@ -1,41 +1,29 @@
-"""Basic motions: exact rates, closed periods, smooth joints, and refusal of what is not periodic."""
+"""Basic motions: exact rates, closed periods, smooth joints, refusal of what is not periodic; the cycles of noisy logs."""
+
+import pickle
 
 import numpy as np
 import pytest
-from pydantic import TypeAdapter
 
-from flexlin.errors import ArgumentError, MotionError
+import flexlin as fl
 from flexlin.motion import build_motion
-from flexlin.scene import AnyMotion
+from flexlin.scene import LogMotion, TableMotion
+from tests.mechanics.scenes import swinging
 
-TABLE = TypeAdapter(AnyMotion)
-
+POINT = {"kind": "point-to-point", "move_time": 0.4, "joints": [{"waypoints": [0.0, 1.0]}]}
 MOTIONS = {
-    "harmonic": {"kind": "harmonic", "frequency": 1.7, "joints": [{"mean": 0.1, "amplitude": 0.5, "phase": 0.3}]},
+    "harmonic": swinging({"mean": 0.1, "amplitude": 0.5, "phase": 0.3}, frequency=1.7),
     "rotation": {"kind": "rotation", "joints": [{"rate": -2.5, "start": 0.4}]},
-    "fourier": {
-        "kind": "fourier",
-        "period": 0.9,
-        "joints": [{"mean": 0.2, "cos": [0.3, 0.1], "sin": [0.0, -0.2, 0.05]}],
-    },
-    "quintic": {
-        "kind": "point-to-point",
-        "move_time": 0.4,
-        "dwell_time": 0.1,
-        "joints": [{"waypoints": [0.0, 1.0, 0.3]}],
-    },
-    "septic": {"kind": "point-to-point", "move_time": 0.4, "profile": "septic", "joints": [{"waypoints": [0.0, 1.0]}]},
-}
-
-
-def motion(table):
-    return build_motion(TABLE.validate_python(table), max(1, len(table.get("joints", [1]))))
+    "fourier": {"kind": "fourier", "period": 0.9, "joints": [{"mean": 0.2, "cos": [0.3, 0.1], "sin": [0.0, -0.2, 0.05]}]},
+    "quintic": {**POINT, "dwell_time": 0.1, "joints": [{"waypoints": [0.0, 1.0, 0.3]}]},
+    "septic": {**POINT, "profile": "septic"},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_rates_are_derivatives_and_a_period_closes(name):
     """Central differences away from the breaks converge with order 2."""
-    m = motion(MOTIONS[name])
+    m = build_motion(MOTIONS[name])
     t = m.period * np.array([0.03, 0.21, 0.47, 0.61, 0.83])
     _, q1, q2 = m.sample(t)
     gaps = []
@@ -49,19 +37,16 @@ def test_rates_are_derivatives_and_a_period_closes(name):
 
 
 def test_harmonic_formula():
-    m = motion(MOTIONS["harmonic"])
-    t = np.linspace(0, 1, 5)
-    q, q1, q2 = m.sample(t)
-    w = 2 * np.pi * 1.7
-    np.testing.assert_allclose(q[:, 0], 0.1 + 0.5 * np.sin(w * t + 0.3), atol=1e-14)
-    np.testing.assert_allclose(q1[:, 0], 0.5 * w * np.cos(w * t + 0.3), atol=1e-12)
-    np.testing.assert_allclose(q2[:, 0], -0.5 * w**2 * np.sin(w * t + 0.3), atol=1e-11)
+    t, w = np.linspace(0, 1, 5), 2 * np.pi * 1.7
+    sine, cosine = np.sin(w * t + 0.3), np.cos(w * t + 0.3)
+    found = np.array(build_motion(MOTIONS["harmonic"]).sample(t))[:, :, 0]
+    np.testing.assert_allclose(found, [0.1 + 0.5 * sine, 0.5 * w * cosine, -0.5 * w**2 * sine], rtol=1e-13, atol=1e-13)
 
 
 @pytest.mark.parametrize("profile", ["quintic", "septic"])
 def test_point_to_point_rests_at_its_waypoints(profile):
     times, joints = {"move_time": 0.5, "dwell_time": 0.25}, [{"waypoints": [0.2, 1.2]}]
-    m = motion({"kind": "point-to-point", **times, "profile": profile, "joints": joints})
+    m = build_motion({"kind": "point-to-point", **times, "profile": profile, "joints": joints})
     assert m.period == pytest.approx(1.5)
     np.testing.assert_allclose(m.breaks, [0.0, 0.5, 0.75, 1.25])
     q, q1, q2 = m.sample(np.array([0.0, 0.5, 0.6, 0.75, 1.25, 1.4]))
@@ -71,13 +56,13 @@ def test_point_to_point_rests_at_its_waypoints(profile):
 
 
 def test_one_way_motion_ends():
-    m = motion({"kind": "point-to-point", "move_time": 0.5, "course": "one-way", "joints": [{"waypoints": [0.0, 1.0]}]})
+    m = build_motion({**POINT, "course": "one-way"})
     assert not m.periodic
-    np.testing.assert_allclose(m.sample(np.array([0.5, 2.0]))[0][:, 0], 1.0)
+    np.testing.assert_allclose(m.sample(np.array([0.4, 2.0]))[0][:, 0], 1.0)
 
 
 def test_rotations_share_a_period():
-    m = motion({"kind": "rotation", "joints": [{"rate": 3.0}, {"rate": -2.0}, {"rate": 0.0}]})
+    m = build_motion({"kind": "rotation", "joints": [{"rate": 3.0}, {"rate": -2.0}, {"rate": 0.0}]})
     assert m.period == pytest.approx(2 * np.pi)
     q, q1, _ = m.sample(np.array([0.5]))
     np.testing.assert_allclose(q[0], [1.5, -1.0, 0.0], atol=1e-14)
@@ -93,8 +78,8 @@ def test_rotations_share_a_period():
     ],
 )
 def test_joints_that_do_not_move_together_are_refused(table, says):
-    with pytest.raises(MotionError, match=says):
-        motion(table)
+    with pytest.raises(fl.errors.MotionError, match=says):
+        build_motion(table)
 
 
 @pytest.mark.parametrize(
@@ -103,37 +88,117 @@ def test_joints_that_do_not_move_together_are_refused(table, says):
 )
 def test_drive_of_a_joint_overrides_the_default(default, own, expected):
     joint = {"amplitude": 0.1} | ({"drive": own} if own else {})
-    assert motion({"kind": "harmonic", "frequency": 1.0, "drive": default, "joints": [joint]}).prescribed == (expected,)
+    assert build_motion(swinging(joint, drive=default)).prescribed == (expected,)
 
 
-def write(path, t, q):
+def read(path, t, q):
     np.savetxt(path, np.column_stack([t, q]), delimiter=",", header="t,q1", comments="")
-    return {"kind": "table", "file": str(path)}
+    return build_motion(TableMotion(kind="table", file=str(path)), 1)
 
 
 def test_table_converges_with_its_spacing(tmp_path):
     """A quintic spline's second derivative is of order 4 in the spacing."""
-    gaps = []
+    angle, gaps = 2 * np.pi * np.linspace(0, 1, 333), []
+    exact = (2 * np.pi) ** 2 * (np.cos(angle) ** 2 - np.sin(angle)) * np.exp(np.sin(angle))
     for rows in (41, 81):
         t = np.linspace(0, 1.0, rows)
-        m = motion(write(tmp_path / f"{rows}.csv", t, np.exp(np.sin(2 * np.pi * t))))
-        x = np.linspace(0, 1, 333)
-        angle = 2 * np.pi * x
-        exact = (2 * np.pi) ** 2 * (np.cos(angle) ** 2 - np.sin(angle)) * np.exp(np.sin(angle))
-        gaps.append(np.abs(m.sample(x)[2][:, 0] - exact).max())
+        m = read(tmp_path / f"{rows}.csv", t, np.exp(np.sin(2 * np.pi * t)))
+        gaps.append(np.abs(m.sample(angle / (2 * np.pi))[2][:, 0] - exact).max())
     assert np.log2(gaps[0] / gaps[1]) > 3.5
 
 
 def test_table_may_turn_around(tmp_path):
     t = np.linspace(0, 2.0, 21)
-    m = motion(write(tmp_path / "turn.csv", t, np.pi * t + 0.1 * np.sin(np.pi * t)))
+    m = read(tmp_path / "turn.csv", t, np.pi * t + 0.1 * np.sin(np.pi * t))
     _, q1, _ = m.sample(np.array([0.3, 2.3]))
     np.testing.assert_allclose(q1[0], q1[1], rtol=1e-12)
     np.testing.assert_allclose(q1[0], np.pi + 0.1 * np.pi * np.cos(0.3 * np.pi), rtol=1e-4)
 
 
 def test_the_number_of_joints_is_the_tables_or_the_arms():
-    two = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.1}, {"amplitude": 0.2}]}
-    assert build_motion(two).joints == 2
-    with pytest.raises(ArgumentError, match="joints are not known; got 0"):
+    assert build_motion(swinging({"amplitude": 0.1}, {"amplitude": 0.2})).joints == 2
+    with pytest.raises(fl.errors.ArgumentError, match="joints are not known; got 0"):
         build_motion({"kind": "log", "file": "log.csv", "columns": ["q"]})
+
+
+T = np.arange(3000) * 0.005
+
+
+def read_log(folder, text, joints=1, **table):
+    """The motion of a log of this text."""
+    path = folder / "log.csv"
+    path.write_text(text, encoding="utf-8")
+    return fl.build_motion(LogMotion(kind="log", file=str(path), columns=("angle",), **table), joints)
+
+
+def rows(q):
+    """The text of a log."""
+    return "t,angle\n" + "".join(f"{t:.6f},{value:.9f}\n" for t, value in zip(T, q, strict=True))
+
+
+def test_noise_is_left_out_and_the_period_found(tmp_path):
+    """2 mrad of noise at 200 Hz, which a spline turns into more than 100 rad/s^2."""
+    w = 2 * np.pi / 3.7
+    smooth = 0.4 * np.sin(w * T) + 0.1 * np.cos(3 * w * T)
+    motion = read_log(tmp_path, rows(smooth + 2e-3 * np.random.default_rng(0).standard_normal(len(T))))
+    assert motion.period == pickle.loads(pickle.dumps(motion)).period == pytest.approx(3.7, rel=2e-3)
+    q, _, acceleration = motion.sample(T[:700])
+    assert np.abs(q[:, 0] - smooth[:700]).max() < 4e-3
+    assert np.abs(acceleration).max() < 1.2 * (0.4 * w**2 + 0.9 * w**2)
+
+
+def test_it_says_what_was_averaged_kept_and_left_out(tmp_path):
+    """15 s of 2 s: seven whole cycles; 2 mrad of noise; three rows without a number."""
+    q = 0.3 * np.sin(np.pi * T) + 0.05 * np.cos(3 * np.pi * T) + 2e-3 * np.random.default_rng(1).standard_normal(len(T))
+    q[[40, 41, 900]] = np.nan
+    said = read_log(tmp_path, rows(q)).origin
+    assert said.startswith("7 cycles of 2.00")
+    assert "; 3 harmonics kept, 0.002 RMS left out" in said
+    assert said.endswith("; 3 of 3000 rows left out, which hold no numbers")
+
+
+def test_a_log_drives_a_nonlinear_simulation(tmp_path):
+    """The series' derivatives are strided views, which compiled code does not take."""
+    scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
+    motion = read_log(tmp_path, rows(0.3 * np.sin(np.pi * T)))
+    lin = fl.linearize(fl.build_manipulator(scene), motion, scene.control)
+    assert fl.simulate(lin, periods=1, tol=1e-4).status
+
+
+REPEATING = rows(np.sin(2 * np.pi * T / 1.25))
+LINES = REPEATING.splitlines()
+BROKEN = "\n".join([LINES[0], *[line if i % 3 else "x,y" for i, line in enumerate(LINES[1:])]])
+
+
+@pytest.mark.parametrize(
+    ("words", "text", "more"),
+    [
+        ("does not repeat", rows(np.sin(0.3 * T**1.5)), {}),
+        ("one name a joint", rows(np.sin(T)), {"joints": 2}),
+        ("does not repeat every 1.7 s", REPEATING, {"period": 1.7}),
+        ("less than two cycles", "\n".join(LINES[:201]), {}),
+        ("got semicolons", REPEATING.replace(",", ";"), {}),
+        ("1000 of 3000 rows", BROKEN, {}),
+    ],
+)
+def test_a_log_of_no_motion_is_refused_in_words(tmp_path, words, text, more):
+    with pytest.raises(fl.errors.MotionError, match=words):
+        read_log(tmp_path, text, **more)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-6, 2e-3])
+def test_a_noisy_table_is_refused_beside_the_acceleration_of_its_smooth_part(tmp_path, noise):
+    """A spline through 2 mrad of noise at 200 Hz has some 2,000 rad/s^2 where the motion has 3.6; kinks and rounding are no noise."""
+    t = np.linspace(0, 3.7, 741)
+    w, rng = 2 * np.pi / 3.7, np.random.default_rng(0)
+    smooth, kinked = 0.4 * np.sin(w * t) + 0.1 * np.cos(3 * w * t), np.abs(t / 3.7 - 0.5)
+    for k, q in enumerate((smooth, kinked)):
+        q = q + noise * rng.standard_normal(len(t))
+        q[-1] = q[0]
+        np.savetxt(tmp_path / f"{k}.csv", np.c_[t, q], delimiter=",")
+        table = TableMotion(kind="table", file=str(tmp_path / f"{k}.csv"))
+        if noise < 1e-3:
+            assert fl.build_motion(table, 1).period == pytest.approx(3.7)
+            continue
+        with pytest.raises(fl.errors.MotionError, match=r"is noisy; got a peak acceleration of .*e.03 .* smooth part"):
+            fl.build_motion(table, 1)

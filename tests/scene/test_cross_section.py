@@ -4,15 +4,17 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import SceneError
 from flexlin.scene import MATERIALS, CrossSection, scene_schema, strip, tube
+from tests.mechanics.scenes import swinging
 
 LINK = {"length": 1.0, "modes": 2, "section": {"width": "30 mm", "thickness": "2 mm", "material": "aluminium"}}
 
 
-def raw(*links, **more):
-    motion = {"kind": "harmonic", "frequency": 0.5, "joints": [{"amplitude": 0.3} for _ in links]}
-    return {"schema": 1, "title": "sections", "links": list(links), "motion": motion, **more}
+def parse(*links, effects=None, **more):
+    motion = swinging(*[{"amplitude": 0.3}] * len(links))
+    return fl.parse_scene(
+        {"schema": 1, "title": "sections", "links": list(links), "motion": motion, "effects": effects or {}}, **more
+    )
 
 
 @pytest.mark.parametrize(
@@ -26,14 +28,11 @@ def test_torsion_of_a_rectangle(ratio, known):
 
 def test_areas_and_second_moments_are_integrals():
     """Of a strip 3 x 2 and of a tube 3/2, by the midpoint rule on a million cells."""
-    x = (np.arange(1200) + 0.5) / 1200 * 6 - 3
-    y, z = np.meshgrid(x, x)
-    cell = 0.005**2
-    for made, inside in (
-        (strip(2.0, 3.0, 0.3), (abs(y) < 1.5) & (abs(z) < 1.0)),
-        (tube(3.0, 2.0, 0.3), (y**2 + z**2 < 9) & (y**2 + z**2 > 4)),
-    ):
-        expected = [cell * np.sum(part[inside]) for part in (np.ones_like(y), z**2, y**2)]
+    y, z = np.meshgrid(*[(np.arange(1200) + 0.5) / 1200 * 6 - 3] * 2)
+    r = np.hypot(y, z)
+    pairs = (strip(2.0, 3.0, 0.3), (abs(y) < 1.5) & (abs(z) < 1.0)), (tube(3.0, 2.0, 0.3), (r < 3) & (r > 2))
+    for made, inside in pairs:
+        expected = [0.005**2 * np.sum(part[inside]) for part in (np.ones_like(y), z**2, y**2)]
         np.testing.assert_allclose(made[:3], expected, rtol=1e-4)
 
 
@@ -46,7 +45,7 @@ def test_shear_coefficients():
 
 def test_a_strip_of_aluminium():
     """30 x 2 mm: rhoA, E I about y (width^3) and z (thickness^3), G J, rho I_p; a planar arm bends across the thickness."""
-    link = fl.parse_scene(raw(LINK)).links[0]
+    link = parse(LINK).links[0]
     E, density = 68.9e9, 2710.0
     assert link.mass_per_length == pytest.approx(density * 6e-5)
     assert link.bending_stiffness == pytest.approx((E * 0.002 * 0.03**3 / 12, E * 0.03 * 0.002**3 / 12))
@@ -65,13 +64,13 @@ def test_what_is_written_out_goes_before_the_material():
 
 
 def test_effects_follow_where_every_link_has_a_section():
-    on = fl.parse_scene(raw(LINK, LINK, effects={"shear": {}, "rotary_inertia": {}})).effects
+    on = parse(LINK, LINK, effects={"shear": {}, "rotary_inertia": {}}).effects
     assert on.rotary_inertia.radius_of_gyration == pytest.approx((0.002 / 12**0.5,) * 2)
     assert on.shear.stiffness == pytest.approx((10 * 1.35 / (12 + 11 * 0.35) * 68.9e9 / 2.7 * 6e-5,) * 2)
-    assert fl.parse_scene(raw(LINK, effects={"shear": {"stiffness": 3.0}})).effects.shear.stiffness == 3.0
+    assert parse(LINK, effects={"shear": {"stiffness": 3.0}}).effects.shear.stiffness == 3.0
     plain = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0}
-    with pytest.raises(SceneError, match=r"effects\.shear\.stiffness: got nothing"):
-        fl.parse_scene(raw(LINK, plain, effects={"shear": {}}))
+    with pytest.raises(fl.errors.SceneError, match=r"effects\.shear\.stiffness: got nothing"):
+        parse(LINK, plain, effects={"shear": {}})
 
 
 @pytest.mark.parametrize(
@@ -90,13 +89,13 @@ def test_effects_follow_where_every_link_has_a_section():
     ],
 )  # fmt: skip
 def test_refusals(change, words):
-    with pytest.raises(SceneError, match=words) as refused:
-        fl.parse_scene(raw({**LINK, **change}))
+    with pytest.raises(fl.errors.SceneError, match=words) as refused:
+        parse({**LINK, **change})
     assert len(refused.value.problems) == 1
 
 
 def test_overrides_change_a_section_and_the_schema_knows_it():
-    thick = fl.parse_scene(raw(LINK), overrides={"links.0.section.thickness": "4 mm"})
+    thick = parse(LINK, overrides={"links.0.section.thickness": "4 mm"})
     assert thick.links[0].stiffness_in("y") == pytest.approx(8 * 1.378)
     assert thick.links[0].section is None
     known = scene_schema()["$defs"]

@@ -1,6 +1,8 @@
 """Scenes: all problems at once, each with key, got and expected; overrides; nothing evaluated."""
 
 import copy
+import functools
+import operator
 
 import pytest
 from hypothesis import given
@@ -9,16 +11,7 @@ from pydantic import ValidationError
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.scene import (
-    apply_overrides,
-    builtin_scenes,
-    get_value,
-    label_number,
-    numeric_paths,
-    parse_assignment,
-    parse_scene,
-    replace_value,
-)
+from flexlin.scene import apply_overrides, get_value, label_number, numeric_paths, parse_assignment, replace_value
 
 GOOD = {
     "schema": 1,
@@ -32,50 +25,29 @@ GOOD = {
 
 def with_change(path, value):
     raw = copy.deepcopy(GOOD)
-    node = raw
-    *steps, last = path
-    for step in steps:
-        node = node[step]
-    node[last] = value
+    *steps, last = (int(step) if step.isdigit() else step for step in path.split("."))
+    functools.reduce(operator.getitem, steps, raw)[last] = value
     return raw
 
 
-@pytest.mark.parametrize("name", sorted(builtin_scenes()))
+@pytest.mark.parametrize("name", sorted(fl.scenes()))
 def test_shipped_scenes_load(name):
     scene = fl.load_scene(name)
     assert scene.title == fl.scenes()[name]
     assert scene.source
 
 
-@pytest.mark.parametrize(
-    ("path", "value", "key", "says"),
-    [
-        (["links", 0, "bending_stiffness"], None, "links.0.bending_stiffness", "positive"),
-        (["links", 0, "colour"], "red", "links.0.colour", "one of axis"),
-        (["links"], [], "links", "at least one"),
-        (["model"], "khang-2019", "links", "either"),
-    ],
-)
-def test_each_problem_names_its_key(path, value, key, says):
-    with pytest.raises(SceneError) as caught:
-        parse_scene(with_change(path, value))
-    found = [problem for problem in caught.value.problems if problem.key.startswith(key)]
-    assert found, caught.value
-    assert any(says in problem.expected for problem in found), found
-
-
 def test_scenes_are_frozen():
-    scene = parse_scene(GOOD)
     with pytest.raises(ValidationError):
-        scene.title = "other"
+        fl.parse_scene(GOOD).title = "other"
 
 
 def test_an_effect_is_switched_by_its_whole_table():
-    on = parse_scene(GOOD, overrides={"effects.hub": {"inertia": 0.1}})
+    on = fl.parse_scene(GOOD, overrides={"effects.hub": {"inertia": 0.1}})
     assert on.effects.hub.inertia == 0.1
-    assert parse_scene(GOOD, overrides={"effects.payload": "off"}).effects.payload is None
+    assert fl.parse_scene(GOOD, overrides={"effects.payload": "off"}).effects.payload is None
     with pytest.raises(SceneError, match="effect that is off"):
-        parse_scene(GOOD, overrides={"effects.hub.inertia": 0.1})
+        fl.parse_scene(GOOD, overrides={"effects.hub.inertia": 0.1})
 
 
 def test_an_override_into_a_list_that_is_not_there_is_answered_by_the_keys_that_are():
@@ -99,7 +71,7 @@ def test_keys_of_a_model_s_table_may_go_without_their_prefix():
 
 def test_a_key_that_the_scene_has_is_never_one_of_its_model_s_table():
     raw = {"schema": 1, "title": "x", "model": "own", "parameters": {"title": 1.0, "units": 2.0, "links": []}}
-    scene = parse_scene({**raw, "motion": GOOD["motion"]}, overrides={"title": "y", "parameters.title": 3.0})
+    scene = fl.parse_scene({**raw, "motion": GOOD["motion"]}, overrides={"title": "y", "parameters.title": 3.0})
     assert (scene.title, scene.parameters["title"]) == ("y", 3.0)
     assert get_value(scene, "motion.frequency") == GOOD["motion"]["frequency"]
 
@@ -120,13 +92,13 @@ def test_assignments(text, key, value):
 
 @given(st.floats(min_value=1e-6, max_value=1e6))
 def test_override_equals_edited_file(mass):
-    edited = with_change(["effects", "payload", "mass"], mass)
-    assert parse_scene(GOOD, overrides={"effects.payload.mass": mass}) == parse_scene(edited)
-    assert apply_overrides(GOOD, {"effects.payload.mass": mass})[0] == edited
+    edited, override = with_change("effects.payload.mass", mass), {"effects.payload.mass": mass}
+    assert fl.parse_scene(GOOD, overrides=override) == fl.parse_scene(edited)
+    assert apply_overrides(GOOD, override)[0] == edited
 
 
 def test_numbers_by_path():
-    scene = parse_scene(GOOD)
+    scene = fl.parse_scene(GOOD)
     paths = numeric_paths(scene)
     assert {"links.0.length", "effects.payload.mass", "motion.joints.0.amplitude", "control.feedback.kp.0"} <= {*paths}
     assert "links.0.modes" not in paths
@@ -138,17 +110,20 @@ def test_numbers_by_path():
         get_value(scene, "effects.hub.inertia")
 
 
+def build_own(model, parameters=None):
+    """The arm of a model's name."""
+    raw = {"schema": 1, "title": "x", "model": model, "parameters": parameters or {}, "motion": GOOD["motion"]}
+    return fl.build_manipulator(fl.parse_scene(raw))
+
+
 def test_nothing_is_evaluated():
     with pytest.raises(SceneError, match="registered model"):
-        fl.build_manipulator(parse_scene({"schema": 1, "title": "x", "model": "os.system", "motion": GOOD["motion"]}))
-    hostile = with_change(["links", 0, "length"], "__import__('os').getcwd()")
+        build_own("os.system")
     with pytest.raises(SceneError, match="expected a number"):
-        parse_scene(hostile)
+        fl.parse_scene(with_change("links.0.length", "__import__('os').getcwd()"))
 
 
 def test_a_registered_model_checks_its_parameters():
-    raw = {"schema": 1, "title": "x", "model": "khang-2019", "parameters": {"length": -1.0}, "motion": GOOD["motion"]}
     with pytest.raises(SceneError) as caught:
-        fl.build_manipulator(parse_scene(raw))
-    keys = {problem.key for problem in caught.value.problems}
-    assert {"parameters.length", "parameters.links"} <= keys
+        build_own("khang-2019", {"length": -1.0})
+    assert {"parameters.length", "parameters.links"} <= {problem.key for problem in caught.value.problems}

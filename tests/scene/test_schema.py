@@ -5,14 +5,13 @@ import re
 import tomllib
 from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import flexlin as fl
 from flexlin.cli import main
-from flexlin.errors import SceneError
 from flexlin.scene import apply_overrides, builtin_scenes, known_effects, scene_schema, write_toml
 
 pytestmark = pytest.mark.xdist_group("schema")
@@ -36,9 +35,7 @@ def accepts(node: dict[str, Any], value: Any) -> bool:
     """Whether a value is allowed, by the keywords that pydantic writes; nothing of flexlin's own."""
     if "$ref" in node:
         return accepts(schema()["$defs"][node["$ref"].rpartition("/")[2]], value)
-    if "const" in node and value != node["const"]:
-        return False
-    if "enum" in node and value not in node["enum"]:
+    if value not in [node.get("const", value)] or value not in node.get("enum", [value]):
         return False
     for union in ("anyOf", "oneOf"):
         if union in node and not any(accepts(child, value) for child in node[union]):
@@ -46,26 +43,27 @@ def accepts(node: dict[str, Any], value: Any) -> bool:
     kind = node.get("type")
     if kind and (not isinstance(value, KINDS[kind]) or isinstance(value, bool) != (kind == "boolean")):
         return False
-    if isinstance(value, int | float) and not (
-        value >= node.get("minimum", value)
-        and value <= node.get("maximum", value)
-        and ("exclusiveMinimum" not in node or value > node["exclusiveMinimum"])
-    ):
-        return False
+    if isinstance(value, int | float):
+        inside = node.get("minimum", value) <= value <= node.get("maximum", value)
+        return inside and value > node.get("exclusiveMinimum", -np.inf)
     if isinstance(value, dict) and "properties" in node:
         keys = node["properties"]
         known = set(value) <= set(keys) or node.get("additionalProperties") is not False
         inside = all(accepts(keys[key], child) for key, child in value.items() if key in keys)
         return known and set(node.get("required", ())) <= set(value) and inside
-    if isinstance(value, str) and not re.search(node.get("pattern", ""), value):
-        return False
+    if isinstance(value, str):
+        return re.search(node.get("pattern", ""), value) is not None
     return not (isinstance(value, list) and "items" in node) or all(accepts(node["items"], child) for child in value)
+
+
+def raw_scene(name: str) -> dict[str, Any]:
+    return tomllib.loads(builtin_scenes()[name].read_text(encoding="utf-8"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", builtin_scenes())
-def test_every_scene_fits_the_schema(name: str) -> None:
-    raw = tomllib.loads(builtin_scenes()[name].read_text(encoding="utf-8"))
+def test_every_scene_fits_the_schema(name):
+    raw = raw_scene(name)
     assert accepts(schema(), raw)
     for rule in schema()["allOf"]:
         if raw.get("model") == rule["if"]["properties"]["model"]["const"]:
@@ -78,11 +76,10 @@ def test_every_scene_fits_the_schema(name: str) -> None:
     [{"links.0.lenght": 1.0}, {"links.0.length": "long"}, {"links.0.modes": 2.5}, {"effects.shear": {"stiffness": -1.0}},
      {"effects.magnetism": {}}, {"motion.kind": "spiral"}, {"control.feedback.kp": 3.0}, {"links.0.length": -1.0}],
 )  # fmt: skip
-def test_what_the_schema_refuses_flexlin_refuses(change: dict[str, Any]) -> None:
-    raw = tomllib.loads(builtin_scenes()["single-link"].read_text(encoding="utf-8"))
-    raw, _ = apply_overrides(raw, change)
+def test_what_the_schema_refuses_flexlin_refuses(change):
+    raw, _ = apply_overrides(raw_scene("single-link"), change)
     assert not accepts(schema(), raw)
-    with pytest.raises(SceneError):
+    with pytest.raises(fl.errors.SceneError):
         fl.parse_scene(raw)
 
 
@@ -99,61 +96,41 @@ def numbers(node: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 COUNTS = {
-    "modes", "phases", "tol", "schema", "state_weight", "input_weight", "axis", "normal", "direction", "at", "mass", "stiffness"
+    "modes", "elements", "phases", "tol", "schema", "state_weight", "input_weight", "axis", "normal", "direction", "at", "mass", "stiffness"
 }  # fmt: skip
 """Keys that are counts, ratios or directions, or are relative in one table and bear a unit in another."""
 
 
-def test_every_key_has_a_description_and_every_number_a_unit() -> None:
+def test_every_key_has_a_description_and_every_number_a_unit():
     found = {path: node for path, node in numbers(schema()) if ".if." not in path}
     assert len(found) > 90
-    assert {path for path, node in found.items() if not node.get("description")} == set()
+    assert [path for path, node in found.items() if not node.get("description")] == []
     assert set(known_effects()) <= set(schema()["$defs"]["Effects"]["properties"])
-    text = {path: json.dumps(node) for path, node in found.items()}
-    bare = {path for path, node in text.items() if '"number"' in node and '"unit"' not in node}
-    assert {path.rpartition(".")[2] for path in bare} <= COUNTS
+    text = [(path.rpartition(".")[2], json.dumps(node)) for path, node in found.items()]
+    assert {key for key, words in text if '"number"' in words and '"unit"' not in words} <= COUNTS
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", builtin_scenes())
-def test_a_new_scene_says_what_its_model_says(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_new_scene_says_what_its_model_says(name, tmp_path, capsys):
     path = tmp_path / "mine.toml"
     assert main(["new", str(tmp_path / "mine"), "--like", name]) == 0
-    old, made = fl.load_scene(name), fl.load_scene(path)
+    old, made, text = fl.load_scene(name), fl.load_scene(path), path.read_text()
     assert made.model_copy(update={"title": old.title, "source": old.source}) == old
     assert made.title == "mine"
-    lines = [line for line in path.read_text().splitlines() if " = " in line and not line.startswith("#")]
-    assert all(" # " in line for line in lines)
-    before = path.read_text()
+    assert all(" # " in line for line in text.splitlines() if " = " in line and not line.startswith("#"))
     assert main(["new", str(path), "--like", name]) == 2
-    assert path.read_text() == before
+    assert path.read_text() == text
     assert "there already" in capsys.readouterr().err
 
 
-def test_show_prints_the_file(capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_prints_the_file(capsys):
     assert main(["show", "spinning-link"]) == 0
     assert capsys.readouterr().out == builtin_scenes()["spinning-link"].read_text(encoding="utf-8")
     assert main(["show", "spinning-lnk"]) == 2
     assert "did you mean 'spinning-link'?" in capsys.readouterr().err
     assert main(["schema"]) == 0
     assert json.loads(capsys.readouterr().out) == scene_schema()
-
-
-HINTS = {
-    "control.feedback.kp=5,2": "expected a list [...]",
-    "links.0.length=96kg": "expected a number in m, or a length such as 2 mm",
-    "motion.joints.0.amplitude=30 mm": "expected a number in rad or m",
-    "effects.payload.mass=30 m": "expected a number in kg",
-    "effects.hub.inertia=3kg": "expected a number in kg m^2",
-    "links.0.length=3 parsec": "expected a number in m, or a length such as 2 mm",
-    "effects.gravty=off": "did you mean 'gravity'?",
-}
-
-
-@pytest.mark.parametrize("assignment", HINTS)
-def test_a_refused_value_is_answered_by_what_was_meant(assignment: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", "single-link", "--set", assignment]) == 2
-    assert HINTS[assignment] in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -163,6 +140,6 @@ def test_a_refused_value_is_answered_by_what_was_meant(assignment: str, capsys: 
         {"with space": {"a.b": 1, "": 2}, "deep": {"er": {"est": [{"x": [{"y": 1}]}, {}]}}},
     ],
 )
-def test_what_is_written_reads_back(data: dict[str, Any]) -> None:
+def test_what_is_written_reads_back(data):
     assert tomllib.loads(write_toml(data)) == data
     assert tomllib.loads(write_toml(data, lambda path: "note")) == data

@@ -8,26 +8,14 @@ import pytest
 
 import flexlin as fl
 from flexlin.scene import dimension_of, in_si
+from tests.mechanics.scenes import plain_scene, swinging
 
 SAME = [
-    ("2 mm", "m", 2e-3),
-    ("-1.5e1cm", "m", -0.15),
-    ("0.5 deg", "rad", math.pi / 360),
-    ("30 rpm", "rad/s", math.pi),
-    ("90 deg/s", "rad/s", math.pi / 2),
-    ("3 N m", "N m", 3.0),
-    ("3 Nm", "N m", 3.0),
-    ("250 mN m", "N m", 0.25),
-    ("3 N*m", "N m", 3.0),
-    ("1 J", "N m", 1.0),
-    ("20 ms", "s", 0.02),
-    ("80 mm/s", "m/s", 0.08),
-    ("0.3", "m", 0.3),
-    (0.3, "m", 0.3),
-    (2, "rad/s", 2.0),
-    ("12 V A", "W", 12.0),
-    ("1 kg m^2/s^2", "N m", 1.0),
-]
+    ("2 mm", "m", 2e-3), ("-1.5e1cm", "m", -0.15), ("0.3", "m", 0.3), (0.3, "m", 0.3), ("80 mm/s", "m/s", 0.08), ("20 ms", "s", 0.02),
+    ("0.5 deg", "rad", math.pi / 360), ("30 rpm", "rad/s", math.pi), ("90 deg/s", "rad/s", math.pi / 2), (2, "rad/s", 2.0),
+    ("3 N m", "N m", 3.0), ("3 Nm", "N m", 3.0), ("3 N*m", "N m", 3.0), ("250 mN m", "N m", 0.25), ("1 J", "N m", 1.0),
+    ("12 V A", "W", 12.0), ("1 kg m^2/s^2", "N m", 1.0),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("text", "unit", "value"), SAME)
@@ -43,12 +31,12 @@ def test_what_is_no_length_is_refused(text):
         in_si(text, "m")
 
 
-@pytest.mark.parametrize("unit", ["ohm", "B", "N m/(rad s)", "N/(m s)"])
-def test_the_unit_that_a_key_states_can_be_written(unit):
+@pytest.mark.parametrize(
+    ("unit", "same"), [("ohm", "V/A"), ("B", "MB"), ("N m/(rad s)", "N m/rad/s"), ("N/(m s)", "N/m/s")]
+)
+def test_the_unit_that_a_key_states_can_be_written(unit, same):
     """The JSON schema allowed texts for these keys, and none could be read."""
-    same = {"ohm": "V/A", "B": "MB", "N m/(rad s)": "N m/rad/s", "N/(m s)": "N/m/s"}
-    assert dimension_of(unit)[0] == 1.0
-    assert dimension_of(unit)[1] == dimension_of(same[unit])[1]
+    assert dimension_of(unit) == (1.0, dimension_of(same)[1])
 
 
 @pytest.mark.parametrize("unit", ["N m/(rad s", "N m/rad s)", "()", "(m)(m)"])
@@ -89,42 +77,31 @@ def test_a_number_of_a_scene_may_carry_its_unit(path):
     assert found == pytest.approx(value, rel=1e-12)
 
 
-def test_of_joints_that_slide_and_turn_a_unit_decides_nothing():
-    """A degree passes for no metre, and a metre for no degree."""
-
-    def scene_of(*kinds, amplitude):
-        links = [{"length": 0.3, "mass_per_length": 1.0, "modes": 0, "joint": kind} for kind in kinds]
-        motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": amplitude}] * len(kinds)}
-        return fl.parse_scene({"schema": 1, "title": "joints", "links": links, "motion": motion})
-
-    assert scene_of("prismatic", amplitude="20 mm").motion.joints[0].amplitude == pytest.approx(0.02)
-    assert scene_of("revolute", amplitude="20 deg").motion.joints[0].amplitude == pytest.approx(math.pi / 9)
-    for kinds, amplitude in ((["prismatic"], "20 deg"), (["revolute"], "20 mm"), (["prismatic", "revolute"], "20 deg")):
-        expected = "expected a number in rad or m, or an angle such as 0.5 deg where all joints turn, or a length"
-        with pytest.raises(
-            fl.errors.SceneError, match=rf"amplitude: got '20 .*{expected} such as 2 mm where all slide"
-        ):
-            scene_of(*kinds, amplitude=amplitude)
+def moved(amplitude, *kinds):
+    """Rigid links on these joints, those that move by an amplitude."""
+    links = [{"length": 0.3, "mass_per_length": 1.0, "modes": 0, "joint": kind} for kind in kinds]
+    return plain_scene(links, swinging(*[{"amplitude": amplitude} for kind in kinds if kind != "fixed"]))
 
 
-def test_a_fixed_link_does_not_turn():
-    """A fixed link on a slide counted as a joint that turns, so that the slide's motion could not be given in mm."""
-    links = [{"length": 0.3, "mass_per_length": 1.0, "modes": 0, "joint": kind} for kind in ("prismatic", "fixed")]
-    motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": "20 mm"}]}
-    scene = fl.parse_scene({"schema": 1, "title": "mast on a slide", "links": links, "motion": motion})
-    assert scene.motion.joints[0].amplitude == pytest.approx(0.02)
+KNOWN = [("prismatic", "20 mm", 0.02, "20 deg"), ("revolute", "20 deg", math.pi / 9, "20 mm")]
 
 
-@pytest.mark.parametrize(
-    ("kind", "amplitude", "value"), [("prismatic", "20 mm", 0.02), ("revolute", "20 deg", math.pi / 9)]
-)
-def test_a_motion_as_a_dict_has_the_units_of_the_arms_joints(kind, amplitude, value):
-    link = {"length": 0.3, "mass_per_length": 1.0, "modes": 0, "joint": kind}
-    motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.0}]}
-    arm = fl.build_manipulator(fl.parse_scene({"schema": 1, "title": "joint", "links": [link], "motion": motion}))
-    lin = fl.linearize(arm, {**motion, "joints": [{"amplitude": amplitude}]})
-    q = lin.motion.sample(np.linspace(0.0, 1.0, 65))[0]
-    assert np.abs(q).max() == pytest.approx(value, rel=1e-12)
-    other = {"prismatic": "20 deg", "revolute": "20 mm"}[kind]
+@pytest.mark.parametrize(("kind", "amplitude", "value", "other"), KNOWN)
+def test_an_amplitude_has_the_unit_of_its_joint(kind, amplitude, value, other):
+    """A degree passes for no metre, and a metre for no degree: in a scene, and in a motion as a dict beside an arm."""
+    assert moved(amplitude, kind).motion.joints[0].amplitude == pytest.approx(value)
+    expected = "a number in rad or m, or an angle such as 0.5 deg where all joints turn, or a length such as 2 mm"
+    with pytest.raises(fl.errors.SceneError, match=rf"amplitude: got '20 .*expected {expected} where all slide"):
+        moved(other, kind)
+    arm = fl.build_manipulator(moved(0.0, kind))
+    lin = fl.linearize(arm, swinging({"amplitude": amplitude}))
+    assert np.abs(lin.motion.sample(np.linspace(0.0, 1.0, 65))[0]).max() == pytest.approx(value, rel=1e-12)
     with pytest.raises(fl.errors.SceneError, match="expected a number"):
-        fl.linearize(arm, {**motion, "joints": [{"amplitude": other}]})
+        fl.linearize(arm, swinging({"amplitude": other}))
+
+
+def test_of_joints_that_slide_and_turn_a_unit_decides_nothing():
+    """A fixed link on a slide counted as a joint that turns, so that the slide's motion could not be given in mm."""
+    assert moved("20 mm", "prismatic", "fixed").motion.joints[0].amplitude == pytest.approx(0.02)
+    with pytest.raises(fl.errors.SceneError, match="amplitude: got '20 deg'"):
+        moved("20 deg", "prismatic", "revolute")

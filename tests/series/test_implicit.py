@@ -8,8 +8,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
 from flexlin.mechanics import Closure, five_bar
+
+from .test_explicit import slope
 
 LEFT, RIGHT, BASE = (0.3, 0.5), (0.35, 0.45), 0.25
 POSE = [2.2, -1.7, 0.9, 1.4, 0.1, 0.5]
@@ -49,9 +50,24 @@ LOOPS = {
 }
 
 
+INVERSE = LOOPS["5-bar inverse"][0].equations((4, 5))
+U, V = ca.SX.sym("u"), ca.SX.sym("v")
+
+
 def expand(name, order):
     closure, guess, independent = LOOPS[name]
     return closure.taylor(closure.close(guess, independent), independent, order)
+
+
+def solved(f, u0, v0, order=4):
+    """The map of one unknown V of one number U."""
+    return fl.implicit_taylor(f, U, V, [u0], [v0], order)
+
+
+def on_circle(count):
+    """Unit vectors."""
+    angles = np.linspace(0, 2 * np.pi, count + 1)[:-1]
+    return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 @pytest.fixture(scope="module")
@@ -79,35 +95,26 @@ def implicit_derivatives(f, u, v, u0, v0, order):
     ]
 
 
-def slope(errors, steps):
-    return np.polyfit(np.log(steps), np.log(errors), 1)[0]
-
-
 def test_a_five_bar_is_closed_where_both_tips_meet():
     closure, guess, independent = LOOPS["5-bar inverse"]
     s, x = closure.close(guess, independent), ca.DM([0.1, 0.5])
     for base, lengths, angles in (([0, 0], LEFT, s[:2]), ([BASE, 0], RIGHT, s[2:4])):
         assert_allclose(ca.DM(planar_tip(base, lengths, angles)), x, atol=1e-14)
-    with pytest.raises(ArgumentError, match="independent"):
+    with pytest.raises(fl.errors.ArgumentError, match="independent"):
         closure.taylor(s, (4,), 2)
 
 
 @pytest.mark.parametrize("name", LOOPS)
 def test_engine_against_repeated_implicit_differentiation(name):
     closure, _, independent = LOOPS[name]
-    c = expand(name, 6)
-    order = 6
-    f, u, v = closure.equations(independent)
-    for k, judge in enumerate(implicit_derivatives(f, u, v, c.u0, c.v0, order), start=1):
+    c, (f, u, v) = expand(name, 6), closure.equations(independent)
+    for k, judge in enumerate(implicit_derivatives(f, u, v, c.u0, c.v0, 6), start=1):
         assert_allclose(c.jacobian(k), judge, rtol=0, atol=1e-12 * np.abs(judge).max())
 
 
 @pytest.mark.parametrize("order", range(9))
 def test_error_falls_with_order(order):
-    c = expand("5-bar inverse", order)
-    steps = np.geomspace(0.025, 0.05, 4)
-    angles = np.linspace(0, 2 * np.pi, 9)[:-1]
-    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    c, steps, circle = expand("5-bar inverse", order), np.geomspace(0.025, 0.05, 4), on_circle(8)
     errors = [np.linalg.norm(c(h * circle) - c.refined(h * circle)) for h in steps]
     assert abs(slope(errors, steps) - (order + 1)) < 0.25
 
@@ -134,15 +141,13 @@ def arm_angles(point, elbow):
 
 @pytest.mark.slow
 def test_radius_against_reach_circles():
-    f, u, v = LOOPS["5-bar inverse"][0].equations((4, 5))
     kinds = {"real singularity": 0, "complex pair": 0, "not found": 0}
-    for i, (x, y) in enumerate([(0.1, 0.5), (0.3, 0.45), (-0.15, 0.4), (0.05, 0.3)]):
-        point = np.array([x, y])
-        c = fl.implicit_taylor(f, u, v, point, arm_angles(point, [(1, 1), (-1, 1), (1, -1), (-1, -1)][i]), 2)
+    points = np.array([(0.1, 0.5), (0.3, 0.45), (-0.15, 0.4), (0.05, 0.3)])
+    for point, elbow in zip(points, [(1, 1), (-1, 1), (1, -1), (-1, -1)], strict=True):
+        c = fl.implicit_taylor(*INVERSE, point, arm_angles(point, elbow), 2)
         for angle in np.linspace(0.1, 2 * np.pi, 4)[:-1]:
             d = np.array([np.cos(angle), np.sin(angle)])
-            exact = reach_circle_distances(point, d)[0]
-            radius = c.radius(2.5 * d)
+            exact, radius = reach_circle_distances(point, d)[0], c.radius(2.5 * d)
             kinds[radius.kind] += 1
             if radius.kind != "not found":
                 assert abs(radius - abs(exact)) < 1e-6
@@ -176,22 +181,22 @@ def test_radius_names_the_singular_configuration(inverse):
 
 def test_a_fold_on_either_side_of_a_stationary_point_is_found():
     """At the circle's top v' = 0, so no approximant of w''/w' shows the folds at u = 1 and -1."""
-    u, v = ca.SX.sym("u"), ca.SX.sym("v")
-    radius = fl.implicit_taylor(u**2 + v**2 - 1, u, v, [0.0], [1.0], 6).radius([1.0])
+    radius = solved(U**2 + V**2 - 1, 0.0, 1.0, 6).radius([1.0])
     assert (float(radius), radius.kind) == (pytest.approx(1.0, abs=1e-9), "real singularity")
 
 
-def test_entire_solution_has_no_radius():
-    u, v = ca.SX.sym("u"), ca.SX.sym("v")
-    line = fl.implicit_taylor(v - 3 * u, u, v, [0.2], [0.6], 4).radius([1.0])
-    assert line.kind == "not found"
-    assert np.isnan(line)
-    assert line.estimate == np.inf
+def test_a_straight_solution_has_no_radius_and_is_linear_everywhere():
+    line = solved(V - 3 * U, 0.2, 0.6)
+    radius = line.radius([1.0])
+    assert radius.kind == "not found"
+    assert np.isnan(radius)
+    assert radius.estimate == line.linear_range(1e-3, [1.0]) == np.inf
+    cubic = solved(V - 3 * U - 8 * U**3, 0.0, 0.0)
+    assert cubic.linear_range(1e-3, [1.0]) == pytest.approx(0.05, rel=1e-12)
 
 
 def test_pole_is_not_called_a_fold():
-    u, v = ca.SX.sym("u"), ca.SX.sym("v")
-    radius = fl.implicit_taylor(v * (1 - u) - 1, u, v, [0.0], [1.0], 4).radius([1.0])
+    radius = solved(V * (1 - U) - 1, 0.0, 1.0).radius([1.0])
     assert radius.kind == "not found"
     assert radius.estimate == pytest.approx(1, rel=0.06)  # read with the growth law of a fold
     assert "error" in radius.status
@@ -200,8 +205,7 @@ def test_pole_is_not_called_a_fold():
 @pytest.mark.slow
 def test_error_is_within_20_percent_inside_half_the_radius(inverse):
     maps = [expand("5-bar inverse", order) for order in (1, 2, 5, 8)]
-    for angle in np.linspace(0, 2 * np.pi, 8)[:-1]:
-        d = np.array([np.cos(angle), np.sin(angle)])
+    for d in on_circle(7):
         du = np.linspace(0.1, 0.5, 9)[:, None] * inverse.radius(d) * d
         for c in maps:
             true = np.linalg.norm(c(du) - c.refined(du), axis=1)
@@ -219,13 +223,6 @@ def test_linear_range(inverse, angle):
     assert np.linalg.norm(inverse.refined(reach * d) - linear) == pytest.approx(tol, rel=0.06)
 
 
-def test_straight_solution_is_linear_everywhere():
-    u, v = ca.SX.sym("u"), ca.SX.sym("v")
-    assert fl.implicit_taylor(v - 3 * u, u, v, [0.2], [0.6], 4).linear_range(1e-3, [1.0]) == np.inf
-    cubic = fl.implicit_taylor(v - 3 * u - 8 * u**3, u, v, [0.0], [0.0], 4)
-    assert cubic.linear_range(1e-3, [1.0]) == pytest.approx(0.05, rel=1e-12)
-
-
 def test_matrix_symbols_of_mx_kind():
     u, v = ca.MX.sym("u", 2), ca.MX.sym("v", 2)
     f = ca.vertcat(v[0] + ca.sin(v[1]) - u[0], v[1] * ca.exp(v[0]) - u[1])
@@ -235,29 +232,26 @@ def test_matrix_symbols_of_mx_kind():
 
 
 def test_few_digits_are_refined(inverse):
-    closure, _, independent = LOOPS["5-bar inverse"]
-    f, u, v = closure.equations(independent)
-    rounded = fl.implicit_taylor(f, u, v, inverse.u0, np.round(inverse.v0, 4), 5)
+    rounded = fl.implicit_taylor(*INVERSE, inverse.u0, np.round(inverse.v0, 4), 5)
     assert_allclose(rounded.v0, inverse.v0, atol=1e-14)
 
 
 def test_singular_point_is_named():
     f, u, v = five_bar(1.6, LEFT, LEFT).equations((4, 5))
-    with pytest.raises(SingularClosure, match="closest singular configuration: u = ") as caught:
+    with pytest.raises(fl.errors.SingularClosure, match="closest singular configuration: u = ") as caught:
         fl.implicit_taylor(f, u, v, [0.8, 0.0], [0, 0, np.pi, 0], 3)
     assert "can move along" in str(caught.value)
 
 
 def test_open_loop_is_refused():
-    f, u, v = LOOPS["5-bar inverse"][0].equations((4, 5))
-    with pytest.raises(ArgumentError, match="does not solve"):
-        fl.implicit_taylor(f, u, v, [0.1, 0.5], [1.0, 1.0, 1.0, 1.0], 3)
-    with pytest.raises(ArgumentError, match="equations"):
-        fl.implicit_taylor(f[:3], u, v, [0.1, 0.5], [1.0, 1.0, 1.0, 1.0], 3)
+    f, u, v = INVERSE
+    for equations, words in ((f, "does not solve"), (f[:3], "equations")):
+        with pytest.raises(fl.errors.ArgumentError, match=words):
+            fl.implicit_taylor(equations, u, v, [0.1, 0.5], [1.0, 1.0, 1.0, 1.0], 3)
 
 
 def test_refinement_outside_the_reach_says_so(inverse):
-    with pytest.raises(ToleranceNotReached, match="radius"):
+    with pytest.raises(fl.errors.ToleranceNotReached, match="radius"):
         inverse.refined([2.0, 0.0])
     assert inverse.error([2.0, 0.0]) > 0.1
 

@@ -47,15 +47,17 @@ class Shapes:
     """Assumed modes X_1 ... X_n of a link, dimensionless, over xi = x/l.
 
     Attributes: n modes; beta (n,), the roots beta*l (omega = beta^2 sqrt(EI/(rhoA l^4)) for the beam the shapes belong to), which a basis
-    does not have; order: number of Gauss nodes that integrates products of two shapes to rounding.
+    does not have; breaks: places in (0, 1) where a derivative of the shapes jumps, at which a quadrature must be split;
+    order: number of Gauss nodes between two breaks that integrates products of two shapes to rounding.
     """
 
     n: int
     order: int
     beta: Array
+    breaks: tuple[float, ...] = ()
 
     def values(self, xi: Array, derivative: int = 0) -> Array:
-        """Return X or its derivative with respect to xi: (N,) -> (n, N)."""
+        """Return X or its derivative (0 to 3) with respect to xi: (N,) -> (n, N)."""
         raise NotImplementedError
 
     def rotation(self, xi: Array, derivative: int = 0) -> Array:
@@ -107,20 +109,20 @@ def shape_integrals(
     mass_profile: Profile | None = None,
     stiffness_profile: Profile | None = None,
 ) -> ShapeIntegrals:
-    """Integrate the shapes by Gauss-Legendre quadrature between the profiles' breaks.
+    """Integrate the shapes by Gauss-Legendre quadrature between their breaks.
 
         mass = int mu,  first = int mu xi,  second = int mu xi^2,  mode = int mu X,  mode_moment = int mu xi X,
         gram = int mu X X^T,  bending = int eps psi' psi'^T,  shortening = int mu Gamma,  shortening_moment = int mu xi Gamma,
         section = int eps,  rotation = int eps psi,  rotations = int eps psi psi^T,  shear = int mu (X' - psi) (X' - psi)^T
 
-    Assumes profiles smooth between their breaks, and resolved by 8 nodes more than the shapes need.
+    Assumes shapes and profiles smooth between their breaks, and the profiles resolved by 8 nodes more than the shapes need.
 
     Parameters: profiles relative to the link's own mass per length (and section's area) and stiffness (and second moment of area);
     None is 1 everywhere.
     Returns: ShapeIntegrals, (n,) and (n, n) arrays; zero-size when there are no modes.
     """
     mu, eps = mass_profile or UNIFORM, stiffness_profile or UNIFORM
-    edges = np.unique([0.0, *mu.breaks, *eps.breaks, 1.0])
+    edges = np.unique([0.0, *shapes.breaks, *mu.breaks, *eps.breaks, 1.0])
     order = shapes.order + 8
     xi, weight = panels(edges, order)
     outer, outer_first = remaining(mu, edges, order)  # int mu Gamma = int X' X'^T (int_xi^1 mu), by parts
@@ -218,9 +220,9 @@ class Twisted:
 def couple_shapes(
     y: Shapes, z: Shapes, twist: Shapes, mass_profile: Profile | None = None, stiffness_profile: Profile | None = None
 ) -> Couplings:
-    """Integrate the products by Gauss-Legendre quadrature between their breaks; profiles as in `shape_integrals`."""
+    """Integrate the products by Gauss-Legendre quadrature between all breaks; profiles as in `shape_integrals`."""
     mu, eps = mass_profile or UNIFORM, stiffness_profile or UNIFORM
-    edges = np.unique([0.0, *mu.breaks, *eps.breaks, 1.0])
+    edges = np.unique([0.0, *y.breaks, *z.breaks, *twist.breaks, *mu.breaks, *eps.breaks, 1.0])
     order = max(shapes.order for shapes in (y, z, twist)) + 8
     xi, weight = panels(edges, order)
     turn = [shapes.rotation(xi) for shapes in (y, z)]

@@ -5,13 +5,16 @@ coordinate, and none of the fast motions in which the sections turn against the 
 kappa G A to infinity leaves Euler-Bernoulli's. Source: Timoshenko (1921).
 """
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Optional
 
 import casadi as ca
 
+from flexlin.errors import Problem
 from flexlin.mechanics.effects.base import SLENDERNESS, Chain, Effect, Scale, per_joint
 from flexlin.mechanics.links import BentLink
 from flexlin.scene.base import AllPositive, Unit
+from flexlin.scene.effects import RawArm, RawTable
 
 
 class Shear(Effect):
@@ -31,6 +34,14 @@ class Shear(Effect):
             0.32 * (link.stiffness_in("y") or 1.0) / (SLENDERNESS * (link.length or 1.0)) ** 2 for link in scale.links
         ]
         return cls(stiffness=tuple(stiffness))
+
+    @classmethod
+    def contradictions(cls, raw: RawTable, arm: RawArm) -> Iterator[Problem]:
+        """The shipped finite elements do not shear."""
+        for i, link in enumerate(arm.links):
+            if link.get("mode_shapes") == "finite-element":
+                expected = "other shapes beside effects.shear, because these elements do not shear"
+                yield Problem(f"links.{i}.mode_shapes", "'finite-element'", expected)
 
     def section_shear(self, link: int) -> Any:
         return per_joint(self.stiffness, link)

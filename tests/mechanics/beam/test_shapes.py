@@ -1,8 +1,11 @@
-"""Shapes of uniform beams: known roots, residuals, boundary conditions, orthogonality; up to 60 modes; published tapers."""
+"""Shapes of beams: known roots, residuals, conditions at the ends, published tapers, integrals; up to 60 modes."""
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from flexlin.errors import ArgumentError
 from flexlin.mechanics import Ends, Profile, bending_shapes, shape_integrals
 
 ENDS = np.array([0.0, 1.0])
@@ -88,6 +91,52 @@ def test_cantilever_is_normalised():
     assert np.all(shapes.values(ENDS, 2)[:, 0] > 0)
 
 
+@pytest.mark.slow
+@settings(max_examples=60, deadline=None)
+@given(mass=st.floats(-3, 4), gyration=st.floats(-2, 1))
+def test_roots_of_the_frequency_equation_are_enclosed_whatever_the_tip_carries(mass, gyration):
+    """Bodies from specks to a thousand beams, near and far: the characteristic function of Laura, Pombo, Susemihl (1974), over cosh."""
+    m, inertia = 10.0**mass, 10.0 ** (mass + 2 * gyration)
+
+    def characteristic(b):
+        c, s, t, over = np.cos(b), np.sin(b), np.tanh(b), 1 / np.cosh(b)
+        bodies = m * b * (c * t - s) - inertia * b**3 * (c * t + s) + m * inertia * b**4 * (over - c)
+        return over + c + bodies
+
+    beta = clamped_with_tip(4, m, inertia).beta
+    assert np.all(characteristic(beta * (1 - 1e-7)) * characteristic(beta * (1 + 1e-7)) < 0)
+
+
+def test_elements_converge_with_the_fourth_power():
+    errors = [bending_shapes(3, elements=elements).beta / bending_shapes(3).beta - 1 for elements in (6, 12, 24)]
+    np.testing.assert_allclose(np.diff(np.log2(np.abs(errors)), axis=0), -4, atol=0.2)
+
+
+@pytest.mark.parametrize("pinned", [False, True])
+def test_elements_reproduce_uniform_beams(pinned):
+    """Cubics interpolate X with an error of (beta h)^4 / 384 and X'' with one of (beta h)^2 / 8, times max |X^(d)| / beta^d < 2."""
+    ends, xi = Ends(hub_inertia=0.3) if pinned else Ends(), np.linspace(0, 1, 23)
+    shapes, exact = (bending_shapes(4, ends=ends, pinned=pinned, elements=number) for number in (60, None))
+    step = exact.beta[:, None] / 60
+    for d, bound in ((0, step**4 / 192), (2, step**2 / 4)):
+        assert np.all(np.abs(shapes.values(xi, d) - exact.values(xi, d)) / exact.beta[:, None] ** d < bound + 1e-12)
+
+
+WRONG = [
+    lambda: bending_shapes(9, elements=4),
+    lambda: Profile.table([0, 1], [1, 0]),
+    lambda: Profile.table([0, 0.5], [1, 1]),
+    lambda: Profile.table([0, 0.5, 0.5, 1], [1, 1, 1, 1]),
+    lambda: Profile.table([0, 1], [1, 1, 1]),
+]
+
+
+@pytest.mark.parametrize("call", WRONG)
+def test_what_no_beam_has_is_refused(call):
+    with pytest.raises(ArgumentError):
+        call()
+
+
 def test_wedge():
     """A wedge with mass 1 - a xi and stiffness (1 - a xi)^3; omega of a = 1/2: 3.8238, 18.3173, 47.2648 (Downs 1977; Naguleswaran 1994)."""
     shapes = bending_shapes(3, Profile(lambda x: 1 - x / 2), Profile(lambda x: (1 - x / 2) ** 3))
@@ -104,3 +153,33 @@ def test_modes_of_a_taper_with_a_kink_are_orthogonal():
 
 def test_no_modes():
     assert bending_shapes(0).values(ENDS).shape == (0, 2)
+
+
+def test_cantilever_constants():
+    """Khang, Dat, Tuan (2019) with l = 1: C1, D1, m11, k11, recomputed by SymPy to 8 digits."""
+    integrals = shape_integrals(bending_shapes(3))
+    np.testing.assert_allclose(integrals.tip, [2, -2, 2], rtol=1e-13)
+    np.testing.assert_allclose(integrals.mode, [0.78299176, 0.43393590, 0.25442530], atol=6e-9)
+    np.testing.assert_allclose(integrals.mode_moment, [0.56882574, 0.09076679, 0.03241637], atol=6e-9)
+    assert integrals.bending[0, 0] == pytest.approx(12.36236337, abs=6e-9)
+    assert integrals.shortening_moment[0, 0] == pytest.approx(1.1933, abs=6e-5)  # 1/2 int (1 - x^2) X'^2
+    np.testing.assert_allclose([integrals.mass, integrals.first, integrals.second], [1, 1 / 2, 1 / 3], rtol=1e-14)
+
+
+@pytest.mark.parametrize("n", [1, 10, 60])
+def test_orthogonality_and_accuracy(n):
+    shapes = bending_shapes(n)
+    integrals = shape_integrals(shapes)
+    np.testing.assert_allclose(integrals.gram, np.eye(n), atol=1e-12)
+    square = np.outer(shapes.beta**2, shapes.beta**2)
+    np.testing.assert_allclose(integrals.bending / square, np.eye(n), atol=1e-12)
+
+
+def test_modes_with_bodies_are_orthogonal_in_the_whole_mass():
+    mass, inertia = 1.0, 0.1
+    i = shape_integrals(clamped_with_tip(5, mass, inertia))
+    whole = i.gram + mass * np.outer(i.tip, i.tip) + inertia * np.outer(i.tip_slope, i.tip_slope)
+    size = np.sqrt(np.outer(np.diag(whole), np.diag(whole)))
+    np.testing.assert_allclose(whole / size, np.eye(5), atol=1e-12)
+    hub = shape_integrals(pinned_with_hub(5, 0.3))
+    np.testing.assert_allclose(hub.mode_moment + 0.3 * hub.base_slope, 0, atol=1e-13)

@@ -1,0 +1,45 @@
+"""Pages of docs/ run as they are printed, mean what they say, and their tables are complete."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.scene import effects as tables
+
+
+def test_the_table_names_every_effect_and_every_key():
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", MECHANICS.split("## Effects")[1].split("##")[0], re.MULTILINE))
+    assert set(rows) == set(tables.known_effects())
+    for name, keys in rows.items():
+        assert set(re.findall(r"`(\w+)`", keys)) == set(tables.known_effects()[name].model_fields)
+
+
+DOCS = Path(__file__).parents[2] / "docs"
+MECHANICS = (DOCS / "mechanics.md").read_text(encoding="utf-8")
+
+
+def run_examples(name):
+    """The names that the examples of a page leave behind."""
+    names: dict = {}
+    for example in re.findall(r"```python\n(.*?)```", (DOCS / name).read_text(encoding="utf-8"), re.DOTALL):
+        exec(compile(example, name, "exec"), names)
+    return names
+
+
+def test_examples_of_taylor_maps():
+    names = run_examples("taylor.md")
+    c, u0, du = names["c"], names["u0"], np.array([0.05, -0.02])
+    assert c.error(du) == pytest.approx(np.linalg.norm(c(du) - c.refined(du)), rel=0.05)
+    assert names["r"].kind == "real singularity"
+    assert float(names["r"]) == pytest.approx(np.sqrt(4 - u0[1] ** 2) - u0[0], abs=1e-9)  # stretched at |u| = 2
+
+
+def test_examples_of_mechanics(monkeypatch):
+    monkeypatch.setattr(tables, "_REGISTRY", tables.known_effects())
+    names, bare = run_examples("mechanics.md"), fl.build_manipulator(fl.load_scene("single-link"))
+    assert names["arm"].functions["g"].n_instructions() > bare.functions["g"].n_instructions()
+    assert names["slider"].drives == (0,)
+    np.testing.assert_allclose(names["slider"].functions["M"]([0.0, 0.5], []).full(), [[4.25, 0], [0, 1]])
