@@ -90,49 +90,33 @@ def test_the_matlab_script_gives_the_loop_between_samples(lin, made, tmp_path):
     np.testing.assert_allclose(found, right, atol=1e-6 * np.abs(right).max())
 
 
-def outputs_of(program, phase):
-    """Run a compiled program and read its named outputs."""
+def run_compiled(files, phase):
+    """Compile the C sources with their main, run it at a phase, and read its named outputs."""
+    program, sources = files[0].parent / "program", [file for file in files if file.suffix == ".c"]
+    subprocess.run([COMPILER, "-O1", *sources, "-lm", "-o", program], check=True)
     text = subprocess.run([program, repr(phase)], capture_output=True, text=True, check=True).stdout
     return {line.split()[0]: np.array(line.split()[1:], dtype=float) for line in text.splitlines()}
 
 
-def compiled(files, folder):
-    program = folder / "program"
-    sources = [str(f) for f in files if f.suffix == ".c"]
-    subprocess.run([COMPILER, "-O1", *sources, "-lm", "-o", str(program)], check=True, cwd=folder)
-    return str(program)
-
-
 @needs_compiler
-def test_compiled_linearization_equals_python(lin, tmp_path):
-    program = compiled(linearization_source(lin, tmp_path), tmp_path)
-    header = (tmp_path / "linearization.h").read_text()
-    layout = header[: header.index("*/")]
+def test_compiled_programs_print_what_python_computes(lin, made, tmp_path):
+    exact = lin.sample(np.array([0.37 * lin.period]))
+    found = run_compiled(linearization_source(lin, tmp_path), 0.37)
+    for name in ("M", "D", "K", "h", "B", "tau"):
+        np.testing.assert_allclose(found[name], getattr(exact, name)[0].T.ravel(), rtol=1e-13, atol=1e-13)
+    layout = (tmp_path / "linearization.h").read_text().partition("*/")[0]
     assert all(f"{name} ({rows} x " in layout for name, rows in (("M", lin.n), ("h", lin.n), ("B", lin.n)))
     assert all(name in layout for name in lin.names)
     assert f"i + {lin.n} * j" in layout
-    for phase in (0.0, 0.37, 0.9):
-        found, exact = outputs_of(program, phase), lin.sample(np.array([phase * lin.period]))
-        for name in ("M", "D", "K", "h", "B", "tau"):
-            np.testing.assert_allclose(found[name], getattr(exact, name)[0].T.ravel(), rtol=1e-13, atol=1e-13)
+    gain = made.K(np.array([0.999 * lin.period]))[0].T.ravel()
+    found = run_compiled(gain_source(made, lin.period, tmp_path), 0.999)["K"]
+    np.testing.assert_allclose(found, gain, rtol=1e-6, atol=1e-7 * np.abs(gain).max())
 
 
-@needs_compiler
-def test_compiled_gain_equals_python(lin, made, tmp_path):
-    program = compiled(gain_source(made, lin.period, tmp_path), tmp_path)
-    for phase in (0.0, 0.371, 0.999):
-        exact = made.K(np.array([phase * lin.period]))[0].T.ravel()
-        np.testing.assert_allclose(outputs_of(program, phase)["K"], exact, rtol=1e-6, atol=1e-7 * np.abs(exact).max())
-
-
-@pytest.mark.parametrize("outputs", [np.eye(3), np.nan, 1j, [], [["a"] * 6]])
-def test_outputs_for_python_control_are_checked(lin, outputs):
-    """Errors of NumPy's and python-control's own came through."""
-    with pytest.raises(ArgumentError, match=r"^outputs "):
-        fl.control.to_control(lin, 0.2, outputs)
-
-
-def test_a_lifted_model_needs_a_positive_tol(lin):
-    """It ended with Python's "cannot convert float NaN to integer"."""
+def test_what_python_control_cannot_take_is_refused(lin):
+    """Errors of NumPy's, python-control's and Python's own came through."""
+    for outputs in (np.eye(3), np.nan, 1j, [], [["a"] * 6]):
+        with pytest.raises(ArgumentError, match=r"^outputs "):
+            fl.control.to_control(lin, 0.2, outputs)
     with pytest.raises(ArgumentError, match="tol is not positive; got -1"):
         fl.control.lifted_model(lin, lin.period / 4, tol=-1.0)

@@ -77,19 +77,27 @@ def test_verdicts_agree_with_long_simulations_around_the_limit():
 
 
 @pytest.mark.parametrize("part", [0.0, 0.4, 1.0])
-def test_a_constant_plant_has_the_eigenvalues_of_one_sample(part):
-    rng = np.random.default_rng(5)
-    A, B, K = rng.normal(size=(3, 3)), rng.normal(size=(3, 2)), rng.normal(size=(2, 3))
+@pytest.mark.parametrize("memory", [0, 2])
+def test_a_constant_plant_has_the_eigenvalues_of_one_sample(memory, part):
+    """Without and with states of the controller, which follow a plant that was measured at the beginning of the sample."""
+    rng, eye = np.random.default_rng(5), np.eye(memory)
+    A, B, K = rng.normal(size=(3, 3)), rng.normal(size=(3, 2)), rng.normal(size=(2, 3 + memory))
+    rates = np.hstack([rng.normal(size=(memory, 3)), 0.3 * rng.normal(size=(memory, memory)) - 2 * eye])
     for h in (0.1, 0.23, 2.0):
-        M = np.zeros((5, 5))
-        M[:3, :3], M[:3, 3:] = A, B
-        P0, P1 = expm(M * part * h), expm(M * (1 - part) * h)
-        F = np.zeros((5, 5))
-        F[:3, :3], F[:3, 3:], F[3:, :3] = P1[:3, :3] @ P0[:3, :3] - P1[:3, 3:] @ K, P1[:3, :3] @ P0[:3, 3:], -K
-        known = np.log(np.abs(np.linalg.eigvals(F)).max()) / h
-        found = sampled_floquet(fl.PeriodicSystem(A, 2.0, B), K, h, part * h)
-        assert abs(found.exponents[0].real - known) <= found.errors[0] + 1e-12
+        held = np.block([[A, B], [np.zeros((2, 5))]])
+        (P0, G0), (P1, G1) = ((E[:3, :3], E[:3, 3:]) for E in (expm(held * part * h), expm(held * (1 - part) * h)))
+        wide = expm(h * np.block([[rates[:, 3:], rates[:, :3]], [np.zeros((3, memory + 3))]]))[:memory]
+        moved = [P1 @ P0 - G1 @ K[:, :3], -G1 @ K[:, 3:], P1 @ G0]
+        step = np.block([moved, [wide[:, memory:], wide[:, :memory], np.zeros((memory, 2))], [-K, np.zeros((2, 2))]])
+        known = np.linalg.eigvals(step)
+        found = sampled_floquet(fl.PeriodicSystem(A, 2.0, B), K, h, part * h, rates=rates if memory else None)
+        sound = np.isfinite(found.errors)
+        off = np.abs(found.exponents.real[sound, None] - np.log(np.abs(known) + 1e-300) / h)
+        assert np.all(off.min(axis=1) <= found.errors[sound] + 1e-12)
+        assert off[0].argmin() == np.abs(known).argmax()
         assert found.errors[0] < 1e-9
+        if h == 0.1:
+            assert np.abs(found.multipliers[sound, None] - known**20).min(axis=1).max() < 1e-9
 
 
 @pytest.mark.slow
