@@ -9,7 +9,6 @@ from scipy.stats import ortho_group
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NotStable
-from flexlin.periodic import find_largest_gain, resolve
 from tests.periodic.systems import turned
 from tests.thinned import thin
 
@@ -26,13 +25,7 @@ def constant_peak(A, B, C, D):
     k = int(np.argmax(sizes))
     span = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
     best = minimize_scalar(lambda w: -gain(A, B, C, D, w), bounds=span, method="bounded", options={"xatol": 1e-10})
-    return max(-best.fun, sizes[k]), (best.x if -best.fun > sizes[k] else grid[k])
-
-
-def folded(w, period):
-    turn = 2 * np.pi / period
-    w = w % turn
-    return min(w, turn - w)
+    return max(-best.fun, sizes[k])
 
 
 def test_published_numbers():
@@ -42,25 +35,17 @@ def test_published_numbers():
     assert abs(fl.hinf_norm(system, C, [[1.0]]).value - 1.839303) < 1e-6
 
 
-def test_several_inputs_and_outputs():
-    B, C = np.array([[3.0, 0.2], [1.0, -1.0]]), np.array([[1.0, 2.0], [0.0, 1.0], [0.5, 0.0]])
-    exact = np.sqrt(np.trace(C @ solve_continuous_lyapunov(A0, -B @ B.T) @ C.T))
-    assert fl.h2_norm(*turned(A0, B, C)).value == pytest.approx(exact, rel=1e-9)
-    assert fl.hinf_norm(*turned(A0, B, C)).value == pytest.approx(constant_peak(A0, B, C, 0.0)[0], rel=1e-8)
-
-
 def test_wrong_and_unstable_systems_are_refused():
-    unstable = fl.PeriodicSystem([[0.1]], 1.0, B=[[1.0]])
+    unstable, stable = (fl.PeriodicSystem([[a]], 1.0, B=[[1.0]]) for a in (0.1, -0.1))
     for norm in (fl.h2_norm, fl.hinf_norm):
         with pytest.raises(NotStable, match="stable"):
             norm(unstable, [[1.0]])
-    stable = fl.PeriodicSystem([[-0.1]], 1.0, B=[[1.0]])
-    with pytest.raises(ArgumentError, match="C does not fit"):
-        fl.hinf_norm(stable, [[1.0, 2.0]])
+        with pytest.raises(ArgumentError, match="C does not fit"):
+            norm(stable, [[1.0, 2.0]])
+        with pytest.raises(ArgumentError, match="no input"):
+            norm(fl.PeriodicSystem([[-0.1]], 1.0), [[1.0]])
     with pytest.raises(ArgumentError, match="D does not fit"):
         fl.hinf_norm(stable, [[1.0]], [[1.0, 2.0]])
-    with pytest.raises(ArgumentError, match="no input"):
-        fl.h2_norm(fl.PeriodicSystem([[-0.1]], 1.0), [[1.0]])
     assert fl.hinf_norm(stable, [[0.0]]).value == 0
     assert fl.hinf_norm(stable, [[0.0]], [[2.0]]).value == pytest.approx(2.0, rel=1e-6)
 
@@ -75,9 +60,8 @@ def test_an_unstable_system_that_jumps_is_refused_within_little_memory():
     import tracemalloc
 
     def A(t):
-        return np.diag([0.3, -1.0, -2.0, -3.0]) + 0.2 * np.sign(np.sin(t + 1e-9))[:, None, None] * np.triu(
-            np.ones((4, 4)), 1
-        )
+        jumps = 0.2 * np.sign(np.sin(t + 1e-9))[:, None, None]
+        return np.diag([0.3, -1.0, -2.0, -3.0]) + jumps * np.triu(np.ones((4, 4)), 1)
 
     system = fl.PeriodicSystem(A, 2 * np.pi, B=np.ones((4, 1)), breaks=(0.0, np.pi))
     tracemalloc.start()
@@ -88,12 +72,7 @@ def test_an_unstable_system_that_jumps_is_refused_within_little_memory():
     assert peak < 3e8
 
 
-def test_the_peak_of_a_narrow_feedthrough_is_found():
-    assert find_largest_gain(resolve(narrow_feedthrough, 1.0)) == pytest.approx(6.0, rel=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("tol", [1e-2, 1e-9, 1e-12])
+@pytest.mark.parametrize("tol", thin([1e-2, 1e-9, 1e-12]))
 def test_a_norm_that_a_narrow_feedthrough_makes(tol):
     """Levels between the feedthrough's samples and its peak ended in a bare LinAlgError, or in doubts about A."""
     found = fl.hinf_norm(fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]]), [[1e-3]], narrow_feedthrough, tol=tol)
@@ -113,10 +92,8 @@ def test_a_level_just_above_the_norm_is_found_there():
     A = -np.diag(10 ** rng.uniform(-1.5, 0, 3))
     A[0, 1], A[1, 0] = -0.5, 30.0
     B, C = rng.normal(size=(3, 2)), rng.normal(size=(1, 3))
-    system, output = turned(A, B, C, 1.2566)
-    known = constant_peak(A, B, C, 0.0)[0]
-    norm = fl.hinf_norm(system, output)
-    assert abs(norm.value - known) <= norm.error <= 1e-8 * known
+    found, known = fl.hinf_norm(*turned(A, B, C, 1.2566)), constant_peak(A, B, C, 0.0)
+    assert abs(found.value - known) <= found.error <= 1e-8 * known
 
 
 def unseen(k):
@@ -143,7 +120,8 @@ def test_no_norm_misses_by_more_than_its_error(case, period):
     assert abs(found.value - exact) <= found.error + 1e-9 * exact
     damping = -np.linalg.eigvals(A).real.max()
     assert found.error < 1e-6 * exact or damping * period < 1e-4
-    assert abs(found.frequency - folded(where, period)) < 2e-3
+    turn = 2 * np.pi / period
+    assert abs(found.frequency - min(where % turn, -where % turn)) < 2e-3
 
 
 def test_a_mode_that_turns_more_often_in_a_period_than_inputs_that_are_tried():
@@ -151,7 +129,7 @@ def test_a_mode_that_turns_more_often_in_a_period_than_inputs_that_are_tried():
     A = np.zeros((4, 4))
     A[:2, :2], A[2:, 2:] = [[0.0, 1.0], [-1.0, -0.2]], [[0.0, 80.0], [-80.0, -0.016]]
     B, C = np.array([[0.0, 1.0, 0.0, 1.0]]).T, np.array([[1.0, 0.0, 1.0, 0.0]])
-    found, exact = fl.hinf_norm(*turned(A, B, C, speed=1.0)), constant_peak(A, B, C, 0.0)[0]
+    found, exact = fl.hinf_norm(*turned(A, B, C, speed=1.0)), constant_peak(A, B, C, 0.0)
     assert abs(found.value - exact) <= found.error <= 1e-6 * exact
 
 
@@ -174,7 +152,7 @@ def hardly_damped(seed):
         A[i : i + 2, i : i + 2] = [[0, w], [-w, -2 * z * w]]
     mix = np.linalg.qr(rng.standard_normal((n, n)))[0] * 10 ** rng.uniform(-1, 1, n)
     back = np.linalg.inv(mix)
-    return mix @ A @ back, mix @ rng.standard_normal((n, 1)), rng.standard_normal((1, n)) @ back, rng
+    return mix @ A @ back, mix @ rng.standard_normal((n, 2)), rng.standard_normal((2, n)) @ back, rng
 
 
 @pytest.mark.parametrize("seed", thin(range(12), 2))
@@ -186,7 +164,8 @@ def test_systems_that_are_hardly_damped(seed):
         operator = mpmath.matrix(np.kron(A, np.eye(n)).tolist()) + mpmath.matrix(np.kron(np.eye(n), A).tolist())
         square = mpmath.matrix(B.tolist()) * mpmath.matrix(B.tolist()).T
         P = mpmath.lu_solve(operator, -mpmath.matrix(list(square)))
-        exact = float(mpmath.sqrt(sum(C[0, i] * P[i * n + j] * C[0, j] for i in range(n) for j in range(n))))
+        seen = C.T @ C
+        exact = float(mpmath.sqrt(sum(seen[i, j] * P[i * n + j] for i in range(n) for j in range(n))))
     system, output = turned(A, B, C, speed=float(10 ** rng.uniform(-1, 1)))
     found = fl.h2_norm(system, output)
     assert abs(found.value - exact) <= found.error <= 1e-2 * exact

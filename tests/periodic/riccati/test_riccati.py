@@ -17,9 +17,6 @@ from tests.periodic.systems import turn, turned
 A0, B0 = np.array([[1.0, 0.5], [3.0, 5.0]]), np.array([[3.0], [1.0]])
 
 
-rotation = turn(2, 2.0)
-
-
 def rotated():
     """Johansson, Kagstrom, Shiriaev, Varga (2007): x = P z with a constant problem for z; A = P' P^-1 + P A0 P^-1, B = P B0."""
     return turned(A0, B0, np.eye(2))[0]
@@ -28,7 +25,7 @@ def rotated():
 def test_rotated_example_at_random_times():
     Z, _, gain = control.care(A0, B0, np.eye(2), np.eye(1))
     t = np.random.default_rng(7).uniform(-10, 10, 500)
-    P = rotation(t)
+    P = turn(2, 2.0)(t)
     found = periodic_riccati(rotated(), np.eye(2), np.eye(1), tol=1e-11)
     assert np.abs(found.X(t) - P @ Z @ np.swapaxes(P, 1, 2)).max() < 1e-10
     assert np.abs(found.K(t) - gain @ np.swapaxes(P, 1, 2)).max() < 1e-10
@@ -92,15 +89,6 @@ def test_the_layer_at_the_end_of_a_horizon_is_followed(fast, effort):
     assert np.abs(found.X(t)[:, 0, 0] - (high - ratio * low) / (1 - ratio)).max() <= 100 * found.error < 1e-7
 
 
-def test_fast_unstable_arm_does_not_overflow():
-    rng = np.random.default_rng(1)
-    V = np.linalg.qr(rng.normal(size=(4, 4)))[0]
-    A, B = V @ np.diag([200.0, -200.0, 150.0, 0.0]) @ V.T, rng.normal(size=(4, 2))
-    X = control.care(A, B, np.eye(4), np.eye(2))[0]
-    found = periodic_riccati(PeriodicSystem(A, 1.0, B), np.eye(4), np.eye(2))
-    assert np.abs(found.X(np.array([0.3]))[0] - X).max() < 1e-9 * np.abs(X).max()
-
-
 @pytest.mark.parametrize(("damping", "weight"), [(1e-6, 1.0), (1e-6, 1e8), (1e-6, 1e20), (1e-8, 1e20)])
 def test_hardly_damped_loop_converges_in_doublings(damping, weight):
     """The scalar equations of an oscillator's X, solved with 60 digits, lie within the error that is reported."""
@@ -124,24 +112,20 @@ def test_hardly_damped_loop_converges_in_doublings(damping, weight):
         (np.diag([1.0, -2.0]), [[1.0], [1.0]], np.diag([0.0, 1.0]), NotDetectable, 1.0),
         (np.diag([0.0, -2.0]), [[0.0], [1.0]], np.eye(2), NotStabilizable, 0.0),
         (np.diag([0.0, -2.0]), [[1.0], [1.0]], np.diag([0.0, 1.0]), NotDetectable, 0.0),
+        (np.diag([1.0, -2.0, 0.7]), [[1.0], [1.0], [0.0]], np.eye(3), NotStabilizable, 0.7),
+        (np.diag([1.0, -2.0, 3.0]), [[1.0], [1.0], [0.0]], np.eye(3), NotStabilizable, 3.0),
     ],
 )
 def test_missing_solution_names_the_mode(A, B, Q, error, rate):
+    """Three of them are mixed by similarity and turn: what is not reached is so up to rounding only."""
+    plant = PeriodicSystem(A, 1.0, B)
+    if len(A) == 3:
+        V = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+        plant = turned(V @ A @ V.T, V @ B, np.eye(3), 1.0)[0]
     with pytest.raises(error, match=r"real part of its exponent about") as caught:
-        periodic_riccati(PeriodicSystem(A, 1.0, B), Q, np.eye(1))
+        periodic_riccati(plant, Q, np.eye(1))
     named = float(str(caught.value).split("about ")[1].split("/s")[0])
-    assert abs(named - rate) < 0.05
-
-
-@pytest.mark.parametrize("rate", [0.7, 3.0])
-def test_unreachable_mode_hidden_by_a_rotating_frame_is_found(rate):
-    """Uncontrollable only up to rounding: the third mode is mixed with the others by similarity and rotation."""
-    V = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
-    A, B = V @ np.diag([1.0, -2.0, rate]) @ V.T, V @ np.array([[1.0], [1.0], [0.0]])
-    system, _ = turned(A, B, np.eye(3), 1.0)
-    with pytest.raises(NotStabilizable) as caught:
-        periodic_riccati(system, np.eye(3), np.eye(1))
-    assert abs(float(str(caught.value).split("about ")[1].split("/s")[0]) - rate) < 0.1 * rate
+    assert abs(named - rate) < 0.05 + 0.05 * rate
 
 
 @pytest.mark.parametrize(
@@ -164,11 +148,13 @@ def test_singular_segment_is_named():
         scatter_hamiltonian(np.stack([np.eye(2), np.zeros((2, 2))]))
 
 
-def test_constant_system_is_lqr_with_cross_term():
+def test_constant_systems_are_lqr_with_cross_term_and_modes_that_overflow():
     rng = np.random.default_rng(3)
     A, B, N = rng.normal(size=(5, 5)), rng.normal(size=(5, 2)), 0.1 * rng.normal(size=(5, 2))
-    K, X, _ = control.lqr(A, B, np.eye(5), 0.3 * np.eye(2), N)
-    found = periodic_riccati(PeriodicSystem(A, 0.8, B), np.eye(5), 0.3 * np.eye(2), N, tol=1e-11)
-    t = np.array([0.0, 0.123, 0.5])
-    assert np.abs(found.X(t) - X).max() < 1e-10 * np.abs(X).max()
-    assert np.abs(found.K(t) - K).max() < 1e-10 * np.abs(K).max()
+    V = np.linalg.qr(rng.normal(size=(5, 5)))[0]
+    fast, t = V @ np.diag([200.0, -200.0, 150.0, 0.0, 1.0]) @ V.T, np.array([0.0, 0.123, 0.5])
+    for matrix, cross, within in ((A, N, 1e-10), (fast, 0 * N, 1e-9)):
+        K, X, _ = control.lqr(matrix, B, np.eye(5), 0.3 * np.eye(2), cross)
+        found = periodic_riccati(PeriodicSystem(matrix, 0.8, B), np.eye(5), 0.3 * np.eye(2), cross, tol=1e-11)
+        assert np.abs(found.X(t) - X).max() < within * np.abs(X).max()
+        assert np.abs(found.K(t) - K).max() < within * np.abs(K).max()
