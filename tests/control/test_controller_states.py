@@ -11,7 +11,7 @@ from flexlin.control import linearize_about, periodic_motion
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.periodic import extend_system
 from flexlin.scene import get_value
-from flexlin.simulation import Drive, NonlinearLoop
+from flexlin.simulation import NonlinearLoop
 from tests.closed_arm import closed
 
 KP, KD, KI = 3.0, 0.5, 2.0
@@ -144,17 +144,6 @@ def test_a_drive_at_its_limit_winds_an_integral_up_unless_a_tracking_time_unwind
         assert run.to_xarray()["controller"].dims == ("time", "memory")
         overshoot.append(-run.nonlinear[:, 0].min())
     assert overshoot[1] < 0.6 * overshoot[0]
-
-
-@pytest.mark.slow
-def test_a_sampled_simulation_tends_to_the_continuous_one():
-    slow = [{"kind": "low-pass", "cutoff": 4.0}]
-    lin, start = loop_of(RIGID | {"control.filters": slow}), [0.1, 0.0]
-    ideal = fl.simulate(lin, 0.05, initial=start, tol=1e-7)
-    drives = [Drive(sample_time=h) for h in (2e-3, 1e-3)]
-    runs = [fl.simulate(lin, 0.05, initial=start, tol=1e-7, drive=drive) for drive in drives]
-    gaps = [np.abs(run.controller - ideal.controller).max() for run in runs]
-    assert gaps[0] / gaps[1] == pytest.approx(2.0, rel=0.15)
 
 
 SMALL = {"links.0.modes": 1, "control.filters": [{"kind": "low-pass", "cutoff": "60 Hz"}]}
