@@ -5,12 +5,12 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
 numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
 
 
 @numba
 @pytest.mark.peers
-@pytest.mark.slow
 def test_every_program_gives_the_same_exponents(study, pictures, tmp_path):
     data = study("compiled_peers").main(size="small", out=tmp_path)
     assert all(row["reached"] for row in data["rows"])
@@ -26,7 +26,6 @@ def test_every_program_gives_the_same_exponents(study, pictures, tmp_path):
 
 @numba
 @pytest.mark.peers
-@pytest.mark.slow
 def test_the_peers_are_of_the_orders_that_they_claim(study):
     """Halving the steps, three times, divides the error by 2^6 (Magnus) and 2^8 (DOP853) each time."""
     race = study("compiled_peers")
@@ -38,15 +37,6 @@ def test_the_peers_are_of_the_orders_that_they_claim(study):
         assert np.log2(errors[0] / errors[1]) / 3 == pytest.approx(order, abs=0.5)
 
 
-def test_without_numba_the_study_times_designs_alone(study, tmp_path, monkeypatch, capsys):
-    race = study("compiled_peers")
-    monkeypatch.setattr(race, "NUMBA", False)
-    data = race.main(size="small", out=tmp_path)
-    assert {row["group"] for row in data["rows"]} == {"periodic LQR"}
-    assert "numba is not installed" in capsys.readouterr().out
-
-
-@pytest.mark.slow
 def test_charts_speed(study, pictures, tmp_path):
     data = study("charts_speed").main(size="small", out=tmp_path)
     assert max(row["distance_in_tol"] for row in data["rows"]) < 1
@@ -56,7 +46,6 @@ def test_charts_speed(study, pictures, tmp_path):
     assert set(data["sharing"]) == {"one process, s", "two threads", "two processes"}
 
 
-@pytest.mark.slow
 def test_simulation_race(study, tmp_path, pictures):
     data = study("simulation_race").main(size="small", out=tmp_path)
     by_program = {(row["program"], row["tol"]): row["error"] for row in data["rows"]}
@@ -68,7 +57,6 @@ def test_simulation_race(study, tmp_path, pictures):
     assert set(pictures.curves("simulation_race.svg")) == {program for program, _ in by_program}
 
 
-@pytest.mark.slow
 def test_riccati_race(study, pictures, tmp_path):
     times = study("riccati_race").main(size="small", out=tmp_path)
     assert set(times) == {"link, rigid", "satellite, 6 states"}
@@ -80,7 +68,6 @@ MULTISTEP = ("CasADi cvodes", "SciPy LSODA")
 """They need smaller tolerances than the small run tries."""
 
 
-@pytest.mark.slow
 def test_cost_of_accuracy(study, tmp_path):
     """With heyoka where it is installed; without it the study leaves it out, as its message says."""
     data = study("cost_of_accuracy").main(size="small", out=tmp_path)
