@@ -1,5 +1,6 @@
 """Exports: what another tool reads is what flexlin computed."""
 
+import re
 import shutil
 import subprocess
 
@@ -10,11 +11,20 @@ import scipy.io
 import xarray
 
 import flexlin as fl
-from flexlin.control import gain_schedule, gain_source, linearization_source, periodic_lqr, periodic_plant, save
-from flexlin.control.export.files import matlab_script
+from flexlin.control import (
+    gain_schedule,
+    gain_source,
+    linearization_source,
+    periodic_lqr,
+    periodic_plant,
+    save,
+    to_control,
+)
+from flexlin.control.export.files import Labels, matlab_script
 from flexlin.errors import ArgumentError
 from tests.closed_arm import opened
 from tests.control.test_c_controllers import COMPILER, needs_compiler
+from tests.periodic.dense import at, integrate
 
 OCTAVE = shutil.which("octave-cli")
 
@@ -38,17 +48,10 @@ def test_gain_schedule_runs_in_python_control(made):
     system = fl.PeriodicSystem.from_second_order(np.eye(1), 0.1 * np.eye(1), stiffness, 2 * np.pi, np.eye(1))
     design = periodic_lqr(system, np.eye(2), np.eye(1))
     loop = control.feedback(periodic_plant(system), gain_schedule(design), 1)
-    t = np.linspace(0, 2 * np.pi, 21)
-    x0 = np.array([1.0, -0.5])
-    response = control.input_output_response(
-        loop, t, np.zeros((loop.ninputs, len(t))), x0, solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-11}
-    )
-    from flexlin.periodic import gauss_transitions
-
-    x = [x0]
-    for step in gauss_transitions(design.closed_loop.A, t, 6):
-        x.append(step @ x[-1])
-    assert np.abs(response.outputs.T[:, :2] - np.array(x)).max() < 1e-7
+    t, x0, exactly = np.linspace(0, 2 * np.pi, 21), np.array([1.0, -0.5]), {"rtol": 1e-9, "atol": 1e-11}
+    response = control.input_output_response(loop, t, np.zeros((loop.ninputs, 21)), x0, solve_ivp_kwargs=exactly)
+    known = integrate(lambda t, x: at(design.closed_loop.A, t) @ x, x0, t)
+    assert np.abs(response.outputs.T[:, :2] - known).max() < 1e-7
 
 
 @pytest.mark.parametrize("ending", ["npz", "mat", "nc"])
@@ -77,6 +80,16 @@ def test_files_hold_the_same_numbers(lin, made, tmp_path, ending):
     np.testing.assert_array_equal(data["X_0"], made.X(t))
     with pytest.raises(ArgumentError, match="ending"):
         save(system, tmp_path / "arm.txt")
+
+
+def test_the_matlab_script_reads_what_the_file_holds(lin, made, tmp_path):
+    script = matlab_script(save(lin.periodic_system(), tmp_path / "system.mat", (made,), 8, lin), 1).read_text()
+    data, asked = scipy.io.loadmat(tmp_path / "system.mat"), set(re.findall(r"data\.(\w+)", script))
+    assert {"A", "B", "t", "states", "state_units", "inputs", "designs"} <= asked <= set(data)
+    assert set(re.findall(r"data\.designs\(i\)\.(\w+)", script)) <= set(data["designs"].dtype.names)
+    assert [str(name[0]) for name in data["states"].ravel()] == list(Labels.of(lin).states)
+    assert (script.count("function "), script.count("\nend\n")) >= (2, 2)
+    assert "'system.mat'" in script
 
 
 @pytest.mark.slow
@@ -113,10 +126,24 @@ def test_compiled_programs_print_what_python_computes(lin, made, tmp_path):
     np.testing.assert_allclose(found, gain, rtol=1e-6, atol=1e-7 * np.abs(gain).max())
 
 
+def test_python_control_systems_bear_the_arms_names(lin):
+    labels, t = Labels.of(lin), np.array([0.2 * lin.period])
+    frozen = to_control(lin, 0.2, np.eye(6)[:1], ["encoder"])
+    assert isinstance(frozen, control.StateSpace)
+    np.testing.assert_array_equal(frozen.A, lin.A(t)[0])
+    np.testing.assert_array_equal(frozen.B, lin.input_matrix(t)[0])
+    assert [frozen.state_labels, frozen.input_labels, frozen.output_labels] == [[*labels.states], ["q1"], ["encoder"]]
+    assert periodic_plant(lin).state_labels == ["q1", "w11", "w12", "q1_rate", "w11_rate", "w12_rate"]
+
+
 def test_what_python_control_cannot_take_is_refused(lin):
     """Errors of NumPy's, python-control's and Python's own came through."""
     for outputs in (np.eye(3), np.nan, 1j, [], [["a"] * 6]):
         with pytest.raises(ArgumentError, match=r"^outputs "):
-            fl.control.to_control(lin, 0.2, outputs)
+            to_control(lin, 0.2, outputs)
+    with pytest.raises(ArgumentError, match="outputs"):
+        to_control(lin, 0.2, np.eye(6), ["encoder"])
+    with pytest.raises(ArgumentError, match="phase"):
+        to_control(lin, 1.0)
     with pytest.raises(ArgumentError, match="tol is not positive; got -1"):
         fl.control.lifted_model(lin, lin.period / 4, tol=-1.0)
