@@ -1,17 +1,17 @@
-"""Every kind of design: costs that agree with integration, optimality, and named refusals."""
+"""Every kind of design and the Kalman filter: costs that agree with integration, optimality, and named refusals."""
 
 import control
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.control import averaged_lqr, design, finite_horizon_lqr, frozen_lqr, pd_feedback, periodic_lqr
+from flexlin.control import averaged_lqr, design, finite_horizon_lqr, frozen_lqr, kalman_filter, periodic_lqr
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.scene.control import DesignTable
 from tests.closed_arm import opened
+from tests.periodic.dense import at, integrate
 
 KINDS = ("periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr")
 
@@ -25,9 +25,8 @@ def pendulums(depth=0.8, damping=0.02):
         out[:, 1, 1] += depth * np.sin(2 * t)
         return out
 
-    return fl.PeriodicSystem.from_second_order(
-        np.array([[1.5, 0.2], [0.2, 1.0]]), damping * np.eye(2), stiffness, np.pi, np.array([[1.0], [0.0]])
-    )
+    M, B = np.array([[1.5, 0.2], [0.2, 1.0]]), np.array([[1.0], [0.0]])
+    return fl.PeriodicSystem.from_second_order(M, damping * np.eye(2), stiffness, np.pi, B)
 
 
 Q, R = np.diag([2.0, 2.0, 1.0, 1.0]), np.array([[0.5]])
@@ -38,24 +37,25 @@ def table(kind, **changes):
     return DesignTable.model_construct(**(content | changes))
 
 
-def integrated_cost(made, x0, periods=40):
-    """The integral of x' Q x + u' R u along the closed loop, by SciPy."""
-
-    def rate(t, z):
-        at, x = np.array([t]), z[:-1]
-        u = -made.K(at)[0] @ x
-        return np.append(made.closed_loop.A(at)[0] @ x, x @ Q @ x + u @ R @ u)
-
-    run = solve_ivp(rate, (0, periods * np.pi), np.append(x0, 0.0), "DOP853", rtol=1e-10, atol=1e-12)
-    return run.y[-1, -1]
+DESIGNS = [
+    periodic_lqr(pendulums(), Q, R),
+    frozen_lqr(pendulums(), Q, R, phases=24),
+    averaged_lqr(pendulums(), Q, R),
+]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS[:3])
-def test_cost_is_the_integral_along_the_loop(kind):
-    made = design(pendulums(), table(kind))
+@pytest.mark.parametrize("made", DESIGNS, ids=lambda made: made.kind)
+def test_cost_is_the_integral_along_the_loop(made):
+    """Of x' Q x + u' R u, by SciPy."""
     x0 = np.array([0.3, -0.2, 0.1, 0.4])
-    assert made.cost(x0) == pytest.approx(integrated_cost(made, x0), rel=1e-7)
+
+    def rate(t, z):
+        x, u = z[:-1], -at(made.K, t) @ z[:-1]
+        return np.append(at(made.closed_loop.A, t) @ x, x @ Q @ x + u @ R @ u)
+
+    cost = integrate(rate, np.append(x0, 0.0), [0.0, 40 * np.pi], rtol=1e-10)[-1, -1]
+    assert made.cost(x0) == pytest.approx(cost, rel=1e-7)
 
 
 @pytest.mark.slow
@@ -63,29 +63,39 @@ def test_cost_is_the_integral_along_the_loop(kind):
 @settings(max_examples=6, deadline=None)
 def test_no_design_is_cheaper_than_the_periodic_one(start, t):
     best, *others = DESIGNS
-    for other in others:
-        assert best.cost(start, t) <= other.cost(start, t) * (1 + 1e-9) + 1e-12
+    assert all(best.cost(start, t) <= other.cost(start, t) * (1 + 1e-9) + 1e-12 for other in others)
 
 
-DESIGNS = [
-    periodic_lqr(pendulums(), Q, R),
-    frozen_lqr(pendulums(), Q, R),
-    averaged_lqr(pendulums(), Q, R),
-    pd_feedback(pendulums(), [0], [3.0], [2.0], problem=periodic_lqr(pendulums(), Q, R).problem),
-]
+C, W, V = np.eye(1, 4), np.diag([0.0, 0.0, 0.5, 0.2]), np.array([[0.01]])
 
 
-def test_constant_system_gives_the_lqr_of_python_control_in_every_kind():
-    system = pendulums(depth=0.0)
-    A, B = system.A(np.zeros(1))[0], system.B(np.zeros(1))[0]
+def test_constant_system_gives_the_lqr_and_filter_of_python_control_in_every_kind():
+    system, t = pendulums(depth=0.0), np.array([0.0, 1.0, 4.0])
+    A, B = at(system.A, 0.0), at(system.B, 0.0)
     K, X, poles = control.lqr(A, B, Q, R)
     for kind in KINDS:
         made = design(system, table(kind))
         assert (made.name, made.kind) == ("mine", kind)
-        assert np.abs(made.K(np.array([0.0, 0.7, 2.0])) - K).max() < 1e-8
-        assert np.abs(made.X(np.array([0.7])) - X).max() < 1e-8 * np.abs(X).max()
+        assert np.abs(made.K(t) - K).max() < 1e-8
+        assert np.abs(made.X(t) - X).max() < 1e-8 * np.abs(X).max()
         real = np.sort(fl.floquet(made.closed_loop).exponents.real)
         assert np.abs(real - np.sort(poles.real)).max() < 1e-7
+    L, P, _ = control.lqe(A, np.eye(4), C, W, V)
+    found = kalman_filter(system, C, W, V, tol=1e-11)
+    assert np.abs(found.P(t) - P).max() < 1e-9 * np.abs(P).max()
+    assert np.abs(found.L(t) - L).max() < 1e-9 * np.abs(L).max()
+
+
+def test_covariance_obeys_its_equation_forward_in_time():
+    system, stops = pendulums(), np.array([0.0, 0.8, 2.0, np.pi, 3.9])
+    found = kalman_filter(system, C, W, V, tol=1e-10)
+
+    def rate(t, P):
+        A = at(system.A, t)
+        return A @ P + P @ A.T - P @ C.T @ np.linalg.solve(V, C @ P) + W
+
+    P = found.P(stops)
+    assert np.abs(integrate(rate, P[0], stops) - P).max() < 1e-7 * np.abs(P).max()
 
 
 @pytest.mark.parametrize("what", ["B", "R"])
@@ -130,7 +140,7 @@ def test_a_gain_that_changes_fast_behind_a_narrow_weight_is_followed():
 
 
 def test_unstable_loop_costs_without_end():
-    weak = pd_feedback(pendulums(damping=-0.05), [0], [0.0], [0.0], problem=DESIGNS[0].problem)
+    weak = fl.control.pd_feedback(pendulums(damping=-0.05), [0], [0.0], [0.0], problem=DESIGNS[0].problem)
     assert fl.floquet(weak.closed_loop).verdict == "unstable"
     assert weak.cost(np.ones(4)) == np.inf
 
@@ -156,7 +166,7 @@ def test_periodic_gain_is_the_limit_of_long_horizons():
     assert np.abs(made.K(t) - end.K(t)).max() < 1e-8
 
 
-@pytest.mark.parametrize("kind", ["frozen-lqr", "averaged-lqr", "periodic-lqr"])
+@pytest.mark.parametrize("kind", ["frozen-lqr", "averaged-lqr"])
 def test_blocked_modes_are_named(kind):
     A = np.diag([0.5, -1.0, 0.25])
     unreached = fl.PeriodicSystem(A, 1.0, np.array([[1.0], [1.0], [0.0]]))
@@ -165,11 +175,16 @@ def test_blocked_modes_are_named(kind):
     unseen = fl.PeriodicSystem(A, 1.0, np.ones((3, 1)))
     with pytest.raises(NotDetectable, match=r"0\.5"):
         design(unseen, table(kind, state_weight=(0, 1, 1)))
+    words = r"not seen by the measurement; got real part of its exponent about 0\.5"
+    with pytest.raises(NotDetectable, match=words):
+        kalman_filter(unseen, np.array([[0.0, 1.0, 0.0]]), np.eye(3), np.eye(1))
+    with pytest.raises(ArgumentError, match="C does not fit"):
+        kalman_filter(unseen, np.ones((1, 4)), np.eye(3), np.eye(1))
 
 
 def test_modes_far_faster_hide_no_mode_that_the_input_reaches():
     """Beside bending at 2e8 rad/s the rank of Hautus's pencil is rounding; the joint is driven all the same."""
-    _, plant = opened(changes={"links.0.bending_stiffness": 3.69e12})
+    plant = opened(changes={"links.0.bending_stiffness": 3.69e12})[1]
     found = frozen_lqr(plant, np.diag([100.0, 100, 100, 1, 1, 1]), 0.1)
     assert fl.floquet(found.closed_loop).verdict == "stable"
 
