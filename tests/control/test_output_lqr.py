@@ -7,6 +7,8 @@ from scipy.optimize import minimize
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NotStabilizable
+from tests.periodic.systems import turn, turned
+from tests.thinned import thin
 
 A0 = np.array([[0.0, 1.0, 0.0], [-1.0, -0.1, 0.5], [0.2, 0.0, -0.3]])
 B0, C0 = np.array([[0.0], [1.0], [0.2]]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.3]])
@@ -25,34 +27,18 @@ def best_gain():
     return found.x, found.fun
 
 
-def test_a_constant_plant_gets_the_gain_that_a_search_finds():
-    made = fl.output_lqr(fl.PeriodicSystem(A0, 1.0, B=B0), C0, Q, R)
+@pytest.mark.parametrize("turning", thin([False, True]))
+def test_a_plant_gets_the_gain_that_a_search_finds_in_turning_coordinates_too(turning):
+    (system, C), P = turned(A0, B0, C0), turn(3, 2.0)
+    if turning:
+        made = fl.output_lqr(system, C, lambda t: P(t) @ Q @ np.swapaxes(P(t), 1, 2), R)
+        assert fl.floquet(made.closed_loop).verdict == "stable"
+    else:
+        made = fl.output_lqr(fl.PeriodicSystem(A0, 1.0, B=B0), C0, Q, R)
     K, cost = best_gain()
     np.testing.assert_allclose(made.K[0], K, rtol=1e-4)
     assert made.cost == pytest.approx(cost, rel=1e-8)
     assert made.status.startswith("converged")
-
-
-@pytest.mark.slow
-def test_the_same_plant_in_turning_coordinates_gets_the_same_gain():
-    J = np.zeros((3, 3))
-    J[0, 1], J[1, 0] = 2.0, -2.0
-
-    def P(t):
-        turn = np.tile(np.eye(3), (len(t), 1, 1))
-        turn[:, 0, 0] = turn[:, 1, 1] = np.cos(2 * t)
-        turn[:, 0, 1], turn[:, 1, 0] = np.sin(2 * t), -np.sin(2 * t)
-        return turn
-
-    def turned(M):
-        return lambda t: P(t) @ M @ np.swapaxes(P(t), 1, 2)
-
-    system = fl.PeriodicSystem(lambda t: J + turned(A0)(t), np.pi, B=lambda t: P(t) @ B0)
-    made = fl.output_lqr(system, lambda t: C0 @ np.swapaxes(P(t), 1, 2), turned(Q), R)
-    K, cost = best_gain()
-    np.testing.assert_allclose(made.K[0], K, rtol=1e-4)
-    assert made.cost == pytest.approx(cost, rel=1e-8)
-    assert fl.floquet(made.closed_loop).verdict == "stable"
 
 
 @pytest.mark.slow
@@ -69,8 +55,9 @@ def test_an_unstable_plant_begins_at_a_state_feedback_or_is_refused():
 def test_a_sensor_that_tells_nothing_new_changes_nothing():
     """Dead, or twice the same: the gains of both together are those of the one."""
     system = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -0.2]], 1.0, B=[[0.0], [1.0]])
-    alone = fl.output_lqr(system, [[0.0, 1.0]], np.eye(2), np.eye(1))
-    dead = fl.output_lqr(system, [[0.0, 1.0], [0.0, 0.0]], np.eye(2), np.eye(1))
-    twice = fl.output_lqr(system, [[0.0, 1.0], [0.0, 1.0]], np.eye(2), np.eye(1))
-    np.testing.assert_allclose(dead.K, [[alone.K[0, 0], 0.0]], atol=1e-9)
-    np.testing.assert_allclose(twice.K, [[alone.K[0, 0] / 2] * 2], rtol=1e-6)
+    alone, dead, twice = (
+        fl.output_lqr(system, [[0.0, 1.0], *other], np.eye(2), np.eye(1)).K[0]
+        for other in ([], [[0.0, 0.0]], [[0.0, 1.0]])
+    )
+    np.testing.assert_allclose(dead, [alone[0], 0.0], atol=1e-9)
+    np.testing.assert_allclose(twice, [alone[0] / 2] * 2, rtol=1e-6)
