@@ -1,15 +1,38 @@
-"""Critical values against closed forms and dense scans."""
+"""Critical values against closed forms and dense scans, of systems with piecewise constant stiffness: their spectra come from matrix
+exponentials, which share nothing with the engine and take microseconds."""
 
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from flexlin.periodic import Effort, SignedEnds, Spectra, find_crossings, solve_brackets
 from flexlin.resources import Stopwatch
-from tests.periodic.boundary.piecewise import meissner, piecewise
 from tests.thinned import thin
+
+
+def piecewise(mean, swing, damping, half):
+    """Values (V,) -> spectra of y'' + D y' + K y = 0 with K = mean(p) + swing, then mean(p) - swing, each for half(p)."""
+    n = len(damping)
+
+    def spectra(p):
+        product = np.eye(2 * n)
+        for sign in (1.0, -1.0):
+            A = np.zeros((len(p), 2 * n, 2 * n))
+            A[:, :n, n:], A[:, n:, :n], A[:, n:, n:] = np.eye(n), -mean(p) - sign * swing, -damping
+            product = expm(A * half(p)[:, None, None]) @ product
+        multipliers = np.linalg.eigvals(product).astype(complex)
+        apart = np.abs(multipliers[:, :, None] - multipliers[:, None, :]) + 9 * np.eye(2 * n)
+        return Spectra(np.log(multipliers), 3e-12 + 3e-12 / np.maximum(apart.min(axis=2), 2e-6))
+
+    return spectra
+
+
+def meissner(q, damping=0.0):
+    """y'' + d y' + (a +- q) y = 0, half of the period 2 pi each; the parameter is a."""
+    return piecewise(lambda a: a[:, None, None], q, np.array([[damping]]), lambda a: np.full(len(a), np.pi))
 
 
 def trace_roots(q: float, low: float, high: float) -> np.ndarray:
@@ -22,10 +45,13 @@ def trace_roots(q: float, low: float, high: float) -> np.ndarray:
 
     grid, roots = np.linspace(low, high, 200001), []
     for sign in (2.0, -2.0):
-        value = excess(grid, sign)
-        edges = np.flatnonzero(np.sign(value[1:]) != np.sign(value[:-1]))
+        edges = find_changes(excess(grid, sign) > 0)
         roots += [brentq(excess, grid[k], grid[k + 1], (sign,), xtol=1e-14) for k in edges]
     return np.sort(roots)
+
+
+def find_changes(signs):
+    return np.flatnonzero(signs[1:] != signs[:-1])
 
 
 @pytest.mark.parametrize("q", [0.02, 0.3, 1.0])
@@ -57,11 +83,7 @@ def oscillators(rng, size, damping):
     turn = np.linalg.qr(rng.standard_normal((2, 2)))[0]
     mean = turn @ np.diag(rng.uniform(0.5, 6.0, 2)) @ turn.T
     swing = rng.standard_normal((2, 2)) * size
-
-    def stiffness(sign):
-        return lambda p: np.broadcast_to(mean + sign * (swing + swing.T), (len(p), 2, 2))
-
-    return piecewise(stiffness(1.0), stiffness(-1.0), damping(rng), lambda p: np.pi / p)
+    return piecewise(lambda p: mean, swing + swing.T, damping(rng), lambda p: np.pi / p)
 
 
 @pytest.mark.slow
@@ -72,8 +94,7 @@ def test_random_pairs_of_oscillators_against_a_dense_scan(seed):
     low, high = 0.8, 4.0
     values = [one.value for one in find_crossings(spectra, spectra, low, high, 1e-9) if not one.touching]
     grid = np.linspace(low, high, 8001)
-    unstable = spectra(grid).verdicts > 0
-    edges = grid[np.flatnonzero(unstable[1:] != unstable[:-1])]
+    edges = grid[find_changes(spectra(grid).verdicts > 0)]
     step, guaranteed = grid[1] - grid[0], (high - low) / 1000
     ends = np.concatenate([[low], edges, [high]])
     wide = np.minimum(np.diff(ends)[:-1], np.diff(ends)[1:]) > guaranteed
@@ -117,10 +138,7 @@ def test_a_search_that_ends_early_says_what_it_knows(monkeypatch, seconds):
     assert effort.values == len(made)
     for one in found:
         assert np.abs(exact - one.value).min() <= one.error
-    if len(found) < len(exact):
-        assert effort.gap > 0
-    if seconds < 50:
-        assert effort.gap > 0
+    assert effort.gap > 0 or (len(found) >= len(exact) and seconds > 50)
     if len(found) and seconds < 100:
         assert effort.unfinished or max(one.error for one in found) < 1e-8
 
@@ -155,20 +173,14 @@ def test_a_short_scan_is_coarse_only_where_no_turn_of_a_multiplier_outweighs_its
     assert len(made) < 30
 
 
-def test_a_scan_of_a_heavily_damped_system_is_short(monkeypatch):
+def test_a_scan_of_a_heavily_damped_system_is_short_and_a_boundary_in_the_first_cell_is_found(monkeypatch):
     counted, made = timed_by_values(monkeypatch, meissner(0.3, damping=0.4))
     assert find_crossings(counted, counted, 1.4, 3.0, 1e-9) == []
     assert len(made) < 200
-
-
-def test_no_boundary_and_a_boundary_in_the_first_cell():
-    spectra = meissner(0.3, damping=0.4)
-    assert find_crossings(spectra, spectra, 1.4, 3.0, 1e-9, samples=65) == []
-    edge = trace_roots(0.3, 0.5, 2.0)[0]
-    spectra = meissner(0.3)
-    found = find_crossings(spectra, spectra, edge - 1e-4, edge + 0.05, 1e-9, samples=65)
-    assert [one.onset for one in found] == [True]
-    assert abs(found[0].value - edge) < 1e-9
+    spectra, edge = meissner(0.3), trace_roots(0.3, 0.5, 2.0)[0]
+    (found,) = find_crossings(spectra, spectra, edge - 1e-4, edge + 0.05, 1e-9, samples=65)
+    assert found.onset
+    assert abs(found.value - edge) < 1e-9
 
 
 def test_roots_of_many_functions_at_once():
