@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
 from flexlin.periodic import find_together, match_logs
@@ -13,36 +15,30 @@ def agree(systems, tol):
     """How many systems meet tol; each of them lies within both errors of what `floquet` says, and its verdict is the same."""
     products = find_together(systems, tol)
     found, reached = products.spectra, products.meets(tol)
-    codes = {"stable": -1, "unstable": 1, "undecided": 0}
     for k in np.flatnonzero(reached):
         one = fl.floquet(systems[k], 1e-11)
         partner, apart = match_logs(found.logs[k], one.log_multipliers)
         known = np.isfinite(one.errors[partner])
         assert np.all(apart[known] <= (found.errors[k] + one.errors[partner] * one.period)[known])
         verdict = found.at(np.array([k])).verdicts[0]
-        assert verdict == codes[one.verdict] or verdict == 0
+        assert verdict in (0, {"stable": -1, "unstable": 1, "undecided": 0}[one.verdict])
     return int(reached.sum())
 
 
 def test_tongues_of_mathieus_equation():
     """Anywhere, on the edges of tongues and a little beside them, with and without damping."""
-    from scipy.special import mathieu_a, mathieu_b
-
-    rng = np.random.default_rng(0)
-    q = 10 ** rng.uniform(-3, 0.5, 12)
-    edges = [float(one(int(rng.integers(1, 5)), value)) for value in q for one in (mathieu_a, mathieu_b)]
-    beside = [edge + rng.choice([-1, 1]) * 10 ** rng.uniform(-9, -3) for edge in edges]
-    systems = [
-        mathieu_second_order(a, value) for a, value in zip([*edges, *beside], np.tile(np.repeat(q, 2), 2), strict=True)
-    ]
+    rng, systems = np.random.default_rng(0), []
+    for q in np.repeat(10 ** rng.uniform(-3, 0.5, 12), 2):
+        edge = float(rng.choice([mathieu_a, mathieu_b])(int(rng.integers(1, 5)), q))
+        beside = edge + rng.choice([-1, 1]) * 10 ** rng.uniform(-9, -3)
+        systems += [mathieu_second_order(a, q) for a in (edge, beside)]
     systems += [mathieu_second_order(a, 0.4, 0.02) for a in rng.uniform(0.1, 12, 12)]
     assert agree(systems, 1e-5) > 50
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_non_normal_systems(seed):
-    rng = np.random.default_rng(seed)
-    systems = []
+    rng, systems = np.random.default_rng(seed), []
     for _ in range(8):
         constant = np.diag(rng.uniform(-2, 0.3, 3)) + np.triu(3 * rng.standard_normal((3, 3)), 1)
         systems.append(fl.PeriodicSystem(lyapunov_transformed(constant, 2.0, 2, rng), np.pi))
@@ -55,11 +51,11 @@ def test_what_the_segments_do_not_follow_is_not_called_accurate():
     def jump(t):
         return np.where(np.mod(t, 1.0) < 0.4142, -1.0, 0.7)[:, None, None] * np.eye(2)
 
-    fast = fl.PeriodicSystem(np.diag([-1.0, -1e5]), 1.0)
-    apart = fl.PeriodicSystem(
-        lambda t: np.array([[1.0, 5.0], [0.0, -90.0]]) + 0.1 * np.sin(2 * np.pi * t)[:, None, None], 1.0
-    )
-    assert not find_together([fast, fl.PeriodicSystem(jump, 1.0), apart], 1e-8).meets(1e-8).any()
+    def apart(t):
+        return np.array([[1.0, 5.0], [0.0, -90.0]]) + 0.1 * np.sin(2 * np.pi * t)[:, None, None]
+
+    systems = [fl.PeriodicSystem(A, 1.0) for A in (np.diag([-1.0, -1e5]), jump, apart)]
+    assert not find_together(systems, 1e-8).meets(1e-8).any()
 
 
 @pytest.mark.parametrize("seed", [0, 3, 6, 9])
@@ -80,16 +76,12 @@ def test_products_are_no_farther_off_than_their_bound(seed):
 
 def test_a_frequency_is_searched_on_few_systems():
     """y'' + (1 - 0.4 cos pt) y = 0: Mathieu's equation of a = 4 / p^2, q = a / 5; SciPy knows its edges."""
-    from scipy.optimize import brentq
-    from scipy.special import mathieu_a, mathieu_b
-
     asked = []
 
     def system(p):
         asked.append(p)
-        return fl.PeriodicSystem.from_second_order(
-            [[1.0]], [[0.0]], lambda t: (1 - 0.4 * np.cos(p * t))[:, None, None], 2 * np.pi / p
-        )
+        stiffness = lambda t: (1 - 0.4 * np.cos(p * t))[:, None, None]  # noqa: E731
+        return fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], stiffness, 2 * np.pi / p)
 
     found = [one.value for one in fl.critical_values(system, "p", (0.45, 3.0), tol=1e-8)]
     edges = [(edge, n) for n in range(1, 5) for edge in (mathieu_a, mathieu_b)]
