@@ -61,15 +61,11 @@ def test_the_lifted_problem_has_the_same_cost_and_gain(delay):
     F, G, S = lifted_problem(delay)
     S = (S + S.T) / 2
     made = fl.sampled_lqr(PLANT, weight, R, H, delay)
-    if (
-        delay == H
-    ):  # the last input costs in the next round only: R h of that is counted here, where dare needs a weight
-        S[-1, -1] += R[0, 0] * H
-        S[2, 2] -= R[0, 0] * H
+    later = R[0, 0] * H * (delay == H)  # the last input costs in the next round only, of which dare needs a weight here
+    S[-1, -1] += later
+    S[2, 2] -= later
     X, _, K = control.dare(F, G, S[:3, :3], S[3:, 3:], S[:3, 3:], np.eye(3))
-    X = np.array(X)
-    if delay == H:
-        X[2, 2] += R[0, 0] * H
+    X[2, 2] += later
     r = made.X.shape[1]
     np.testing.assert_allclose(made.X[0], X[:r, :r], rtol=0, atol=1e-8 * np.abs(X).max())
     np.testing.assert_allclose(made.K[0, 0], K[0, :r], rtol=0, atol=1e-8 * np.abs(K).max())
@@ -127,25 +123,20 @@ def test_the_covariance_of_a_varying_plant_repeats():
 @pytest.mark.parametrize("delay", [0.0, 0.4 * H])
 def test_a_loop_with_an_estimator_decays_as_its_multipliers_say(delay):
     """The filter as a device would run it, sample by sample, on the plant integrated by DOP853; and the separation of multipliers."""
-    design = fl.sampled_lqr(PLANT, weight, R, H, delay)
-    C = np.array([[1.0, 0.0]])
+    design, C = fl.sampled_lqr(PLANT, weight, R, H, delay), np.array([[1.0, 0.0]])
     estimator = fl.sampled_estimator(PLANT, C, weight, [[0.02]], H)
     found = estimator.floquet(design)
     parts = np.concatenate([design.floquet().exponents.real, estimator.floquet().exponents.real])
     known = np.sort(found.exponents.real)[::-1][:4]
     np.testing.assert_allclose(known, np.sort(parts)[::-1][:4], rtol=1e-7)
-    spans = [
-        (span(k * H, k * H + delay)[0] if delay else np.eye(3), span(k * H + delay, (k + 1) * H)[0])
-        for k in range(SAMPLES)
-    ]
+    early = [span(k * H, k * H + delay)[0] if delay else np.eye(3) for k in range(SAMPLES)]
+    late = [span(k * H + delay, (k + 1) * H)[0] for k in range(SAMPLES)]
     x, predicted, held, sizes = np.array([1.0, -0.5]), np.zeros(2), np.zeros(1), []
-    for k in range(40 * SAMPLES):
-        first, second = spans[k % SAMPLES]
-        corrected = predicted + estimator.M[k % SAMPLES] @ (C @ (x - predicted))
-        u = -design.K[k % SAMPLES] @ np.concatenate([corrected, held])[: design.K.shape[2]]
-        x, predicted = (
-            (second @ np.concatenate([(first @ np.concatenate([state, held]))[:2], u]))[:2] for state in (x, corrected)
-        )
+    for k in 40 * list(range(SAMPLES)):
+        corrected = predicted + estimator.M[k] @ (C @ (x - predicted))
+        u = -design.K[k] @ np.append(corrected, held)[: design.K.shape[2]]
+        begun = [(early[k] @ np.append(state, held))[:2] for state in (x, corrected)]
+        x, predicted = ((late[k] @ np.append(state, u))[:2] for state in begun)
         held = u
         sizes.append(np.linalg.norm([*x, *predicted]))
     rate = np.log(sizes[35 * SAMPLES] / sizes[5 * SAMPLES]) / (30 * T)
@@ -161,18 +152,16 @@ def test_samples_that_fill_several_periods_share_their_gains_by_phase():
 
 
 def test_what_cannot_be_designed_is_refused():
-    with pytest.raises(ArgumentError, match="begin anew together"):
-        fl.sampled_lqr(PLANT, Q, R, 0.1234567)
-    with pytest.raises(ArgumentError, match="delay"):
-        fl.sampled_lqr(PLANT, Q, R, H, 1.1 * H)
-    oscillator = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    hidden = fl.PeriodicSystem(oscillator, 2 * np.pi, B=[[0.0], [1.0]])
-    with pytest.raises((NotStabilizable, NotDetectable)):  # sampled once a turn
-        fl.sampled_lqr(hidden, np.eye(2), np.eye(1), 2 * np.pi)
-    with pytest.raises(NotDetectable):
-        fl.sampled_estimator(hidden, [[1.0, 0.0]], np.eye(2), np.eye(1), 2 * np.pi)
-    unseen = fl.PeriodicSystem(np.diag([0.5, -1.0]), 1.0, B=[[1.0], [1.0]])
-    with pytest.raises(NotDetectable):
-        fl.sampled_lqr(unseen, np.diag([0.0, 1.0]), np.eye(1), 0.1)
-    with pytest.raises(NotStabilizable):
-        fl.sampled_lqr(fl.PeriodicSystem(np.diag([0.5, -1.0]), 1.0, B=[[0.0], [1.0]]), np.eye(2), np.eye(1), 0.1)
+    oscillator = fl.PeriodicSystem(np.array([[0.0, 1.0], [-1.0, 0.0]]), 2 * np.pi, B=[[0.0], [1.0]])
+    mode, turn, weights = np.diag([0.5, -1.0]), 2 * np.pi, (np.eye(2), np.eye(1))
+    unseen, unreached = (fl.PeriodicSystem(mode, 1.0, B=B) for B in ([[1.0], [1.0]], [[0.0], [1.0]]))
+    for error, words, function, *given in (
+        (ArgumentError, "begin anew together", fl.sampled_lqr, PLANT, Q, R, 0.1234567),
+        (ArgumentError, "delay", fl.sampled_lqr, PLANT, Q, R, H, 1.1 * H),
+        ((NotStabilizable, NotDetectable), "sample", fl.sampled_lqr, oscillator, *weights, turn),  # sampled once a turn
+        (NotDetectable, "seen", fl.sampled_estimator, oscillator, [[1.0, 0.0]], *weights, turn),
+        (NotDetectable, "seen", fl.sampled_lqr, unseen, np.diag([0.0, 1.0]), np.eye(1), 0.1),
+        (NotStabilizable, "reached", fl.sampled_lqr, unreached, *weights, 0.1),
+    ):
+        with pytest.raises(error, match=words):
+            function(*given)
