@@ -10,8 +10,8 @@ from scipy.special import mathieu_a, mathieu_b
 import flexlin as fl
 from flexlin.errors import ArgumentError
 from flexlin.scene import replace_value
-
-from .closed_arm import control_loop
+from tests.closed_arm import control_loop
+from tests.periodic.systems import mathieu_second_order
 
 
 def clamped_constants() -> tuple[float, float, float]:
@@ -27,24 +27,25 @@ def clamped_constants() -> tuple[float, float, float]:
     return beta**4, G, H
 
 
+def roots(function, grid, *arguments):
+    """Of a function between the points of a grid."""
+    value = np.array([function(x, *arguments) for x in grid])
+    cells = np.flatnonzero(value[1:] * value[:-1] < 0)
+    return [brentq(function, grid[k], grid[k + 1], arguments, xtol=1e-14) for k in cells]
+
+
 def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:
     """Rates of the spinning link at which Mathieu's a meets a characteristic value of q.
 
     a = 4 (k11 + (G - 1) W^2) / W^2, q = 2 g H / W^2
     """
     k11, G, H = clamped_constants()
-    grid, roots = np.linspace(low, high, 20001), []
-    for n in range(1, 9):
-        for characteristic in (mathieu_a, mathieu_b):
 
-            def excess(W, n=n, characteristic=characteristic):
-                return 4 * (k11 / W**2 + G - 1) - characteristic(n, 2 * gravity * H / W**2)
+    def excess(W, n, characteristic):
+        return 4 * (k11 / W**2 + G - 1) - characteristic(n, 2 * gravity * H / W**2)
 
-            value = excess(grid)
-            roots += [
-                brentq(excess, grid[k], grid[k + 1], xtol=1e-14) for k in np.flatnonzero(value[1:] * value[:-1] < 0)
-            ]
-    return np.sort(roots)
+    grid = np.linspace(low, high, 20001)
+    return np.sort([x for n in range(1, 9) for one in (mathieu_a, mathieu_b) for x in roots(excess, grid, n, one)])
 
 
 @pytest.mark.slow
@@ -61,11 +62,6 @@ def test_the_spinning_link_meets_mathieus_characteristic_values():
     assert [one.resonance[:30] for one in found[::2]] == [f"principal resonance of order {k}" for k in (4, 3, 2)]
 
 
-def largest_growth(scene, path, value):
-    scene = replace_value(scene, path, float(value))
-    return fl.floquet(control_loop(scene).periodic_system(), 1e-12).exponents.real.max()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "path", "low", "high"),
@@ -78,15 +74,19 @@ def largest_growth(scene, path, value):
 )
 def test_damped_scenes_agree_with_bisection_by_floquet(name, path, low, high):
     scene = fl.load_scene(name)
+
+    def growth(value):
+        loop = control_loop(replace_value(scene, path, float(value)))
+        return fl.floquet(loop.periodic_system(), 1e-12).exponents.real.max()
+
     (found,) = fl.critical_values(scene, path, (low, high), tol=1e-8, samples=17)
     assert name != "khang-2019" or found.resonance.startswith("flutter near 2.")  # 2 w: 31 rad/s
-    exact = brentq(lambda value: largest_growth(scene, path, value), low, high, xtol=1e-12)
+    exact = brentq(growth, low, high, xtol=1e-12)
     assert abs(found.value - exact) <= found.error + 1e-11
     assert found.error < 1e-8
-    assert (found.kind == "onset") == (largest_growth(scene, path, high) > 0)
+    assert (found.kind == "onset") == (growth(high) > 0)
     h = 1e-5 * abs(exact)
-    measured = (largest_growth(scene, path, exact + h) - largest_growth(scene, path, exact - h)) / (2 * h)
-    assert found.slope == pytest.approx(measured, rel=1e-4)
+    assert found.slope == pytest.approx((growth(exact + h) - growth(exact - h)) / (2 * h), rel=1e-4)
 
 
 def test_a_stable_scene_and_a_constant_system_have_none():
@@ -96,19 +96,16 @@ def test_a_stable_scene_and_a_constant_system_have_none():
     assert fl.critical_values(scene, "motion.joints.0.rate", (1.0, 8.0), samples=65) == []
 
 
-@pytest.mark.parametrize(
-    ("path", "limits", "loop"),
-    [
-        ("motion.frequency", (2.0, 1.0), "own"),
-        ("motion.frequency", (1.0, 2.0), "no such"),
-        ("links.0.x", (1.0, 2.0), "own"),
-    ],
-)
-def test_what_does_not_fit_is_refused(path, limits, loop):
-    with pytest.raises(ArgumentError):
-        fl.critical_values(fl.load_scene("khang-2019"), path, limits, loop=loop)
-    with pytest.raises(ArgumentError):
-        fl.critical_values("khang-2019", path, limits)
+def test_what_does_not_fit_is_refused():
+    scene = fl.load_scene("khang-2019")
+    for model, path, limits, loop in (
+        (scene, "motion.frequency", (2.0, 1.0), "own"),
+        (scene, "motion.frequency", (1.0, 2.0), "no such"),
+        (scene, "links.0.x", (1.0, 2.0), "own"),
+        ("khang-2019", "motion.frequency", (1.0, 2.0), "own"),
+    ):
+        with pytest.raises(ArgumentError):
+            fl.critical_values(model, path, limits, loop=loop)
 
 
 def test_a_spring_that_jumps():
@@ -127,10 +124,7 @@ def test_a_spring_that_jumps():
         trace = 2 * np.cos(x) * np.cos(y) - (first / second + second / first) * np.sin(x) * np.sin(y)
         return abs(trace.real) - 2 * np.cosh(c * T / 2)
 
-    grid = np.linspace(0.1, 5, 4001)
-    values = np.array([excess(a) for a in grid])
-    cells = np.flatnonzero(values[:-1] * values[1:] < 0)
-    exact = [brentq(excess, grid[k], grid[k + 1], xtol=1e-13) for k in cells]
+    exact = roots(excess, np.linspace(0.1, 5, 4001))
     found = fl.critical_values(system, "a", (0.1, 5.0), tol=1e-7)
     assert [one.value for one in found] == pytest.approx(exact, abs=1e-7)
     assert [one.kind for one in found] == [("onset", "recovery")[int(excess(a + 1e-3) < 0)] for a in exact]
@@ -140,13 +134,8 @@ def test_a_spring_that_jumps():
 def test_a_function_with_a_kink_in_its_number(bend):
     """No polynomial in the number serves across the kink: Mathieu's equation in |p|, and in a number that counts less below zero."""
 
-    def system(p):
-        a = float(bend(p))
-        return fl.PeriodicSystem.from_second_order(
-            [[1.0]], [[0.0]], lambda t: (a - 0.4 * np.cos(2 * t))[:, None, None], np.pi
-        )
-
-    found = [one.value for one in fl.critical_values(system, "p", (-1.0, 1.5), samples=257)]
+    found = fl.critical_values(lambda p: mathieu_second_order(float(bend(p)), 0.2), "p", (-1.0, 1.5), samples=257)
+    found = [one.value for one in found]
     above = [0.795124, 1.194874]
     assert [value for value in found if value > 0.5] == pytest.approx(above, abs=2e-6)
     if bend is np.abs:

@@ -7,6 +7,7 @@ from scipy.special import mathieu_a, mathieu_b
 import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.scene import revise_scene
+from tests.periodic.systems import mathieu_second_order
 from tests.test_critical_values import clamped_constants
 
 
@@ -18,13 +19,10 @@ def distances(points):
         return 4 * (k11 / rate**2 + G - 1) - characteristic(n, 2 * gravity * H / rate**2)
 
     (rate, gravity), h, every = points.T, 1e-6, []
-    for n in range(1, 8):
-        for one in (mathieu_a, mathieu_b):
-            slopes = (
-                excess(rate + h, gravity, n, one) - excess(rate - h, gravity, n, one),
-                excess(rate, gravity + h, n, one) - excess(rate, gravity - h, n, one),
-            )
-            every.append(2 * h * np.abs(excess(rate, gravity, n, one)) / np.hypot(*slopes))
+    for curve in ((n, one) for n in range(1, 8) for one in (mathieu_a, mathieu_b)):
+        along = excess(rate + h, gravity, *curve) - excess(rate - h, gravity, *curve)
+        across = excess(rate, gravity + h, *curve) - excess(rate, gravity - h, *curve)
+        every.append(2 * h * np.abs(excess(rate, gravity, *curve)) / np.hypot(along, across))
     return np.min(every, axis=0)
 
 
@@ -38,9 +36,7 @@ def test_verdicts_of_the_spinning_link_are_those_of_mathieus_chart():
     rate, gravity = np.meshgrid(*axes.values(), indexing="ij")
     k11, G, H = clamped_constants()
     a, q = 4 * (k11 + (G - 1) * rate**2) / rate**2, 2 * gravity * H / rate**2
-    inside = np.zeros(a.shape, dtype=bool)
-    for n in range(1, 12):
-        inside |= (mathieu_b(n, q) < a) & (a < mathieu_a(n, q))
+    inside = np.any([(mathieu_b(n, q) < a) & (a < mathieu_a(n, q)) for n in range(1, 12)], axis=0)
     np.testing.assert_array_equal(data["verdict"].values == "unstable", inside)
     assert 10 < inside.sum() < inside.size / 2
 
@@ -60,35 +56,29 @@ def test_tongues_of_the_spinning_link_lie_on_mathieus_curves():
     assert orders == ["principal resonance of order 2"] * 2 + ["principal resonance of order 3"] * 2
 
 
-@pytest.mark.parametrize(
-    ("ranges", "error"),
-    [
-        ({"motion.joints.0.rate": (1.0, 2.0)}, ArgumentError),
+def test_ranges_that_do_not_fit_are_refused():
+    scene, rate = fl.load_scene("spinning-link"), {"motion.joints.0.rate": (1.0, 2.0)}
+    for ranges, error in (
+        (rate, ArgumentError),
         ({"motion.joints.0.rate": (2.0, 1.0), "effects.gravity.acceleration": (1.0, 2.0)}, ArgumentError),
-        ({"motion.joints.0.rate": (1.0, 2.0), "links.0.length": (-1.0, 1.0)}, SceneError),
-    ],
-)
-def test_ranges_that_do_not_fit_are_refused(ranges, error):
-    with pytest.raises(error):
-        fl.stability_boundary(fl.load_scene("spinning-link"), ranges)
+        (rate | {"links.0.length": (-1.0, 1.0)}, SceneError),
+    ):
+        with pytest.raises(error):
+            fl.stability_boundary(scene, ranges)
 
 
 @pytest.mark.slow
 def test_a_curve_says_whether_it_is_as_near_as_was_asked():
     """The claims of a curve are below tol as far as rounding of the spectra lets them."""
 
-    def find(damping, ranges, tol):
-        def mathieu(a, q):
-            stiffness = lambda t: (a - 2 * q * np.cos(2 * t))[:, None, None]  # noqa: E731
-            return fl.PeriodicSystem.from_second_order([[1.0]], [[damping]], stiffness, np.pi)
+    def find(tol):
+        ranges = {"a": (0.9, 1.3), "q": (0.15, 0.3)}
+        return fl.stability_boundary(lambda a, q: mathieu_second_order(a, q, 0.1), ranges, tol, cells=6)
 
-        return fl.stability_boundary(mathieu, ranges, tol, cells=6)
-
-    ranges = {"a": (0.9, 1.3), "q": (0.15, 0.3)}
-    for curve in find(0.2, ranges, 1e-5):
+    for curve in find(1e-5):
         assert curve.error.max() <= 0.4e-5  # of a range of 0.4
         assert curve.status == f"every point lies within {curve.error.max():.1e} of the boundary"
-    for curve in find(0.2, ranges, 1e-10):
+    for curve in find(1e-10):
         (a, q), far = curve.points[curve.error.argmax()], (curve.error > 0.4e-10).sum()
         assert far
         assert curve.status.startswith(f"{far} of {len(curve.points)} points may lie further")
