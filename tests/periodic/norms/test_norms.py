@@ -1,5 +1,7 @@
 """Norms of periodic systems: rotated constant systems, whose norms are those of the constant one, and Hill's truncated equations."""
 
+import tracemalloc
+
 import mpmath
 import numpy as np
 import pytest
@@ -15,16 +17,15 @@ from tests.thinned import thin
 A0, B0, C0 = np.array([[-1.0, -0.5], [-3.0, -5.0]]), np.array([[3.0], [1.0]]), np.array([[1.0, 2.0]])
 
 
-def gain(A, B, C, D, w):
-    return np.linalg.norm(C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, B) + D, 2)
+def constant_peak(A, B, C):
+    def gain(w):
+        return np.linalg.norm(C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, B), 2)
 
-
-def constant_peak(A, B, C, D):
     grid = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 4000)])
-    sizes = [gain(A, B, C, D, w) for w in grid]
+    sizes = [gain(w) for w in grid]
     k = int(np.argmax(sizes))
     span = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
-    best = minimize_scalar(lambda w: -gain(A, B, C, D, w), bounds=span, method="bounded", options={"xatol": 1e-10})
+    best = minimize_scalar(lambda w: -gain(w), bounds=span, method="bounded", options={"xatol": 1e-10})
     return max(-best.fun, sizes[k])
 
 
@@ -57,7 +58,6 @@ def narrow_feedthrough(t):
 @pytest.mark.slow
 def test_an_unstable_system_that_jumps_is_refused_within_little_memory():
     """What no input reaches is sought at thousands of nodes of the growing mode: 1.6 GB were taken for a basis that nothing uses."""
-    import tracemalloc
 
     def A(t):
         jumps = 0.2 * np.sign(np.sin(t + 1e-9))[:, None, None]
@@ -92,7 +92,7 @@ def test_a_level_just_above_the_norm_is_found_there():
     A = -np.diag(10 ** rng.uniform(-1.5, 0, 3))
     A[0, 1], A[1, 0] = -0.5, 30.0
     B, C = rng.normal(size=(3, 2)), rng.normal(size=(1, 3))
-    found, known = fl.hinf_norm(*turned(A, B, C, 1.2566)), constant_peak(A, B, C, 0.0)
+    found, known = fl.hinf_norm(*turned(A, B, C, 1.2566)), constant_peak(A, B, C)
     assert abs(found.value - known) <= found.error <= 1e-8 * known
 
 
@@ -129,7 +129,7 @@ def test_a_mode_that_turns_more_often_in_a_period_than_inputs_that_are_tried():
     A = np.zeros((4, 4))
     A[:2, :2], A[2:, 2:] = [[0.0, 1.0], [-1.0, -0.2]], [[0.0, 80.0], [-80.0, -0.016]]
     B, C = np.array([[0.0, 1.0, 0.0, 1.0]]).T, np.array([[1.0, 0.0, 1.0, 0.0]])
-    found, exact = fl.hinf_norm(*turned(A, B, C, speed=1.0)), constant_peak(A, B, C, 0.0)
+    found, exact = fl.hinf_norm(*turned(A, B, C, speed=1.0)), constant_peak(A, B, C)
     assert abs(found.value - exact) <= found.error <= 1e-6 * exact
 
 
