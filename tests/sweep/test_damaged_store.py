@@ -1,9 +1,12 @@
-"""A damaged store never gives a number that the whole one does not hold: a block is computed again, or the store refused."""
+"""A damaged store never gives a number that the whole one does not hold: a block is computed again, or the store refused; an incomplete one
+goes on, and one that is none is refused."""
 
 import gc
 import json
 import os
 import shutil
+import socket
+from unittest.mock import Mock
 
 import casadi as ca
 import numpy as np
@@ -11,6 +14,8 @@ import pytest
 import xarray
 
 import flexlin as fl
+from flexlin.analyses import compute_here
+from flexlin.cli import main
 from flexlin.errors import ArgumentError, OutputError
 from tests.thinned import thin
 
@@ -120,14 +125,13 @@ def test_a_store_of_a_family_holds_each_number_under_its_name_and_why_a_value_is
     kept = xarray.open_zarr(tmp_path / "c.zarr", consolidated=False)
     for name, numbers in values.items():
         assert kept[name].values.tolist() == found[name].values.tolist() == numbers
+    assert_same(again, found)
     assert [reason[:27] for reason in again["reason"].values] == ["", "the growth rate is zero to ", ""]
-    assert again["reason"].values.tolist() == found["reason"].values.tolist()
 
 
 @pytest.mark.parametrize("name", ["error", "period", "mode", "checksum"])
 def test_a_number_with_the_name_of_a_result_is_refused(name):
-    t, p = ca.SX.sym("t"), ca.SX.sym(name)
-    family = fl.PeriodicFamily(ca.blockcat([[0, 1], [-p, -0.2]]), t, [p], 2 * np.pi)
+    family = fl.PeriodicFamily(ca.diag(ca.SX([-1, -2])), ca.SX.sym("t"), [ca.SX.sym(name)], 1.0)
     with pytest.raises(ArgumentError, match=name):
         fl.sweep(family, {name: [1.0, 2.0]})
 
@@ -154,3 +158,47 @@ def test_metadata_by_which_others_read_the_numbers_stand_as_they_were_made(store
     with pytest.raises(OutputError, match=f"damaged metadata.*of {array or 'the whole'}") as found:
         sweep_into(store)
     assert str(store) in str(found.value)
+
+
+def test_clusters_and_stores_that_are_not_there_are_refused(monkeypatch, tmp_path):
+    monkeypatch.setattr("flexlin.analyses.sweep.sharing.SCHEDULER_SECONDS", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        closed = taken.getsockname()[1]
+    (tmp_path / "c.zarr").write_text("no store")
+    for given, words in (
+        ({"client": "nowhere:1"}, "no scheduler answers"),
+        ({"client": "nowhere:port"}, "no scheduler answers"),
+        ({"client": f"tcp://127.0.0.1:{closed}"}, "no scheduler answers"),
+        ({"client": 3}, "another kind"),
+        ({"workers": 0}, "whole number"),
+        ({"store": tmp_path / "c.zarr"}, "c.zarr"),
+    ):
+        with pytest.raises((ArgumentError, OutputError), match=words):
+            fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, **given)
+
+
+def test_an_incomplete_chart_goes_on_with_more_time(tmp_path, capsys, monkeypatch):
+    """Limits change no number, so the command may be given again with others, as its message advises."""
+    words = ["chart", "single-link", "--over", "effects.payload.mass=0:0.3:200", "--store", str(tmp_path / "c.zarr")]
+    words += ["--set", "links.0.modes=1", "designs=[]", "control={}", "--out", str(tmp_path / "out")]
+
+    def interrupted(job):
+        yield next(compute_here(job))
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("flexlin.report.charts.choose_crew", lambda *_: interrupted)
+        assert main(words) == 4
+        told = capsys.readouterr()
+        for text in (*told, (tmp_path / "out" / "chart.html").read_text(encoding="utf-8")):
+            assert "is not complete: interrupted, with 96 of 200 values" in text
+            assert f"the same command goes on from {tmp_path / 'c.zarr'}" in text
+        assert "no answer" not in told.out
+        patch.setattr("flexlin.report.charts.compute_chart", Mock(side_effect=KeyboardInterrupt))
+        assert main(words) == 1
+        assert f"goes on from {tmp_path / 'c.zarr'}" in capsys.readouterr().err
+    assert main([*words, "--limit-seconds", "500", "--limit-memory", "9e8"]) == 0
+    said = capsys.readouterr().err
+    assert "--store" in (tmp_path / "out" / "chart.html").read_text(encoding="utf-8")
+    assert "values are there already" in said
+    assert "differs" not in said

@@ -2,9 +2,9 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -13,10 +13,11 @@ import pytest
 
 import flexlin as fl
 from flexlin.analyses import compute_here, keep_in, prepare_job, share_among_processes, share_on_cluster
-from flexlin.cli import main
-from flexlin.errors import ArgumentError, OutputError
+from flexlin.errors import ArgumentError
 from flexlin.scene import revise_scene
+from tests.sweep.test_damaged_store import assert_same
 
+pytestmark = pytest.mark.slow
 distributed, _ = pytest.importorskip("distributed"), pytest.importorskip("zarr")
 SCENE = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
 VALUES = {"effects.payload.mass": np.linspace(0.0, 0.3, 36), "control.feedback.kp.0": np.linspace(0.0, 6.0, 20)}
@@ -35,11 +36,6 @@ def make_job(values=VALUES):
     return prepare_job(SCENE, values, 1e-8, True, "own")
 
 
-def assert_same(data, other):
-    for name in other.data_vars:
-        np.testing.assert_array_equal(data[name].values, other[name].values)
-
-
 class Deadly:
     """Work that ends the process which does it, so many times: as often as there are files to remove."""
 
@@ -51,15 +47,12 @@ class Deadly:
 
     def compute(self, points):
         for file in sorted(Path(self.folder).iterdir()):
-            try:
+            with suppress(FileNotFoundError):  # where another process has taken it
                 file.unlink()
-            except FileNotFoundError:  # another process has taken it
-                continue
-            os.kill(os.getpid(), signal.SIGKILL)
+                os.kill(os.getpid(), signal.SIGKILL)
         return self.work.compute(points)
 
 
-@pytest.mark.slow
 def test_two_processes_and_one_that_dies(whole, tmp_path):
     job = make_job()
     assert len(job.blocks) > 5
@@ -68,7 +61,6 @@ def test_two_processes_and_one_that_dies(whole, tmp_path):
     assert_same(job.dataset(), whole)
 
 
-@pytest.mark.slow
 def test_a_block_that_kills_every_process_is_marked(tmp_path, monkeypatch):
     monkeypatch.setattr("flexlin.analyses.sweep.sharing.BLOCK_ATTEMPTS", 1)
     job = make_job(FEW)
@@ -78,7 +70,6 @@ def test_a_block_that_kills_every_process_is_marked(tmp_path, monkeypatch):
     assert "ended" in job.dataset()["reason"].values[0]
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_loses_a_worker(whole):
     with (
@@ -98,24 +89,6 @@ def test_a_cluster_that_loses_a_worker(whole):
     assert_same(job.dataset(), whole)
 
 
-def test_clusters_and_stores_that_are_not_there_are_refused(monkeypatch, tmp_path):
-    monkeypatch.setattr("flexlin.analyses.sweep.sharing.SCHEDULER_SECONDS", 0.5)
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        closed = taken.getsockname()[1]
-    (tmp_path / "c.zarr").write_text("no store")
-    for given, words in (
-        ({"client": "nowhere:1"}, "no scheduler answers"),
-        ({"client": "nowhere:port"}, "no scheduler answers"),
-        ({"client": f"tcp://127.0.0.1:{closed}"}, "no scheduler answers"),
-        ({"client": 3}, "another kind"),
-        ({"workers": 0}, "whole number"),
-        ({"store": tmp_path / "c.zarr"}, "c.zarr"),
-    ):
-        with pytest.raises((ArgumentError, OutputError), match=words):
-            fl.sweep(SCENE, FEW, **given)
-
-
-@pytest.mark.slow
 def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, tmp_path):
     path, rng, left = tmp_path / "chart.zarr", np.random.default_rng(3), []
     for _ in range(20):
@@ -129,17 +102,14 @@ def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, t
                 raise KeyboardInterrupt
 
         job.watchers.insert(int(rng.integers(0, 2)), stop)  # before or after the block is written
-        try:
+        with suppress(KeyboardInterrupt):
             job.run(compute_here)
-        except KeyboardInterrupt:
-            continue
-        break
+            break
     assert len(left) > 4
     assert left == sorted(left, reverse=True)
     assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path), whole)
 
 
-@pytest.mark.slow
 def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
     path = tmp_path / "chart.zarr"
     script = (
@@ -152,7 +122,6 @@ def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
     assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path), whole)
 
 
-@pytest.mark.slow
 def test_a_store_of_another_sweep_is_refused_with_what_differs(tmp_path, monkeypatch):
     own = {"scene": SCENE, "values": FEW, "store": tmp_path / "c.zarr"}
     fl.sweep(**own)
@@ -166,34 +135,3 @@ def test_a_store_of_another_sweep_is_refused_with_what_differs(tmp_path, monkeyp
         monkeypatch.setattr("flexlin.__version__", fl.__version__ if change else "9.9")
         with pytest.raises(ArgumentError, match=f"differs in the {what}"):
             fl.sweep(**own | change)
-
-
-def test_an_incomplete_chart_goes_on_with_more_time(tmp_path, capsys, monkeypatch):
-    """Limits change no number, so the command may be given again with others, as its message advises."""
-    words = ["chart", "single-link", "--over", "effects.payload.mass=0:0.3:200", "--store", str(tmp_path / "c.zarr")]
-    words += ["--set", "links.0.modes=1", "designs=[]", "control={}", "--out", str(tmp_path / "out")]
-
-    def interrupted(job):
-        yield next(compute_here(job))
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr("flexlin.report.charts.choose_crew", lambda *_: interrupted)
-        assert main(words) == 4
-        told = capsys.readouterr()
-        for text in (*told, (tmp_path / "out" / "chart.html").read_text(encoding="utf-8")):
-            assert "is not complete: interrupted, with 96 of 200 values" in text
-            assert f"the same command goes on from {tmp_path / 'c.zarr'}" in text
-        assert "no answer" not in told.out
-
-        def stopped_at_once(*_, **__):
-            raise KeyboardInterrupt
-
-        patch.setattr("flexlin.report.charts.compute_chart", stopped_at_once)
-        assert main(words) == 1
-        assert f"goes on from {tmp_path / 'c.zarr'}" in capsys.readouterr().err
-    assert main([*words, "--limit-seconds", "500", "--limit-memory", "9e8"]) == 0
-    said = capsys.readouterr().err
-    assert "--store" in (tmp_path / "out" / "chart.html").read_text(encoding="utf-8")
-    assert "values are there already" in said
-    assert "differs" not in said

@@ -42,10 +42,7 @@ from tests.torture.trial import Row
 
 LATEST, LARGEST = 10.0, 2**28
 """Seconds and bytes that reading one input may take."""
-LOG = {
-    "inputs": {"q1": {"column": "u"}},
-    "outputs": {"q1": {"column": "angle"}, "tip.x": {"column": "x"}},
-}
+LOG = {"inputs": {"q1": {"column": "u"}}, "outputs": {"q1": {"column": "angle"}, "tip.x": {"column": "x"}}}
 TOKENS = (
     b"1e999", b"-1e31", b"nan", b"0x" + b"f" * 400, b"9" * 5000, b"1_0", b"-", b"=", b"#", b",,,,", b"a.b.c.d", b"[" * 2000, b"[[links]]",
     b"<link>", b"<!DOCTYPE x>", b"&amp;", b"]]>", b"''", b'"""', b"\0", b"\xff\xfe", b"\xe2\x80\xae", b"\r\n",
@@ -138,13 +135,18 @@ def log_files() -> dict[str, list[bytes]]:
     np.savez(objects, **{**columns, "u": np.array([{"a": 1}] * 60, dtype=object)}, allow_pickle=True)
     data = xarray.Dataset({name: ("row", column) for name, column in columns.items()})
     npz = [plain.getvalue(), packed.getvalue(), objects.getvalue(), boast(10**12), boast(10**7), bomb()]
-    netcdf = [bytes(data.to_netcdf(engine="scipy"))]
-    return {
-        "csv": [FILES[name].encode() for name in ("log.csv", "nan.csv", "wide.csv")],
-        "npz": npz,
-        "nc": netcdf,
-        "h5": netcdf,
-    }
+    netcdf, csv = (
+        [bytes(data.to_netcdf(engine="scipy"))],
+        [FILES[f"{name}.csv"].encode() for name in ("log", "nan", "wide")],
+    )
+    return {"csv": csv, "npz": npz, "nc": netcdf, "h5": netcdf}
+
+
+def header(rows: int) -> bytes:
+    """Of an array in an .npz."""
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (rows,)})
+    return head.getvalue()
 
 
 def boast(rows: int, names: tuple[str, ...] = ("t", "u", "angle", "x")) -> bytes:
@@ -152,9 +154,7 @@ def boast(rows: int, names: tuple[str, ...] = ("t", "u", "angle", "x")) -> bytes
     made = io.BytesIO()
     with zipfile.ZipFile(made, "w") as archive:
         for name in names:
-            head = io.BytesIO()
-            np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (rows,)})
-            archive.writestr(f"{name}.npy", head.getvalue() + b"\0" * 64)
+            archive.writestr(f"{name}.npy", header(rows) + b"\0" * 64)
     return made.getvalue()
 
 
@@ -165,7 +165,7 @@ def bomb() -> bytes:
         zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as archive,
         archive.open("t.npy", "w", force_zip64=True) as entry,
     ):
-        np.lib.format.write_array_header_1_0(entry, {"descr": "<f8", "fortran_order": False, "shape": (rows,)})
+        entry.write(header(rows))
         for _ in range(8 * rows // 2**22):
             entry.write(b"\0" * 2**22)
     return made.getvalue()
@@ -206,11 +206,9 @@ def inputs(count: int, number: int, out: Path) -> Row:
     for index in range(count):
         kind = chance.choices(KINDS, OFTEN)[0]
         work = kind(chance, out)
-        fault = read_once(row, work)
         row.runs += 1
-        if fault:
-            row.uncaught += 1
-            row.wrong.append(f"{kind.__name__} {index}: {fault}")
+        if fault := read_once(row, work):
+            row.blame("uncaught", f"{kind.__name__} {index}: {fault}")
     return row
 
 

@@ -50,6 +50,5 @@ def misuse(count: int, number: int, out: Path) -> Row:
                 row.runs += 1
                 row.answered += found == "answered"
                 if found not in ("answered", "refused"):
-                    row.uncaught += 1
-                    row.wrong.append(f"{name}({argument} = {value!r:.40}): {found}")
+                    row.blame("uncaught", f"{name}({argument} = {value!r:.40}): {found}")
     return row
