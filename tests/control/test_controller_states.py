@@ -190,21 +190,18 @@ def test_other_answers_take_the_whole_loop(small):
     assert np.all(noise.states[:, 0] > 0)
 
 
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
+def test_what_does_not_fit_is_refused_by_its_key():
+    for change, key in (
         ({"control.feedback": PID | {"ki": [1.0, 2.0]}}, "control.feedback.ki"),
         ({"control.feedback": PID | {"tracking_time": 0.1}}, "control.feedback.tracking_time"),
         ({"control.feedback": {"kind": "none"}, "control.filters": FILTERS}, "control.filters"),
         ({"control.filters": [{"kind": "notch", "frequency": 3.0, "gain": 1.0}]}, "control.filters.0"),
         ({"control.filters": [{"kind": "low-pass", "cutoff": "3 mm"}]}, "control.filters.0"),
         ({"control.filters": [{"kind": "low-pass", "cutoff": 3.0, "joints": [2]}]}, "control.filters.0.joints"),
-    ],
-)
-def test_what_does_not_fit_is_refused_by_its_key(change, key):
-    with pytest.raises(SceneError) as error:
-        fl.load_scene("single-link", {"designs": [], **change})
-    assert key in str(error.value)
+    ):
+        with pytest.raises(SceneError) as error:
+            fl.load_scene("single-link", {"designs": [], **change})
+        assert key in str(error.value)
 
 
 def test_filters_in_front_of_a_motor_hold_volts():

@@ -77,20 +77,17 @@ def test_a_model_written_in_python_is_swept_by_symbols_or_rebuilt_at_each_value(
         fl.sweep(scene, {"parameters.length": np.linspace(0.5, 0.8, 2000)}, workers=2)
 
 
-@pytest.mark.parametrize(
-    ("name", "path", "values", "key"),
-    [
+def test_a_value_that_the_scene_refuses_is_named_before_anything_is_computed(monkeypatch):
+    for name, path, values, key in (
         ("single-link", PAYLOAD, [0.1, -0.5], "effects.payload.mass: got -0.5"),
         ("single-link", PAYLOAD, [*np.linspace(0.0, 1.0, 3000), -1e-9], "effects.payload.mass: got -1e-09"),
         ("single-link", "links.0.length", [0.5, 0.0], "links.0.length: got 0"),
         ("single-link", "motion.frequency", [1.0, 1e-40], "motion.frequency"),
         ("khang-2019", "parameters.payload_mass", [0.1, -0.1], r"parameters\.payload_mass: got -0\.1"),
-    ],
-)
-def test_a_value_that_the_scene_refuses_is_named_before_anything_is_computed(name, path, values, key, monkeypatch):
-    monkeypatch.setattr("flexlin.analyses.sweep.job.choose_loop", lambda *_: pytest.fail("computed"))
-    with pytest.raises(SceneError, match=key):
-        fl.sweep(fl.load_scene(name), {path: values})
+    ):
+        monkeypatch.setattr("flexlin.analyses.sweep.job.choose_loop", lambda *_: pytest.fail("computed"))
+        with pytest.raises(SceneError, match=key):
+            fl.sweep(fl.load_scene(name), {path: values})
 
 
 @pytest.mark.slow

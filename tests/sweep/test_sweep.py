@@ -113,12 +113,15 @@ def test_values_that_the_kernel_cannot_certify_go_one_by_one(scene, monkeypatch)
     compare(result, 1, rebuilt(scene, MASS, 0.05), 1e-8)
 
 
-@pytest.mark.parametrize(
-    "values", [{}, {MASS: []}, {MASS: [0.1], "motion.frequency": [1.0, 2.0]}, {"links.0.x": [1.0]}]
-)
-def test_what_does_not_fit_is_refused(scene, values):
-    with pytest.raises(ArgumentError):
-        sweep(scene, values)
+def test_what_does_not_fit_is_refused(scene):
+    for values in (
+        {},
+        {MASS: []},
+        {MASS: [0.1], "motion.frequency": [1.0, 2.0]},
+        {"links.0.x": [1.0]},
+    ):
+        with pytest.raises(ArgumentError):
+            sweep(scene, values)
 
 
 LEFT_OUT = ("accuracy", "designs", "uncertainty")

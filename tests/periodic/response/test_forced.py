@@ -62,17 +62,14 @@ def test_a_mode_that_rings_behind_each_jump_of_the_force_is_followed():
     assert np.abs(found(t) - known).max() <= found.error <= 1e-9 * w * 2
 
 
-@pytest.mark.parametrize(
-    ("system", "force", "words", "advice"),
-    [
+def test_resonance_names_the_multiplier_and_units_far_apart_are_none():
+    for system, force, words, advice in (
         (fl.PeriodicSystem([[0, 1.0], [-4.0, 0]], np.pi), beat, "the multiplier 1", "damping"),
         (fl.PeriodicSystem(colaneri, 2 * np.pi), [0.0, 1.0], "multiplier", "damping"),
         (fl.PeriodicSystem([[-1.0, 1e11], [0.0, -2.0]], 1.0), [1.0, 1.0], "no multiplier is near 1", "units"),
-    ],
-)
-def test_resonance_names_the_multiplier_and_units_far_apart_are_none(system, force, words, advice):
-    with pytest.raises(ResonantForcing, match=f"{words}.*{advice}"):
-        fl.forced_response(system, force)
+    ):
+        with pytest.raises(ResonantForcing, match=f"{words}.*{advice}"):
+            fl.forced_response(system, force)
 
 
 def test_near_resonance_keeps_what_rounding_allows():
