@@ -86,16 +86,10 @@ def test_a_curve_says_whether_it_is_as_near_as_was_asked():
 
 
 STRIP = {
-    "links.0.modes": 3,
-    "effects.geometric_stiffening": "off",
-    "links.0.length": 1.0,
-    "links.0.mass_per_length": 0.162,
-    "links.0.bending_stiffness": 1.4,
-    "effects.hub": {"inertia": 0.05},
-    "effects.payload": {"mass": 0.1},
-    "effects.modal_damping": {"ratio": 0.005},
-    "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}]},
-    "control": {"feedback": {"kind": "pd", "kp": [20], "kd": [2]}},
+    "links": [{"length": 1.0, "mass_per_length": 0.162, "bending_stiffness": 1.4, "modes": 3}],
+    "effects": {"gravity": {}, "hub": {"inertia": 0.05}, "payload": {"mass": 0.1}, "modal_damping": {"ratio": 0.005}},
+    "motion.frequency": 1.0,
+    "control.feedback": {"kind": "pd", "kp": [20], "kd": [2]},
     "designs": [],
 }
 RANGES = {"motion.frequency": (0.5, 12.0), "effects.payload.mass": (0.0, 2.0)}

@@ -10,15 +10,8 @@ from scipy.linalg import eigvals
 
 import flexlin as fl
 from flexlin.analyses import Judge, find_reach, read_scale
-from flexlin.analyses.audit import audit, figures
+from flexlin.analyses.audit import audit, figures, versions
 from flexlin.analyses.audit.judging import again
-from flexlin.analyses.audit.versions import (
-    Version,
-    list_effect_versions,
-    list_mode_versions,
-    list_model_versions,
-    with_modes,
-)
 from flexlin.cli import main
 from flexlin.errors import TimeLimit
 from flexlin.periodic.floquet.exponents import floquet
@@ -73,7 +66,7 @@ def test_figures_that_a_scene_does_not_bear_are_not_called_its_fault():
     """Rotors on a link whose tip has no inertia of its own make M indefinite: the scene was said to have no kinetic energy."""
     scene = fl.load_scene("de-luca-siciliano-1991")
     judge = Judge.of(scene, find_reach(scene), 0.01, 1e-9)
-    spin = next(one for one in list_effect_versions(scene, read_scale(scene)) if one.subject == "rotor_spin")
+    spin = next(one for one in versions.list_effect_versions(scene, read_scale(scene)) if one.subject == "rotor_spin")
     said = "left out, because the scene does not bear the figures it would be tried with: M is"
     assert judge.row(spin).problem.startswith(said)
 
@@ -155,8 +148,8 @@ def test_what_time_allows_is_handed_back_with_what_was_left_out(monkeypatch, tmp
 
 def test_modes_inside_a_model_s_table_are_found():
     scene = fl.load_scene("khang-2019", {"designs": []})
-    versions = {version.change: version for version in list_model_versions(scene)}
-    assert versions["links.0 with 2 modes"].make(scene).parameters["links"][0]["modes"] == 2
+    made = {version.change: version for version in versions.list_model_versions(scene)}
+    assert made["links.0 with 2 modes"].make(scene).parameters["links"][0]["modes"] == 2
     assert scene.parameters["links"][0]["modes"] == 1
 
 
@@ -211,7 +204,7 @@ def test_the_minimal_scene_makes_the_error_that_it_states(result):
     again = fl.parse_scene(tomllib.loads(text))
     grown = quanser(**{"links.0.modes": again.links[0].modes})
     judge = Judge.of(grown, grown.links[0].length, 0.05, 1e-4)
-    row = judge.row(Version(lambda _: again, "", "minimal", "", True, {}))
+    row = judge.row(versions.Version(lambda _: again, "", "minimal", "", True, {}))
     assert result.minimal.added == ("link 1 with 2 modes",)
     assert row.significance == pytest.approx(result.minimal.error.significance, rel=1e-3, abs=1e-12)
     assert 0 < row.significance <= 0.05
@@ -223,7 +216,7 @@ def test_the_minimal_scene_makes_the_error_that_it_states(result):
 def test_designs_that_no_longer_fit_are_left_out_of_the_minimal_scene():
     listed = {"name": "listed", "kind": "periodic-lqr", "state_weight": [1.0] * 6, "input_weight": [1.0]}
     scene = fl.load_scene("single-link", {"designs": [listed]})
-    smaller = with_modes(scene, 0, -1)
+    smaller = versions.with_modes(scene, 0, -1)
     assert [design.name for design in fitting(scene)[0].designs] == ["listed"]
     kept, said = fitting(smaller)
     assert kept.designs == ()
@@ -248,7 +241,7 @@ def test_what_is_beyond_small_deflections_is_no_plain_advice():
 def test_a_mode_less_of_one_kind_is_followed_by_one_less_of_the_same_kind():
     """A blade that flaps, lags and twists: the ways to take modes from it end, and none ends below nothing."""
     scene = fl.load_scene("rotating-blade", {"links.0.modes": {"y": 1, "z": 2, "torsion": 1}})
-    for version in list_mode_versions(scene):
+    for version in versions.list_mode_versions(scene):
         if version.on:
             direction = version.subject.rpartition(".")[2]
             less, steps = version.make(scene), 1

@@ -11,15 +11,7 @@ import scipy.io
 import xarray
 
 import flexlin as fl
-from flexlin.control import (
-    gain_schedule,
-    gain_source,
-    linearization_source,
-    periodic_lqr,
-    periodic_plant,
-    save,
-    to_control,
-)
+from flexlin.control import gain_schedule, gain_source, linearization_source, periodic_lqr, periodic_plant, save
 from flexlin.control.export.files import Labels, matlab_script
 from flexlin.errors import ArgumentError
 from tests.closed_arm import opened
@@ -128,7 +120,7 @@ def test_compiled_programs_print_what_python_computes(lin, made, tmp_path):
 
 def test_python_control_systems_bear_the_arms_names(lin):
     labels, t = Labels.of(lin), np.array([0.2 * lin.period])
-    frozen = to_control(lin, 0.2, np.eye(6)[:1], ["encoder"])
+    frozen = fl.control.to_control(lin, 0.2, np.eye(6)[:1], ["encoder"])
     assert isinstance(frozen, control.StateSpace)
     np.testing.assert_array_equal(frozen.A, lin.A(t)[0])
     np.testing.assert_array_equal(frozen.B, lin.input_matrix(t)[0])
@@ -140,10 +132,10 @@ def test_what_python_control_cannot_take_is_refused(lin):
     """Errors of NumPy's, python-control's and Python's own came through."""
     for outputs in (np.eye(3), np.nan, 1j, [], [["a"] * 6]):
         with pytest.raises(ArgumentError, match=r"^outputs "):
-            to_control(lin, 0.2, outputs)
+            fl.control.to_control(lin, 0.2, outputs)
     with pytest.raises(ArgumentError, match="outputs"):
-        to_control(lin, 0.2, np.eye(6), ["encoder"])
+        fl.control.to_control(lin, 0.2, np.eye(6), ["encoder"])
     with pytest.raises(ArgumentError, match="phase"):
-        to_control(lin, 1.0)
+        fl.control.to_control(lin, 1.0)
     with pytest.raises(ArgumentError, match="tol is not positive; got -1"):
         fl.control.lifted_model(lin, lin.period / 4, tol=-1.0)

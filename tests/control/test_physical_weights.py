@@ -56,18 +56,6 @@ def test_fast_modes_ask_for_no_more_nodes(name):
     assert solution.error < 1e-9
 
 
-@pytest.mark.slow
-def test_one_more_mode_leaves_the_gain_of_the_others():
-    """The sizes do not depend on the number of modes, so the gain converges as modes are added."""
-    gains = []
-    for modes in (1, 2, 3, 4):
-        scene, lin = opened("single-link", {"links.0.modes": modes})
-        gains.append(design(lin, scene.designs[1], tol=1e-6).K(0.3)[0, [0, 1, modes + 1]])
-    steps = np.abs(np.diff(gains, axis=0)).max(axis=1)
-    assert steps[1] < 0.5 * steps[0]
-    assert steps[2] < 0.02 * np.abs(gains[-1]).max()
-
-
 def test_sizes_that_do_not_fit_the_arm_are_refused():
     lin, two = (opened(name)[1] for name in ("arm-on-carriage", "three-link"))
     for sizes, words in (

@@ -11,19 +11,8 @@ import pytest
 
 import flexlin as fl
 from flexlin.analyses import accuracy as own
-from flexlin.analyses.accuracy import CostResult, Row, cost
+from flexlin.analyses.accuracy import CostResult, Row, cost, scipy_methods
 from flexlin.analyses.accuracy.result import Trial, compare_exponents, measure_trials
-from flexlin.analyses.accuracy.scipy_methods import (
-    FastRate,
-    derive_loop_rate,
-    derive_response_rate,
-    derive_riccati_rate,
-    derive_transition_rate,
-    forget_start,
-    integrate_loop,
-    multiply_up,
-    respond_periodically,
-)
 from flexlin.checks import SAMPLES
 from flexlin.cli import main
 from flexlin.errors import InputError
@@ -97,12 +86,12 @@ def test_scipy_answers_the_same_questions(scene, method, tol):
     response = fl.forced_response(closed.periodic_system(), closed.forcing)(t)
     X = periodic_riccati(plant.periodic_system(), *weights).X(t)
     for lin, derive, integrate, share, exact in (
-        (closed, derive_transition_rate, multiply_up, 1.0, transition),
-        (closed, derive_loop_rate, integrate_loop, 0.1, run),
-        (closed, derive_response_rate, respond_periodically, 0.1, response),
-        (plant, derive_riccati_rate, forget_start, 0.1, X),
+        (closed, scipy_methods.derive_transition_rate, scipy_methods.multiply_up, 1.0, transition),
+        (closed, scipy_methods.derive_loop_rate, scipy_methods.integrate_loop, 0.1, run),
+        (closed, scipy_methods.derive_response_rate, scipy_methods.respond_periodically, 0.1, response),
+        (plant, scipy_methods.derive_riccati_rate, scipy_methods.forget_start, 0.1, X),
     ):
-        found = integrate(FastRate(derive(lin), lin.arm.parameters.values), 4, method, share * tol)
+        found = integrate(scipy_methods.FastRate(derive(lin), lin.arm.parameters.values), 4, method, share * tol)
         assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
 
 

@@ -25,19 +25,8 @@ from flexlin.files.sets import read_manifest
 from flexlin.motion import build_motion
 from flexlin.scene import parse_assignment
 from studies.check_certificate import holds
-from tests.torture.scenes import (
-    BUILT_IN,
-    EXTREME,
-    FILES,
-    NONSENSE,
-    TEXTS,
-    URDF,
-    at,
-    places,
-    put_files,
-    sampled_cycle,
-    to_toml,
-)
+from tests.torture import scenes
+from tests.torture.scenes import BUILT_IN, FILES, at, places, to_toml
 from tests.torture.trial import Row
 
 LATEST, LARGEST = 10.0, 2**28
@@ -71,7 +60,8 @@ def damaged(chance: random.Random, data: bytes) -> bytes:
 def changed(chance: random.Random, raw: Any, path: tuple) -> Any:
     """Plain data with nonsense at a place."""
     holder = at(raw, path[:-1])
-    holder[path[-1]] = json.loads(json.dumps(chance.choice([*NONSENSE, *EXTREME, *TEXTS]), default=str))
+    value = chance.choice([*scenes.NONSENSE, *scenes.EXTREME, *scenes.TEXTS])
+    holder[path[-1]] = json.loads(json.dumps(value, default=str))
     return raw
 
 
@@ -86,13 +76,13 @@ def scene_text(chance: random.Random, folder: Path) -> Callable[[], Any]:
 def robot(chance: random.Random, folder: Path) -> Callable[[], Any]:
     """The bytes of a URDF file."""
     path = folder / "robot.urdf"
-    path.write_bytes(damaged(chance, URDF.encode()))
+    path.write_bytes(damaged(chance, scenes.URDF.encode()))
     return partial(fl.scene_from_urdf, path)
 
 
 def table(chance: random.Random, folder: Path) -> Callable[[], Any]:
     """The bytes of a table of a motion."""
-    (folder / "cycle.csv").write_bytes(damaged(chance, sampled_cycle(chance.choice((8, 64))).encode()))
+    (folder / "cycle.csv").write_bytes(damaged(chance, scenes.sampled_cycle(chance.choice((8, 64))).encode()))
     motion = {"kind": "table", "file": "cycle.csv"}
     raw = {**BUILT_IN["single-link"], "motion": motion}
     return lambda: build_motion(fl.parse_scene(raw, folder=folder).motion, 1)
@@ -102,8 +92,9 @@ def assignment(chance: random.Random, folder: Path) -> Callable[[], Any]:
     """A word behind --set."""
     name = chance.choice(sorted(BUILT_IN))
     path = ".".join(map(str, chance.choice(list(places(BUILT_IN[name])))))
-    value = chance.choice([*EXTREME, *TEXTS, "[1, 2", "{a=1}", "off", "'x'", "1 m", "1979-05-27", [1.0] * 300])
-    text = damaged(chance, f"{path}={value}".encode()) if chance.random() < 0.7 else f"{path}={value}".encode()
+    odd = "[1, 2", "{a=1}", "off", "'x'", "1 m", "1979-05-27", [1.0] * 300
+    text = f"{path}={chance.choice([*scenes.EXTREME, *scenes.TEXTS, *odd])}".encode()
+    text = damaged(chance, text) if chance.random() < 0.7 else text
     return lambda: fl.load_scene(name, dict([parse_assignment(text.decode(errors="replace"))]))
 
 
@@ -202,7 +193,7 @@ OFTEN = (6, 6, 5, 6, 6, 6, 2, 2)
 def inputs(count: int, number: int, out: Path) -> Row:
     """So many damaged inputs, each read in this process."""
     row, chance = Row("inputs"), random.Random(number)
-    put_files(out)
+    scenes.put_files(out)
     for index in range(count):
         kind = chance.choices(KINDS, OFTEN)[0]
         work = kind(chance, out)
