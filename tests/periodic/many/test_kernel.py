@@ -53,23 +53,27 @@ def test_growth_rates_that_are_known_to_18_digits(family, segments, growth):
     assert abs(got.logs.real.max() / np.pi - growth) <= min(1e-11, got.errors.max() / np.pi)
 
 
-def random_family(n, full, seed):
-    """Coefficients of two harmonics with decays of all sizes, in two parameters."""
-    rng = np.random.default_rng(seed)
-    wave = [A * ca.cos(TURN * T), B * ca.sin(TURN * T)]
+WAVES = A * ca.cos(TURN * T), B * ca.sin(TURN * T), A * B * ca.cos(2 * TURN * T)
+
+
+def random_family(rng, full, n, stiff=False):
+    """x' = A x of n states, or M y'' + D y' + K y = 0 of n coordinates, of period 1, in two parameters."""
+
+    def vary(size):
+        return sum(rng.normal(scale=size, size=(n, n)) * wave for wave in WAVES)
+
     if full:
-        decays = np.diag(-rng.uniform(0.5, 40, n))
-        return fl.PeriodicFamily(decays + sum(rng.standard_normal((n, n)) * 3 * w for w in wave), T, [A, B], 1.0)
-    K = np.diag(rng.uniform(1, 400, n)) + sum(rng.standard_normal((n, n)) * 3 * w for w in wave)
-    return second_order(np.diag(rng.uniform(0.1, 30, n)), K)
+        rates = np.diag(-rng.uniform(0.5, 400.0 if stiff else 20.0, n))
+        return fl.PeriodicFamily(rates + rng.normal(scale=2.0, size=(n, n)) + vary(3.0), T, [A, B], 1.0)
+    K = np.diag(rng.uniform(1.0, 20000.0 if stiff else 400.0, n)) + vary(8.0 if stiff else 3.0)
+    return second_order(np.diag(rng.uniform(0.1, 300.0 if stiff else 20.0, n)) + vary(0.3), K)
 
 
 @pytest.mark.parametrize("size", SIZES)
 def test_every_size_gives_what_floquet_gives(size):
     """11 values, which fill no vector; errors as stated, on few segments and on many."""
-    states, rows = size
-    family = random_family(rows, states == rows, states)
-    points = np.random.default_rng(1).uniform(0.2, 1.5, (11, 2))
+    (states, rows), rng = size, np.random.default_rng(size)
+    family, points = random_family(rng, states == rows, rows), rng.uniform(-1.2, 1.2, (11, 2))
     coarse, fine = (solve(family, points, segments, 1e-11) for segments in (12, 48))
     assert coarse.sound.all()
     assert fine.sound.all()
@@ -84,8 +88,8 @@ def test_every_size_gives_what_floquet_gives(size):
 
 
 def test_a_value_that_overflows_leaves_its_neighbours_alone():
-    family = random_family(3, True, 2)
-    points = np.random.default_rng(3).uniform(0.5, 1.0, (8, 2))
+    rng = np.random.default_rng(3)
+    family, points = random_family(rng, True, 3), rng.uniform(0.5, 1.0, (8, 2))
     alone = solve(family, points)
     kernel, others = make_kernel(family), [0, 1, 3, 7]
     for bad in (1e200, np.inf, np.nan):
@@ -106,7 +110,8 @@ def test_a_mass_matrix_that_is_not_positive_definite_is_unsound():
 
 def test_thousands_of_factors_neither_over_nor_underflow():
     """2400 factors, none of them grouped, whose clusters are multiplied out: as many as 48 give."""
-    family, points = random_family(2, False, 7), np.random.default_rng(5).uniform(0, 1.5, (8, 2))
+    rng = np.random.default_rng(7)
+    family, points = random_family(rng, False, 2), rng.uniform(0, 1.5, (8, 2))
     coarse, fine = (solve(family, points, segments, 1e-10) for segments in (48, 600))
     assert fine.sound.all()
     apart = max(measure_distances(a, b).min(axis=1).max() for a, b in zip(coarse.logs, fine.logs, strict=True))
@@ -142,23 +147,6 @@ def test_what_the_phase_the_point_or_both_decide_is_as_in_casadi():
             assert np.allclose(found[i, k], np.linalg.solve(M_.T, Z_.T), rtol=1e-12, atol=1e-13)
 
 
-WAVES = A * ca.cos(TURN * T), B * ca.sin(TURN * T), A * B * ca.cos(2 * TURN * T)
-
-
-def draw_family(rng, full):
-    """x' = A x of 2 to 8 states, or M y'' + D y' + K y = 0 of 1 to 6 coordinates, of period 1."""
-    stiff, n = rng.random() < 0.25, int(rng.integers(2, 9) if full else rng.integers(1, 7))
-
-    def vary(size):
-        return sum(rng.normal(scale=size, size=(n, n)) * wave for wave in WAVES)
-
-    if full:
-        rates = np.diag(-rng.uniform(0.5, 400.0 if stiff else 20.0, n))
-        return fl.PeriodicFamily(rates + rng.normal(scale=2.0, size=(n, n)) + vary(3.0), T, [A, B], 1.0)
-    K = np.diag(rng.uniform(1.0, 20000.0 if stiff else 400.0, n)) + vary(8.0 if stiff else 3.0)
-    return second_order(np.diag(rng.uniform(0.1, 300.0 if stiff else 20.0, n)) + vary(0.3), K)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("full", [False, True])
 def test_answers_that_meet_tol_are_within_their_errors(full):
@@ -166,7 +154,8 @@ def test_answers_that_meet_tol_are_within_their_errors(full):
     judged, missed, worst = 0, 0, 0.0
     for seed in range(16):
         rng = np.random.default_rng([6, int(full), seed])
-        family = draw_family(rng, full)
+        stiff, n = rng.random() < 0.25, int(rng.integers(2, 9) if full else rng.integers(1, 7))
+        family = random_family(rng, full, n, stiff)
         kernel, points = make_kernel(family), rng.uniform(-1.2, 1.2, (4, 2))
         scale, alone = kernel.balance(points), [fl.floquet(family.system_at(point), 1e-11) for point in points]
         for segments in (8, 12, 16, 24, 32, 48):
