@@ -11,6 +11,7 @@ import flexlin as fl
 from flexlin.errors import ArgumentError
 from flexlin.scene import replace_value
 from tests.closed_arm import control_loop
+from tests.periodic.boundary.test_crossings import find_changes, meissner, trace_roots
 from tests.periodic.systems import mathieu_second_order
 
 
@@ -27,13 +28,6 @@ def clamped_constants() -> tuple[float, float, float]:
     return beta**4, G, H
 
 
-def roots(function, grid, *arguments):
-    """Of a function between the points of a grid."""
-    value = np.array([function(x, *arguments) for x in grid])
-    cells = np.flatnonzero(value[1:] * value[:-1] < 0)
-    return [brentq(function, grid[k], grid[k + 1], arguments, xtol=1e-14) for k in cells]
-
-
 def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:
     """Rates of the spinning link at which Mathieu's a meets a characteristic value of q.
 
@@ -44,8 +38,11 @@ def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:
     def excess(W, n, characteristic):
         return 4 * (k11 / W**2 + G - 1) - characteristic(n, 2 * gravity * H / W**2)
 
-    grid = np.linspace(low, high, 20001)
-    return np.sort([x for n in range(1, 9) for one in (mathieu_a, mathieu_b) for x in roots(excess, grid, n, one)])
+    grid, roots = np.linspace(low, high, 20001), []
+    for curve in ((n, one) for n in range(1, 9) for one in (mathieu_a, mathieu_b)):
+        cells = find_changes(excess(grid, *curve) > 0)
+        roots += [brentq(excess, grid[k], grid[k + 1], curve, xtol=1e-14) for k in cells]
+    return np.sort(roots)
 
 
 @pytest.mark.slow
@@ -109,25 +106,18 @@ def test_what_does_not_fit_is_refused():
 
 
 def test_a_spring_that_jumps():
-    """Meissner's equation with damping c: multipliers of the undamped one with stiffness a +- q - c^2/4 reach exp(c T / 2)."""
-    q, c, T = 0.6, 0.05, np.pi
+    """Meissner's equation with damping."""
 
     def system(a):
         def spring(t):
-            return (a + q * np.where(np.mod(t, T) < T / 2, 1.0, -1.0))[:, None, None]
+            return (a + np.where(np.mod(t, 2 * np.pi) < np.pi, 0.6, -0.6))[:, None, None]
 
-        return fl.PeriodicSystem.from_second_order([[1.0]], [[c]], spring, T, breaks=(0.0, T / 2))
+        return fl.PeriodicSystem.from_second_order([[1.0]], [[0.05]], spring, 2 * np.pi, breaks=(0.0, np.pi))
 
-    def excess(a):
-        first, second = np.sqrt(a + q - c * c / 4 + 0j), np.sqrt(a - q - c * c / 4 + 0j)
-        x, y = first * T / 2, second * T / 2
-        trace = 2 * np.cos(x) * np.cos(y) - (first / second + second / first) * np.sin(x) * np.sin(y)
-        return abs(trace.real) - 2 * np.cosh(c * T / 2)
-
-    exact = roots(excess, np.linspace(0.1, 5, 4001))
-    found = fl.critical_values(system, "a", (0.1, 5.0), tol=1e-7)
+    found, exact = fl.critical_values(system, "a", (0.1, 3.0), tol=1e-7), trace_roots(0.6, 0.1, 3.0, 0.05)
     assert [one.value for one in found] == pytest.approx(exact, abs=1e-7)
-    assert [one.kind for one in found] == [("onset", "recovery")[int(excess(a + 1e-3) < 0)] for a in exact]
+    unstable_behind = meissner(0.6, 0.05)(exact + 1e-3).verdicts > 0
+    assert [one.kind == "onset" for one in found] == unstable_behind.tolist()
 
 
 @pytest.mark.parametrize("bend", [np.abs, lambda p: np.where(p < 0, 0.2, 1.0) * p])

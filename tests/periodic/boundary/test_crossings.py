@@ -35,16 +35,16 @@ def meissner(q, damping=0.0):
     return piecewise(lambda a: a[:, None, None], q, np.array([[damping]]), lambda a: np.full(len(a), np.pi))
 
 
-def trace_roots(q: float, low: float, high: float) -> np.ndarray:
-    """Zeros of |trace| - 2 of Meissner's equation, from its closed form."""
+def trace_roots(q, low, high, damping=0.0):
+    """Where a multiplier of Meissner's equation is 1 or -1: those of the undamped one with a - d^2 / 4 reach +-exp(pi d)."""
 
-    def excess(a: np.ndarray, sign: float) -> np.ndarray:
-        u, v = np.sqrt(a + q + 0j), np.sqrt(a - q + 0j)
+    def excess(a, sign):
+        u, v = (np.sqrt(a + part - damping**2 / 4 + 0j) for part in (q, -q))
         trace = 2 * np.cos(np.pi * u) * np.cos(np.pi * v) - (u / v + v / u) * np.sin(np.pi * u) * np.sin(np.pi * v)
-        return trace.real - sign
+        return trace.real - 2 * sign * np.cosh(np.pi * damping)
 
     grid, roots = np.linspace(low, high, 200001), []
-    for sign in (2.0, -2.0):
+    for sign in (1.0, -1.0):
         edges = find_changes(excess(grid, sign) > 0)
         roots += [brentq(excess, grid[k], grid[k + 1], (sign,), xtol=1e-14) for k in edges]
     return np.sort(roots)
