@@ -121,9 +121,8 @@ def test_numbers_of_no_loop_are_not_swept_and_a_report_refuses_them_before_any_w
 
 @pytest.mark.slow
 def test_a_report_says_what_the_uncertain_numbers_may_do(tmp_path):
-    analysis, files = write_report(
-        fl.load_scene("single-link", {**SMALL, "accuracy.seconds": 600.0, "uncertainty": RANGES}), tmp_path
-    )
+    scene = fl.load_scene("single-link", {**SMALL, "accuracy.seconds": 600.0, "uncertainty": RANGES})
+    analysis, files = write_report(scene, tmp_path)
     found = analysis.nearest
     assert found.confirmed
     page = files[0].read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")

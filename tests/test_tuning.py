@@ -55,10 +55,8 @@ def test_two_masses_and_a_spring_come_to_their_optimum(monkeypatch):
 def test_gains_of_either_sign_are_tuned():
     """s^2 + a s + b with a = g - 1, b = 1 + h, both free: the limits of g decide, sum of the roots = -a."""
 
-    limits = {"g": (-1.0, 4.0), "h": (-5.0, 5.0)}
-    found = fl.tune(
-        lambda g, h: oscillator(g - 1.0, 1.0 + h), {"g": -0.5, "h": -0.2}, limits=limits, starts=1, steps=40
-    )
+    first, limits = {"g": -0.5, "h": -0.2}, {"g": (-1.0, 4.0), "h": (-5.0, 5.0)}
+    found = fl.tune(lambda g, h: oscillator(g - 1.0, 1.0 + h), first, limits=limits, starts=1, steps=40)
     assert found.growth == pytest.approx(-1.5, abs=0.02)
     assert found.before == pytest.approx(0.75 + np.sqrt(max(0.75**2 - 0.8, 0.0)), abs=1e-6)
 

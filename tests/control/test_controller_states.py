@@ -183,9 +183,8 @@ def test_other_answers_take_the_whole_loop(small):
     answer = respond(small, state_disturbance("push", "tip 1 N 20 ms", small), periods=1.0, tol=1e-6)
     assert answer.problem == ""
     assert answer.difference < 0.05
-    noise = answer_noise(
-        small, state_disturbance("noise", "torque 0.05 N m 100 Hz", small), small.periodic_system(), 1e-6
-    )
+    shaken = state_disturbance("noise", "torque 0.05 N m 100 Hz", small)
+    noise = answer_noise(small, shaken, small.periodic_system(), 1e-6)
     assert noise.states.shape[1] == 4
     assert np.all(noise.states[:, 0] > 0)
 

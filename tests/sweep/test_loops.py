@@ -97,9 +97,7 @@ def test_lengths_of_a_closed_loop_are_symbols_and_move_its_closure():
     pairs = np.array([[0.29, 0.15], [0.32, 0.15], [0.3, 0.17], [0.31, 0.9]])
     paths = ("links.1.length", "links.2.mount.xyz.0")
     data = fl.sweep(scene, dict(zip(paths, pairs.T, strict=True)), grid=False)
-    assert isinstance(
-        choose_loop(scene, paths), ParametricLoop
-    )  # from which few values of so many states are taken alone
+    assert isinstance(choose_loop(scene, paths), ParametricLoop)  # few values of so many states are taken from it alone
     for values, found in zip(pairs[:3], data["exponents"].values, strict=False):
         other = revise_scene(scene, dict(zip(paths, map(float, values), strict=True)))
         assert largest_gap(found, fl.floquet(control_loop(other).periodic_system())) < 1e-7

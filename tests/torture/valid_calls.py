@@ -23,9 +23,8 @@ X, U, V = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("v")
 def valid_calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
     """All calls, by the name of the function."""
     parts = (scene_calls, stability_calls, design_calls, export_calls, motion_calls, matrix_calls, screw_calls)
-    return {
-        getattr(call.func, "__name__", "polynomial"): (call.func, call.keywords) for part in parts for call in part()
-    }
+    calls = [call for part in parts for call in part()]
+    return {getattr(call.func, "__name__", "polynomial"): (call.func, call.keywords) for call in calls}
 
 
 def make_plant() -> fl.Linearization:

@@ -66,9 +66,8 @@ def pose(kind, seed):
 
 
 def solve(parts, tol, breaks=()):
-    return periodic_riccati(
-        PeriodicSystem(parts["A"], PERIOD, parts["B"], breaks), parts["Q"], parts["R"], parts["N"], tol
-    )
+    A, B, *weights = parts.values()
+    return periodic_riccati(PeriodicSystem(A, PERIOD, B, breaks), *weights, tol)
 
 
 def integrate_back(parts, X, times, periods):

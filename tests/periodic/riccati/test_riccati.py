@@ -181,7 +181,7 @@ def test_a_mode_that_is_not_reached_needs_one(seed):
 
 
 @pytest.mark.parametrize(
-    ("share", "words"), thin([(0.0, "is not seen by the weight Q"), (1e-9, "seen by the weight Q too weakly")])
+    ("share", "words"), thin([(0.0, "is not seen by the weight"), (1e-9, "the weight Q too weakly")])
 )
 def test_the_same_holds_for_what_the_weight_sees(share, words):
     """Dually: a growing mode with a share in Q of a billionth, and with none."""
