@@ -16,7 +16,7 @@ from flexlin.cli import main
 from flexlin.errors import TimeLimit
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.report import audit_block, audit_lines, draw_effects, fitting, minimal_text
-from flexlin.scene import Table, known_effects, register_model
+from flexlin.scene import Table, known_effects, register_model, revise_scene
 from flexlin.scene.base import Number
 from flexlin.simulation import tip_positions
 from tests.audit.test_advice_by_formulas import row_of
@@ -223,16 +223,12 @@ def test_designs_that_no_longer_fit_are_left_out_of_the_minimal_scene():
     assert "listed" in said[0]
 
 
-HUB_ALONE = {"links.0.modes": 1, "effects": {"hub": {"inertia": 0.1}}, "designs": []}
-
-
 @pytest.mark.slow
 def test_what_is_beyond_small_deflections_is_no_plain_advice():
     """Gravity on a soft strip: 8 m of deflection on an arm of 1 m is not something to consider."""
-    soft, stiffer = (
-        row_of(fl.load_scene("single-link", {**HUB_ALONE, "links.0.bending_stiffness": stiffness}), "gravity")
-        for stiffness in (0.05, 5.0)
-    )
+    scene = fl.load_scene("single-link", {"links.0.modes": 1, "effects": {"hub": {"inertia": 0.1}}, "designs": []})
+    stiffness = "links.0.bending_stiffness"
+    soft, stiffer = (row_of(revise_scene(scene, {stiffness: value}), "gravity") for value in (0.05, 5.0))
     assert soft.tip_error > 1.0
     assert soft.advice.startswith("with these figures the deflections are not small")
     assert stiffer.advice.startswith("consider it")

@@ -126,10 +126,8 @@ def log_files() -> dict[str, list[bytes]]:
     np.savez(objects, **{**columns, "u": np.array([{"a": 1}] * 60, dtype=object)}, allow_pickle=True)
     data = xarray.Dataset({name: ("row", column) for name, column in columns.items()})
     npz = [plain.getvalue(), packed.getvalue(), objects.getvalue(), boast(10**12), boast(10**7), bomb()]
-    netcdf, csv = (
-        [bytes(data.to_netcdf(engine="scipy"))],
-        [FILES[f"{name}.csv"].encode() for name in ("log", "nan", "wide")],
-    )
+    netcdf = [bytes(data.to_netcdf(engine="scipy"))]
+    csv = [FILES[f"{name}.csv"].encode() for name in ("log", "nan", "wide")]
     return {"csv": csv, "npz": npz, "nc": netcdf, "h5": netcdf}
 
 
