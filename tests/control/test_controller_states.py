@@ -13,14 +13,11 @@ from flexlin.periodic import extend_system
 from flexlin.scene import get_value
 from flexlin.simulation import NonlinearLoop
 from tests.closed_arm import closed
+from tests.control.test_c_controllers import FILTERS as TWO
+from tests.control.test_c_controllers import PID
 
-KP, KD, KI = 3.0, 0.5, 2.0
-PID = {"kind": "pid", "kp": [KP], "kd": [KD], "ki": [KI]}
-FILTERS = [
-    {"kind": "low-pass", "on": "rates", "cutoff": "35 Hz", "order": 1},
-    {"kind": "low-pass", "cutoff": 200.0},
-    {"kind": "notch", "frequency": "4.5 Hz", "damping": 0.3, "gain": 0.2},
-]
+KP, KD, KI = (PID[name][0] for name in ("kp", "kd", "ki"))
+FILTERS = [TWO[0], {"kind": "low-pass", "cutoff": 200.0}, TWO[1]]
 CONTROLLED = {"designs": [], "control.feedback": PID, "control.filters": FILTERS}
 
 
