@@ -4,12 +4,13 @@ published problems in discrete time, also in the tests of PeriodicSystems.jl (Va
 import control
 import numpy as np
 import pytest
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import block_diag, expm, solve_discrete_are
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.periodic.sampled_cost import SampledProblem, solve_samples
 from tests.periodic.dense import integrate
+from tests.periodic.sampled.test_sampled import SHAKEN as PLANT
 from tests.periodic.sampled.test_sampled import matrices
 
 T, SAMPLES = np.pi, 5
@@ -27,9 +28,6 @@ def B(t):
 
 def weight(t):
     return (1.5 + np.sin(2 * np.asarray(t)))[..., None, None] * Q
-
-
-PLANT = fl.PeriodicSystem(A, T, B)
 
 
 def span(begin, end):
@@ -75,6 +73,14 @@ def test_the_lifted_problem_has_the_same_cost_and_gain(delay):
     assert made.floquet().verdict == "stable"
 
 
+def hold(A, W, h):
+    """Transition matrix P(h) and the integral of P' W P. Source: Van Loan (1978)."""
+    n = len(A)
+    block = expm(h * np.block([[-A.T, W], [np.zeros((n, n)), A]]))
+    S = block[n:, n:].T @ block[:n, n:]
+    return block[n:, n:], (S + S.T) / 2
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_constant_plants_against_python_control(seed):
     rng = np.random.default_rng(seed)
@@ -83,26 +89,17 @@ def test_constant_plants_against_python_control(seed):
     root = rng.standard_normal((n, n))
     W, V = root @ root.T, np.diag(rng.uniform(0.1, 1, m))
     system = fl.PeriodicSystem(A0, 4 * h, B=B0)
-    hamiltonian = np.zeros((2 * (n + m), 2 * (n + m)))
-    hamiltonian[n + m : 2 * n + m, n + m :] = np.hstack([A0, B0])
-    hamiltonian[: n + m, : n + m] = -hamiltonian[n + m :, n + m :].T
-    hamiltonian[:n, n + m : 2 * n + m], hamiltonian[n : n + m, 2 * n + m :] = W, V
-    block = expm(h * hamiltonian)
-    P = block[n + m :, n + m :]
-    S = P.T @ block[: n + m, n + m :]
-    S = (S + S.T) / 2
+    P, S = hold(np.block([[A0, B0], [np.zeros((m, n + m))]]), block_diag(W, V), h)
     K, X, _ = control.dlqr(P[:n, :n], P[:n, n:], S[:n, :n], S[n:, n:], S[:n, n:])
     made = fl.sampled_lqr(system, W, V, h)
     np.testing.assert_allclose(made.K, np.broadcast_to(K, made.K.shape), rtol=0, atol=1e-10 * np.abs(K).max())
     np.testing.assert_allclose(made.X, np.broadcast_to(X, made.X.shape), rtol=0, atol=1e-10 * np.abs(X).max())
-    block = expm(h * np.block([[-A0, W], [np.zeros((n, n)), A0.T]]))
-    F = block[n:, n:].T
-    noise = F @ block[:n, n:]
-    L, covariance, _ = control.dlqe(F, np.eye(n), B0.T, (noise + noise.T) / 2, V)
+    back, noise = hold(A0.T, W, h)
+    L, covariance, _ = control.dlqe(back.T, np.eye(n), B0.T, noise, V)
     estimator = fl.sampled_estimator(system, B0.T, W, V, h)
     np.testing.assert_allclose(estimator.P[0], covariance, rtol=0, atol=1e-10 * np.abs(covariance).max())
     assert min(np.abs(gain - L).max() for gain in (estimator.L[0], estimator.M[0])) < 1e-10 * np.abs(L).max()
-    np.testing.assert_allclose(estimator.L, F @ estimator.M, rtol=0, atol=1e-10 * np.abs(L).max())
+    np.testing.assert_allclose(estimator.L, back.T @ estimator.M, rtol=0, atol=1e-10 * np.abs(L).max())
 
 
 def test_the_covariance_of_a_varying_plant_repeats():
