@@ -59,10 +59,11 @@ DISTURBED = (
 
 
 def whole_commands(count: int, number: int, out: Path) -> Row:
-    """So many command lines in processes of their own: none beyond LATEST, none that fails, nothing left over."""
-    row = Row("whole")
-    for index, words in zip(range(count), command_lines(random.Random(number)), strict=False):
-        folder = out / str(index)
+    """So many command lines, the commands in turn, in processes of their own: none beyond LATEST, none that fails, nothing left over."""
+    row, chance = Row("whole"), random.Random(number)
+    for index in range(count):
+        folder, command = out / str(index), EVERY[index % len(EVERY)]
+        words = [command] if command == "list" else make_line(chance, command)
         trial = run([*words, *([] if words == ["list"] else ["--out", str(folder)])])
         case = " ".join(words)
         row.count(trial, case)
@@ -71,13 +72,6 @@ def whole_commands(count: int, number: int, out: Path) -> Row:
             row.wrong.append(f"{trial.seconds:.2f} s, exit code {trial.code}: {case}: {trial.said[-400:]}")
         row.left += bool(leftovers(folder))
     return row
-
-
-def command_lines(chance: random.Random) -> Iterator[list[str]]:
-    """Command lines without end: the commands in turn, scenes and changes at random."""
-    while True:
-        for command in EVERY:
-            yield [command] if command == "list" else make_line(chance, command)
 
 
 def make_line(chance: random.Random, command: str) -> list[str]:
