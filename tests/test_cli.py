@@ -16,7 +16,7 @@ import flexlin as fl
 from flexlin.cli import COMMANDS, main
 from flexlin.scene import builtin_scenes
 from tests.closed_arm import closed, opened
-from tests.test_critical_values import distances
+from tests.test_stability_boundary import distances
 
 
 def test_results_of_different_scenes_go_to_different_folders(tmp_path, monkeypatch, capsys):

@@ -1,17 +1,22 @@
-"""Every kind of design: costs that agree with integration, optimality, and named refusals."""
+"""Every kind of design and the Kalman filter: costs that agree with integration, optimality, and named refusals; static output feedback
+against a search by SciPy on constant Lyapunov equations, and the same in turning coordinates."""
 
 import control
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
+from scipy.linalg import solve_continuous_lyapunov
+from scipy.optimize import minimize
 
 import flexlin as fl
-from flexlin.control import averaged_lqr, design, finite_horizon_lqr, frozen_lqr, pd_feedback, periodic_lqr
+from flexlin.control import averaged_lqr, design, finite_horizon_lqr, frozen_lqr, kalman_filter, periodic_lqr
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.scene.control import DesignTable
 from tests.closed_arm import opened
+from tests.periodic.dense import at, integrate
+from tests.periodic.systems import turn, turned
+from tests.thinned import thin
 
 KINDS = ("periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr")
 
@@ -25,9 +30,8 @@ def pendulums(depth=0.8, damping=0.02):
         out[:, 1, 1] += depth * np.sin(2 * t)
         return out
 
-    return fl.PeriodicSystem.from_second_order(
-        np.array([[1.5, 0.2], [0.2, 1.0]]), damping * np.eye(2), stiffness, np.pi, np.array([[1.0], [0.0]])
-    )
+    M, B = np.array([[1.5, 0.2], [0.2, 1.0]]), np.array([[1.0], [0.0]])
+    return fl.PeriodicSystem.from_second_order(M, damping * np.eye(2), stiffness, np.pi, B)
 
 
 Q, R = np.diag([2.0, 2.0, 1.0, 1.0]), np.array([[0.5]])
@@ -38,24 +42,25 @@ def table(kind, **changes):
     return DesignTable.model_construct(**(content | changes))
 
 
-def integrated_cost(made, x0, periods=40):
-    """The integral of x' Q x + u' R u along the closed loop, by SciPy."""
-
-    def rate(t, z):
-        at, x = np.array([t]), z[:-1]
-        u = -made.K(at)[0] @ x
-        return np.append(made.closed_loop.A(at)[0] @ x, x @ Q @ x + u @ R @ u)
-
-    run = solve_ivp(rate, (0, periods * np.pi), np.append(x0, 0.0), "DOP853", rtol=1e-10, atol=1e-12)
-    return run.y[-1, -1]
+DESIGNS = [
+    periodic_lqr(pendulums(), Q, R),
+    frozen_lqr(pendulums(), Q, R, phases=24),
+    averaged_lqr(pendulums(), Q, R),
+]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS[:3])
-def test_cost_is_the_integral_along_the_loop(kind):
-    made = design(pendulums(), table(kind))
+@pytest.mark.parametrize("made", DESIGNS, ids=lambda made: made.kind)
+def test_cost_is_the_integral_along_the_loop(made):
+    """Of x' Q x + u' R u, by SciPy."""
     x0 = np.array([0.3, -0.2, 0.1, 0.4])
-    assert made.cost(x0) == pytest.approx(integrated_cost(made, x0), rel=1e-7)
+
+    def rate(t, z):
+        x, u = z[:-1], -at(made.K, t) @ z[:-1]
+        return np.append(at(made.closed_loop.A, t) @ x, x @ Q @ x + u @ R @ u)
+
+    cost = integrate(rate, np.append(x0, 0.0), [0.0, 40 * np.pi], rtol=1e-10)[-1, -1]
+    assert made.cost(x0) == pytest.approx(cost, rel=1e-7)
 
 
 @pytest.mark.slow
@@ -63,29 +68,39 @@ def test_cost_is_the_integral_along_the_loop(kind):
 @settings(max_examples=6, deadline=None)
 def test_no_design_is_cheaper_than_the_periodic_one(start, t):
     best, *others = DESIGNS
-    for other in others:
-        assert best.cost(start, t) <= other.cost(start, t) * (1 + 1e-9) + 1e-12
+    assert all(best.cost(start, t) <= other.cost(start, t) * (1 + 1e-9) + 1e-12 for other in others)
 
 
-DESIGNS = [
-    periodic_lqr(pendulums(), Q, R),
-    frozen_lqr(pendulums(), Q, R),
-    averaged_lqr(pendulums(), Q, R),
-    pd_feedback(pendulums(), [0], [3.0], [2.0], problem=periodic_lqr(pendulums(), Q, R).problem),
-]
+C, W, V = np.eye(1, 4), np.diag([0.0, 0.0, 0.5, 0.2]), np.array([[0.01]])
 
 
-def test_constant_system_gives_the_lqr_of_python_control_in_every_kind():
-    system = pendulums(depth=0.0)
-    A, B = system.A(np.zeros(1))[0], system.B(np.zeros(1))[0]
+def test_constant_system_gives_the_lqr_and_filter_of_python_control_in_every_kind():
+    system, t = pendulums(depth=0.0), np.array([0.0, 1.0, 4.0])
+    A, B = at(system.A, 0.0), at(system.B, 0.0)
     K, X, poles = control.lqr(A, B, Q, R)
     for kind in KINDS:
         made = design(system, table(kind))
         assert (made.name, made.kind) == ("mine", kind)
-        assert np.abs(made.K(np.array([0.0, 0.7, 2.0])) - K).max() < 1e-8
-        assert np.abs(made.X(np.array([0.7])) - X).max() < 1e-8 * np.abs(X).max()
+        assert np.abs(made.K(t) - K).max() < 1e-8
+        assert np.abs(made.X(t) - X).max() < 1e-8 * np.abs(X).max()
         real = np.sort(fl.floquet(made.closed_loop).exponents.real)
         assert np.abs(real - np.sort(poles.real)).max() < 1e-7
+    L, P, _ = control.lqe(A, np.eye(4), C, W, V)
+    found = kalman_filter(system, C, W, V, tol=1e-11)
+    assert np.abs(found.P(t) - P).max() < 1e-9 * np.abs(P).max()
+    assert np.abs(found.L(t) - L).max() < 1e-9 * np.abs(L).max()
+
+
+def test_covariance_obeys_its_equation_forward_in_time():
+    system, stops = pendulums(), np.array([0.0, 0.8, 2.0, np.pi, 3.9])
+    found = kalman_filter(system, C, W, V, tol=1e-10)
+
+    def rate(t, P):
+        A = at(system.A, t)
+        return A @ P + P @ A.T - P @ C.T @ np.linalg.solve(V, C @ P) + W
+
+    P = found.P(stops)
+    assert np.abs(integrate(rate, P[0], stops) - P).max() < 1e-7 * np.abs(P).max()
 
 
 @pytest.mark.parametrize("what", ["B", "R"])
@@ -130,7 +145,7 @@ def test_a_gain_that_changes_fast_behind_a_narrow_weight_is_followed():
 
 
 def test_unstable_loop_costs_without_end():
-    weak = pd_feedback(pendulums(damping=-0.05), [0], [0.0], [0.0], problem=DESIGNS[0].problem)
+    weak = fl.control.pd_feedback(pendulums(damping=-0.05), [0], [0.0], [0.0], problem=DESIGNS[0].problem)
     assert fl.floquet(weak.closed_loop).verdict == "unstable"
     assert weak.cost(np.ones(4)) == np.inf
 
@@ -156,7 +171,7 @@ def test_periodic_gain_is_the_limit_of_long_horizons():
     assert np.abs(made.K(t) - end.K(t)).max() < 1e-8
 
 
-@pytest.mark.parametrize("kind", ["frozen-lqr", "averaged-lqr", "periodic-lqr"])
+@pytest.mark.parametrize("kind", ["frozen-lqr", "averaged-lqr"])
 def test_blocked_modes_are_named(kind):
     A = np.diag([0.5, -1.0, 0.25])
     unreached = fl.PeriodicSystem(A, 1.0, np.array([[1.0], [1.0], [0.0]]))
@@ -165,24 +180,79 @@ def test_blocked_modes_are_named(kind):
     unseen = fl.PeriodicSystem(A, 1.0, np.ones((3, 1)))
     with pytest.raises(NotDetectable, match=r"0\.5"):
         design(unseen, table(kind, state_weight=(0, 1, 1)))
+    words = r"not seen by the measurement; got real part of its exponent about 0\.5"
+    with pytest.raises(NotDetectable, match=words):
+        kalman_filter(unseen, np.array([[0.0, 1.0, 0.0]]), np.eye(3), np.eye(1))
+    with pytest.raises(ArgumentError, match="C does not fit"):
+        kalman_filter(unseen, np.ones((1, 4)), np.eye(3), np.eye(1))
 
 
 def test_modes_far_faster_hide_no_mode_that_the_input_reaches():
     """Beside bending at 2e8 rad/s the rank of Hautus's pencil is rounding; the joint is driven all the same."""
-    _, plant = opened(changes={"links.0.bending_stiffness": 3.69e12})
+    plant = opened(changes={"links.0.bending_stiffness": 3.69e12})[1]
     found = frozen_lqr(plant, np.diag([100.0, 100, 100, 1, 1, 1]), 0.1)
     assert fl.floquet(found.closed_loop).verdict == "stable"
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
+def test_bad_tables_are_refused():
+    for changes, message in (
         ({"kind": "magic"}, "no such kind"),
         ({"state_weight": (1, 1, 1)}, "state_weight has the wrong length"),
         ({"input_weight": (0.0,)}, "R is not positive definite"),
         ({"state_weight": (1, 1, -1, 1)}, "Q is indefinite"),
-    ],
-)
-def test_bad_tables_are_refused(changes, message):
-    with pytest.raises(ArgumentError, match=message):
-        design(pendulums(), table(**({"kind": "periodic-lqr"} | changes)))
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            design(pendulums(), table(**({"kind": "periodic-lqr"} | changes)))
+
+
+A0 = np.array([[0.0, 1.0, 0.0], [-1.0, -0.1, 0.5], [0.2, 0.0, -0.3]])
+B0, C0 = np.array([[0.0], [1.0], [0.2]]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.3]])
+Q0, R0 = np.diag([3.0, 1.0, 2.0]), np.array([[0.2]])
+
+
+def best_gain():
+    def cost(k):
+        K = k.reshape(1, 2)
+        loop = A0 - B0 @ K @ C0
+        if np.linalg.eigvals(loop).real.max() >= 0:
+            return 1e9
+        return np.trace(solve_continuous_lyapunov(loop.T, -(Q0 + C0.T @ K.T @ R0 @ K @ C0)))
+
+    found = minimize(cost, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 2000})
+    return found.x, found.fun
+
+
+@pytest.mark.parametrize("turning", thin([False, True]))
+def test_a_plant_gets_the_gain_that_a_search_finds_in_turning_coordinates_too(turning):
+    (system, C), P = turned(A0, B0, C0), turn(3, 2.0)
+    if turning:
+        made = fl.output_lqr(system, C, lambda t: P(t) @ Q0 @ np.swapaxes(P(t), 1, 2), R0)
+    else:
+        made = fl.output_lqr(fl.PeriodicSystem(A0, 1.0, B=B0), C0, Q0, R0)
+    assert fl.floquet(made.closed_loop).verdict == "stable"
+    K, cost = best_gain()
+    np.testing.assert_allclose(made.K[0], K, rtol=1e-4)
+    assert made.cost == pytest.approx(cost, rel=1e-8)
+    assert made.status.startswith("converged")
+
+
+@pytest.mark.slow
+def test_an_unstable_plant_begins_at_a_state_feedback_or_is_refused():
+    system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    made = fl.output_lqr(system, np.eye(2), np.eye(2), np.eye(1))
+    np.testing.assert_allclose(made.K, [[1.0, np.sqrt(3.0)]], rtol=1e-5)
+    with pytest.raises(NotStabilizable, match="rates beside angles"):
+        fl.output_lqr(system, [[1.0, 0.0]], np.eye(2), np.eye(1))
+    with pytest.raises(ArgumentError, match="C does not fit"):
+        fl.output_lqr(system, [[1.0]], np.eye(2), np.eye(1))
+
+
+def test_a_sensor_that_tells_nothing_new_changes_nothing():
+    """Dead, or twice the same: the gains of both together are those of the one."""
+    system = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -0.2]], 1.0, B=[[0.0], [1.0]])
+    alone, dead, twice = (
+        fl.output_lqr(system, [[0.0, 1.0], *other], np.eye(2), np.eye(1)).K[0]
+        for other in ([], [[0.0, 0.0]], [[0.0, 1.0]])
+    )
+    np.testing.assert_allclose(dead, [alone[0], 0.0], atol=1e-9)
+    np.testing.assert_allclose(twice, [alone[0] / 2] * 2, rtol=1e-6)

@@ -1,5 +1,6 @@
 """Exports: what another tool reads is what flexlin computed."""
 
+import re
 import shutil
 import subprocess
 
@@ -11,10 +12,11 @@ import xarray
 
 import flexlin as fl
 from flexlin.control import gain_schedule, gain_source, linearization_source, periodic_lqr, periodic_plant, save
-from flexlin.control.export.files import matlab_script
+from flexlin.control.export.files import Labels, matlab_script
 from flexlin.errors import ArgumentError
 from tests.closed_arm import opened
 from tests.control.test_c_controllers import COMPILER, needs_compiler
+from tests.periodic.dense import at, integrate
 
 OCTAVE = shutil.which("octave-cli")
 
@@ -38,17 +40,10 @@ def test_gain_schedule_runs_in_python_control(made):
     system = fl.PeriodicSystem.from_second_order(np.eye(1), 0.1 * np.eye(1), stiffness, 2 * np.pi, np.eye(1))
     design = periodic_lqr(system, np.eye(2), np.eye(1))
     loop = control.feedback(periodic_plant(system), gain_schedule(design), 1)
-    t = np.linspace(0, 2 * np.pi, 21)
-    x0 = np.array([1.0, -0.5])
-    response = control.input_output_response(
-        loop, t, np.zeros((loop.ninputs, len(t))), x0, solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-11}
-    )
-    from flexlin.periodic import gauss_transitions
-
-    x = [x0]
-    for step in gauss_transitions(design.closed_loop.A, t, 6):
-        x.append(step @ x[-1])
-    assert np.abs(response.outputs.T[:, :2] - np.array(x)).max() < 1e-7
+    t, x0, exactly = np.linspace(0, 2 * np.pi, 21), np.array([1.0, -0.5]), {"rtol": 1e-9, "atol": 1e-11}
+    response = control.input_output_response(loop, t, np.zeros((loop.ninputs, 21)), x0, solve_ivp_kwargs=exactly)
+    known = integrate(lambda t, x: at(design.closed_loop.A, t) @ x, x0, t)
+    assert np.abs(response.outputs.T[:, :2] - known).max() < 1e-7
 
 
 @pytest.mark.parametrize("ending", ["npz", "mat", "nc"])
@@ -79,6 +74,16 @@ def test_files_hold_the_same_numbers(lin, made, tmp_path, ending):
         save(system, tmp_path / "arm.txt")
 
 
+def test_the_matlab_script_reads_what_the_file_holds(lin, made, tmp_path):
+    script = matlab_script(save(lin.periodic_system(), tmp_path / "system.mat", (made,), 8, lin), 1).read_text()
+    data, asked = scipy.io.loadmat(tmp_path / "system.mat"), set(re.findall(r"data\.(\w+)", script))
+    assert {"A", "B", "t", "states", "state_units", "inputs", "designs"} <= asked <= set(data)
+    assert set(re.findall(r"data\.designs\(i\)\.(\w+)", script)) <= set(data["designs"].dtype.names)
+    assert [str(name[0]) for name in data["states"].ravel()] == list(Labels.of(lin).states)
+    assert (script.count("function "), script.count("\nend\n")) >= (2, 2)
+    assert "'system.mat'" in script
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(OCTAVE is None, reason="no Octave, which runs MATLAB's scripts")
 def test_the_matlab_script_gives_the_loop_between_samples(lin, made, tmp_path):
@@ -90,49 +95,47 @@ def test_the_matlab_script_gives_the_loop_between_samples(lin, made, tmp_path):
     np.testing.assert_allclose(found, right, atol=1e-6 * np.abs(right).max())
 
 
-def outputs_of(program, phase):
-    """Run a compiled program and read its named outputs."""
+def run_compiled(files, phase):
+    """Compile the C sources with their main, run it at a phase, and read its named outputs."""
+    program, sources = files[0].parent / "program", [file for file in files if file.suffix == ".c"]
+    subprocess.run([COMPILER, "-O1", *sources, "-lm", "-o", program], check=True)
     text = subprocess.run([program, repr(phase)], capture_output=True, text=True, check=True).stdout
     return {line.split()[0]: np.array(line.split()[1:], dtype=float) for line in text.splitlines()}
 
 
-def compiled(files, folder):
-    program = folder / "program"
-    sources = [str(f) for f in files if f.suffix == ".c"]
-    subprocess.run([COMPILER, "-O1", *sources, "-lm", "-o", str(program)], check=True, cwd=folder)
-    return str(program)
-
-
 @needs_compiler
-def test_compiled_linearization_equals_python(lin, tmp_path):
-    program = compiled(linearization_source(lin, tmp_path), tmp_path)
-    header = (tmp_path / "linearization.h").read_text()
-    layout = header[: header.index("*/")]
+def test_compiled_programs_print_what_python_computes(lin, made, tmp_path):
+    exact = lin.sample(np.array([0.37 * lin.period]))
+    found = run_compiled(linearization_source(lin, tmp_path), 0.37)
+    for name in ("M", "D", "K", "h", "B", "tau"):
+        np.testing.assert_allclose(found[name], getattr(exact, name)[0].T.ravel(), rtol=1e-13, atol=1e-13)
+    layout = (tmp_path / "linearization.h").read_text().partition("*/")[0]
     assert all(f"{name} ({rows} x " in layout for name, rows in (("M", lin.n), ("h", lin.n), ("B", lin.n)))
     assert all(name in layout for name in lin.names)
     assert f"i + {lin.n} * j" in layout
-    for phase in (0.0, 0.37, 0.9):
-        found, exact = outputs_of(program, phase), lin.sample(np.array([phase * lin.period]))
-        for name in ("M", "D", "K", "h", "B", "tau"):
-            np.testing.assert_allclose(found[name], getattr(exact, name)[0].T.ravel(), rtol=1e-13, atol=1e-13)
+    gain = made.K(np.array([0.999 * lin.period]))[0].T.ravel()
+    found = run_compiled(gain_source(made, lin.period, tmp_path), 0.999)["K"]
+    np.testing.assert_allclose(found, gain, rtol=1e-6, atol=1e-7 * np.abs(gain).max())
 
 
-@needs_compiler
-def test_compiled_gain_equals_python(lin, made, tmp_path):
-    program = compiled(gain_source(made, lin.period, tmp_path), tmp_path)
-    for phase in (0.0, 0.371, 0.999):
-        exact = made.K(np.array([phase * lin.period]))[0].T.ravel()
-        np.testing.assert_allclose(outputs_of(program, phase)["K"], exact, rtol=1e-6, atol=1e-7 * np.abs(exact).max())
+def test_python_control_systems_bear_the_arms_names(lin):
+    labels, t = Labels.of(lin), np.array([0.2 * lin.period])
+    frozen = fl.control.to_control(lin, 0.2, np.eye(6)[:1], ["encoder"])
+    assert isinstance(frozen, control.StateSpace)
+    np.testing.assert_array_equal(frozen.A, lin.A(t)[0])
+    np.testing.assert_array_equal(frozen.B, lin.input_matrix(t)[0])
+    assert [frozen.state_labels, frozen.input_labels, frozen.output_labels] == [[*labels.states], ["q1"], ["encoder"]]
+    assert periodic_plant(lin).state_labels == ["q1", "w11", "w12", "q1_rate", "w11_rate", "w12_rate"]
 
 
-@pytest.mark.parametrize("outputs", [np.eye(3), np.nan, 1j, [], [["a"] * 6]])
-def test_outputs_for_python_control_are_checked(lin, outputs):
-    """Errors of NumPy's and python-control's own came through."""
-    with pytest.raises(ArgumentError, match=r"^outputs "):
-        fl.control.to_control(lin, 0.2, outputs)
-
-
-def test_a_lifted_model_needs_a_positive_tol(lin):
-    """It ended with Python's "cannot convert float NaN to integer"."""
+def test_what_python_control_cannot_take_is_refused(lin):
+    """Errors of NumPy's, python-control's and Python's own came through."""
+    for outputs in (np.eye(3), np.nan, 1j, [], [["a"] * 6]):
+        with pytest.raises(ArgumentError, match=r"^outputs "):
+            fl.control.to_control(lin, 0.2, outputs)
+    with pytest.raises(ArgumentError, match="outputs"):
+        fl.control.to_control(lin, 0.2, np.eye(6), ["encoder"])
+    with pytest.raises(ArgumentError, match="phase"):
+        fl.control.to_control(lin, 1.0)
     with pytest.raises(ArgumentError, match="tol is not positive; got -1"):
         fl.control.lifted_model(lin, lin.period / 4, tol=-1.0)

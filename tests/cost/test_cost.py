@@ -11,19 +11,8 @@ import pytest
 
 import flexlin as fl
 from flexlin.analyses import accuracy as own
-from flexlin.analyses.accuracy import CostResult, Row, cost
+from flexlin.analyses.accuracy import CostResult, Row, cost, scipy_methods
 from flexlin.analyses.accuracy.result import Trial, compare_exponents, measure_trials
-from flexlin.analyses.accuracy.scipy_methods import (
-    FastRate,
-    derive_loop_rate,
-    derive_response_rate,
-    derive_riccati_rate,
-    derive_transition_rate,
-    forget_start,
-    integrate_loop,
-    multiply_up,
-    respond_periodically,
-)
 from flexlin.checks import SAMPLES
 from flexlin.cli import main
 from flexlin.errors import InputError
@@ -70,15 +59,11 @@ def test_every_stage_reaches_the_floor_at_its_order_and_the_engines_choices_thei
 
 def test_recommendations_of_a_table_whose_answer_is_known():
     """Found out: another program or another stage recommended, one that is fast but too coarse, a repeated row."""
-    coarse = Row("exponents", "own", "coarse", 3e-3, 1.0)
-    middle = Row("exponents", "own", "middle", 2e-5, 2.0)
-    slow = Row("exponents", "own", "slow and worse", 9e-5, 7.0)
-    fine = Row("exponents", "own", "fine", 1e-9, 5.0)
-    others = (
-        Row("exponents", "another program", "fast", 1e-11, 0.1, outside=True),
-        Row("forced response", "own", "of another stage", 1e-12, 0.1),
-    )
-    table = CostResult("by hand", (slow, fine, others[0], coarse, others[1], middle), 1e-14)
+    known = {"coarse": (3e-3, 1.0), "middle": (2e-5, 2.0), "slow and worse": (9e-5, 7.0), "fine": (1e-9, 5.0)}
+    coarse, middle, slow, fine = (Row("exponents", "own", name, *figures) for name, figures in known.items())
+    outside = Row("exponents", "another program", "fast", 1e-11, 0.1, outside=True)
+    elsewhere = Row("forced response", "own", "of another stage", 1e-12, 0.1)
+    table = CostResult("by hand", (slow, fine, outside, coarse, elsewhere, middle), 1e-14)
     found = [(accuracy, row) for stage, accuracy, row in table.recommendations() if stage == "exponents"]
     assert found == [(1e-2, coarse), (pytest.approx(1e-3), middle), (pytest.approx(1e-5), fine)]
     marked = {row.setting for row in table.marked().stage("exponents") if row.cheapest}
@@ -101,12 +86,12 @@ def test_scipy_answers_the_same_questions(scene, method, tol):
     response = fl.forced_response(closed.periodic_system(), closed.forcing)(t)
     X = periodic_riccati(plant.periodic_system(), *weights).X(t)
     for lin, derive, integrate, share, exact in (
-        (closed, derive_transition_rate, multiply_up, 1.0, transition),
-        (closed, derive_loop_rate, integrate_loop, 0.1, run),
-        (closed, derive_response_rate, respond_periodically, 0.1, response),
-        (plant, derive_riccati_rate, forget_start, 0.1, X),
+        (closed, scipy_methods.derive_transition_rate, scipy_methods.multiply_up, 1.0, transition),
+        (closed, scipy_methods.derive_loop_rate, scipy_methods.integrate_loop, 0.1, run),
+        (closed, scipy_methods.derive_response_rate, scipy_methods.respond_periodically, 0.1, response),
+        (plant, scipy_methods.derive_riccati_rate, scipy_methods.forget_start, 0.1, X),
     ):
-        found = integrate(FastRate(derive(lin), lin.arm.parameters.values), 4, method, share * tol)
+        found = integrate(scipy_methods.FastRate(derive(lin), lin.arm.parameters.values), 4, method, share * tol)
         assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
 
 
@@ -136,29 +121,24 @@ def test_what_little_time_leaves_out_is_said(scene):
     assert len(told) >= 3
     assert len(late.rows) < 35
     assert not any(re.search(r"(?<!\w)-\d", note) for note in late.notes)
-
-
-def test_without_time_for_two_references_there_is_no_floor():
-    """The caption does not speak of one, and the record holds null."""
-    late = CostResult("by hand", (), math.nan, ("exponents left out",))
-    assert "nan" not in draw_cost(late).caption
-    assert '"floor": null' in to_json(late.record())
+    without = replace(late, floor=math.nan)  # for two references there was no time
+    assert "nan" not in draw_cost(without).caption
+    assert '"floor": null' in to_json(without.record())
 
 
 def test_the_summary_says_what_each_tol_costs_and_where_it_is_missed():
-    rows = (
-        Row("exponents", "floquet, auto", "tol 1e-06", 2e-7, 0.0123, "1e-06"),
-        Row("exponents", "floquet, auto", "tol 1e-10", 3e-9, 1.5, "1e-10"),
-        Row("transition matrices", "gauss 8", "8 segments", 1e-9, 1.0, "1e-06"),
-    )
-    assert summarise_cost(CostResult("by hand", rows, 1e-14)) == [
+
+    def summarise(*found):
+        rows = [Row("exponents", "floquet, auto", "", error, cost, f"{tol:.0e}") for tol, error, cost in found]
+        other = Row("transition matrices", "gauss 8", "8 segments", 1e-9, 1.0, "1e-06")
+        return summarise_cost(CostResult("by hand", (*rows, other), 1e-14))
+
+    assert summarise((1e-6, 2e-7, 0.0123), (1e-10, 3e-9, 1.5)) == [
         "exponents: tol 1e-06 costs 12 ms, 1e-10 1.5 s (reaches 3e-09)",
         "the default is tol 1e-09; --tol or the scene's [accuracy] changes it",
     ]
-    assert summarise_cost(CostResult("nothing", (), 1e-14)) == []
-    costs = ((1e-4, 0.36), (1e-9, 0.35), (1e-10, 0.38))
-    equal = tuple(Row("exponents", "floquet, auto", "", 0.5 * tol, cost, f"{tol:.0e}") for tol, cost in costs)
-    said = summarise_cost(CostResult("by hand", equal, 1e-14))[0]
+    assert summarise() == []
+    said = summarise((1e-4, 5e-5, 0.36), (1e-9, 5e-10, 0.35), (1e-10, 5e-11, 0.38))[0]
     assert said == "exponents: every tol from 1e-04 to 1e-10 costs about 380 ms"
 
 
@@ -166,15 +146,14 @@ def test_the_engines_choices_are_a_staircase_in_any_order_of_noise():
     """Least time in which an error is reached: never rising with the error, through the cheapest marks."""
     rng = np.random.default_rng(5)
     for _ in range(20):
-        seconds = rng.uniform(0.1, 1.0, 5)
-        rows = [
-            Row("exponents", "auto", "", 10.0**-k, s, f"1e-0{k}") for k, s in zip((4, 6, 8, 9, 7), seconds, strict=True)
-        ]
+        tols, seconds = (4, 6, 8, 9, 7), rng.uniform(0.1, 1.0, 5)
+        rows = [Row("exponents", "", "", 10.0**-k, s, f"1e-0{k}") for k, s in zip(tols, seconds, strict=True)]
         panel = draw_choices(Panel(), rows)
         line, dots = (next(mark for mark in panel.marks if mark.kind == kind) for kind in ("line", "dots"))
-        assert (np.diff(line.x) <= 0).all()
-        assert (np.diff(line.y) >= 0).all()
-        assert ((np.diff(line.x) == 0) | (np.diff(line.y) == 0)).all()
+        steps = np.diff(line.x), np.diff(line.y)
+        assert (steps[0] <= 0).all()
+        assert (steps[1] >= 0).all()
+        assert (steps[0] * steps[1] == 0).all()
         assert line.y[-1] == 1e3 * seconds[3]
         assert len(dots.x) == 5
         assert sum(mark.kind == "words" for mark in panel.marks) == 5
@@ -193,33 +172,24 @@ def test_exponents_on_the_seam_of_the_frequencies_are_the_same():
 
 
 def test_a_one_way_motion_is_refused():
-    joints = [{"waypoints": [0.0, 1.0]}]
-    moves = {"kind": "point-to-point", "move_time": 1.0, "course": "one-way", "joints": joints}
+    moves = {"kind": "point-to-point", "move_time": 1.0, "course": "one-way", "joints": [{"waypoints": [0.0, 1.0]}]}
     with pytest.raises(InputError):
         cost(fl.load_scene("single-link", {"motion": moves, "designs": []}))
 
 
 def test_command_writes_page_and_record(tmp_path, capsys, monkeypatch):
-    """Of two quick stages."""
+    """Of two quick stages; nothing measured in the time is exit code 4."""
     trials = [Trial("gauss 8", f"{n} segments", lambda n=n: 0.1**n) for n in (1, 3, 5)]
     rows = [row for stage in ("exponents", "forced response") for row in measure_trials(stage, trials, abs)]
     chosen = [replace(row, chosen="1e-03") if row.setting == "3 segments" else row for row in rows]
     short = CostResult("by hand", tuple(chosen), 1e-14).marked()
-    monkeypatch.setattr("flexlin.analyses.accuracy.cost", lambda scene, seconds: short)
-    assert main(["cost", "single-link", "--out", str(tmp_path)]) == 0
-    record = json.loads((tmp_path / "cost.json").read_text())
-    assert len(record["rows"]) == len(short.rows)
-    assert {"stage", "method", "setting", "error", "seconds", "chosen"} <= set(record["rows"][0])
-    page = (tmp_path / "cost.html").read_text()
+    for found, code, said in ((short, 0, "cheapest"), (CostResult("t", (), 0.0, ("left out",)), 4, "left out")):
+        monkeypatch.setattr("flexlin.analyses.accuracy.cost", lambda scene, seconds, found=found: found)
+        assert main(["cost", "single-link", "--out", str(tmp_path / said)]) == code
+        record = json.loads((tmp_path / said / "cost.json").read_text())
+        assert record["notes"] == list(found.notes)
+        assert [row["error"] for row in record["rows"]] == [row.error for row in found.rows]
+        assert said in capsys.readouterr().out
+    page = (tmp_path / "cheapest" / "cost.html").read_text()
     assert "<svg" in page
     assert "choice" in page
-    assert "cheapest" in capsys.readouterr().out
-
-
-def test_nothing_measured_in_the_time_is_exit_code_4(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(
-        "flexlin.analyses.accuracy.cost", lambda scene, seconds: CostResult("t", (), 0.0, ("left out",))
-    )
-    assert main(["cost", "single-link", "--out", str(tmp_path)]) == 4
-    assert "left out" in capsys.readouterr().out
-    assert json.loads((tmp_path / "cost.json").read_text())["notes"] == ["left out"]

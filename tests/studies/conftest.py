@@ -46,6 +46,11 @@ class Pictures(dict):
         assert axes.get_title() or axes.get_ylabel()
         return {line.get_label(): np.array(line.get_data(), dtype=float) for line in axes.lines}
 
+    def compare(self, name: str, panel: int, known: dict[str, list]) -> None:
+        """Whether these curves of a panel show what is known."""
+        for label, points in known.items():
+            np.testing.assert_array_equal(self.curves(name, panel)[label], points)
+
 
 @pytest.fixture(scope="module")
 def pictures() -> Iterator[Pictures]:

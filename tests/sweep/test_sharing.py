@@ -2,9 +2,9 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -13,13 +13,16 @@ import pytest
 
 import flexlin as fl
 from flexlin.analyses import compute_here, keep_in, prepare_job, share_among_processes, share_on_cluster
-from flexlin.cli import main
-from flexlin.errors import ArgumentError, OutputError
+from flexlin.errors import ArgumentError
+from flexlin.scene import revise_scene
+from tests.sweep.test_damaged_store import assert_same
 
+pytestmark = pytest.mark.slow
 distributed, _ = pytest.importorskip("distributed"), pytest.importorskip("zarr")
 SCENE = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
 VALUES = {"effects.payload.mass": np.linspace(0.0, 0.3, 36), "control.feedback.kp.0": np.linspace(0.0, 6.0, 20)}
 """So many that there are several blocks."""
+FEW = {"effects.payload.mass": [0.1, 0.2]}
 
 
 @pytest.fixture(scope="module")
@@ -29,92 +32,67 @@ def whole():
     return data
 
 
-def assert_same(data, other):
-    for name in other.data_vars:
-        kind = {"equal_nan": True} if other[name].dtype.kind in "fc" else {}
-        assert np.array_equal(data[name].values, other[name].values, **kind), name
+def make_job(values=VALUES):
+    return prepare_job(SCENE, values, 1e-8, True, "own")
 
 
 class Deadly:
-    """Work that ends the process which does it, as often as there are files to remove."""
+    """Work that ends the process which does it, so many times: as often as there are files to remove."""
 
-    def __init__(self, work, folder):
+    def __init__(self, work, folder, times):
         self.work, self.folder = work, folder
         self.segments, self.block, self.route = work.segments, work.block, work.route
+        for k in range(times):
+            (folder / str(k)).touch()
 
     def compute(self, points):
         for file in sorted(Path(self.folder).iterdir()):
-            try:
+            with suppress(FileNotFoundError):  # where another process has taken it
                 file.unlink()
-            except FileNotFoundError:  # another process has taken it
-                continue
-            os.kill(os.getpid(), signal.SIGKILL)
+                os.kill(os.getpid(), signal.SIGKILL)
         return self.work.compute(points)
 
 
-@pytest.mark.slow
 def test_two_processes_and_one_that_dies(whole, tmp_path):
-    job = prepare_job(SCENE, VALUES, 1e-8, True, "own")
+    job = make_job()
     assert len(job.blocks) > 5
-    (tmp_path / "once").touch()
-    job.work = Deadly(job.work, tmp_path)
+    job.work = Deadly(job.work, tmp_path, 1)
     job.run(partial(share_among_processes, workers=2))
     assert_same(job.dataset(), whole)
 
 
-@pytest.mark.slow
 def test_a_block_that_kills_every_process_is_marked(tmp_path, monkeypatch):
     monkeypatch.setattr("flexlin.analyses.sweep.sharing.BLOCK_ATTEMPTS", 1)
-    job = prepare_job(SCENE, {"effects.payload.mass": [0.1, 0.2]}, 1e-8, True, "own")
-    for i in range(5):
-        (tmp_path / str(i)).touch()
-    job.work = Deadly(job.work, tmp_path)
+    job = make_job(FEW)
+    job.work = Deadly(job.work, tmp_path, 5)
     job.run(partial(share_among_processes, workers=1))
     assert set(job.dataset()["verdict"].values) == {"failed"}
     assert "ended" in job.dataset()["reason"].values[0]
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_loses_a_worker(whole):
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
     ):
-        killed = []
+        job, killed = make_job(), []
 
         def kill_one(start, block):
             if not killed:
-                pids = client.run(os.getpid)
-                killed.append(next(iter(pids.values())))
+                killed.extend(client.run(os.getpid).values())
                 os.kill(killed[0], signal.SIGKILL)
 
-        job = prepare_job(SCENE, VALUES, 1e-8, True, "own")
         job.watchers.append(kill_one)
         job.run(partial(share_on_cluster, client=client))
         assert killed
     assert_same(job.dataset(), whole)
 
 
-def test_clusters_that_are_not_there_are_refused(monkeypatch):
-    monkeypatch.setattr("flexlin.analyses.sweep.sharing.SCHEDULER_SECONDS", 0.5)
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        closed = taken.getsockname()[1]
-    for address in ("nowhere:1", f"tcp://127.0.0.1:{closed}", "nowhere:port"):
-        with pytest.raises(ArgumentError, match="no scheduler answers"):
-            fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, client=address)
-    with pytest.raises(ArgumentError, match="another kind"):
-        fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, client=3)
-    with pytest.raises(ArgumentError, match="whole number"):
-        fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, workers=0)
-
-
-@pytest.mark.slow
 def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, tmp_path):
     path, rng, left = tmp_path / "chart.zarr", np.random.default_rng(3), []
-
     for _ in range(20):
-        job = prepare_job(SCENE, VALUES, 1e-8, True, "own")
+        job = make_job()
         keep_in(path, job)
         left.append(len(job.blocks))
         countdown = iter(range(int(rng.integers(0, 3)), -1, -1))
@@ -124,22 +102,19 @@ def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, t
                 raise KeyboardInterrupt
 
         job.watchers.insert(int(rng.integers(0, 2)), stop)  # before or after the block is written
-        try:
+        with suppress(KeyboardInterrupt):
             job.run(compute_here)
-        except KeyboardInterrupt:
-            continue
-        break
+            break
     assert len(left) > 4
     assert left == sorted(left, reverse=True)
     assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path), whole)
 
 
-@pytest.mark.slow
 def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
     path = tmp_path / "chart.zarr"
     script = (
         "from tests.sweep.test_sharing import *;"
-        f"job = prepare_job(SCENE, VALUES, 1e-8, True, 'own'); keep_in({str(path)!r}, job);"
+        f"job = make_job(); keep_in({str(path)!r}, job);"
         "job.watchers.append(lambda start, block: os.kill(os.getpid(), 9) if start > 200 else None); job.run(compute_here)"
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[2], check=False)
@@ -147,60 +122,16 @@ def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
     assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path), whole)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("change", "what"),
-    [
-        ({"scene": {"effects.payload.mass": 0.05}}, "scene"),
-        ({"values": {"effects.payload.mass": np.linspace(0.0, 0.4, 36)}}, "values of effects.payload.mass"),
-        ({"loop": "open"}, "loop"),
-        ({"tol": 1e-7}, "tol"),
-        ({"version": "9.9"}, "version of flexlin"),
-    ],
-)
-def test_a_store_of_another_sweep_is_refused_with_what_differs(change, what, tmp_path, monkeypatch):
-    values = {"effects.payload.mass": np.linspace(0.0, 0.3, 12)}
-    scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control": {}})
-    fl.sweep(scene, values, store=tmp_path / "c.zarr")
-    other = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control": {}, **change.get("scene", {})})
-    monkeypatch.setattr("flexlin.__version__", change.get("version", fl.__version__))
-    asked = {"values": values} | {key: one for key, one in change.items() if key in ("values", "tol", "loop")}
-    with pytest.raises(ArgumentError, match=f"differs in the {what}"):
-        fl.sweep(other, **asked, store=tmp_path / "c.zarr")
-
-
-def test_an_incomplete_chart_goes_on_with_more_time(tmp_path, capsys, monkeypatch):
-    """Limits change no number, so the command may be given again with others, as its message advises."""
-    words = ["chart", "single-link", "--over", "effects.payload.mass=0:0.3:200", "--store", str(tmp_path / "c.zarr")]
-    words += ["--set", "links.0.modes=1", "designs=[]", "control={}", "--out", str(tmp_path / "out")]
-
-    def interrupted(job):
-        yield next(compute_here(job))
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr("flexlin.report.charts.choose_crew", lambda *_: interrupted)
-        assert main(words) == 4
-        told, page = capsys.readouterr(), (tmp_path / "out" / "chart.html").read_text(encoding="utf-8")
-        for text in (told.out, told.err, page):
-            assert "is not complete: interrupted, with 96 of 200 values" in text
-            assert f"the same command goes on from {tmp_path / 'c.zarr'}" in text
-        assert "no answer" not in told.out
-
-        def stopped_at_once(*_, **__):
-            raise KeyboardInterrupt
-
-        patch.setattr("flexlin.report.charts.compute_chart", stopped_at_once)
-        assert main(words) == 1
-        assert f"goes on from {tmp_path / 'c.zarr'}" in capsys.readouterr().err
-    assert main([*words, "--limit-seconds", "500", "--limit-memory", "9e8"]) == 0
-    said = capsys.readouterr().err
-    assert "--store" in (tmp_path / "out" / "chart.html").read_text(encoding="utf-8")
-    assert "values are there already" in said
-    assert "differs" not in said
-
-
-def test_what_is_no_store_is_refused(tmp_path):
-    (tmp_path / "c.zarr").write_text("no store")
-    with pytest.raises((OutputError, ArgumentError)):
-        fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, store=tmp_path / "c.zarr")
+def test_a_store_of_another_sweep_is_refused_with_what_differs(tmp_path, monkeypatch):
+    own = {"scene": SCENE, "values": FEW, "store": tmp_path / "c.zarr"}
+    fl.sweep(**own)
+    for what, change in (
+        ("scene", {"scene": revise_scene(SCENE, {"effects.hub.inertia": 1.0})}),
+        ("values of effects.payload.mass", {"values": {"effects.payload.mass": [0.1, 0.3]}}),
+        ("loop", {"loop": "open"}),
+        ("tol", {"tol": 1e-7}),
+        ("version of flexlin", {}),
+    ):
+        monkeypatch.setattr("flexlin.__version__", fl.__version__ if change else "9.9")
+        with pytest.raises(ArgumentError, match=f"differs in the {what}"):
+            fl.sweep(**own | change)

@@ -1,4 +1,5 @@
-"""Values that are computed together, beside `floquet`; what is sent to workers, and shared among threads."""
+"""Values that are computed together, beside `floquet`; what is sent to workers, and shared among threads; how many segments each value is
+computed on: pilots of a made-up kernel whose errors are known."""
 
 import pickle
 import time
@@ -9,32 +10,19 @@ import pytest
 import flexlin as fl
 from flexlin.analyses import Found, Together, choose_crew, choose_loop, make_family, prepare_job, share_among_threads
 from flexlin.analyses.sweep.found import MISSING
+from flexlin.analyses.sweep.together import MOST_SEGMENTS, PILOT_VALUES, SEGMENT_NUMBERS, learn_needs
 from flexlin.periodic import Kernel, measure_distances
+from flexlin.periodic.many import WIDTH, Logs
+from tests.control.test_c_controllers import FILTERS, PID
+from tests.sweep.test_sweep import MOVES
 from tests.thinned import thin
 
 NUMBERS = {"state_weight": [100.0, 100.0, 1.0, 1.0], "input_weight": [0.1]}
 SIZES = {"weights": {"joints": "1 deg", "rates": "5 deg/s", "integrals": "0.2 deg s", "input": "0.5 N m"}}
 LQR, LQI = ({"name": name, "kind": "frozen-lqr", "phases": 5, **w} for name, w in (("LQR", NUMBERS), ("LQI", SIZES)))
-PID = {"kind": "pid", "kp": [3.0], "kd": [0.5], "ki": [2.0]}
-FILTERS = [
-    {"kind": "low-pass", "on": "rates", "cutoff": "35 Hz", "order": 1},
-    {"kind": "notch", "frequency": "4.5 Hz", "damping": 0.3, "gain": 0.2},
-]
-MOVES = {"kind": "point-to-point", "move_time": 0.4, "dwell_time": 0.1, "joints": [{"waypoints": [0.0, 1.0, 0.4]}]}
+FILTERED = {"control.feedback": PID, "control.filters": FILTERS}
 SINGLE = {"links.0.modes": 1, "designs": [LQR]}
-LINK = {"length": 0.5, "mass_per_length": 0.3, "bending_stiffness": 20.0, "modes": 1}
-TWO_LINKS = {
-    "links": [LINK, LINK],
-    "effects": {
-        "gravity": {},
-        "payload": {"mass": 0.1},
-        "modal_damping": {"ratio": 0.02},
-        "hub": {"inertia": [0.05, 0.05]},
-    },
-    "motion": {"kind": "harmonic", "frequency": 0.5, "joints": [{"amplitude": 0.2}, {"mean": 0.5, "amplitude": 0.2}]},
-    "control": {"feedback": {"kind": "pd", "kp": [160.0, 40.0], "kd": [8.0, 2.0]}},
-    "designs": [],
-}
+TWO_LINKS = {"links.0.modes": 1, "links.1.modes": 1, "designs": []}
 MASS, FREQUENCY = {"effects.payload.mass": (0, 0.3)}, {"motion.frequency": (0.3, 2)}
 GAINS = {"control.feedback.kp.0": (0.5, 20.0), "control.feedback.kd.0": (0.02, 1.0)}
 STATES = {"control.filters.1.frequency": (2, 9), "control.feedback.ki.0": (0.1, 20)}
@@ -43,22 +31,19 @@ CASES = {
     "amplitude": (SINGLE, "open", {"motion.joints.0.amplitude": (0.1, 3)}),
     "breaks": (SINGLE | {"motion": MOVES}, "own", MASS),
     "kept gain": (SINGLE, "LQR", FREQUENCY),
-    "states of the controller": (
-        SINGLE | {"control.feedback": PID, "control.filters": FILTERS, "designs": []},
-        "own",
-        STATES | FREQUENCY,
-    ),
+    "states of the controller": (SINGLE | FILTERED, "own", STATES | FREQUENCY),
     "kept gain with integrals": (SINGLE | {"designs": [LQI]}, "LQI", FREQUENCY | MASS),
-    "two links": (TWO_LINKS, "own", MASS | {"motion.frequency": (0.3, 1)}),
+    "two links": (TWO_LINKS, "own", MASS | {"motion.frequency": (0.1, 0.5)}),
     "undamped": ({}, "own", {"motion.joints.0.rate": (1.5, 4.5)}),
 }
+SCENES = {"two links": "de-luca-siciliano-1991", "undamped": "spinning-link"}
 
 
 @pytest.mark.parametrize("name", thin(list(CASES)))
 def test_the_kernel_agrees_with_floquet_within_its_errors(name):
     changes, word, limits = CASES[name]
     rng = np.random.default_rng(5)
-    scene = fl.load_scene("spinning-link" if name == "undamped" else "single-link", changes)
+    scene = fl.load_scene(SCENES.get(name, "single-link"), changes)
     loop = choose_loop(scene, limits, word)
     points = np.stack([rng.uniform(low, high, 37) for low, high in limits.values()], axis=1)
     found = Together.prepare(loop, points, 1e-8).compute(points)
@@ -81,11 +66,15 @@ def test_results_do_not_depend_on_the_blocks_nor_on_pickling():
     assert np.array_equal(whole.error, np.concatenate([part.error for part in parts]))
 
 
+def job_of(count):
+    values = {"effects.payload.mass": np.linspace(0.0, 0.3, count)}
+    return prepare_job(fl.load_scene("single-link", SINGLE), values, 1e-8, False, "own")
+
+
 def test_threads_share_values_and_pass_errors_on(monkeypatch):
     """Two threads, one: the same bits. A block that raises ends the sweep with its error."""
     monkeypatch.setattr("flexlin.analyses.sweep.together.BLOCK_VALUES", 8 * 16)
-    values = {"effects.payload.mass": np.linspace(0.0, 0.3, 61)}
-    job = prepare_job(fl.load_scene("single-link", SINGLE), values, 1e-8, False, "own")
+    job = job_of(61)
     assert len(job.blocks) == 8
     assert choose_crew(job).func is share_among_threads
     job.run(choose_crew(job, workers=1))
@@ -102,13 +91,9 @@ def test_threads_share_values_and_pass_errors_on(monkeypatch):
 
 def test_threads_whose_blocks_nobody_waits_for_end_at_their_next_value(monkeypatch):
     """Values that go to `floquet` one by one take long: an interrupted sweep does not wait for all of a block."""
-    values = {"effects.payload.mass": np.linspace(0.0, 0.3, 800)}
-    job = prepare_job(fl.load_scene("single-link", SINGLE), values, 1e-8, False, "own")
+    job = job_of(800)
     assert job.work.block >= 90
     tried = []
-
-    def misses(self, points, rest, enter):
-        return rest
 
     def slow(self, i, make, tol):
         tried.append(i)
@@ -116,7 +101,7 @@ def test_threads_whose_blocks_nobody_waits_for_end_at_their_next_value(monkeypat
         if i == 1:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(Together, "solve", misses)
+    monkeypatch.setattr(Together, "solve", lambda self, points, rest, enter: rest)
     monkeypatch.setattr(Found, "put_alone", slow)
     with pytest.raises(KeyboardInterrupt):
         list(share_among_threads(job, 2))
@@ -134,3 +119,55 @@ def test_a_search_learns_what_values_near_by_need(monkeypatch):
     again = family.rough(np.array([[0.1], [0.104]]))
     assert first > len(calls) == 1
     np.testing.assert_allclose(np.sort(again.logs[0].real), np.sort(slow.logs[0].real), atol=1e-6)
+
+
+TOL, PERIOD = 1e-8, 3.0
+"""Errors may be as large as tol times the period, which is longer than the logs are large."""
+
+
+class MadeUp:
+    """Errors of order 8, just met on `need(points)` segments; work counted in vectors times segments. Values without a need never meet."""
+
+    def __init__(self, need):
+        self.need, self.work = need, 0
+
+    def find_logs(self, points, segments, scale, accuracy, spread, tol, levels):
+        self.work += segments * -(-len(points) // WIDTH)
+        errors = PERIOD * TOL * (self.need(points) / segments) ** 8
+        logs = np.stack([np.full(len(points), -1.0 + 2j), np.full(len(points), -1.0 - 2j)], axis=1)
+        periods, definite = np.full(len(points), PERIOD), np.full(len(points), True)
+        return Logs(logs, np.stack([errors, errors / 3], axis=1), np.isfinite(errors), periods, definite)
+
+
+def test_needs_are_learnt_from_values_all_over_the_plane():
+    """Need by a power of a frequency over decades and an exponential of a second number."""
+    rng = np.random.default_rng(3)
+    points = np.stack([np.exp(rng.uniform(-3, 2, 5000)), rng.uniform(-1, 4, 5000)], axis=1)
+
+    def need(p):
+        return 30.0 * p[:, 0] ** -0.4 * np.exp(0.1 * p[:, 1])
+
+    kernel = MadeUp(need)
+    needs = learn_needs(kernel, points, np.ones(2), TOL)
+    found = needs.predict(points)
+    off = SEGMENT_NUMBERS[found] / need(points)
+    assert np.mean(off < 1) < 0.05
+    assert np.mean(off) < 1.6
+    assert kernel.work <= 9 * need(points).max() * PILOT_VALUES[1] / WIDTH
+    assert np.array_equal(needs.predict(points[::-1]), found[::-1])
+
+
+def test_values_without_a_need_do_not_cost_the_others():
+    """Half of the plane never meets tol: given up soon, and the other half is as well known."""
+
+    def need(p):
+        return np.where(p[:, 0] > 0, 20.0, np.inf)
+
+    points = np.random.default_rng(1).uniform(-1, 1, (400, 1))
+    kernel = MadeUp(need)
+    needs = learn_needs(kernel, points, np.ones(2), TOL)
+    assert np.all(SEGMENT_NUMBERS[needs.predict(points)] <= 23)
+    assert needs.spread == 0.0
+    assert kernel.work < 40 * 20 * PILOT_VALUES[0] / WIDTH
+    nothing = learn_needs(MadeUp(lambda p: np.full(len(p), np.inf)), points, np.ones(2), TOL)
+    assert np.all(SEGMENT_NUMBERS[nothing.predict(points)] == MOST_SEGMENTS)

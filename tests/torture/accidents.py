@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
@@ -33,13 +33,11 @@ def kills(count: int, number: int, out: Path) -> Row:
         before = whole_set(folder, command)
         trial = run(words, stop_after=partial(kill_at, folder=folder, chance=chance, how=how))
         row.runs, row.slowest = row.runs + 1, max(row.slowest, trial.seconds)
-        judge_rest(row, folder, command, before, f"{command} {at} {how.name}")
-        judge_words(row, trial, f"{command} {at} {how.name}")
+        judge_rest(row, trial, folder, command, before, f"{command} {at} {how.name}")
         if at % 4 == 3 or at == count - 1:
             row.count(run(case_of(command, "title='next'", folder)), f"after {command} {at}")
             if leftovers(folder) or whole_set(folder, command) is None:
-                row.left += 1
-                row.wrong.append(f"left after the next run of {command} {at}: {leftovers(folder)}")
+                row.blame("left", f"after the next run of {command} {at}: {leftovers(folder)}")
     return row
 
 
@@ -61,30 +59,24 @@ def whole_set(folder: Path, command: str) -> dict[str, bytes] | None:
     return standing(folder, ALL_SETS[command])
 
 
-def judge_rest(row: Row, folder: Path, command: str, before: dict[str, bytes] | None, case: str) -> None:
-    """A set that is neither the old one nor a whole new one is mixed, unless its switch is declared and will be finished."""
+def judge_rest(row: Row, trial: Trial, folder: Path, command: str, before: dict[str, bytes] | None, case: str) -> None:
+    """A set that is neither the old one nor a whole new one is mixed, unless its switch is declared and will be finished; and what was said
+    to be written is there."""
     found = whole_set(folder, command)
     declared = any(folder.parent.rglob(".*.whole/set/flexlin-results.json"))
     if (found is None and not declared) or (before and found == {}):
-        row.mixed += 1
-        row.wrong.append(f"mixed or half: {case}")
-
-
-def judge_words(row: Row, trial: Trial, case: str) -> None:
-    """What was said to be written is there."""
+        row.blame("mixed", f"or half: {case}")
     for line in trial.said.splitlines():
         if line.startswith("wrote ") and not Path(line.removeprefix("wrote ")).exists():
-            row.mixed += 1
-            row.wrong.append(f"said, but not written: {case}: {line}")
+            row.blame("mixed", f"said, but not written: {case}: {line}")
 
 
 @contextmanager
 def small_disk(size: int, out: Path) -> Iterator[Path]:
     """A disk of so many bytes: a tmpfs where that may be mounted, else nothing."""
     place = Path(tempfile.mkdtemp(dir=out))
-    done = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", place], capture_output=True, check=False
-    )
+    words = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", place]
+    done = subprocess.run(words, capture_output=True, check=False)
     if done.returncode:
         place.rmdir()
         raise PermissionError(done.stderr.decode().strip())
@@ -110,11 +102,9 @@ def disks(count: int, number: int, out: Path) -> Row:
             ballast.write_bytes(b"\0" * (free - 4096 * int(chance.uniform(0, 1.1) * need / 4096)))
             trial = run(case_of(command, "title='new'", folder))
             row.count(trial, f"{command} {at}")
-            judge_rest(row, folder, command, before, f"{command} on a full disk")
-            judge_words(row, trial, f"{command} on a full disk")
+            judge_rest(row, trial, folder, command, before, f"{command} on a full disk")
             if trial.code and ("cannot be written" not in trial.said or leftovers(folder)):
-                row.left += 1
-                row.wrong.append(f"full disk: {command} {at}: {trial.code} {trial.said[-200:]} {leftovers(folder)}")
+                row.blame("left", f"full disk: {command} {at}: {trial.code} {trial.said[-200:]} {leftovers(folder)}")
             ballast.unlink()
             row.count(run(case_of(command, "title='next'", folder)), f"{command} after {at}")
             row.left += bool(leftovers(folder))
@@ -128,8 +118,9 @@ def memory(count: int, number: int, out: Path) -> Row:
         command, space = chance.choice(list(SETS)), int(2 ** chance.uniform(23, 28))
         folder = out / "tight" / command
         before = whole_set(folder, command)
-        row.count(run(case_of(command, f"title='{at}'", folder), space=space), f"{command} in {space} bytes")
-        judge_rest(row, folder, command, before, f"{command} in {space} bytes")
+        trial = run(case_of(command, f"title='{at}'", folder), space=space)
+        row.count(trial, f"{command} in {space} bytes")
+        judge_rest(row, trial, folder, command, before, f"{command} in {space} bytes")
         row.left += bool(leftovers(folder))
     return row
 
@@ -167,12 +158,10 @@ def lone_files(count: int, number: int, out: Path) -> Row:
         run(first, stop_after=stop)
         row.runs += 1
         if path.exists() and path.read_bytes() not in whole[name]:
-            row.mixed += 1
-            row.wrong.append(f"half written: {name} {at}")
+            row.blame("mixed", f"half written: {name} {at}")
         row.count(run(first), f"{name} after {at}")
         if not path.exists() or path.read_bytes() not in whole[name] or leftovers(path):
-            row.left += 1
-            row.wrong.append(f"left by {name} {at}: {leftovers(path)}")
+            row.blame("left", f"by {name} {at}: {leftovers(path)}")
     return row
 
 
@@ -202,10 +191,7 @@ def writers(count: int, number: int, out: Path) -> Row:
             if parts is None:
                 time.sleep(0.001)
                 continue
-            row.runs += 1
-            row.answered += 1
-            if not agree(parts):
-                row.mixed += 1
+            row.runs, row.answered, row.mixed = row.runs + 1, row.answered + 1, row.mixed + (not agree(parts))
     finally:
         for process in both:
             process.terminate()
@@ -219,21 +205,13 @@ def writers(count: int, number: int, out: Path) -> Row:
 
 def read_together(folder: Path, names: tuple[str, ...]) -> dict[str, bytes] | None:
     """Files of one moment: the folder is opened first; None where it is being taken away."""
-    try:
-        handle = os.open(folder, os.O_RDONLY)
-    except FileNotFoundError:
-        return None
-    try:
-        files = [os.open(name, os.O_RDONLY, dir_fd=handle) for name in names]
-    except FileNotFoundError:
-        return None
-    finally:
-        os.close(handle)
     found = {}
-    for name, file in zip(names, files, strict=True):
-        with open(file, "rb") as opened:
-            found[name] = opened.read()
-    return found
+    with ExitStack() as kept, suppress(FileNotFoundError):
+        handle = os.open(folder, os.O_RDONLY)
+        kept.callback(os.close, handle)
+        files = {name: kept.enter_context(open(name, "rb", opener=partial(os.open, dir_fd=handle))) for name in names}
+        found = {name: file.read() for name, file in files.items()}
+    return found or None
 
 
 def agree(parts: dict[str, bytes]) -> bool:

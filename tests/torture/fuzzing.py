@@ -7,7 +7,7 @@ from typing import Any
 
 from tests.files.reader import leftovers
 from tests.torture.scenes import BUILT_IN, Raw, at, from_schema, mutated, places, put_files, to_toml
-from tests.torture.trial import COMMANDS, LOG, Row, log_file, names_a_key, run
+from tests.torture.trial import COMMANDS, LOG, Row, log_file, run
 
 
 def check(count: int, number: int, out: Path) -> Row:
@@ -17,11 +17,7 @@ def check(count: int, number: int, out: Path) -> Row:
     for index in range(count):
         path, (name, raw) = out / "scene.toml", chance.choice((mutated, mutated, from_schema))(chance)
         path.write_text(to_toml(raw), encoding="utf-8")
-        trial = run(["check", str(path)])
-        row.count(trial, keep(path, out, f"check-{number}-{index}"))
-        if trial.code == 2 and not names_a_key(trial):
-            row.keyless += 1
-            row.wrong.append(f"without a key: {name}: {trial.said[:300]}")
+        row.count(run(["check", str(path)]), keep(path, out, f"check-{number}-{index} of {name}"))
     return row
 
 
@@ -31,20 +27,13 @@ def commands(count: int, number: int, out: Path) -> Row:
     limits = ["--limit-seconds", "5"] if count < 250 else []
     put_files(out)
     for index in range(count):
-        (name, raw), path, command = (
-            mutated(chance, 3, False),
-            out / "scene.toml",
-            list(COMMANDS)[index % len(COMMANDS)],
-        )
+        (name, raw), path = mutated(chance, 3, False), out / "scene.toml"
+        command = list(COMMANDS)[index % len(COMMANDS)]
         path.write_text(to_toml(raw), encoding="utf-8")
         first, *rest = COMMANDS[command]
         trial = run([first, str(path), *rest, *limits, "--out", str(out / "results")])
-        row.count(trial, f"{command} {keep(path, out, f'commands-{number}-{index}')}")
-        if trial.code == 2 and not names_a_key(trial):
-            row.keyless += 1
-            row.wrong.append(f"without a key: {command} {name}: {trial.said[:300]}")
-        if leftovers(out / "results"):
-            row.left += 1
+        row.count(trial, f"{command} {keep(path, out, f'commands-{number}-{index} of {name}')}")
+        row.left += bool(leftovers(out / "results"))
     return row
 
 
@@ -70,27 +59,19 @@ DISTURBED = (
 
 
 def whole_commands(count: int, number: int, out: Path) -> Row:
-    """So many command lines in processes of their own: none beyond LATEST, none that fails, nothing left over."""
-    row = Row("whole")
-    for index, words in zip(range(count), command_lines(random.Random(number)), strict=False):
-        folder = out / str(index)
+    """So many command lines, the commands in turn, in processes of their own: none beyond LATEST, none that fails, nothing left over."""
+    row, chance = Row("whole"), random.Random(number)
+    for index in range(count):
+        folder, command = out / str(index), EVERY[index % len(EVERY)]
+        words = [command] if command == "list" else make_line(chance, command)
         trial = run([*words, *([] if words == ["list"] else ["--out", str(folder)])])
         case = " ".join(words)
         row.count(trial, case)
-        if (
-            trial.code == 1 or min(trial.seconds, trial.cpu) > LATEST
-        ):  # a busy machine makes the one long, threads the other
+        late = min(trial.seconds, trial.cpu) > LATEST  # a busy machine makes the one long, threads the other
+        if late or trial.code == 1:
             row.wrong.append(f"{trial.seconds:.2f} s, exit code {trial.code}: {case}: {trial.said[-400:]}")
-        if leftovers(folder):
-            row.left += 1
+        row.left += bool(leftovers(folder))
     return row
-
-
-def command_lines(chance: random.Random) -> Iterator[list[str]]:
-    """Command lines without end: the commands in turn, scenes and changes at random."""
-    while True:
-        for command in EVERY:
-            yield [command] if command == "list" else make_line(chance, command)
 
 
 def make_line(chance: random.Random, command: str) -> list[str]:
@@ -107,22 +88,14 @@ def make_line(chance: random.Random, command: str) -> list[str]:
 def extras(chance: random.Random, command: str, raw: Raw) -> list[str]:
     """What a command takes beside the scene."""
     if command == "chart":
-        axes = chance.sample(list(numbers(raw)), chance.choice((1, 1, 2)))
-        return [
-            "--over",
-            *(f"{dotted(path)}={0.5 * value:g}:{1.5 * value:g}:{chance.choice((3, 20, 200))}" for path, value in axes),
-        ]
+        axes, counts = chance.sample(list(numbers(raw)), chance.choice((1, 1, 2))), (3, 20, 200)
+        return ["--over", *(f"{dotted(p)}={0.5 * x:g}:{1.5 * x:g}:{chance.choice(counts)}" for p, x in axes)]
     if command == "respond":
         return chance.choice(DISTURBED)
     if command in ("predict", "identify"):
         free = ["--free", *(dotted(path) for path, _ in chance.sample(list(numbers(raw)), chance.choice((1, 3))))]
-        return [
-            "--log",
-            log_file(),
-            "--window",
-            chance.choice(("0.2", "0.6")),
-            *(free if command == "identify" else []),
-        ]
+        words = ["--log", log_file(), "--window", chance.choice(("0.2", "0.6"))]
+        return words + (free if command == "identify" else [])
     if command == "simulate":
         return ["--periods", chance.choice(("0.5", "3", "100"))]
     if command == "report":

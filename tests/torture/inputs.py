@@ -25,27 +25,13 @@ from flexlin.files.sets import read_manifest
 from flexlin.motion import build_motion
 from flexlin.scene import parse_assignment
 from studies.check_certificate import holds
-from tests.torture.scenes import (
-    BUILT_IN,
-    EXTREME,
-    FILES,
-    NONSENSE,
-    TEXTS,
-    URDF,
-    at,
-    places,
-    put_files,
-    sampled_cycle,
-    to_toml,
-)
+from tests.torture import scenes
+from tests.torture.scenes import BUILT_IN, FILES, at, places, to_toml
 from tests.torture.trial import Row
 
 LATEST, LARGEST = 10.0, 2**28
 """Seconds and bytes that reading one input may take."""
-LOG = {
-    "inputs": {"q1": {"column": "u"}},
-    "outputs": {"q1": {"column": "angle"}, "tip.x": {"column": "x"}},
-}
+LOG = {"inputs": {"q1": {"column": "u"}}, "outputs": {"q1": {"column": "angle"}, "tip.x": {"column": "x"}}}
 TOKENS = (
     b"1e999", b"-1e31", b"nan", b"0x" + b"f" * 400, b"9" * 5000, b"1_0", b"-", b"=", b"#", b",,,,", b"a.b.c.d", b"[" * 2000, b"[[links]]",
     b"<link>", b"<!DOCTYPE x>", b"&amp;", b"]]>", b"''", b'"""', b"\0", b"\xff\xfe", b"\xe2\x80\xae", b"\r\n",
@@ -74,7 +60,8 @@ def damaged(chance: random.Random, data: bytes) -> bytes:
 def changed(chance: random.Random, raw: Any, path: tuple) -> Any:
     """Plain data with nonsense at a place."""
     holder = at(raw, path[:-1])
-    holder[path[-1]] = json.loads(json.dumps(chance.choice([*NONSENSE, *EXTREME, *TEXTS]), default=str))
+    value = chance.choice([*scenes.NONSENSE, *scenes.EXTREME, *scenes.TEXTS])
+    holder[path[-1]] = json.loads(json.dumps(value, default=str))
     return raw
 
 
@@ -89,13 +76,13 @@ def scene_text(chance: random.Random, folder: Path) -> Callable[[], Any]:
 def robot(chance: random.Random, folder: Path) -> Callable[[], Any]:
     """The bytes of a URDF file."""
     path = folder / "robot.urdf"
-    path.write_bytes(damaged(chance, URDF.encode()))
+    path.write_bytes(damaged(chance, scenes.URDF.encode()))
     return partial(fl.scene_from_urdf, path)
 
 
 def table(chance: random.Random, folder: Path) -> Callable[[], Any]:
     """The bytes of a table of a motion."""
-    (folder / "cycle.csv").write_bytes(damaged(chance, sampled_cycle(chance.choice((8, 64))).encode()))
+    (folder / "cycle.csv").write_bytes(damaged(chance, scenes.sampled_cycle(chance.choice((8, 64))).encode()))
     motion = {"kind": "table", "file": "cycle.csv"}
     raw = {**BUILT_IN["single-link"], "motion": motion}
     return lambda: build_motion(fl.parse_scene(raw, folder=folder).motion, 1)
@@ -105,8 +92,9 @@ def assignment(chance: random.Random, folder: Path) -> Callable[[], Any]:
     """A word behind --set."""
     name = chance.choice(sorted(BUILT_IN))
     path = ".".join(map(str, chance.choice(list(places(BUILT_IN[name])))))
-    value = chance.choice([*EXTREME, *TEXTS, "[1, 2", "{a=1}", "off", "'x'", "1 m", "1979-05-27", [1.0] * 300])
-    text = damaged(chance, f"{path}={value}".encode()) if chance.random() < 0.7 else f"{path}={value}".encode()
+    odd = "[1, 2", "{a=1}", "off", "'x'", "1 m", "1979-05-27", [1.0] * 300
+    text = f"{path}={chance.choice([*scenes.EXTREME, *scenes.TEXTS, *odd])}".encode()
+    text = damaged(chance, text) if chance.random() < 0.7 else text
     return lambda: fl.load_scene(name, dict([parse_assignment(text.decode(errors="replace"))]))
 
 
@@ -139,12 +127,15 @@ def log_files() -> dict[str, list[bytes]]:
     data = xarray.Dataset({name: ("row", column) for name, column in columns.items()})
     npz = [plain.getvalue(), packed.getvalue(), objects.getvalue(), boast(10**12), boast(10**7), bomb()]
     netcdf = [bytes(data.to_netcdf(engine="scipy"))]
-    return {
-        "csv": [FILES[name].encode() for name in ("log.csv", "nan.csv", "wide.csv")],
-        "npz": npz,
-        "nc": netcdf,
-        "h5": netcdf,
-    }
+    csv = [FILES[f"{name}.csv"].encode() for name in ("log", "nan", "wide")]
+    return {"csv": csv, "npz": npz, "nc": netcdf, "h5": netcdf}
+
+
+def header(rows: int) -> bytes:
+    """Of an array in an .npz."""
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (rows,)})
+    return head.getvalue()
 
 
 def boast(rows: int, names: tuple[str, ...] = ("t", "u", "angle", "x")) -> bytes:
@@ -152,9 +143,7 @@ def boast(rows: int, names: tuple[str, ...] = ("t", "u", "angle", "x")) -> bytes
     made = io.BytesIO()
     with zipfile.ZipFile(made, "w") as archive:
         for name in names:
-            head = io.BytesIO()
-            np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (rows,)})
-            archive.writestr(f"{name}.npy", head.getvalue() + b"\0" * 64)
+            archive.writestr(f"{name}.npy", header(rows) + b"\0" * 64)
     return made.getvalue()
 
 
@@ -165,7 +154,7 @@ def bomb() -> bytes:
         zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as archive,
         archive.open("t.npy", "w", force_zip64=True) as entry,
     ):
-        np.lib.format.write_array_header_1_0(entry, {"descr": "<f8", "fortran_order": False, "shape": (rows,)})
+        entry.write(header(rows))
         for _ in range(8 * rows // 2**22):
             entry.write(b"\0" * 2**22)
     return made.getvalue()
@@ -202,15 +191,13 @@ OFTEN = (6, 6, 5, 6, 6, 6, 2, 2)
 def inputs(count: int, number: int, out: Path) -> Row:
     """So many damaged inputs, each read in this process."""
     row, chance = Row("inputs"), random.Random(number)
-    put_files(out)
+    scenes.put_files(out)
     for index in range(count):
         kind = chance.choices(KINDS, OFTEN)[0]
         work = kind(chance, out)
-        fault = read_once(row, work)
         row.runs += 1
-        if fault:
-            row.uncaught += 1
-            row.wrong.append(f"{kind.__name__} {index}: {fault}")
+        if fault := read_once(row, work):
+            row.blame("uncaught", f"{kind.__name__} {index}: {fault}")
     return row
 
 

@@ -66,10 +66,9 @@ def run(arguments: Sequence[str], stop_after: Callable[[int], None] | None = Non
             os.kill(child, signal.SIGKILL)
     os.close(reader)
     _, status, usage = os.wait4(child, 0)
-    code = os.waitstatus_to_exitcode(status)
-    memory = 1024 * usage.ru_maxrss
-    taken, cpu = time.monotonic() - start, usage.ru_utime + usage.ru_stime
-    return Trial(None if code < 0 else code, said.decode(errors="replace"), taken, memory, cpu)
+    code, taken = os.waitstatus_to_exitcode(status), time.monotonic() - start
+    words, cpu = said.decode(errors="replace"), usage.ru_utime + usage.ru_stime
+    return Trial(None if code < 0 else code, words, taken, 1024 * usage.ru_maxrss, cpu)
 
 
 def resident(which: int = 1) -> int:
@@ -107,6 +106,8 @@ def begin(arguments: Sequence[str], writer: int, space: int | None) -> None:
 
 KEYS = "links|motion|effects|control|designs|accuracy|parameters|model|schema|title|source|file|scene"
 """One of these stands in every message that names a key."""
+KEYED = ("check", "commands")
+"""The parts whose refusals are of scenes, and so must name one."""
 QUICK = "spinning-link"
 """The scene of the runs that are killed: what it says matters less than when."""
 COMMANDS = {
@@ -147,14 +148,20 @@ class Row:
     largest: int = 0
     wrong: list[str] = field(default_factory=list)
 
+    def blame(self, kind: str, case: str) -> None:
+        """Count one thing that should not be: "uncaught", "keyless", "mixed" or "left"."""
+        setattr(self, kind, getattr(self, kind) + 1)
+        self.wrong.append(f"{kind}: {case}")
+
     def count(self, trial: Trial, case: str) -> None:
         """Enter a run."""
         self.runs += 1
         self.answered += trial.code == 0
         self.slowest, self.largest = max(self.slowest, trial.seconds), max(self.largest, trial.memory)
         if trial.uncaught:
-            self.uncaught += 1
-            self.wrong.append(f"uncaught: {case}: {trial.code}: {trial.said[-300:]}")
+            self.blame("uncaught", f"{case}: {trial.code}: {trial.said[-300:]}")
+        if self.part in KEYED and trial.code == 2 and not re.search(KEYS, trial.said):
+            self.blame("keyless", f"{case}: {trial.said[:300]}")
         if min(trial.seconds, trial.cpu) > 60 or trial.memory > 2**30:
             self.wrong.append(f"costly: {case}: {trial.seconds:.1f} s, {trial.memory / 2**20:.0f} MiB")
 
@@ -162,11 +169,6 @@ class Row:
         """The row of the table."""
         cells = f"{self.runs:>6} {self.answered:>8} {self.uncaught:>8} {self.keyless:>7} {self.mixed:>5} {self.left:>4}"
         return f"{self.part:<9} {cells} {self.slowest:>8.1f} {self.largest / 2**20:>8.0f}"
-
-
-def names_a_key(trial: Trial) -> bool:
-    """Whether a refusal of the scene says which key it is about."""
-    return re.search(KEYS, trial.said) is not None
 
 
 @cache

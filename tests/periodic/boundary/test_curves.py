@@ -1,12 +1,13 @@
-"""Boundary curves against closed forms: Meissner's equation with its trace, and islands of known shape."""
+"""Boundary curves against closed forms: Meissner's equation with its trace, islands of known shape, and tips of tongues, points at which
+two sides of the boundary meet."""
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
-from flexlin.periodic import Spectra, find_curves
+import flexlin as fl
+from flexlin.periodic import Effort, Spectra, find_curves, find_tip
 from tests.thinned import thin
-
-LOW, SPAN = np.array([0.3, 0.2]), np.array([8.7, 2.8])
 
 
 def halves(a, q, damping):
@@ -18,12 +19,12 @@ def halves(a, q, damping):
 class Meissner:
     """Spectra over (a, q) by the product of two exact transition matrices; counts what it is asked."""
 
-    def __init__(self, damping):
-        self.damping, self.asked = damping, 0
+    def __init__(self, damping, low=(0.3, 0.2), span=(8.7, 2.8)):
+        self.damping, self.low, self.span, self.asked = damping, np.array(low), np.array(span), 0
 
     def __call__(self, unit):
         self.asked += len(unit)
-        (a, q), d = (LOW + SPAN * unit).T, self.damping
+        (a, q), d = (self.low + self.span * unit).T, self.damping
         product = np.eye(2)
         for (c, s), sign in zip(halves(a, q, d), (1.0, -1.0), strict=True):
             matrix = np.array([[c + d / 2 * s, s], [-(a + sign * q) * s, c - d / 2 * s]])
@@ -33,18 +34,17 @@ class Meissner:
         error = 3e-12 + 3e-12 / np.maximum(gap, 2e-6)
         return Spectra(np.log(multipliers), np.repeat(error, 2, axis=1))
 
-    def distance(self, points, scale=SPAN):
+    def distance(self, points, scale=1.0):
         """Distance of points (N, 2) of the unit square from the boundary |trace| = 2 cosh(pi d), where the sides measure `scale`."""
 
         def excess(x):
-            (a, q), d = (LOW + SPAN * x).T, self.damping
+            (a, q), d = (self.low + self.span * x).T, self.damping
             (c1, s1), (c2, s2) = halves(a, q, d)
             shift = a - d * d / 4
             return np.abs(2 * c1 * c2 - 2 * shift * s1 * s2) - 2 * np.cosh(np.pi * d)
 
         h = 1e-7
-        steps = [np.array([h, 0.0]) / scale, np.array([0.0, h]) / scale]
-        gradient = [(excess(points + step) - excess(points - step)) / (2 * h) for step in steps]
+        gradient = [(excess(points + step) - excess(points - step)) / (2 * h) for step in h * np.eye(2) / scale]
         return np.abs(excess(points)) / np.hypot(*gradient)
 
 
@@ -56,8 +56,9 @@ def test_meissners_boundary_is_met_everywhere_at_a_small_part_of_a_fine_grid(dam
     for curve in curves:
         between = (curve.points[1:] + curve.points[:-1]) / 2
         for points in (curve.points, between):
-            pinched = np.min(np.abs(points - ((PINCHES - LOW) / SPAN)[:, None]).max(axis=2), axis=0) < 1e-4
-            assert np.all(family.distance(points[~pinched]) < 1e-6)
+            places = (PINCHES - family.low) / family.span
+            pinched = np.min(np.abs(points - places[:, None]).max(axis=2), axis=0) < 1e-4
+            assert np.all(family.distance(points[~pinched], family.span) < 1e-6)
         assert curve.errors.max() < 1e-6
 
 
@@ -67,7 +68,7 @@ def test_no_point_is_farther_off_than_its_error(damping, tol):
     """Nor in the first and last quarter of a cubic whose middle lies on the boundary by chance."""
     family = Meissner(damping)
     for curve in find_curves(family, tol):
-        assert np.all(family.distance(curve.points, np.ones(2)) <= curve.errors)
+        assert np.all(family.distance(curve.points) <= curve.errors)
 
 
 PINCHES = np.array([[0.5, 1.5], [2.5, 1.5], [6.5, 2.5]])
@@ -114,28 +115,130 @@ def test_islands_and_holes_are_closed_with_the_unstable_side_on_the_left(radius,
 
 def test_a_boundary_through_a_corner_of_the_range_and_none_at_all():
     def plane(unit):
-        growth = unit[:, 0] - unit[:, 1]
-        return Spectra(np.stack([growth + 0j, np.full(len(unit), -2.0 + 0j)], axis=1), np.full((len(unit), 2), 1e-13))
+        logs = np.stack([unit[:, 0] - unit[:, 1], np.full(len(unit), -2.0)], axis=1) + 0j
+        return Spectra(logs, np.full(logs.shape, 1e-13))
 
     (curve,) = find_curves(plane, 1e-9, cells=5)
-    assert np.allclose(curve.points[[0, -1]], [[1.0, 1.0], [0.0, 0.0]], atol=1e-8) or np.allclose(
-        curve.points[[0, -1]], [[0.0, 0.0], [1.0, 1.0]], atol=1e-8
-    )
+    np.testing.assert_allclose(sorted(curve.points[[0, -1], 0]), [0.0, 1.0], atol=1e-8)
+    np.testing.assert_allclose(curve.points[:, 0], curve.points[:, 1], atol=1e-8)
     assert find_curves(lambda unit: island(unit, np.array([3.0, 3.0]), 1.0), 1e-6, cells=4) == []
 
 
 def test_a_peak_that_is_no_island_adds_no_line():
     """Four states whose growth rate peaks at a lattice point beside nothing unstable: the square that climbs it adds no value."""
-    import flexlin as fl
+    mean, swing = np.array([[2.0, 0.1], [0.1, 5.0]]), np.array([[0.3, 0.2], [0.2, -0.1]])
 
     def oscillators(p, q):
         def stiffness(t):
-            return (
-                np.array([[2.0, 0.1], [0.1, 5.0]])
-                + q * np.array([[0.3, 0.2], [0.2, -0.1]]) * np.cos(p * t)[:, None, None]
-            )
+            return mean + q * swing * np.cos(p * t)[:, None, None]
 
         return fl.PeriodicSystem.from_second_order(np.eye(2), 0.5 * np.eye(2), stiffness, 2 * np.pi / p)
 
     ranges = {"p": (0.8, 6.0), "q": (0.05, 3.0)}
     assert isinstance(fl.stability_boundary(oscillators, ranges, tol=1e-2, cells=6), list)
+
+
+CENTRE = np.array([0.5003, 0.4991])
+
+
+def locked(squared):
+    """Spectra of an undamped pair at angle 0 by the square of its growth, with rounding of 1e-12 in that."""
+
+    def function(unit):
+        D = squared(*unit.T)
+        root = np.sqrt(D + 0j)
+        error = np.broadcast_to(1e-12 / np.maximum(np.abs(root), 1e-6), (2, len(unit))).T
+        return Spectra(np.stack([root, -root], axis=1), error)
+
+    return function
+
+
+def tip_of(squared, y):
+    """The tip in a box of a thousandth of the range that begins at y."""
+    low = np.array([0.4995, y])
+    return find_tip(low, low + 0.001, np.zeros(1), np.array([True]), locked(squared), 1e-7)
+
+
+@pytest.mark.parametrize("skew", [0.0, 0.6, -2.0])
+def test_the_crossing_of_two_sides_inside_a_box_is_a_tip(skew):
+    def squared(x, y):
+        u, v = x - CENTRE[0], y - CENTRE[1]
+        return 900 * (u - skew * v) * (v + 0.3 * u) * (1 + u)
+
+    tip = tip_of(squared, 0.4985)
+    assert np.abs(tip.point - CENTRE).max() < 1e-8
+    assert tip.error < 1e-6
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_tongue_that_closes_on_the_border_of_the_range_ends_there(order):
+    def squared(x, y):
+        return 400 * ((2 * y) ** (2 * order) - (x - CENTRE[0] - 0.7 * y) ** 2)
+
+    tip = tip_of(squared, 0.0)
+    assert np.abs(tip.point - (CENTRE[0], 0.0)).max() < 1e-8
+
+
+@pytest.mark.parametrize("apart", [1e-5, -1e-5])
+def test_sides_that_part_or_a_neck_that_stays_open_are_no_tip(apart):
+    def squared(x, y):
+        u, v = x - CENTRE[0], y - CENTRE[1]
+        return 900 * (u * v + apart * abs(apart))
+
+    assert tip_of(squared, 0.4985) is None
+
+
+def sides(a, q):
+    """Four functions (4, V) that vanish on the sides of Meissner's tongues: solutions even or odd about the middles of both halves, with
+    the period or twice that long."""
+    w1, w2 = np.sqrt(a + q + 0j), np.sqrt(a - q + 0j)
+    c1, c2, s1, s2 = np.cos(w1 * np.pi / 2), np.cos(w2 * np.pi / 2), np.sin(w1 * np.pi / 2), np.sin(w2 * np.pi / 2)
+    even, odd = w1 * s1 * c2 + w2 * s2 * c1, s1 / w1 * c2 + s2 / w2 * c1
+    return np.stack([even, odd, c1 * c2 - w1 * s1 * s2 / w2, c1 * c2 - w2 * s2 * s1 / w1]).real
+
+
+def beside_sides(family, curves):
+    """Distance (N,) of the points of curves of the undamped equation from those sides, by a Newton step, in units of a and q."""
+    (a, q), h = (family.low + family.span * np.concatenate([curve.points for curve in curves])).T, 1e-6
+    slopes = np.hypot(sides(a + h, q) - sides(a - h, q), sides(a, q + h) - sides(a, q - h)) / (2 * h)
+    return np.min(np.abs(sides(a, q)) / slopes, axis=0)
+
+
+def measure_distance(points, curves):
+    """Distance (N,) of points from the nearest curve."""
+    best = np.full(len(points), np.inf)
+    for curve in curves:
+        first, chord = curve.points[:-1], np.diff(curve.points, axis=0)
+        length = np.maximum((chord**2).sum(axis=1), 1e-300)
+        for i, point in enumerate(points):
+            share = np.clip(((point - first) * chord).sum(axis=1) / length, 0, 1)
+            best[i] = min(best[i], np.linalg.norm(first + share[:, None] * chord - point, axis=1).min())
+    return best
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lowest", [0.2, 1e-12])
+def test_meissners_tongues_are_followed_into_their_tips(lowest):
+    """Without damping tongues close at q = 0, and inside the range where both halves of the period are whole half-waves."""
+    family = Meissner(0.0, (0.3, lowest), (3.5, 2.0))
+    curves = find_curves(family, 1e-7)
+    assert family.asked < 40_000  # 4 % of 1000 x 1000
+    assert beside_sides(family, curves).max() < 1e-6
+    rng, grid, exact = np.random.default_rng(0), np.linspace(0.3, 3.8, 2001), []
+    near = 10 ** rng.uniform(-6, -1, 12)
+    for q in (*rng.uniform(lowest, lowest + 2.0, 12), *(1.5 + near[:6]), *(1.5 - near[6:]), *(lowest + near)):
+        values = sides(grid, q)
+        for side, k in zip(*np.nonzero(values[:, 1:] * values[:, :-1] < 0), strict=True):
+            root = brentq(lambda a, side=side, q=q: sides(np.array([a]), q)[side, 0], grid[k], grid[k + 1], xtol=1e-14)
+            exact.append((root, q))
+    assert len(exact) > 100
+    assert measure_distance((np.array(exact) - family.low) / family.span, curves).max() * 3.5 < 1e-6
+
+
+def test_an_effort_that_ends_leaves_tips_open_and_knows_it():
+    """What is handed back lies on the boundary all the same."""
+    effort, family = Effort(0.0), Meissner(0.0, span=(3.5, 2.0))
+    curves = find_curves(family, 1e-5, cells=16, effort=effort)
+    assert effort.unfinished
+    assert (family(np.array([one.inside for one in curves])).verdicts > 0).all()
+    assert np.all(beside_sides(family, curves) <= 3.5 * np.concatenate([one.errors for one in curves]))

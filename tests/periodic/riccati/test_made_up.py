@@ -1,13 +1,17 @@
-"""Riccati equations whose solutions are made up first, and the linear algebra of collocated Lyapunov equations."""
+"""Riccati equations whose solutions are made up first or whose weights lie far apart, and the linear algebra of collocated Lyapunov
+equations."""
 
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.special import erf
 
+import flexlin as fl
 from flexlin import PeriodicSystem, periodic_lyapunov
 from flexlin.errors import NotStable
 from flexlin.periodic import periodic_riccati
+from flexlin.periodic.riccati.nodes import FourierNodes
+from studies import scaling
 from tests.periodic.systems import random_waves
 
 
@@ -28,17 +32,14 @@ def made_up(seed):
         L = 1.5 * np.eye(n) + 0.5 * root(t)
         return (L @ flip(L) + 0.3 * np.eye(n)) / np.outer(units, units)
 
-    def X_rate(t):
-        product = 0.5 * root_rate(t) @ flip(1.5 * np.eye(n) + 0.5 * root(t))
-        return (product + flip(product)) / np.outer(units, units)
-
     def B(t):
         return np.sqrt(fast) * units[:, None] * B0(t)
 
     def weight(t, shift):
-        product = X(t) @ A(t, shift)
-        Q = -(X_rate(t) + product + flip(product) - X(t) @ B(t) @ flip(B(t)) @ X(t) / R)
-        return 0.5 * (Q + flip(Q))
+        rate = 0.5 * root_rate(t) @ flip(1.5 * np.eye(n) + 0.5 * root(t)) / np.outer(units, units)
+        pull = X(t) @ B(t)
+        half = 0.5 * pull @ flip(pull) / R - rate - X(t) @ A(t, shift)
+        return half + flip(half)
 
     def A(t, shift):
         return fast * A0(t) * (units[:, None] / units) - shift * np.eye(n)
@@ -72,19 +73,17 @@ def test_nothing_to_weigh_gives_zero():
 @pytest.mark.parametrize("damping", [1e-1, 1e-6])
 def test_any_symmetric_right_side_of_lyapunovs_equation(damping):
     """X(t) is made up, and Q = -X' - A' X - X A, which is indefinite: also where modes hardly decay."""
-    J = np.array([[-damping, 3.0], [-3.0, -damping]])
+    J, wave = np.array([[-damping, 3.0], [-3.0, -damping]]), np.array([[1.0, 2.0], [2.0, 0.0]])
 
     def A(t):
         return J + np.cos(t)[:, None, None] * np.array([[0.0, 1.0], [-1.0, 0.0]])
 
     def X(t):
-        c, s = np.cos(t)[:, None, None], np.sin(2 * t)[:, None, None]
-        return np.diag([1.0, -2.0]) + c * np.array([[1.0, 2.0], [2.0, 0.0]]) + s * np.eye(2)
+        return np.diag([1.0, -2.0]) + np.cos(t)[:, None, None] * wave + np.sin(2 * t)[:, None, None] * np.eye(2)
 
     def Q(t):
-        c, s = -np.sin(t)[:, None, None], 2 * np.cos(2 * t)[:, None, None]
-        product = X(t) @ A(t)
-        return -(c * np.array([[1.0, 2.0], [2.0, 0.0]]) + s * np.eye(2)) - product - np.swapaxes(product, 1, 2)
+        rate = -np.sin(t)[:, None, None] * wave + 2 * np.cos(2 * t)[:, None, None] * np.eye(2)
+        return -rate - X(t) @ A(t) - flip(X(t) @ A(t))
 
     found = periodic_lyapunov(PeriodicSystem(A, 2 * np.pi), Q)
     t = np.random.default_rng(2).uniform(0, 7, 100)
@@ -93,13 +92,12 @@ def test_any_symmetric_right_side_of_lyapunovs_equation(damping):
 
 def test_lyapunovs_equation_with_jumps_and_a_mode_that_hardly_decays():
     """x' = a(t) x with a = -1 + 1e-7 for half of the period, then 1: X over a whole period by its closed form."""
-    low = -1 + 1e-7
+    rates = 1.0 - 4e-7, -1 + 1e-7
 
     def a(t):
-        return np.where(np.mod(t, 2.0) < 1.0, 1.0 - 4e-7, low)[:, None, None]
+        return np.where(np.mod(t, 2.0) < 1.0, *rates)[:, None, None]
 
     found = periodic_lyapunov(PeriodicSystem(a, 2.0, breaks=(0.0, 1.0)), [[1.0]])
-    rates = (1.0 - 4e-7, low)
     parts = [np.expm1(2 * r) / (2 * r) for r in rates]
     exact = (parts[0] + np.exp(2 * rates[0]) * parts[1]) / -np.expm1(2 * sum(rates))
     assert abs(found.X(0.0).item() - exact) <= found.error * np.abs(found.X(np.linspace(0, 2, 50))).max()
@@ -141,3 +139,41 @@ def test_claims_beside_steps_pulses_and_jumps_are_sharp(seed):
 def test_an_unstable_system_has_no_lyapunov_matrix(rate):
     with pytest.raises(NotStable, match="expected a stable system"):
         periodic_lyapunov(PeriodicSystem(lambda t: (rate + np.cos(t))[:, None, None], 2 * np.pi), [[1.0]])
+
+
+@pytest.mark.slow
+def test_cheap_control_of_a_turning_field_is_no_longer_limited_by_rounding():
+    """A satellite's torques act across the field alone: where control is cheap, segments lost seven digits of the gain."""
+    w = 1e-3
+    A = np.zeros((6, 6))
+    A[:3, 3:], A[3:, :3], A[3, 5], A[5, 3] = np.eye(3), -(w**2) * np.diag([2.0, 1.5, 0.5]), w, -w
+
+    def B(t):
+        b = np.stack([np.cos(w * t), np.full(len(t), -0.6), 2 * np.sin(w * t)], axis=1) * 1e-7
+        return np.pad(np.cross(b[:, None], np.eye(3)), ((0, 0), (3, 0), (0, 0)))
+
+    system = PeriodicSystem(A, 2 * np.pi / w, B, complete=True)
+    solution = periodic_riccati(system, np.diag([1.0, 1, 1, 1e6, 1e6, 1e6]), 1e-7 * np.eye(3), tol=1e-10)
+    assert solution.error <= 1e-10
+    assert solution.gain_error <= 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("Q", "R"), [(1.0, 100.0), (10.0, 0.01)])
+def test_a_chain_of_flexible_links_is_solved_by_corrections_whatever_its_weights(Q, R):
+    """Three links with two modes each: finer nodes are tried where few prove nothing, and where Newton's method settles on many alone."""
+    scene = scaling.scene_of(3, 2)
+    plant = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    loose, tight = (fl.periodic_lqr(plant, Q=Q * np.eye(18), R=R * np.eye(3), tol=tol).solution for tol in (1e-6, 1e-8))
+    t = np.linspace(0.0, plant.period, 101)
+    K = tight.K(t)
+    assert loose.gain_error < 1e-6
+    assert np.abs(loose.K(t) - K).max() <= (loose.gain_error + tight.gain_error) * np.abs(K).max()
+
+
+def test_small_entries_of_the_cost_keep_their_waves():
+    """A fast mode's rate costs 1e-9 of its angle: waves that were cut below the largest entry's rounding took digits of the gain."""
+    nodes = FourierNodes(64, 2.0)
+    X = np.tile(np.diag([1.0, 1e-9]), (64, 1, 1))
+    X[:, 1, 1] *= 1 + 1e-7 * np.cos(5 * np.pi * nodes.t)
+    assert np.abs(nodes.series(X)(nodes.t)[:, [0, 1], [0, 1]] / X[:, [0, 1], [0, 1]] - 1).max() < 1e-14

@@ -1,13 +1,16 @@
-"""Digital designs against python-control at constant A, and against the lifted problem, integrated by SciPy, where A varies."""
+"""Digital designs against python-control at constant A, against the lifted problem, integrated by SciPy, where A varies, and against
+published problems in discrete time, also in the tests of PeriodicSystems.jl (Varga)."""
 
 import control
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm, solve_discrete_are
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
+from flexlin.periodic.sampled_cost import SampledProblem, solve_samples
 from tests.periodic.dense import integrate
+from tests.periodic.sampled.test_sampled import SHAKEN as PLANT
 from tests.periodic.sampled.test_sampled import matrices
 
 T, SAMPLES = np.pi, 5
@@ -25,9 +28,6 @@ def B(t):
 
 def weight(t):
     return (1.5 + np.sin(2 * np.asarray(t)))[..., None, None] * Q
-
-
-PLANT = fl.PeriodicSystem(A, T, B)
 
 
 def span(begin, end):
@@ -61,20 +61,24 @@ def test_the_lifted_problem_has_the_same_cost_and_gain(delay):
     F, G, S = lifted_problem(delay)
     S = (S + S.T) / 2
     made = fl.sampled_lqr(PLANT, weight, R, H, delay)
-    if (
-        delay == H
-    ):  # the last input costs in the next round only: R h of that is counted here, where dare needs a weight
-        S[-1, -1] += R[0, 0] * H
-        S[2, 2] -= R[0, 0] * H
+    later = R[0, 0] * H * (delay == H)  # the last input costs in the next round only, of which dare needs a weight here
+    S[-1, -1] += later
+    S[2, 2] -= later
     X, _, K = control.dare(F, G, S[:3, :3], S[3:, 3:], S[:3, 3:], np.eye(3))
-    X = np.array(X)
-    if delay == H:
-        X[2, 2] += R[0, 0] * H
+    X[2, 2] += later
     r = made.X.shape[1]
     np.testing.assert_allclose(made.X[0], X[:r, :r], rtol=0, atol=1e-8 * np.abs(X).max())
     np.testing.assert_allclose(made.K[0, 0], K[0, :r], rtol=0, atol=1e-8 * np.abs(K).max())
     assert made.error < 1e-9
     assert made.floquet().verdict == "stable"
+
+
+def hold(A, W, h):
+    """Transition matrix P(h) and the integral of P' W P. Source: Van Loan (1978)."""
+    n = len(A)
+    block = expm(h * np.block([[-A.T, W], [np.zeros((n, n)), A]]))
+    S = block[n:, n:].T @ block[:n, n:]
+    return block[n:, n:], (S + S.T) / 2
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -85,26 +89,17 @@ def test_constant_plants_against_python_control(seed):
     root = rng.standard_normal((n, n))
     W, V = root @ root.T, np.diag(rng.uniform(0.1, 1, m))
     system = fl.PeriodicSystem(A0, 4 * h, B=B0)
-    hamiltonian = np.zeros((2 * (n + m), 2 * (n + m)))
-    hamiltonian[n + m : 2 * n + m, n + m :] = np.hstack([A0, B0])
-    hamiltonian[: n + m, : n + m] = -hamiltonian[n + m :, n + m :].T
-    hamiltonian[:n, n + m : 2 * n + m], hamiltonian[n : n + m, 2 * n + m :] = W, V
-    block = expm(h * hamiltonian)
-    P = block[n + m :, n + m :]
-    S = P.T @ block[: n + m, n + m :]
-    S = (S + S.T) / 2
+    P, S = hold(np.block([[A0, B0], [np.zeros((m, n + m))]]), block_diag(W, V), h)
     K, X, _ = control.dlqr(P[:n, :n], P[:n, n:], S[:n, :n], S[n:, n:], S[:n, n:])
     made = fl.sampled_lqr(system, W, V, h)
     np.testing.assert_allclose(made.K, np.broadcast_to(K, made.K.shape), rtol=0, atol=1e-10 * np.abs(K).max())
     np.testing.assert_allclose(made.X, np.broadcast_to(X, made.X.shape), rtol=0, atol=1e-10 * np.abs(X).max())
-    block = expm(h * np.block([[-A0, W], [np.zeros((n, n)), A0.T]]))
-    F = block[n:, n:].T
-    noise = F @ block[:n, n:]
-    L, covariance, _ = control.dlqe(F, np.eye(n), B0.T, (noise + noise.T) / 2, V)
+    back, noise = hold(A0.T, W, h)
+    L, covariance, _ = control.dlqe(back.T, np.eye(n), B0.T, noise, V)
     estimator = fl.sampled_estimator(system, B0.T, W, V, h)
     np.testing.assert_allclose(estimator.P[0], covariance, rtol=0, atol=1e-10 * np.abs(covariance).max())
     assert min(np.abs(gain - L).max() for gain in (estimator.L[0], estimator.M[0])) < 1e-10 * np.abs(L).max()
-    np.testing.assert_allclose(estimator.L, F @ estimator.M, rtol=0, atol=1e-10 * np.abs(L).max())
+    np.testing.assert_allclose(estimator.L, back.T @ estimator.M, rtol=0, atol=1e-10 * np.abs(L).max())
 
 
 def test_the_covariance_of_a_varying_plant_repeats():
@@ -127,25 +122,20 @@ def test_the_covariance_of_a_varying_plant_repeats():
 @pytest.mark.parametrize("delay", [0.0, 0.4 * H])
 def test_a_loop_with_an_estimator_decays_as_its_multipliers_say(delay):
     """The filter as a device would run it, sample by sample, on the plant integrated by DOP853; and the separation of multipliers."""
-    design = fl.sampled_lqr(PLANT, weight, R, H, delay)
-    C = np.array([[1.0, 0.0]])
+    design, C = fl.sampled_lqr(PLANT, weight, R, H, delay), np.array([[1.0, 0.0]])
     estimator = fl.sampled_estimator(PLANT, C, weight, [[0.02]], H)
     found = estimator.floquet(design)
     parts = np.concatenate([design.floquet().exponents.real, estimator.floquet().exponents.real])
     known = np.sort(found.exponents.real)[::-1][:4]
     np.testing.assert_allclose(known, np.sort(parts)[::-1][:4], rtol=1e-7)
-    spans = [
-        (span(k * H, k * H + delay)[0] if delay else np.eye(3), span(k * H + delay, (k + 1) * H)[0])
-        for k in range(SAMPLES)
-    ]
+    early = [span(k * H, k * H + delay)[0] if delay else np.eye(3) for k in range(SAMPLES)]
+    late = [span(k * H + delay, (k + 1) * H)[0] for k in range(SAMPLES)]
     x, predicted, held, sizes = np.array([1.0, -0.5]), np.zeros(2), np.zeros(1), []
-    for k in range(40 * SAMPLES):
-        first, second = spans[k % SAMPLES]
-        corrected = predicted + estimator.M[k % SAMPLES] @ (C @ (x - predicted))
-        u = -design.K[k % SAMPLES] @ np.concatenate([corrected, held])[: design.K.shape[2]]
-        x, predicted = (
-            (second @ np.concatenate([(first @ np.concatenate([state, held]))[:2], u]))[:2] for state in (x, corrected)
-        )
+    for k in 40 * list(range(SAMPLES)):
+        corrected = predicted + estimator.M[k] @ (C @ (x - predicted))
+        u = -design.K[k] @ np.append(corrected, held)[: design.K.shape[2]]
+        begun = [(early[k] @ np.append(state, held))[:2] for state in (x, corrected)]
+        x, predicted = ((late[k] @ np.append(state, u))[:2] for state in begun)
         held = u
         sizes.append(np.linalg.norm([*x, *predicted]))
     rate = np.log(sizes[35 * SAMPLES] / sizes[5 * SAMPLES]) / (30 * T)
@@ -161,18 +151,76 @@ def test_samples_that_fill_several_periods_share_their_gains_by_phase():
 
 
 def test_what_cannot_be_designed_is_refused():
-    with pytest.raises(ArgumentError, match="begin anew together"):
-        fl.sampled_lqr(PLANT, Q, R, 0.1234567)
-    with pytest.raises(ArgumentError, match="delay"):
-        fl.sampled_lqr(PLANT, Q, R, H, 1.1 * H)
-    oscillator = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    hidden = fl.PeriodicSystem(oscillator, 2 * np.pi, B=[[0.0], [1.0]])
-    with pytest.raises((NotStabilizable, NotDetectable)):  # sampled once a turn
-        fl.sampled_lqr(hidden, np.eye(2), np.eye(1), 2 * np.pi)
-    with pytest.raises(NotDetectable):
-        fl.sampled_estimator(hidden, [[1.0, 0.0]], np.eye(2), np.eye(1), 2 * np.pi)
-    unseen = fl.PeriodicSystem(np.diag([0.5, -1.0]), 1.0, B=[[1.0], [1.0]])
-    with pytest.raises(NotDetectable):
-        fl.sampled_lqr(unseen, np.diag([0.0, 1.0]), np.eye(1), 0.1)
-    with pytest.raises(NotStabilizable):
-        fl.sampled_lqr(fl.PeriodicSystem(np.diag([0.5, -1.0]), 1.0, B=[[0.0], [1.0]]), np.eye(2), np.eye(1), 0.1)
+    oscillator = fl.PeriodicSystem(np.array([[0.0, 1.0], [-1.0, 0.0]]), 2 * np.pi, B=[[0.0], [1.0]])
+    mode, turn, weights = np.diag([0.5, -1.0]), 2 * np.pi, (np.eye(2), np.eye(1))
+    unseen, unreached = (fl.PeriodicSystem(mode, 1.0, B=B) for B in ([[1.0], [1.0]], [[0.0], [1.0]]))
+    for error, words, function, *given in (
+        (ArgumentError, "begin anew together", fl.sampled_lqr, PLANT, Q, R, 0.1234567),
+        (ArgumentError, "delay", fl.sampled_lqr, PLANT, Q, R, H, 1.1 * H),
+        ((NotStabilizable, NotDetectable), "sample", fl.sampled_lqr, oscillator, *weights, turn),  # sampled once a turn
+        (NotDetectable, "seen", fl.sampled_estimator, oscillator, [[1.0, 0.0]], *weights, turn),
+        (NotDetectable, "seen", fl.sampled_lqr, unseen, np.diag([0.0, 1.0]), np.eye(1), 0.1),
+        (NotStabilizable, "reached", fl.sampled_lqr, unreached, *weights, 0.1),
+    ):
+        with pytest.raises(error, match=words):
+            function(*given)
+
+
+def pose(F, G, Q, R):
+    n, m = np.shape(G)[1:]
+    none = np.zeros((len(F), n, m))
+    return SampledProblem(*(np.array(part, dtype=float) for part in (F, G, Q)), none, np.array(R, dtype=float), none)
+
+
+def test_hench_and_laubs_example():
+    """Hench, Laub, IEEE Trans. Automat. Control 39 (1994) 1197, example 2; beside many rounds of the recursion itself."""
+    F = [
+        [[-3, 2, 9], [0, 0, -4], [3, -2, 3]],
+        [[6, -3, 0], [4, -2, 2], [2, -1, 4]],
+        [[2, -3, -3], [4, -15, -3], [-2, 9, 1]],
+    ]
+    G = [[[1], [1], [0]], [[0], [1], [0]], [[0], [1], [1]]]
+    Q = [np.outer(row, row) for row in np.eye(3)]
+    problem = pose(F, G, Q, np.ones((3, 1, 1)))
+    X, K = solve_samples(problem)
+    known = np.eye(3)
+    for k in reversed(range(600)):
+        A, B = problem.F[k % 3], problem.G[k % 3]
+        gain = np.linalg.solve(1 + B.T @ known @ B, B.T @ known @ A)
+        closed = A - B @ gain
+        known = problem.Q[k % 3] + closed.T @ known @ closed + gain.T @ gain
+    np.testing.assert_allclose(X[0], known, rtol=0, atol=1e-9 * np.abs(known).max())
+    loop = np.linalg.multi_dot([problem.F[k] - problem.G[k] @ K[k] for k in (2, 1, 0)])
+    assert np.abs(np.linalg.eigvals(loop)).max() < 1
+
+
+def test_pittelkaus_satellite():
+    """Pittelkau, J. Guidance Control Dynamics 16 (1993) 1078: roll and yaw by magnetic torque, 120 samples an orbit; beside SciPy's
+    equation of the orbit lifted into one step."""
+    w, count = 0.00103448, 120
+    A = np.zeros((4, 4))
+    A[0, 2] = A[1, 3] = 5.318064566757217e-02
+    A[2, 0], A[2, 3] = -1.352134256362805e-03, -7.099273035392090e-02
+    A[3, 1], A[3, 2] = -7.557182037479544e-04, 3.781555288420663e-02
+    h = 2 * np.pi / w / count
+    wide = np.zeros((6, 6))  # [x; sin; cos]
+    wide[:4, :4], wide[4, 5], wide[5, 4] = A, w, -w
+    wide[2, 4], wide[3, 5] = 0.1389735e-6, -0.3701336e-7
+    step = expm(h * wide)
+    F = np.tile(step[:4, :4], (count, 1, 1))
+    angle = w * h * np.arange(count)
+    G = (np.stack([np.sin(angle), np.cos(angle)], axis=1) @ step[:4, 4:].T)[:, :, None]
+    Q, r = np.diag([2.0, 1.0, 0.0, 0.0]), 1e-11
+    X, K = solve_samples(pose(F, G, np.tile(Q, (count, 1, 1)), np.full((count, 1, 1), r)))
+    now, cost = np.eye(4, 4 + count), np.zeros((4 + count, 4 + count))
+    for k in range(count):
+        cost += now.T @ Q @ now
+        cost[4 + k, 4 + k] += r
+        now = F[k] @ now
+        now[:, 4 + k] += G[k, :, 0]
+    known = solve_discrete_are(now[:, :4], now[:, 4:], cost[:4, :4], cost[4:, 4:], s=cost[:4, 4:])
+    np.testing.assert_allclose(X[0], known, rtol=0, atol=1e-8 * np.abs(known).max())
+    loop = np.eye(4)
+    for k in range(count):
+        loop = (F[k] - G[k] @ K[k]) @ loop
+    assert np.abs(np.linalg.eigvals(loop)).max() < 1

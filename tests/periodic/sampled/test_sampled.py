@@ -3,11 +3,12 @@
 import control
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm
 
 import flexlin as fl
 from flexlin.control import lifted_model, sampled_floquet
 from flexlin.errors import ArgumentError, NumericalError
+from tests.closed_arm import both
 
 T = np.pi
 LOOPS = 16
@@ -22,6 +23,9 @@ def matrices(t):
     B = np.zeros((*np.shape(t), 2, 1))
     B[..., 1, 0] = 1.0 + 0.3 * np.sin(2 * t)
     return A, B
+
+
+SHAKEN = fl.PeriodicSystem(lambda t: matrices(t)[0], T, lambda t: matrices(t)[1])
 
 
 def gains(t):
@@ -58,15 +62,13 @@ def growth_by_simulation(h, delay, samples=600, steps=8):
 @pytest.mark.slow
 def test_verdicts_agree_with_long_simulations_around_the_limit():
     """Random sampling times with random delays, most of them incommensurate with the period, a third close to the limit."""
-    system = fl.PeriodicSystem(lambda t: matrices(t)[0], T, lambda t: matrices(t)[1])
     rng = np.random.default_rng(11)
     part = rng.uniform(0, 1, LOOPS)
     h = rng.uniform(0.15, 0.75, LOOPS)
     h[::10] = T / rng.integers(5, 12, len(h[::10]))
     simulated, blur = growth_by_simulation(h, part * h)
-    found = [sampled_floquet(system, gains, step, share * step, 1e-6) for step, share in zip(h, part, strict=True)]
-    rates = np.array([result.exponents[0].real for result in found])
-    errors = np.array([result.errors[0] for result in found])
+    found = [sampled_floquet(SHAKEN, gains, step, share * step, 1e-6) for step, share in zip(h, part, strict=True)]
+    rates, errors = np.array([(result.exponents[0].real, result.errors[0]) for result in found]).T
     verdicts = np.array([result.verdict for result in found])
     assert np.abs(rates - simulated).max() < 0.05
     assert np.all(np.abs(rates - simulated) < blur + errors)
@@ -77,56 +79,58 @@ def test_verdicts_agree_with_long_simulations_around_the_limit():
 
 
 @pytest.mark.parametrize("part", [0.0, 0.4, 1.0])
-def test_a_constant_plant_has_the_eigenvalues_of_one_sample(part):
-    rng = np.random.default_rng(5)
-    A, B, K = rng.normal(size=(3, 3)), rng.normal(size=(3, 2)), rng.normal(size=(2, 3))
+@pytest.mark.parametrize("memory", [0, 2])
+def test_a_constant_plant_has_the_eigenvalues_of_one_sample(memory, part):
+    """Without and with states of the controller, which follow a plant that was measured at the beginning of the sample."""
+    rng, eye = np.random.default_rng(5), np.eye(memory)
+    A, B, K = rng.normal(size=(3, 3)), rng.normal(size=(3, 2)), rng.normal(size=(2, 3 + memory))
+    rates = np.hstack([rng.normal(size=(memory, 3)), 0.3 * rng.normal(size=(memory, memory)) - 2 * eye])
     for h in (0.1, 0.23, 2.0):
-        M = np.zeros((5, 5))
-        M[:3, :3], M[:3, 3:] = A, B
-        P0, P1 = expm(M * part * h), expm(M * (1 - part) * h)
-        F = np.zeros((5, 5))
-        F[:3, :3], F[:3, 3:], F[3:, :3] = P1[:3, :3] @ P0[:3, :3] - P1[:3, 3:] @ K, P1[:3, :3] @ P0[:3, 3:], -K
-        known = np.log(np.abs(np.linalg.eigvals(F)).max()) / h
-        found = sampled_floquet(fl.PeriodicSystem(A, 2.0, B), K, h, part * h)
-        assert abs(found.exponents[0].real - known) <= found.errors[0] + 1e-12
+        held = np.block([[A, B], [np.zeros((2, 5))]])
+        (P0, G0), (P1, G1) = ((E[:3, :3], E[:3, 3:]) for E in (expm(held * part * h), expm(held * (1 - part) * h)))
+        wide = expm(h * np.block([[rates[:, 3:], rates[:, :3]], [np.zeros((3, memory + 3))]]))[:memory]
+        moved = [P1 @ P0 - G1 @ K[:, :3], -G1 @ K[:, 3:], P1 @ G0]
+        step = np.block([moved, [wide[:, memory:], wide[:, :memory], np.zeros((memory, 2))], [-K, np.zeros((2, 2))]])
+        known = np.linalg.eigvals(step)
+        found = sampled_floquet(fl.PeriodicSystem(A, 2.0, B), K, h, part * h, rates=rates if memory else None)
+        sound = np.isfinite(found.errors)
+        off = np.abs(found.exponents.real[sound, None] - np.log(np.abs(known) + 1e-300) / h)
+        assert np.all(off.min(axis=1) <= found.errors[sound] + 1e-12)
+        assert off[0].argmin() == np.abs(known).argmax()
         assert found.errors[0] < 1e-9
+        if h == 0.1:
+            assert np.abs(found.multipliers[sound, None] - known**20).min(axis=1).max() < 1e-9
 
 
 @pytest.mark.slow
 def test_fast_sampling_tends_to_the_continuous_loop_and_corners_are_met():
     """An arm whose coefficients have corners; the sampling instants do not fall on them."""
-    scene = fl.load_scene("pick-and-place", {"links.0.modes": 0, "links.1.modes": 0})
-    arm = fl.build_manipulator(scene)
-    closed, plant = (fl.linearize(arm, scene.motion, law) for law in (scene.control, None))
+    _, plant, closed = both("pick-and-place", {"links.0.modes": 0, "links.1.modes": 0})
     slow = fl.floquet(closed.periodic_system()).exponents[0].real
-    apart = [
-        abs(sampled_floquet(plant.periodic_system(), closed.law.gain, h, tol=1e-7).exponents[0].real - slow)
-        for h in (0.008, 0.004)
-    ]
-    assert apart[1] < 0.6 * apart[0] < 0.5
+    system, gain = plant.periodic_system(), closed.law.gain
+    found = [sampled_floquet(system, gain, h, tol=1e-7).exponents[0].real for h in (0.008, 0.004)]
+    assert abs(found[1] - slow) < 0.6 * abs(found[0] - slow) < 0.5
 
 
 def test_the_lifted_model_is_the_sampled_plant():
     """Poles under the feedback of all samples, and the response to a random input, sample by sample."""
-    system = fl.PeriodicSystem(lambda t: matrices(t)[0], T, lambda t: matrices(t)[1])
     N, part = 6, 0.3
-    lifted = lifted_model(system, T / N, part * T / N)
+    lifted = lifted_model(SHAKEN, T / N, part * T / N)
     assert isinstance(lifted, control.StateSpace)
     assert lifted.state_labels == ["x1", "x2", "u1_held"]
     assert lifted.dt == pytest.approx(T)
     K = gains(T * np.arange(N) / N)
-    feed = np.zeros((N, 2 * N))
-    for k in range(N):
-        feed[k, 2 * k : 2 * k + 2] = K[k]
+    feed = block_diag(*K)
     poles = np.linalg.eigvals(lifted.A - lifted.B @ np.linalg.solve(np.eye(N) + feed @ lifted.D, feed @ lifted.C))
-    found = sampled_floquet(system, gains, T / N, part * T / N)
+    found = sampled_floquet(SHAKEN, gains, T / N, part * T / N)
     assert np.abs(poles).max() == pytest.approx(np.abs(found.multipliers).max(), rel=1e-9)
     with pytest.raises(ArgumentError, match="such as sample_time"):
-        lifted_model(system, 0.5)
+        lifted_model(SHAKEN, 0.5)
 
 
 def test_what_does_not_fit_is_refused():
-    system = fl.PeriodicSystem([[0.0]], 1.0, B=[[1.0]])
+    """As is a controller that grows beyond numbers."""
+    system = fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]])
     for arguments, words in (
         (([[1.0]], 0.1, 0.2), "delay"),
         (([[1.0]], 0.1, -0.01), "delay"),
@@ -135,9 +139,5 @@ def test_what_does_not_fit_is_refused():
     ):
         with pytest.raises(ArgumentError, match=words):
             sampled_floquet(system, *arguments)
-
-
-def test_a_controller_that_grows_beyond_numbers_is_an_error_and_none():
-    system = fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]])
     with pytest.raises(NumericalError, match="leaves the range of numbers"):
         sampled_floquet(system, [[1.0, 1.0]], 1.0, rates=[[1.0, 1000.0]])

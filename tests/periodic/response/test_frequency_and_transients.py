@@ -1,4 +1,5 @@
-"""Harmonic transfer functions: rotated constant systems, whose sidebands are known, a simulation, and what is refused."""
+"""Harmonic transfer functions: rotated constant systems and square waves, whose sidebands are known; transients against SciPy's DOP853; and
+what is refused."""
 
 import numpy as np
 import pytest
@@ -23,29 +24,14 @@ def test_a_plant_in_turning_coordinates_answers_in_two_sidebands():
             assert abs(value - exact.get(int(k), 0.0)) <= found.error * np.abs(H).max() + 1e-13
 
 
-@pytest.mark.slow
-def test_the_answer_of_mathieus_equation_is_what_a_simulation_ends_in():
-    def A(t):
-        out = np.zeros((len(t), 2, 2))
-        out[:, 0, 1], out[:, 1, 1], out[:, 1, 0] = 1.0, -0.4, -2.0 - 0.8 * np.cos(2 * t)
-        return out
-
-    system, w = fl.PeriodicSystem(A, np.pi, B=[[0.0], [1.0]]), 0.9
-    found = fl.frequency_response(system, [[1.0, 0.0]], [w])
-
-    t = np.linspace(120.0, 130.0, 50)
-    exact = integrate(lambda t, x: at(A, t) @ x + [0.0, np.cos(w * t)], [0.0, 0.0], [0.0, *t])[1:, 0]
-    waves = np.exp(1j * np.outer(t, w + 2 * found.orders))
-    np.testing.assert_allclose((waves @ found.H[0, :, 0, 0]).real, exact, atol=1e-8)
-
-
 def test_what_has_no_answer_is_refused():
-    with pytest.raises(NotStable):
-        fl.frequency_response(fl.PeriodicSystem([[0.1]], 1.0, B=[[1.0]]), [[1.0]], [1.0])
-    with pytest.raises(ArgumentError, match="no input"):
-        fl.frequency_response(fl.PeriodicSystem([[-0.1]], 1.0), [[1.0]], [1.0])
-    with pytest.raises(ArgumentError, match="C does not fit"):
-        fl.frequency_response(fl.PeriodicSystem([[-0.1]], 1.0, B=[[1.0]]), [[1.0, 0.0]], [1.0])
+    for a, B, C, error, words in (
+        (0.1, [[1.0]], [[1.0]], NotStable, "stable"),
+        (-0.1, None, [[1.0]], ArgumentError, "no input"),
+        (-0.1, [[1.0]], [[1.0, 0.0]], ArgumentError, "C does not fit"),
+    ):
+        with pytest.raises(error, match=words):
+            fl.frequency_response(fl.PeriodicSystem([[a]], 1.0, B=B), C, [1.0])
 
 
 def square(t):
@@ -67,10 +53,11 @@ def test_inputs_and_outputs_that_jump():
 @pytest.mark.parametrize("fast", [9.0, 1e4])
 def test_a_system_that_jumps(fast):
     """p' + (a + i w) p = 1 with a = 1, then a fast one: exponentials that meet at both jumps."""
-    w = 2.0
-    system = fl.PeriodicSystem(
-        lambda t: np.where(np.mod(t, 1.0) < 0.5, -1.0, -fast)[:, None, None], 1.0, B=[[1.0]], breaks=(0.0, 0.5)
-    )
+
+    def A(t):
+        return np.where(np.mod(t, 1.0) < 0.5, -1.0, -fast)[:, None, None]
+
+    system, w = fl.PeriodicSystem(A, 1.0, B=[[1.0]], breaks=(0.0, 0.5)), 2.0
     r, s = 1 + 1j * w, fast + 1j * w
     first, second = np.exp(-r / 2), np.exp(-s / 2)
     start = ((1 - first) * second / r + (1 - second) / s) / (1 - first * second)
@@ -78,3 +65,59 @@ def test_a_system_that_jumps(fast):
     mean = (start - 1 / r) * (1 - first) / r + 0.5 / r + (middle - 1 / s) * (1 - second) / s + 0.5 / s
     found = fl.frequency_response(system, [[1.0]], [w])
     assert abs(found.direct.item() - mean) <= 1e-8 * abs(mean)
+
+
+T_END = np.linspace(0.3, 11.0, 23)
+
+
+def A(t):
+    out = np.zeros((len(t), 2, 2))
+    out[:, 0, 1], out[:, 1, 1] = 1.0, np.where(np.mod(t, 2.0) < 0.7, -0.1, -0.6)
+    out[:, 1, 0] = -2.0 - 0.8 * np.cos(np.pi * t)
+    return out
+
+
+def B(t):
+    return np.stack([0.2 * np.sin(np.pi * t), 1.0 + 0 * t], axis=1)[:, :, None]
+
+
+SYSTEM = fl.PeriodicSystem(A, 2.0, B=B, breaks=(0.0, 0.7))
+
+
+def integrated(rate, start):
+    """At T_END, between all jumps."""
+    jumps = np.add.outer(2.0 * np.arange(6), [0.0, 0.7]).ravel()
+    stops = np.unique([*T_END, *jumps[(jumps > T_END[0]) & (jumps < T_END[-1])]])
+    return integrate(rate, start, stops)[np.isin(stops, T_END)]
+
+
+def test_states_from_a_state_a_push_and_an_input():
+    def u(t):
+        return np.sin(1.7 * t)[:, None]
+
+    def rate(t, x):
+        return at(A, t) @ x + at(B, t) @ at(u, t)
+
+    start = np.array([0.4, -0.2])
+    found = fl.respond(SYSTEM, T_END, x0=start, u=u, push=[0.3])
+    exact = integrated(rate, start + 0.3 * B(T_END[:1])[0, :, 0])
+    np.testing.assert_allclose(found.x, exact, atol=1e-8)
+    assert np.abs(found.x - exact).max() <= found.error * np.abs(exact).max() + 1e-10
+    assert not found.covariance.any()
+
+
+def test_noise_spreads_the_states():
+    def rate(t, P):
+        whole = at(A, t) @ P
+        return whole + whole.T + 0.5 * at(B, t) @ at(B, t).T
+
+    found = fl.respond(SYSTEM, T_END, noise=[[0.5]])
+    np.testing.assert_allclose(found.covariance, integrated(rate, np.zeros((2, 2))), atol=1e-8)
+    assert not found.x.any()
+
+
+def test_what_does_not_fit_is_refused():
+    with pytest.raises(ArgumentError, match="does not increase"):
+        fl.respond(SYSTEM, [1.0, 0.5])
+    with pytest.raises(ArgumentError, match="no input"):
+        fl.respond(fl.PeriodicSystem([[-1.0]], 1.0), [0.0, 1.0], u=[1.0])

@@ -1,0 +1,156 @@
+"""Sensors: against differences of positions and the beam's own shape; the zeros from motors to tip against SciPy's pencil. What the drives
+have to do: against the simulation, a motor's own equations, and limits that do not fit."""
+
+from typing import get_args
+
+import numpy as np
+import pytest
+from scipy.linalg import eigvals
+
+import flexlin as fl
+from flexlin.analyses import analyse
+from flexlin.control import bending, drive_load, tip_acceleration, tip_position
+from flexlin.control.sensors import READINGS, tip_zeros
+from flexlin.errors import ArgumentError
+from flexlin.report import advise, record, to_json
+from flexlin.report.advice import comment_on_zeros
+from flexlin.scene.scene import Sensor
+from flexlin.simulation import tip_positions
+from tests.closed_arm import both, closed, opened
+from tests.periodic.dense import at, integrate
+
+SMALL = {"links.0.modes": 1}
+
+
+@pytest.fixture(scope="module")
+def lin():
+    return opened()[1]
+
+
+def test_strain_gauge_at_the_root_of_a_cantilever(lin):
+    """X'' = 2 (beta l)^2 / l^2 at the root, 0 at the free end, for every clamped-free mode (Blevins, Formulas, ch. 8)."""
+    beta, scene = np.array([1.8751040687119611, 4.694091132974174]), fl.load_scene("single-link")
+    root, end = (bending(scene, lin, 0, place)(np.zeros(1))[0, 0] for place in (0.0, 1.0))
+    np.testing.assert_allclose(root[1:3], 2 * beta**2 / 0.96**2, rtol=1e-10)
+    np.testing.assert_allclose(end, 0.0, atol=1e-9)
+    with pytest.raises(ArgumentError, match="not on the link"):
+        bending(scene, lin, 0, 1.5)
+
+
+def test_camera_sees_the_slope_of_the_tips_position(lin):
+    t = np.array([0.1, 0.7, 1.6])
+    C, steps = tip_position(lin)(t), 1e-6 * np.eye(lin.n)
+    for k, moved in enumerate(np.repeat(steps[:, None], 3, axis=1)):
+        slope = (tip_positions(lin, t, moved) - tip_positions(lin, t, -moved)) / 2e-6
+        np.testing.assert_allclose(C[:, :, k], slope, atol=1e-8)
+
+
+def test_accelerometer_is_the_second_derivative_of_the_camera(lin):
+    """Along a linear motion under a constant torque: second differences of C_position x, by DOP853."""
+    system, torque, h = lin.periodic_system(), np.array([0.3]), 1e-4
+    t, start = 0.4 + h * np.arange(3), [0.02, 0.01, -0.003, 0.1, 0.2, -0.1]
+    x = integrate(lambda t, x: at(system.A, t) @ x + at(system.B, t) @ torque, start, t)
+    seen = np.einsum("tij,tj->ti", tip_position(lin)(t), x)
+    C, D = tip_acceleration(lin)
+    felt = C(t)[1] @ x[1] + D(t)[1] @ torque
+    np.testing.assert_allclose((seen[0] - 2 * seen[1] + seen[2]) / h**2, felt, rtol=0, atol=1e-4 * np.abs(felt).max())
+
+
+def test_every_sensor_that_a_log_may_name_is_read():
+    """A kind that only the scene's schema knows would end in a KeyError."""
+    assert set(get_args(Sensor)) - {"coordinate", "rate"} <= set(READINGS)
+
+
+def test_a_link_at_rest_has_the_zeros_of_rosenbrocks_pencil():
+    _, lin = opened(changes={"designs": [], "motion.joints": [{"mean": 0.0, "amplitude": 0.0}]})
+    t, m = np.zeros(1), 2 * lin.n
+    C = tip_position(lin)(t)[0]
+    pencil, mass = np.zeros((m + 1, m + 1)), np.diag(np.append(np.ones(m), 0.0))
+    pencil[:m, :m], pencil[:m, m:] = lin.periodic_system().A(t)[0], lin.periodic_system().B(t)[0]
+    pencil[m:, :m] = C[:, :1].T @ C
+    known = eigvals(pencil, mass)
+    found = tip_zeros(lin)
+    assert found.verdict == "non-minimum phase"
+    real = np.sort(known[np.abs(known) < 1e5].real)
+    np.testing.assert_allclose(np.sort(found.exponents.real), real, rtol=1e-6, atol=1e-8)
+
+
+def test_a_report_names_the_zero_that_bounds_every_controller():
+    found = analyse(fl.load_scene("single-link", SMALL | {"designs": []}))
+    assert found.zeros.verdict == "non-minimum phase"
+    exact = tip_zeros(found.plant)
+    assert np.all(np.abs(found.zeros.exponents.real - exact.exponents.real) <= found.zeros.errors + exact.errors)
+    assert "non-minimum phase" in next(comment_on_zeros(found))
+
+
+@pytest.mark.slow
+def test_rounding_of_an_outputs_derivatives_is_not_chased():
+    """A slow pick-and-place: narrower and narrower panels followed it, until none was left to try."""
+    found = tip_zeros(closed("pick-and-place", {"motion.move_time": 1.0, "motion.dwell_time": 1.0}))
+    assert found.verdict == "non-minimum phase"
+    assert found.exponents[0].real == pytest.approx(3222, abs=1)
+
+
+@pytest.mark.slow
+def test_the_work_of_the_drives_is_what_the_simulation_says():
+    """Torque as simulated; the power integrated over a period is the work done on the arm, by its energy and damping."""
+    lin = closed("de-luca-siciliano-1991")
+    run = fl.simulate(lin, 1, tol=1e-8, points_per_period=1024)
+    load = drive_load(lin, run.t, run.nonlinear, lin.law)
+    np.testing.assert_allclose(load.torque, run.torque, atol=1e-12)
+    y, v = np.hsplit(run.nonlinear, 2)
+    energy = lin.about.of_arm("energy", run.t, y, v)[:, 0, 0]
+    rates = lin.about.positions(run.t, y, v)[1]
+    lost = np.einsum("ti,ti->t", rates, lin.about.of_arm("damping", run.t, y, v)[:, :, 0])
+    left = energy[-1] - energy[0] + lin.period * lost[:-1].mean()
+    given = lin.period * load.power[:-1].mean(axis=0).sum()
+    assert given == pytest.approx(left, abs=2e-3 * np.abs(load.power).max())
+    found = {(demand.what, demand.joint): demand.value for demand in load.demands}
+    assert found["peak torque", "q2"] == np.abs(run.torque[:, 1]).max()
+    assert found["peak power", "q1"] == np.abs(load.power[:, 0]).max()
+
+
+def test_a_motors_current_is_that_of_its_winding():
+    """u = R i + k N q', torque = N k i; the same torque by a constant of the drives' table."""
+    motor = {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": 30.0}
+    gains = {"control.feedback.kp": [12.0], "control.feedback.kd": [1.0]}
+    lin = closed("single-link", {**SMALL, "effects.motor": motor, **gains})
+    t, x = np.linspace(0, lin.period, 64, endpoint=False), 0.1 * np.random.default_rng(3).normal(size=(64, 4))
+    load, u = drive_load(lin, t, x, lin.law), lin.law.torque(t, x)
+    assert load.current is not None
+    np.testing.assert_allclose(u, 2.0 * load.current + 0.05 * 30 * load.speed, rtol=1e-12)
+    np.testing.assert_allclose(load.torque, 1.5 * load.current, rtol=1e-12)
+    assert lin.input_units == ("V",)
+    scene, _, plain = both("single-link", {**SMALL, "drives": {"torque_constant": "1.5 N m/A"}})
+    other = drive_load(plain, t, x, plain.law, scene.drives)
+    np.testing.assert_allclose(other.torque, 1.5 * other.current, rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_the_report_marks_loops_above_their_drives_and_sampled_ones():
+    drives = {"torque": {"peak": "1.1 N m", "continuous": "5 N m"}, "speed": "300 deg/s"}
+    weights, sampling = {"joints": "0.5 deg", "rates": "5 deg/s", "input": "0.5 N m"}, {"period": 0.004, "delay": 0.001}
+    table = [{"name": "LQR", "kind": "periodic-lqr", "weights": weights}]
+    overrides = {**SMALL, "drives": drives, "designs": table, "control.sampling": sampling, "accuracy.tol": 1e-6}
+    found = analyse(fl.load_scene("single-link", overrides))
+    load, data = found.load(found.own), record(found)
+    assert [(demand.what, demand.limit) for demand in load.exceeded] == [("peak torque", 1.1)]
+    assert found.load(found.open_loop) is None, "it keeps no steady motion"
+    assert data["floquet"]["drives"]["exceeds"] is True
+    assert data["designs"]["LQR"]["drives"]["demands"][0]["what"] == "peak torque"
+    assert to_json(data)
+    said = " ".join(advise(found))
+    assert "asks more than the drives give: peak torque of q1" in said
+    verdicts = {loop.name: loop.verdict for loop in found.sampled}
+    assert verdicts == {"scene's PD, sampled": "stable", "LQR, sampled": "unstable"}
+    assert "Sampled every 4 ms and 1 ms late, the LQR is unstable" in said
+
+
+def test_limits_that_do_not_fit_are_refused_before_any_work():
+    for drives, words in (
+        ({"torque": {"peak": ["1 N m", "2 N m"]}}, "2 quantities"),
+        ({"speed": "1 m/s"}, "another unit"),
+        ({"torque": {"peak": "3 N"}}, "unit"),
+    ):
+        with pytest.raises(ArgumentError, match=words):
+            analyse(fl.load_scene("single-link", {"drives": drives}))
