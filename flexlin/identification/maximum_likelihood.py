@@ -375,7 +375,7 @@ def refine(search: Search, windows: Windows, problem: Problem, point: Point) -> 
         size = np.maximum(size, 1e-9 * deviations(problem.readings))
         found = np.array([evidence.errors.get(path, np.nan) for path in search.paths])
         unsure = np.where(np.isfinite(found), found, unsure)  # at or near a limit: what it was inside
-        still = np.abs(point.p - values) <= np.maximum(STILL_ERRORS * unsure, 1e-3 * np.abs(values))
+        still = np.abs(point.p - values) <= np.where(unsure > 0, STILL_ERRORS * unsure, 1e-3 * np.abs(values))
         settled = k > 0 and bool(np.all(np.abs(size / problem.sigma - 1) < SETTLED_NOISE) and still.all())
         if settled or search.late():
             break
