@@ -23,7 +23,7 @@ DIRECTION_SHARE = 0.2
 """Share of such a direction from which on a number belongs to it."""
 NOTED_CORRELATION = 0.9
 """Correlation that is worth a word."""
-WHITE_DEVIATIONS = 4.0
+WHITE_DEVIATIONS = 3.0
 """Correlation of neighbours, in standard deviations of that of white noise, from which on residuals are coloured."""
 GOOD_GAIN = 0.75
 """Share of what a linear step promises that it should gain for the next to be damped less."""

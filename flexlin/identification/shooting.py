@@ -78,10 +78,6 @@ class Windows:
         """The same windows on a grid of so many steps for one of the log's."""
         return replace(self, h=self.log.step / substeps)
 
-    def chosen(self, which: Array) -> "Windows":
-        """Some of the windows."""
-        return replace(self, starts=self.starts[which], ends=self.ends[which], rows=self.rows[which])
-
     def head(self, seconds: float) -> "Windows":
         """The first seconds of each window."""
         inside = self.there & (self.log.time[self.rows] <= self.starts[:, None] + seconds)
