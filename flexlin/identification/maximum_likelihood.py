@@ -62,6 +62,8 @@ FREED_DAMPING = MINOR
 """Largest damping with which a round begins: one that came to a halt tries larger steps again."""
 STILL_ERRORS = MINOR
 """Standard errors by which a round may still move a number of a search that has settled."""
+SAME_LIKELIHOOD = 1.0
+"""Difference of logarithms of likelihoods below which two searches came to the same end; one more would too."""
 HEAD_STARTS, HEAD_STEPS = 3, 4
 """Starting values that are compared by heads, and Gauss-Newton steps that each is given there."""
 SEARCH_SHARE = 0.6
@@ -179,8 +181,8 @@ def identify(
     hold_back : float
         Share of the log, at its end, that is not fitted but predicted.
     starts : int
-        Tries at the most: the scene's own values, then, where residuals are not white or a number is at its end, the best of these
-        and others within a factor of about two over a quarter of some windows, if it meets all of them better.
+        Searches at the most, of which the likeliest counts: from the scene's own values, then, where residuals are not white or a
+        number is at its end, from the best over a quarter of each window of some within a factor of about two.
     seconds : float
         Time after which the most likely numbers so far are handed back, by default as long as it takes.
 
@@ -222,15 +224,14 @@ def identify(
     search = Search(scene, fitted, paths, low, high, lambda: watch.clock >= most)
     windows = Windows.of(fitted, positive("window", window))
     with part(0.0, 0.5):
-        best = refine(search, windows, search.own)
+        best, again = refine(search, windows, search.own), False
     for seed in range(whole("starts", starts) - 1):
-        if best.convincing or search.late():
+        if best.convincing or again or search.late():
             break
         with part(0.5, 0.9):
             other = refine(search, windows, choose_start(search, windows, best.point.p, seed))
-        best, before = min(best, other, key=lambda end: end.unlikelihood), best
-        if best is before:
-            break
+        again = abs(other.unlikelihood - best.unlikelihood) < SAME_LIKELIHOOD
+        best = min(best, other, key=lambda end: end.unlikelihood)
     if not np.isfinite(best.unlikelihood):
         got, todo = "; ".join(log.notes) or None, "check signs, units and gains of the inputs, or fit fewer numbers"
         raise NumericalError("the equations diverge", got=got, todo=todo)
@@ -318,7 +319,7 @@ class Search:
 
 
 def choose_start(search: Search, windows: Windows, values: Array, seed: int) -> Array:
-    """Of some sets of values beside these the one that a few steps make meet the heads of windows best: no vibration slips by a cycle there."""
+    """Of some values beside these those that a few steps make meet the heads of windows best: no vibration slips by a cycle there."""
     rng = np.random.default_rng(seed)
     others = np.clip(values * np.exp(rng.normal(0, 0.5, (HEAD_STARTS, len(values)))), search.low, search.high)
     heads = windows.head(HEAD_SHARE * float((windows.ends - windows.starts).max()))
