@@ -102,11 +102,12 @@ class Problem:
         return np.maximum(self.low, p - reach), np.minimum(self.high, p + reach)
 
     def slopes(self, point: Point) -> Array:
-        """Of the weighted readings by start and p, (W, N outputs, 2n + n_p)."""
+        """Of the weighted readings by start and p, (W, N outputs, 2n + n_p); zero where their squares could overflow."""
         if point.jacobian is None:
             with np.errstate(all="ignore"):
                 point.jacobian = self.shooting.jacobian(point.states, point.p)
         found = self.weigh(point.jacobian[..., : point.start.shape[1] + len(self.low)], point.p)
+        found = np.where(np.abs(found) <= LARGEST_NUMBER, found, 0.0)
         return found.reshape(found.shape[0], -1, found.shape[3])
 
     def condensed(self, point: Point) -> tuple[Array, Array]:

@@ -64,8 +64,8 @@ STILL_ERRORS = MINOR
 """Standard errors by which a round may still move a number of a search that has settled."""
 SAME_LIKELIHOOD = 1.0
 """Difference of logarithms of likelihoods below which two searches came to the same end; one more would too."""
-HEAD_STARTS, HEAD_STEPS = 3, 4
-"""Starting values that are compared by heads, and Gauss-Newton steps that each is given there."""
+HEAD_STARTS, HEAD_STEPS = 2, 4
+"""Starting values that are compared by heads beside the scene's, and Gauss-Newton steps that each is given there."""
 SEARCH_SHARE = 0.6
 """Share of the time after which no step is begun: one may take long, and so may the prediction."""
 
@@ -319,12 +319,12 @@ class Search:
 
 
 def choose_start(search: Search, windows: Windows, values: Array, seed: int) -> Array:
-    """Of some values beside these those that a few steps make meet the heads of windows best: no vibration slips by a cycle there."""
+    """Of the scene's values and some beside these those that a few steps make meet heads of windows best: no vibration slips by a cycle there."""
     rng = np.random.default_rng(seed)
     others = np.clip(values * np.exp(rng.normal(0, 0.5, (HEAD_STARTS, len(values)))), search.low, search.high)
     heads = windows.head(HEAD_SHARE * float((windows.ends - windows.starts).max()))
     problem = search.pose(search.model(values), heads, values)
-    points = [solve(problem, meet_all(problem, other), HEAD_STEPS, late=search.late) for other in others]
+    points = [solve(problem, meet_all(problem, one), HEAD_STEPS, late=search.late) for one in (search.own, *others)]
     return min(points, key=lambda point: point.cost).p
 
 
@@ -346,7 +346,7 @@ class End:
     def unlikelihood(self) -> float:
         """sum_j N_j log |reading_j - h_j|, but for a constant of the log."""
         seen, size = find_noise(self.problem, self.point)
-        return float(seen @ np.log(size)) if np.isfinite(self.point.costs).any() else np.inf
+        return float(seen @ np.log(size)) if np.isfinite(self.point.cost) else np.inf
 
     @property
     def convincing(self) -> bool:
@@ -373,7 +373,7 @@ def refine(search: Search, windows: Windows, values: Array) -> End:
         values = point.p
         with part(k / ROUNDS, (k + 1) / ROUNDS):
             point = solve(problem, point, steps, 1e-6 if k else FIRST_GAIN, search.late)
-        if not np.isfinite(point.costs).any():
+        if not np.isfinite(point.costs).all():
             break
         _, size = find_noise(problem, point)
         evidence = weigh_evidence(problem, point, search.paths)
