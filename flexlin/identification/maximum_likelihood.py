@@ -319,7 +319,7 @@ class Search:
 
 
 def choose_start(search: Search, windows: Windows, values: Array, seed: int) -> Array:
-    """Of the scene's values and some beside these those that a few steps make meet heads of windows best: no vibration slips by a cycle there."""
+    """Of the scene's values and some beside these those that meet heads of windows best: no vibration slips by a cycle there."""
     rng = np.random.default_rng(seed)
     others = np.clip(values * np.exp(rng.normal(0, 0.5, (HEAD_STARTS, len(values)))), search.low, search.high)
     heads = windows.head(HEAD_SHARE * float((windows.ends - windows.starts).max()))
