@@ -3,7 +3,7 @@
 Windows of 2 s of two logs of Quanser's 2-DOF Serial Flexible Link are predicted from the measured currents, with the data sheet's
 numbers and with the fitted ones that ship. Then each third of a log is predicted by numbers that `flexlin.identify` finds in the other
 two; which effects the arm has, and where the search begins, was found from whole logs. Then exponents of the arm whose joints stick,
-as they do between moves, stand beside frequency and decay of the strain that both logs show there.
+as they do between moves, by all of a log and without each third, stand beside frequency and decay of the strain that both logs show there.
 Source of the logs, thinned to 100 Hz: github.com/basta/quanser-2-dof-serial-flexible-link, commit 48ab0ce; MIT licence, see logs/LICENSE.
 
     python studies/measured_machine.py [--size small] [--out DIR]
@@ -18,6 +18,7 @@ from scipy.optimize import curve_fit
 from shared.running import run_study
 
 import flexlin as fl
+from flexlin.scene import revise_scene
 
 LOGS = Path(__file__).parent / "logs"
 MACHINES = {
@@ -82,17 +83,21 @@ def compare(name: str, seconds: float | None = None) -> dict[str, dict[str, floa
 
 def leave_out(
     name: str, thirds: Iterable[int] = range(3), free: list[str] | None = None
-) -> dict[str, dict[str, float]]:
-    """The fit of each column in percent in thirds of a log, each by numbers fitted to the others, and in all these thirds together."""
+) -> tuple[dict[str, dict[str, float]], dict[str, tuple[float, float]]]:
+    """The fit of each column in percent in thirds of a log, each by numbers fitted to the others, and in all these thirds together.
+
+    Beside it the ring of the arm with these numbers.
+    """
     file, begin, _ = MACHINES[name]
     start = fl.load_scene(name, WEIGHED)
     whole = fl.read_log(LOGS / file, start)
     log = whole.part(begin, whole.time[-1])
-    edges, found = np.linspace(log.time[0], log.time[-1], 4), {}
+    edges, found, rings = np.linspace(log.time[0], log.time[-1], 4), {}, {}
     for third in thirds:
         out = (log.time >= edges[third]) & (log.time <= edges[third + 1])
         fitted = fl.identify(start, rows_of(log, ~out), free or [*FREE, *ALSO_FREE[name]])
         found[f"third {third + 1}"] = fl.predict(fitted.scene, rows_of(log, out))
+        rings[f"third {third + 1}"] = predict_ring(fitted.scene)
     together = {}
     for column in next(iter(found.values())).fit:
         measured, made = (
@@ -102,7 +107,7 @@ def leave_out(
         together[column] = float(
             100 * (1 - np.linalg.norm(measured - made) / np.linalg.norm(measured - measured.mean()))
         )
-    return {**{third: one.fit for third, one in found.items()}, "together": together}
+    return {**{third: one.fit for third, one in found.items()}, "together": together}, rings
 
 
 def rows_of(log: fl.Log, rows: np.ndarray) -> fl.Log:
@@ -137,10 +142,10 @@ def measure_ring(name: str) -> list[tuple[float, float]]:
     return found
 
 
-def predict_ring(name: str) -> tuple[float, float]:
+def predict_ring(scene: fl.Scene) -> tuple[float, float]:
     """Frequency (Hz) and rate of decay (1/s) of the slowest mode that swings, of the loop at rest, where friction holds the joints."""
     still = [{"amplitude": 0.0}, {"amplitude": 0.0}]
-    scene = fl.load_scene(name, {"motion.joints": still})
+    scene = revise_scene(scene, {"motion.joints": still})
     system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
     values = np.linalg.eigvals(system.A(np.zeros(1))[0])
     slowest = min(values[values.imag > 1.0], key=lambda value: value.imag)
@@ -177,11 +182,13 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, Any]:
         if len(rows) == 1:
             draw(predictions, Path(out) / "measured_machine.svg")
         small = {"thirds": [2], "free": ["links.0.bending_stiffness", "log.outputs.gauge_1.gain"]}
-        left = leave_out(name) if size == "full" else leave_out(name, **small)
+        left, rings = leave_out(name) if size == "full" else leave_out(name, **small)
         for third, fit in left.items():
             print(f"  left out, {third}: " + ", ".join(f"{column} {value:.1f} %" for column, value in fit.items()))
         rows[name]["left out"] = left["together"]
-        measured, predicted = np.array(measure_ring(name)), predict_ring(name)
+        for third, (frequency, rate) in rings.items():
+            print(f"  ring without {third}: {frequency:.3f} Hz, {rate:.3f} 1/s")
+        measured, predicted = np.array(measure_ring(name)), predict_ring(fl.load_scene(name))
         for k, what in enumerate(("frequency in Hz", "decay in 1/s")):
             one = measured[:, k]
             spread = f"{one.mean():.3f} ± {one.std(ddof=1):.3f} in {len(one)} rests"

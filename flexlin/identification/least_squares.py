@@ -23,7 +23,7 @@ DIRECTION_SHARE = 0.2
 """Share of such a direction from which on a number belongs to it."""
 NOTED_CORRELATION = 0.9
 """Correlation that is worth a word."""
-WHITE_DEVIATIONS = 4.0
+WHITE_DEVIATIONS = 3.0
 """Correlation of neighbours, in standard deviations of that of white noise, from which on residuals are coloured."""
 GOOD_GAIN = 0.75
 """Share of what a linear step promises that it should gain for the next to be damped less."""
@@ -102,11 +102,12 @@ class Problem:
         return np.maximum(self.low, p - reach), np.minimum(self.high, p + reach)
 
     def slopes(self, point: Point) -> Array:
-        """Of the weighted readings by start and p, (W, N outputs, 2n + n_p)."""
+        """Of the weighted readings by start and p, (W, N outputs, 2n + n_p); zero where their squares could overflow."""
         if point.jacobian is None:
             with np.errstate(all="ignore"):
                 point.jacobian = self.shooting.jacobian(point.states, point.p)
         found = self.weigh(point.jacobian[..., : point.start.shape[1] + len(self.low)], point.p)
+        found = np.where(np.abs(found) <= LARGEST_NUMBER, found, 0.0)
         return found.reshape(found.shape[0], -1, found.shape[3])
 
     def condensed(self, point: Point) -> tuple[Array, Array]:

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexlin.bounds import IN_RANGE, LARGEST_NUMBER, SMALLEST_NUMBER, printable
 from flexlin.checks import Array, real_array, whole
 from flexlin.errors import ArgumentError, TooLarge, counted
 from flexlin.plots.view import Series, Shown, View
+from flexlin.precision import ROOT_EPS
 from flexlin.summary import represent
 
 if TYPE_CHECKING:
@@ -121,7 +123,7 @@ class Log(Shown):
             missing = int(np.isnan(values).sum())
             if missing:
                 said.append(f"{missing} readings of {name} are missing and are not used")
-            elif np.ptp(values) == 0:
+            if not varies(values):
                 said.append(f"{name} is constant, so nothing can be learnt from it")
         return tuple(said)
 
@@ -224,18 +226,37 @@ def check_times(given: Array) -> Array:
 
 def check_readings(name: str, given: Array, count: int) -> Array:
     """Readings, some of which may be missing."""
-    try:
-        if np.iscomplexobj(given):
-            raise TypeError
-        values = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        raise ArgumentError(f"{name} is not numeric", got=repr(given)[:80], expected="real numbers") from None
+    values = np.asarray(given) if hasattr(given, "dtype") else np.array(given, dtype=object)
     if values.shape != (count,):
         raise ArgumentError(f"{name} has the wrong shape", got=values.shape, expected=f"({count},), a reading a time")
-    if np.isinf(values).any():
-        raise ArgumentError(
-            f"{name} is infinite", got=f"row {int(np.argmax(np.isinf(values))) + 1}", expected="numbers"
-        )
-    if not np.isfinite(values).any():
+    numbers = as_numbers(name, values)
+    if not np.isfinite(numbers).any():
         raise ArgumentError(f"{name} has no reading", got="nan everywhere", expected="numbers")
-    return values
+    return numbers
+
+
+def as_numbers(name: str, values: Array) -> Array:
+    """A column as numbers; an empty cell, or one that says so, is a missing reading."""
+    values = values.astype(str) if np.iscomplexobj(values) else values  # none of which is a number then
+    if values.dtype.kind in "iuf":
+        numbers = values.astype(float)
+        odd = np.flatnonzero(np.abs(numbers) > LARGEST_NUMBER)
+    else:
+        import pandas
+
+        numbers = np.asarray(pandas.to_numeric(values, errors="coerce"), dtype=float)
+        odd = np.flatnonzero(~(np.abs(numbers) <= LARGEST_NUMBER) & ~pandas.isna(values))
+    if len(odd):
+        row = int(odd[0])
+        raise ArgumentError(
+            f"column {name} is not numeric",
+            got=f"{printable(repr(str(values[row])))} in row {row + 1}",
+            expected=f"empty cells, or {IN_RANGE}",
+        )
+    return numbers
+
+
+def varies(values: Array) -> bool:
+    """Whether readings, of which some are known, differ by more than rounding."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    return high - low > max(SMALLEST_NUMBER, ROOT_EPS * max(abs(low), abs(high)))

@@ -14,7 +14,6 @@ from flexlin.identification.least_squares import (
     Evidence,
     Point,
     Problem,
-    find_colour,
     leave_unknown,
     solve,
     weigh_evidence,
@@ -63,8 +62,10 @@ FREED_DAMPING = MINOR
 """Largest damping with which a round begins: one that came to a halt tries larger steps again."""
 STILL_ERRORS = MINOR
 """Standard errors by which a round may still move a number of a search that has settled."""
-SCREENED_WINDOWS = 4
-"""Windows, and Gauss-Newton steps, by which starting values are compared."""
+SAME_LIKELIHOOD = 1.0
+"""Difference of logarithms of likelihoods below which two searches came to the same end; one more would too."""
+HEAD_STARTS, HEAD_STEPS = 2, 4
+"""Starting values that are compared by heads beside the scene's, and Gauss-Newton steps that each is given there."""
 SEARCH_SHARE = 0.6
 """Share of the time after which no step is begun: one may take long, and so may the prediction."""
 
@@ -180,8 +181,8 @@ def identify(
     hold_back : float
         Share of the log, at its end, that is not fitted but predicted.
     starts : int
-        Tries at the most: the scene's own values, then, where residuals are not white or a number is at its end, the best of these
-        and others within a factor of about two over a quarter of some windows, if it meets all of them better.
+        Searches at the most, of which the likeliest counts: from the scene's own values, then, where residuals are not white or a
+        number is at its end, from the best over a quarter of each window of some within a factor of about two.
     seconds : float
         Time after which the most likely numbers so far are handed back, by default as long as it takes.
 
@@ -222,12 +223,19 @@ def identify(
     low, high = find_limits(scene, paths)
     search = Search(scene, fitted, paths, low, high, lambda: watch.clock >= most)
     windows = Windows.of(fitted, positive("window", window))
-    with part(0.0, 0.3):
-        problem, point = choose_start(search, windows, whole("starts", starts))
-    with part(0.3, 0.9):
-        point, problem, evidence = refine(search, windows, problem, point)
-    settled = evidence is not None
-    evidence = leave_unknown(problem, point, paths) if evidence is None else evidence
+    with part(0.0, 0.5):
+        best, again = refine(search, windows, search.own), False
+    for seed in range(whole("starts", starts) - 1):
+        if best.convincing or again or search.late():
+            break
+        with part(0.5, 0.9):
+            other = refine(search, windows, choose_start(search, windows, best.point.p, seed))
+        again = abs(other.unlikelihood - best.unlikelihood) < SAME_LIKELIHOOD
+        best = min(best, other, key=lambda end: end.unlikelihood)
+    if not np.isfinite(best.unlikelihood):
+        got, todo = "; ".join(log.notes) or None, "check signs, units and gains of the inputs, or fit fewer numbers"
+        raise NumericalError("the equations diverge", got=got, todo=todo)
+    problem, point, evidence, settled = best.problem, best.point, best.evidence, best.settled
     known = {path: float(point.p[k]) for k, path in enumerate(paths) if path in evidence.known}
     found = dict(zip(paths, point.p.tolist(), strict=False))
     reached = revise_scene(scene, found)
@@ -284,6 +292,11 @@ class Search:
     shapes: bytes = field(default=b"", init=False)
     built: Logged | None = field(default=None, init=False)
 
+    @property
+    def own(self) -> Array:
+        """The scene's own numbers."""
+        return np.array([float(get_value(self.scene, path)) for path in self.paths])
+
     def at(self, values: Array) -> Scene:
         """The scene with these numbers."""
         return revise_scene(self.scene, dict(zip(self.paths, values.tolist(), strict=True)))
@@ -301,81 +314,72 @@ class Search:
         shooting = prepare(model, windows, values)
         readings = shooting.windows.readings()
         allows = lambda p: accepts(self.scene, dict(zip(self.paths, p.tolist(), strict=True)))  # noqa: E731
-        size = np.abs([float(get_value(self.scene, path)) for path in self.paths])
         scale = deviations(readings) if sigma is None else sigma
-        return Problem(shooting, readings, scale, self.low, self.high, size, allows)
+        return Problem(shooting, readings, scale, self.low, self.high, np.abs(self.own), allows)
 
 
-def choose_start(search: Search, windows: Windows, starts: int) -> tuple[Problem, Point]:
-    """The values, of several sets, that meet all windows best, and the windows' starting states at them.
-
-    The scene's own come first. Unless a few steps let them meet some windows but for white noise, all sets meet the heads of these, over
-    which no vibration slips by a cycle, and the best of them goes on from there. Nothing more is tried when it is late.
-    """
-    own = np.array([float(get_value(search.scene, path)) for path in search.paths])
-    if starts == 1:
-        return meet_all(search, windows, own, {})
-    which = np.unique(np.linspace(0, windows.count - 1, SCREENED_WINDOWS).astype(int))
-    some = windows.chosen(which)
-    heads = some.head(HEAD_SHARE * float((some.ends - some.starts).max()))
-    model, rng = search.model(own), np.random.default_rng(0)
-    problem, short = (search.pose(model, these, own) for these in (some, heads))
-    settle = lambda values: find_starts(problem.shooting, START_SECONDS, values, SCREENED_WINDOWS).start  # noqa: E731
-
-    def meet(posed: Problem, values: Array, start: Array) -> Point:
-        return solve(posed, posed.at(start, values), SCREENED_WINDOWS, late=search.late)
-
-    begin = settle(own)
-    best = meet(problem, own, begin)
-    good = not find_colour(problem, best)[1] and not problem.limited(best.p).any()
-    if not good and not search.late():
-        others = np.clip(own * np.exp(rng.normal(0, 0.5, (starts - 2, len(own)))), search.low, search.high)
-        points = [meet(short, own, begin), *(meet(short, other, settle(other)) for other in others)]
-        head = min(points, key=lambda point: point.cost)
-        best = min(best, meet(problem, head.p, head.start), key=lambda point: point.cost)
-    if not np.isfinite(best.cost):
-        got = "; ".join(search.log.notes) or None
-        raise NumericalError(
-            "the equations diverge from every start", got=got, todo="check signs, units and gains of the inputs"
-        )
-    sets = [(best.p, dict(zip(which.tolist(), best.start, strict=True)))]
-    if not good and not search.late():
-        sets.append((own, {}))
-    return min((meet_all(search, windows, *one) for one in sets), key=lambda one: one[1].cost)
+def choose_start(search: Search, windows: Windows, values: Array, seed: int) -> Array:
+    """Of the scene's values and some beside these those that meet heads of windows best: no vibration slips by a cycle there."""
+    rng = np.random.default_rng(seed)
+    others = np.clip(values * np.exp(rng.normal(0, 0.5, (HEAD_STARTS, len(values)))), search.low, search.high)
+    heads = windows.head(HEAD_SHARE * float((windows.ends - windows.starts).max()))
+    problem = search.pose(search.model(values), heads, values)
+    points = [solve(problem, meet_all(problem, one), HEAD_STEPS, late=search.late) for one in (search.own, *others)]
+    return min(points, key=lambda point: point.cost).p
 
 
-def meet_all(search: Search, windows: Windows, values: Array, met: dict[int, Array]) -> tuple[Problem, Point]:
-    """The problem of all windows, and the starting states with which values meet each; met: those of some, known before."""
-    problem = search.pose(search.model(values), windows, values)
-    start = find_starts(problem.shooting, START_SECONDS, values).start
-    for window, state in met.items():
-        start[window] = state
-    return problem, problem.at(start, values)
+def meet_all(problem: Problem, values: Array) -> Point:
+    """The starting states with which values meet each window."""
+    return problem.at(find_starts(problem.shooting, START_SECONDS, values).start, values)
 
 
-def refine(search: Search, windows: Windows, problem: Problem, point: Point) -> tuple[Point, Problem, Evidence | None]:
-    """The maximum of the likelihood: noise and shapes of links are found anew until noise and numbers stay.
+@dataclass(frozen=True, eq=False)
+class End:
+    """Where a search came to: the point, what is known there, and whether noise and numbers stayed before time or rounds ended."""
 
-    No evidence where time or rounds ended first.
-    """
-    model, steps, unsure = problem.shooting.model, FIRST_STEPS, np.zeros(len(point.p))
+    problem: Problem
+    point: Point
+    evidence: Evidence
+    settled: bool
+
+    @property
+    def unlikelihood(self) -> float:
+        """sum_j N_j log |reading_j - h_j|, but for a constant of the log."""
+        seen, size = find_noise(self.problem, self.point)
+        return float(seen @ np.log(size)) if np.isfinite(self.point.cost) else np.inf
+
+    @property
+    def convincing(self) -> bool:
+        """Whether nothing says that there may be a likelier one."""
+        found = self.evidence
+        return self.settled and not found.coloured and not found.limited and found.ahead <= BLOCKED_ERRORS
+
+
+def find_noise(problem: Problem, point: Point) -> tuple[Array, Array]:
+    """The number of each output's readings, and their standard deviation about what is predicted."""
+    seen = np.count_nonzero(problem.weigh(np.ones_like(point.residual), point.p), axis=(0, 1))
+    ratio = np.sum(point.residual**2, axis=(0, 1)) / np.maximum(seen, 1)
+    size = problem.sigma * np.sqrt(np.where(seen > 0, ratio, 1.0))
+    return seen, np.maximum(size, 1e-9 * deviations(problem.readings))
+
+
+def refine(search: Search, windows: Windows, values: Array) -> End:
+    """The maximum of the likelihood from some values: noise and shapes of links are found anew until noise and numbers stay."""
+    model = search.model(values)
+    problem = search.pose(model, windows, values)
+    point, steps, unsure = meet_all(problem, values), FIRST_STEPS, np.zeros(len(values))
+    evidence, settled = leave_unknown(problem, point, search.paths), False
     for k in range(ROUNDS):
         values = point.p
         with part(k / ROUNDS, (k + 1) / ROUNDS):
             point = solve(problem, point, steps, 1e-6 if k else FIRST_GAIN, search.late)
-        if not np.isfinite(point.costs).any():
-            got = "; ".join(search.log.notes) or None
-            raise NumericalError(
-                "the equations diverge", got=got, todo="check signs, units and gains, or fit fewer numbers"
-            )
-        seen = np.count_nonzero(problem.weigh(np.ones_like(point.residual), point.p), axis=(0, 1))
-        ratio = np.sum(point.residual**2, axis=(0, 1)) / np.maximum(seen, 1)
-        size = problem.sigma * np.sqrt(np.where(seen > 0, ratio, 1.0))
+        if not np.isfinite(point.costs).all():
+            break
+        _, size = find_noise(problem, point)
         evidence = weigh_evidence(problem, point, search.paths)
-        size = np.maximum(size, 1e-9 * deviations(problem.readings))
         found = np.array([evidence.errors.get(path, np.nan) for path in search.paths])
         unsure = np.where(np.isfinite(found), found, unsure)  # at or near a limit: what it was inside
-        still = np.abs(point.p - values) <= np.maximum(STILL_ERRORS * unsure, 1e-3 * np.abs(values))
+        still = np.abs(point.p - values) <= np.where(unsure > 0, STILL_ERRORS * unsure, 1e-3 * np.abs(values))
         settled = k > 0 and bool(np.all(np.abs(size / problem.sigma - 1) < SETTLED_NOISE) and still.all())
         if settled or search.late():
             break
@@ -384,7 +388,7 @@ def refine(search: Search, windows: Windows, problem: Problem, point: Point) -> 
         damping = min(point.damping, FREED_DAMPING)
         problem, point = search.pose(model, windows, point.p, size).carried_on(problem, point)
         point.damping = damping
-    return point, problem, evidence if settled else None
+    return End(problem, point, evidence if settled else leave_unknown(problem, point, search.paths), settled)
 
 
 def sample_shapes(scene: Scene) -> list[Array]:

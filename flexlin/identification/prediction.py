@@ -10,7 +10,7 @@ from flexlin.checks import Array, positive
 from flexlin.errors import NumericalError, counted
 from flexlin.identification.equations import Logged
 from flexlin.identification.least_squares import Point, Problem, solve
-from flexlin.identification.log import Log
+from flexlin.identification.log import Log, varies
 from flexlin.identification.shooting import Shooting, Windows, count_substeps
 from flexlin.plots.view import Series, Shown, View
 from flexlin.scene.scene import Scene
@@ -172,8 +172,7 @@ def find_starts(shooting: Shooting, settle: float, values: Array, steps: int = 1
 def deviations(readings: Array) -> Array:
     """The standard deviation of each output over all windows, (outputs,); 1 where it is constant or not read."""
     read = np.where(np.isfinite(readings).any(axis=(0, 1)), readings, 0.0)
-    found = np.nanstd(read, axis=(0, 1))
-    return np.where(found > 0, found, 1.0)
+    return np.array([np.nanstd(one) if varies(one) else 1.0 for one in np.moveaxis(read, 2, 0)])
 
 
 def guess_starts(model: Logged, readings: Array, values: Array) -> Array:
@@ -201,7 +200,7 @@ def spread_over_motors(reference: Array, n: int) -> Array:
 def percent(measured: Array, predicted: Array) -> float:
     """100 (1 - |error| / |deviation from the mean|) where both are known; not a number where nothing varies."""
     known = np.isfinite(measured) & np.isfinite(predicted)
-    if not known.any() or np.ptp(measured[known]) == 0:
+    if not known.any() or not varies(measured[known]):
         return float("nan")
     around = np.linalg.norm(measured[known] - measured[known].mean())
     return float(100 * (1 - np.linalg.norm((measured - predicted)[known]) / around))
@@ -225,6 +224,10 @@ def describe(windows: Windows, kept: Array, settle: float, log: Log, missed: lis
     said = [
         f"{counted(windows.count, 'window')} of {length:.3g} s, their starting states from their first {settle:.3g} s"
     ]
+    if settle >= length:
+        said.append(
+            "that is all of them, so nothing is predicted but what was fitted: take longer windows, or less of them"
+        )
     if not kept.all():
         said.append(f"{int((~kept).sum())} diverge and are left out")
     if missed:

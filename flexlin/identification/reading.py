@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from flexlin.arguments import checked
-from flexlin.bounds import IN_RANGE, LARGEST_LOG, LARGEST_NUMBER, MOST_COLUMNS, hint_at, printable
+from flexlin.bounds import LARGEST_LOG, MOST_COLUMNS, hint_at, printable
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TooLarge
 from flexlin.files import refuse_odd
-from flexlin.identification.log import FEWEST_SAMPLES, MOST_SAMPLES, Log
+from flexlin.identification.log import FEWEST_SAMPLES, MOST_SAMPLES, Log, as_numbers
 from flexlin.scene.scene import Scene
 
 
@@ -92,7 +92,7 @@ def take_columns(source: Any, wanted: list[str]) -> dict[str, Array]:
     except FlexlinError:
         raise
     except Exception as error:  # whatever the reader of a damaged file meets
-        expected = "a CSV file with a head line, .npz, or .nc"
+        expected = "a CSV file in UTF-8 with a head line, .npz, or .nc"
         raise ArgumentError(
             f"the log {printable(path)} cannot be read", got=printable(error)[:120], expected=expected
         ) from None
@@ -134,7 +134,7 @@ def open_table(path: Path, wanted: list[str]) -> Iterator[Any]:
             raise ValueError(f"it has {head.count(',')} columns, more than {MOST_COLUMNS}")
         names = next(csv.reader([head], skipinitialspace=True), [])
         if len(names) == 1 < len(wanted) and (";" in head or "\t" in head):
-            raise ValueError("its columns are parted by semicolons or tabs, not by commas")
+            raise ValueError("its columns are parted by semicolons or tabs, not by commas; numbers need points")
         if twice := [name for name in wanted if names.count(name) > 1]:
             raise ValueError(f"it has several columns named {', '.join(twice)}")
         with warnings.catch_warnings():
@@ -158,24 +158,3 @@ class ArrayOfFile:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
         with self._archive.open(self._name) as entry:
             return np.asarray(np.lib.format.read_array(entry, allow_pickle=False), dtype=dtype)
-
-
-def as_numbers(name: str, values: Array) -> Array:
-    """A column as numbers; an empty cell, or one that says so, is a missing reading."""
-    values = values.astype(str) if np.iscomplexobj(values) else values  # none of which is a number then
-    if isinstance(values, np.ndarray) and values.dtype.kind in "iuf":
-        numbers = values.astype(float)
-        odd = np.flatnonzero(np.abs(numbers) > LARGEST_NUMBER)
-    else:
-        import pandas
-
-        numbers = np.asarray(pandas.to_numeric(values, errors="coerce"), dtype=float)
-        odd = np.flatnonzero(~(np.abs(numbers) <= LARGEST_NUMBER) & ~pandas.isna(values))
-    if len(odd):
-        row = int(odd[0])
-        raise ArgumentError(
-            f"column {name} is not numeric",
-            got=f"{printable(repr(str(values[row])))} in row {row + 1}",
-            expected=f"empty cells, or {IN_RANGE}",
-        )
-    return numbers

@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError, SingularMassMatrix
 from flexlin.identification.equations import Logged
-from flexlin.identification.log import FEWEST_SAMPLES, Log
+from flexlin.identification.log import FEWEST_SAMPLES, Log, varies
 from flexlin.lazy import lazy
 
 STEP_ANGLE = 0.5
@@ -57,9 +57,11 @@ class Windows:
             ends = zip(first, behind, strict=True)
             chosen += [stretch.start + np.arange(a, b) for a, b in ends if b - a >= FEWEST_SAMPLES]
         if not chosen:
-            got = f"{len(log.stretches)} stretches without a gap"
             raise ArgumentError(
-                "the log has no stretch that is long enough", got=got, expected=f"{FEWEST_SAMPLES} samples"
+                "the log has no stretch that is long enough",
+                got="; ".join(log.notes) or None,
+                expected=f"{FEWEST_SAMPLES} rows, with all inputs, without a gap",
+                todo="fill short gaps of the inputs, or log without them",
             )
         rows = np.full((len(chosen), max(map(len, chosen))), -1)
         for k, one in enumerate(chosen):
@@ -77,10 +79,6 @@ class Windows:
     def refined(self, substeps: int) -> "Windows":
         """The same windows on a grid of so many steps for one of the log's."""
         return replace(self, h=self.log.step / substeps)
-
-    def chosen(self, which: Array) -> "Windows":
-        """Some of the windows."""
-        return replace(self, starts=self.starts[which], ends=self.ends[which], rows=self.rows[which])
 
     def head(self, seconds: float) -> "Windows":
         """The first seconds of each window."""
@@ -124,7 +122,7 @@ class Windows:
     def readings(self) -> Array:
         """The outputs' readings, (W, N, outputs); not a number where there is none, or a sensor is dead while others read."""
         table = np.stack(list(self.log.outputs.values()), axis=-1)
-        moves = np.nanmin(table, axis=0) < np.nanmax(table, axis=0)
+        moves = np.array([varies(values) for values in self.log.outputs.values()])
         return np.where(self.there[:, :, None] & (moves | ~moves.any()), table[self.rows], np.nan)
 
     def places(self, delay: float) -> Array:

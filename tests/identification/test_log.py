@@ -19,6 +19,7 @@ TABLE = {
     "outputs": {"q1": {"column": "angle_rad"}},
 }
 SCENE = fl.load_scene("single-link", {"log": TABLE})
+STIFF = fl.load_scene("single-link", {"links.0.modes": 0, "designs": []})
 COLUMNS = {"ms": 1000 * T, "current_A": np.sin(T), "angle_rad": np.cos(T), "other": T}
 
 
@@ -84,6 +85,7 @@ def late(row):
         (spoiled(angle_rad=np.full(200, np.nan)), "q1 has no reading"),
         (spoiled(angle_rad=np.array([*"ab"] * 100)), "angle_rad is not numeric; got 'a' in row 1"),
         (spoiled(current_A=np.where(T[3] == T, np.inf, T)), "current_A is not numeric; got .inf. in row 4"),
+        (spoiled(angle_rad=1e160 * T), r"angle_rad is not numeric; got '5\.0*4?e.157' in row 2"),
         (spoiled(ms=np.where(T[3] == T, np.nan, T)), "time is not finite"),
         (spoiled(angle_rad=T[:-1]), "wrong shape"),
         (spoiled(angle_rad=T + 1j), r"angle_rad is not numeric; got '1j' in row 1"),
@@ -151,6 +153,55 @@ def test_times_that_are_no_seconds_are_told():
     assert said not in " ".join(fl.Log(T, {"q1": T}, {"q1": T}).notes)
 
 
+@pytest.mark.parametrize("readings", [1e-100 * T, 1e-300 * T, 0.3 + 1e-12 * T])
+def test_what_no_sensor_resolves_is_constant(readings):
+    """Residuals over a deviation of 1e-100 overflowed, and a column that only rounding moved had the largest weight of all."""
+    log = fl.Log(T[:60], {"q1": np.sin(9 * T[:60])}, {"q1": readings[:60], "tip.y": T[:60]})
+    with np.errstate(all="raise"):
+        found = fl.identify(STIFF, log, ["effects.payload.mass"], starts=1)
+    assert np.isnan(found.fit["q1"])
+    assert "; q1 is constant, so nothing can be learnt from it" in found.status
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ([1e160] * 200, "q1 is not numeric; got '1e.160' in row 1"),
+        ([[1], [2, 3]] * 100, r"q1 is not numeric; got '\[1\]'"),
+    ],
+)
+def test_readings_in_memory_are_checked_as_those_of_files(given, said):
+    with pytest.raises(fl.errors.ArgumentError, match=said):
+        fl.Log(T, {"q1": T}, {"q1": given})
+
+
+def test_a_log_without_a_stretch_that_is_long_enough_says_what_is_missing():
+    log = fl.Log(T, {"q1": np.where(np.arange(200) % 10, T, np.nan)}, {"q1": T})
+    with pytest.raises(fl.errors.ArgumentError, match=r"20 readings of the input q1 are missing.*fill short gaps"):
+        fl.predict(SCENE, log)
+
+
+def test_what_is_fitted_over_all_of_a_window_is_no_prediction():
+    log = fl.Log(T, {"q1": T}, {"q1": T})
+    assert "nothing is predicted but what was fitted" in fl.predict(STIFF, log, window=0.15).status
+    assert "nothing is predicted" not in fl.predict(STIFF, log).status
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "No columns"),
+        (b"ms,current_A,angle_rad", "too short; got 0 samples"),
+        ("ms,current_A,angle_rad\n".encode("utf-16"), "expected a CSV file in UTF-8"),
+        (b"ms,current_A,angle_rad\ns,A,rad\n", "ms is not numeric; got 's' in row 1"),
+    ],
+)
+def test_files_without_rows_or_in_other_codes_are_refused(content, said, tmp_path):
+    (tmp_path / "log.csv").write_bytes(content)
+    with pytest.raises(fl.errors.ArgumentError, match=said):
+        fl.read_log(tmp_path / "log.csv", SCENE)
+
+
 def test_ten_million_samples_are_refused_before_anything_is_done():
     time = np.arange(10**7, dtype=float)
     with pytest.raises(fl.errors.TooLarge, match="too many samples; got 10000000, expected 2000000"):
@@ -172,6 +223,7 @@ def test_what_is_odd_of_an_input_is_said_beside_an_output_of_its_name():
     log = fl.Log(T, {"q1": np.r_[np.nan, np.ones(199)], "q2": 0 * T}, {"q1": np.cos(T)})
     assert log.notes == (
         "1 readings of the input q1 are missing and are not used",
+        "the input q1 is constant, so nothing can be learnt from it",
         "q2 is constant, so nothing can be learnt from it",
     )
 
