@@ -7,7 +7,6 @@ without a trustworthy answer, or without all of it in its time, 1 anything else.
 import argparse
 import codecs
 import io
-import logging
 import os
 import signal
 import sys
@@ -187,7 +186,6 @@ def write_plainly(error: UnicodeError) -> tuple[str, int]:
 def run_program() -> int:
     """Run the command that the program was called with: a fault of flexlin itself is one line too, with exit code 1."""
     sys.unraisablehook, warnings.showwarning = pass_over, report_warning
-    logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # tasks of Zarr that an interruption left behind complain
     need_one_thread()
     codecs.register_error("plain", write_plainly)
     for stream in (sys.stdout, sys.stderr):

@@ -143,7 +143,7 @@ OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "workers": option("--workers", "N", "processes or threads that share the values (default: all cores)", type=int),
     "scheduler": option("--scheduler", "ADDRESS", "a Dask cluster that does the work, such as tcp://host:8786"),
-    "store": option("--store", "CHART.zarr", "keep finished values; the same command goes on where it stopped", **PLACE),
+    "store": option("--store", "FOLDER", "keep finished values; the same command goes on where it stopped", **PLACE),
     "margins": option(
         "--margins", RANGE,
         "numbers whose critical values are looked for, with ranges (default: speed and payload, about a second for both)",

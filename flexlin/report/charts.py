@@ -195,7 +195,7 @@ def say_what_is_missing(job: Job, error: BaseException, store: Path | None, seco
     known = f"The chart is not complete: {why}, with {int(job.done.sum()):,} of {len(job.points):,} values"
     if store is not None:
         return f"{known}; the same command goes on from {store}, also with another --limit-seconds"
-    return f"{known}; {longer}{', or ' if late else ''}add --store CHART.zarr, from which the same command goes on"
+    return f"{known}; {longer}{', or ' if late else ''}add --store FOLDER, from which the same command goes on"
 
 
 def count_values(job: Job, show: Callable[[str], None]) -> Callable[[int, Found], None]:

@@ -76,8 +76,8 @@ class Found:
             getattr(self, one.name)[start : start + len(part)] = part
 
 
-TAKEN = {*(one.name for one in fields(Found)), "mode", "exponents_re", "exponents_im", "checksum"}
-"""Names of what a result or its store holds beside the numbers that vary."""
+TAKEN = {*(one.name for one in fields(Found)), "mode"}
+"""Names of what a result holds beside the numbers that vary."""
 
 
 def solve_alone(make: Callable[[], "PeriodicSystem"], tol: float) -> "FloquetResult | Exception":

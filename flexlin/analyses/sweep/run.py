@@ -67,7 +67,7 @@ def sweep(
     client : distributed.Client or str, optional
         A Dask cluster, or its scheduler's address, that does the work in their place.
     store : str or Path, optional
-        A Zarr store that keeps finished blocks; where it exists already, the sweep goes on where it stopped.
+        A folder that keeps finished blocks; where it exists already, the sweep goes on where it stopped.
 
     Returns
     -------
