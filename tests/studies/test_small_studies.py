@@ -7,6 +7,8 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
+import flexlin as fl
+
 pytestmark = pytest.mark.slow
 
 
