@@ -116,10 +116,7 @@ class Unipotent(Factor):
             A += term
 
     def right(self, A, value):
-        term = A.copy()
-        for k in (1, 2):
-            term = np.einsum("ijt,jk->ikt", term, self.N) * -value / k
-            A += term
+        Unipotent(self.N.T, self.wave).left(A.swapaxes(0, 1), -value)
 
     def drift(self, A, slope):
         A += self.N[..., None] * slope

@@ -35,7 +35,7 @@ def hidden(rng, U):
     return H @ U @ H
 
 
-@kind("non-normal constant")
+@kind("non-normal constant", 1000)
 def non_normal_constant(rng):
     matrix = hidden(rng, triangular(rng, int(rng.integers(3, 7))))
     return known(steady(matrix), float(10 ** rng.uniform(0, 2)), eigenvalues(matrix), tol_of(rng))
@@ -60,7 +60,7 @@ class Scaled:
         return (np.round(f * 2.0**38) / 2.0**38)[:, None, None] * self.C
 
 
-@kind("non-normal, f(t) C")
+@kind("non-normal, f(t) C", 300)
 def non_normal_scaled(rng):
     n, period = int(rng.integers(3, 7)), float(10 ** rng.uniform(0, 1.5))
     diagonal, order = -(1.0 + np.arange(n)), rng.permutation(n)
@@ -69,7 +69,7 @@ def non_normal_scaled(rng):
     return known(Scaled(C, smooth_clock(rng, period)), period, diagonal, tol_of(rng), doubt)
 
 
-@kind("non-normal rotated")
+@kind("non-normal rotated", 400)
 def non_normal_rotated(rng):
     n, period = int(rng.integers(3, 7)), float(10 ** rng.uniform(0, 2))
     U = triangular(rng, n, largest=3.5)
@@ -79,7 +79,7 @@ def non_normal_rotated(rng):
     return known(A, period, exponents, tol_of(rng), doubt)
 
 
-@kind("non-normal switched")
+@kind("non-normal switched", 300)
 def non_normal_switched(rng):
     n, pieces = int(rng.integers(3, 6)), int(rng.integers(2, 4))
     matrices = [hidden(rng, triangular(rng, n, largest=3.0)) for _ in range(pieces)]

@@ -140,10 +140,12 @@ def transformed(rng, factors="mixed", constants="plain", clock=None, named=False
 
 
 for style in ("rotation", "shear", "exponential", "mixed"):
-    kind(style)(lambda rng, style=style: transformed(rng, style))
-kind("jordan")(lambda rng: transformed(rng, constants="jordan"))
-kind("multipliers 1e-300 to 1e300")(lambda rng: transformed(rng, constants="wide"))
-kind("reparametrised")(lambda rng: transformed(rng, clock=smooth_clock))
-kind("kinks named")(lambda rng: transformed(rng, clock=kinked_clock, named=True, largest=6))
-kind("kinks not named")(lambda rng: transformed(rng, clock=kinked_clock, largest=6))
-kind("stiff")(lambda rng: transformed(rng, constants="stiff", largest=5, period=float(10 ** rng.uniform(-0.5, 0.8))))
+    kind(style, 1500)(lambda rng, style=style: transformed(rng, style))
+kind("jordan", 1000)(lambda rng: transformed(rng, constants="jordan"))
+kind("multipliers 1e-300 to 1e300", 1000)(lambda rng: transformed(rng, constants="wide"))
+kind("reparametrised", 1000)(lambda rng: transformed(rng, clock=smooth_clock))
+kind("kinks named", 500)(lambda rng: transformed(rng, clock=kinked_clock, named=True, largest=6))
+kind("kinks not named", 500)(lambda rng: transformed(rng, clock=kinked_clock, largest=6))
+kind("stiff", 500)(
+    lambda rng: transformed(rng, constants="stiff", largest=5, period=float(10 ** rng.uniform(-0.5, 0.8)))
+)

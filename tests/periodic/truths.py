@@ -71,30 +71,12 @@ def settled(before, now, period):
 
 def product_exponents(matrices, edges, digits):
     """The same with a number of digits."""
-    n = len(matrices[0])
     with mp.workdps(digits):
-        product = np.array(mp.eye(n).tolist(), dtype=object).reshape(n, n)
+        product = mp.eye(len(matrices[0]))
         for matrix, (a, b) in zip(matrices, pairwise(mp.mpf(float(e)) for e in edges), strict=True):
-            product = exponential(matrix, b - a).dot(product)
-        values = mp.eig(mp.matrix(product.tolist()), left=False, right=False)
+            product = mp.expm(mp.matrix(np.asarray(matrix).tolist()) * (b - a)) * product
+        values = mp.eig(product, left=False, right=False)
         return [mp.log(v) / mp.mpf(float(edges[-1])) for v in values]
-
-
-def exponential(matrix, duration):
-    """exp(A d) by scaling, Taylor's series and squaring in the working precision."""
-    n = len(matrix)
-    A = np.array([[mp.mpf(float(v)) * duration for v in row] for row in matrix], dtype=object)
-    squarings = max(0, int(mp.ceil(mp.log(sum(abs(v) for v in A.ravel()) + 1, 2))) + 4)
-    A = A / mp.mpf(2) ** squarings
-    total = term = np.array(mp.eye(n).tolist(), dtype=object).reshape(n, n)
-    for k in range(1, 40 + mp.mp.dps):
-        term = term.dot(A) / k
-        total = total + term
-        if max(abs(v) for v in term.ravel()) < mp.mpf(10) ** (-mp.mp.dps - 5):
-            break
-    for _ in range(squarings):
-        total = total.dot(total)
-    return total
 
 
 @lru_cache
