@@ -86,6 +86,12 @@ def true_errors(case, found, claims):
     return distance[rows, columns], doubt[columns], np.abs(truth[columns])
 
 
+def covers(found, known, period, doubt=0.0, factor=1.0):
+    """Whether there is a known exponent for each one found within its error, times a factor, and that one's doubt (modulo 2 pi i / T)."""
+    missed = apart(found.exponents, known, period) > factor * found.errors[:, None] + doubt
+    return len(missed) <= len(known) and not missed[linear_sum_assignment(missed)].any()
+
+
 def wrong_answer(case, verdict):
     """Why the answer as a whole is wrong, or "". Undecided never is."""
     growth, doubt = case.growth

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexlin.periodic import Refusal, as_real, decouple, decoupled_exponents
-from tests.periodic.decoupling.test_decoupling import misses
+from tests.periodic.judge import covers
 
 PERIOD = 2 * np.pi
 
@@ -39,5 +39,5 @@ def test_means_of_followed_modes_are_not_claimed_where_others_may_be_followed(ro
     if isinstance(decoupled, Refusal):
         return
     answer = decoupled_exponents(decoupled)
-    assert (misses(answer, exponents, PERIOD) <= answer.errors).all()
+    assert covers(answer, exponents, PERIOD)
     assert (answer.exponents.real + answer.errors < 0).all()  # enclosed well enough for a verdict
