@@ -142,21 +142,6 @@ def test_a_corner_that_is_not_named_shows_in_the_error(corner):
     assert answer.errors[1] > 1e-3
 
 
-@pytest.mark.parametrize("jump", [0.015, 0.05001, 0.095])
-def test_fast_modes_where_the_coefficients_jump_are_left_to_segments(jump):
-    """The reference is the product of two matrix exponentials, good to 1e-11 for the slow modes over so short a period."""
-    rng, period = np.random.default_rng(7), 0.1
-    first, second = (np.diag([-1.0, -2, -60, -90]) + 5 * rng.standard_normal((4, 4)) for _ in range(2))
-    first[2:, 2:] += 1e3 * np.array([[0, 1], [-1, 0]])
-    product = expm((period - jump) * second) @ expm(jump * first)
-    known = np.sort(np.log(np.abs(np.linalg.eigvals(product))))[::-1] / period
-    system = fl.PeriodicSystem(lambda t: np.where(t[:, None, None] < jump, first, second), period, breaks=(0.0, jump))
-    answer = fl.floquet(system)
-    assert np.abs(answer.exponents.real[:2] - known[:2]).max() <= answer.errors[:2].max() + 1e-11
-    total = (jump * np.trace(first) + (period - jump) * np.trace(second)) / period
-    assert answer.exponents.real.sum() == pytest.approx(total, abs=answer.errors.sum())
-
-
 @pytest.mark.slow
 def test_stiff_links_between_points_are_followed_or_bounded():
     """Accelerations jump: with stiffer links than segments can follow, the slow modes stay known and the fast ones are bounded."""

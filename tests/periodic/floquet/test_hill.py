@@ -76,7 +76,8 @@ def test_waves_beyond_the_first_harmonics_are_not_left_out(waves):
 @pytest.mark.parametrize("order", [1, 2, 3, 12])
 def test_harmonics_that_are_held_say_by_how_much_they_err(order):
     system = fl.PeriodicSystem(mathieu(1, 1.5), np.pi) if order < 12 else fast_pendulum(40)
-    hill, best = fl.floquet(system, method="hill", order=order), fl.floquet(system, 1e-11)
+    hill, best = fl.floquet(system, method="hill", order=np.int64(order)), fl.floquet(system, 1e-11)
+    assert hill.setting.order == order
     assert 1e-8 < pairs(hill.exponents, best.exponents, system.period) <= hill.error + best.error
     assert "rounding" not in hill.status
 
