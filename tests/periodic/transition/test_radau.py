@@ -2,7 +2,7 @@ import numpy as np
 
 import flexlin as fl
 from flexlin.periodic import factor_by, gauss_transitions, place_edges, radau
-from tests.periodic.systems import colaneri, meissner
+from tests.periodic.systems import meissner
 
 
 def test_three_stages_are_hairer_s():
@@ -16,12 +16,3 @@ def test_the_last_stage_stays_before_a_break():
     grid = place_edges(np.pi, (np.pi / 3,), 8)
     found = factor_by(fl.PeriodicSystem(meissner, np.pi, breaks=(np.pi / 3,)), grid, "radau", 11)
     np.testing.assert_allclose(found, gauss_transitions(meissner, grid, 6), atol=1e-11)
-
-
-def test_radau_as_the_method_of_floquet():
-    result = fl.floquet(fl.PeriodicSystem(colaneri, 2 * np.pi), method="radau", tol=1e-8)
-    assert np.all(np.abs(result.exponents - [0, -24]) <= result.errors)
-    assert result.error < 24e-8
-    fine = fl.floquet(fl.PeriodicSystem(colaneri, 2 * np.pi), method="radau", order=9, segments=256)
-    np.testing.assert_allclose(fine.exponents, [0, -24], atol=1e-7)
-    assert np.all(np.abs(fine.exponents - [0, -24]) <= fine.errors)
