@@ -59,9 +59,7 @@ def test_a_complete_plant_hides_no_pulse_of_the_gain_or_force(place: float) -> N
     found = fl.floquet(loop)
     assert found.exponents[0].real == pytest.approx(-DECAY - 0.3 * (1 + np.sqrt(np.pi) / T), abs=1e-9)
     response = fl.forced_response(PLANT, lambda t: pulse(t, place)[:, None])
-    decayed = np.exp(-DECAY * (T - place)) * np.sqrt(
-        np.pi
-    )  # of a narrow pulse, from its place to the end of the period
+    decayed = np.exp(-DECAY * (T - place)) * np.sqrt(np.pi)  # from the pulse's place to the end of the period
     assert response(0.0).item() == pytest.approx(decayed / (1 - np.exp(-DECAY * T)), rel=1e-6)
 
 

@@ -102,9 +102,8 @@ def random_factors(rng, n, style):
     turns = [Rotation(*planes(rng, n), wave(rng, 0.7, turns=True)) for _ in range(max(1, n - 1))]
     shears = [Shear(*planes(rng, n), wave(rng, size)) for _ in range(2)]
     level = rng.integers(0, 3, n)
-    N = np.round(rng.standard_normal((n, n)), 3) * (
-        np.subtract.outer(level, level) == 1
-    )  # N^3 = 0: up one of three levels
+    up = np.subtract.outer(level, level) == 1  # one of three levels, so that N^3 = 0
+    N = np.round(rng.standard_normal((n, n)), 3) * up
     powers = [Stretch(int(k), wave(rng, log_condition * 0.3)) for k in rng.permutation(n)[:2]]
     powers.append(Unipotent(N / n**0.5, wave(rng, min(size, 3.0))))
     last = {"rotation": turns, "shear": [*turns[:2], *shears], "exponential": [*turns[:2], *powers]}

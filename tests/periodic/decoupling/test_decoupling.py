@@ -205,9 +205,8 @@ def test_resonances_move_exponents_by_no_more_than_is_bounded():
             return values
 
         coupled = Coupled(B(t), 2 * np.pi, (Group(0, 1, 0), Group(1, 2, 1)))
-        phases = np.exp(
-            1j * gap * np.outer(steps, [0, 1])
-        )  # turns with the second mode, so that one factor serves a long step
+        # turns with the second mode, so that one factor serves a long step
+        phases = np.exp(1j * gap * np.outer(steps, [0, 1]))
         slow = phases.conj()[:, :, None] * B(steps) * phases[:, None, :] - 1j * gap * np.diag([0, 1])
         whole = np.eye(2)
         for factor in expm(2 * np.pi / 400 * slow):
