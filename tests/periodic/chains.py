@@ -149,10 +149,7 @@ class Clock:
     @property
     def corners(self):
         """Times at which A is not smooth."""
-        second = {"triangle": 0.5, "square": self.duty}.get(self.shape)
-        if self.shape == "smooth":
-            return ()
-        ends = [0.0] if second is None else [0.0, second]
+        ends = {"smooth": [], "triangle": [0.0, 0.5], "square": [0.0, self.duty]}.get(self.shape, [0.0])
         return tuple(sorted({float((self.start + e * self.period) % self.period) for e in ends}))
 
 

@@ -15,7 +15,7 @@ from tests.periodic.chains import TWO_PI, Real
 from tests.periodic.jumping_systems import reference_jump, reference_pulse
 from tests.periodic.naive import STEPS, naive_exponents, worst_miss
 from tests.periodic.non_normal_systems import reference_non_normal
-from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order, meissner
+from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order, meissner, oscillator
 from tests.periodic.truths import integrated, panels_of
 
 
@@ -253,9 +253,7 @@ def turning_link_matrix(t):
     J, kp, kd, c, eps = (Real(value) for value in ("0.05", "0.2", "0.001", "0.02", "0.001"))
     J = J / 3
     shape = np.cosh(np.minimum(np.abs(TWO_PI / 2 * np.cos(TWO_PI * t) / eps), Real(300))) ** -2
-    values = np.zeros((len(t), 2, 2), Real)
-    values[:, 0, 1], values[:, 1, 0], values[:, 1, 1] = 1, -kp / J, -(kd + c / eps * shape) / J
-    return values
+    return oscillator(np.broadcast_to(kp / J, t.shape), (kd + c / eps * shape) / J)
 
 
 @hard("jump that nobody named", "product of two exponentials", 1e-9, "stable")

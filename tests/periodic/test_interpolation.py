@@ -2,18 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.polynomial import chebyshev
-from scipy.interpolate import BarycentricInterpolator
 
-from flexlin.periodic import (
-    ChebyshevPanels,
-    FourierSeries,
-    chebyshev_coefficients,
-    chebyshev_nodes,
-    fourier_differentiation,
-    fourier_nodes,
-    panel_times,
-)
+from flexlin.periodic import ChebyshevPanels, FourierSeries, chebyshev_coefficients, fourier_nodes, panel_times
 
 T = 1.7
 
@@ -26,12 +16,6 @@ def rate(t):
     return 2 * np.pi / T * np.cos(2 * np.pi * t / T + 0.3) * waves(t)
 
 
-@pytest.mark.parametrize("count", [40, 41])
-def test_the_fourier_matrix_gives_the_derivative_of_calculus(count):
-    t = fourier_nodes(count, T)
-    assert fourier_differentiation(count, T) @ waves(t) == pytest.approx(rate(t), abs=1e-11)
-
-
 @pytest.mark.parametrize("value", [0.1, 1 / 3, 1e300, 1e-300])
 def test_constants_come_back_bit_for_bit(value):
     series = FourierSeries.through(np.full((24, 1, 1), value), T)
@@ -40,14 +24,6 @@ def test_constants_come_back_bit_for_bit(value):
     coefficients = chebyshev_coefficients(np.full((1, 32, 1), value))
     assert coefficients[0, 0, 0] == value
     assert np.all(coefficients[0, 1:] == 0)
-
-
-def test_chebyshev_nodes_and_matrix_against_numpy():
-    u, values = chebyshev_nodes(20), np.random.default_rng(3).standard_normal(20)
-    assert u == pytest.approx(chebyshev.chebpts1(20), abs=1e-15)
-    c = chebyshev_coefficients(values[None, :, None])[0, :, 0]
-    at = np.linspace(-1, 1, 33)
-    assert chebyshev.chebval(at, c) == pytest.approx(BarycentricInterpolator(u, values)(at), abs=1e-12)
 
 
 def test_panels_are_right_continuous_and_integrate_exactly():

@@ -10,6 +10,7 @@ from tests.periodic.judge import judged, true_errors
 from tests.periodic.jumping_systems import reference_jump, reference_pulse
 from tests.periodic.non_normal_systems import reference_non_normal
 from tests.periodic.random_systems import COUNTS, KINDS, draw
+from tests.periodic.systems import oscillator
 from tests.periodic.truths import eigenvalues, integrated, panels_of
 from tests.thinned import thin
 
@@ -62,9 +63,7 @@ def test_known_answers():
 
 def mathieu_one_fifth(t):
     """x'' + (1 - 0.4 cos 2t) x = 0."""
-    A = np.zeros((len(t), 2, 2), Real)
-    A[:, 0, 1], A[:, 1, 0] = 1, Real("0.4") * np.cos(2 * t) - 1
-    return A
+    return oscillator(1 - Real("0.4") * np.cos(2 * t))
 
 
 @pytest.mark.slow

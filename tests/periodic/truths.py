@@ -170,7 +170,7 @@ def as_mp(matrix):
 
 
 def as_complex(matrix):
-    return np.array([[complex(matrix[i, j]) for j in range(matrix.cols)] for i in range(matrix.rows)])
+    return np.array(matrix.tolist(), complex)
 
 
 def panels_of(period, rate, corners=(), windows=()):

@@ -8,8 +8,7 @@ from scipy.special import mathieu_a, mathieu_b
 import flexlin as fl
 from flexlin.errors import ArgumentError, NumericalError, TooLarge, TooManySegments
 from flexlin.periodic import Setting, judge
-from tests.periodic.judge import covers, judged
-from tests.periodic.random_systems import draw
+from tests.periodic.judge import covers
 from tests.periodic.systems import lyapunov_transformed, mathieu, mathieu_second_order
 from tests.periodic.truths import eigenvalues
 
@@ -35,22 +34,16 @@ def test_verdicts_on_both_sides_of_a_tongue(characteristic, side, index):
     assert fl.floquet(mathieu_second_order(boundary, q)).verdict == "undecided"
 
 
-@pytest.mark.parametrize("segments", [1, 2, 5])
-def test_a_fixed_resolution_says_by_how_much_it_errs(segments):
-    known = 0.099536437275513447
-    result = fl.floquet(fl.PeriodicSystem(mathieu(1, 0.2), np.pi), method="gauss", order=2, segments=segments)
-    assert 1e-4 < abs(result.exponents[0].real - known) <= result.error
-    assert "was not reached" in result.status
-
-
 def test_a_fixed_resolution_is_not_called_the_least_work_nor_rounding():
     system = fl.PeriodicSystem(mathieu(1, 1.5), np.pi)
-    result = fl.floquet(system, method="gauss", order=4, segments=1)
+    result, best = fl.floquet(system, method="gauss", order=4, segments=1), fl.floquet(system)
+    assert covers(result, best.exponents, np.pi)
+    assert best.verdict == "unstable"
     assert (result.verdict, result.reason) == ("undecided", "the resolution is too coarse to decide")
     assert "on 1 segment (as asked" in result.status
     assert "rounding" not in result.status
+    assert "was not reached" in result.status
     assert "leave method, order and segments to the solver" in result.status
-    assert fl.floquet(system).verdict == "unstable"
 
 
 @pytest.mark.parametrize("growth", [300.0, 650.0, -650.0])
@@ -71,30 +64,11 @@ def test_modes_that_all_grow_or_decay_alike(n, growth):
     assert np.all(result.errors < 1e-6)
 
 
-@pytest.mark.parametrize("seed", [991000117, 7707000084])
-def test_a_fixed_resolution_whose_stages_are_singular_is_refused_or_admits_it(seed):
-    """Found by the jury: 20 segments for multipliers down to exp(-90), by Gauss and by Radau. Whether the stages are exactly singular is
-    decided by the last bit of their factors, so some machines refuse where others answer, with errors beyond any use."""
-    outcome = judged(draw("fixed settings", seed))
-    assert outcome.refusal == "NumericalError" or (outcome.verdict == "undecided" and 0.0 < outcome.worst <= 1.0)
-    assert not outcome.crash
-
-
 def test_stages_that_are_exactly_singular_are_refused():
     """x' = 2 x over one segment of 1 s: one stage, 1 - h a / 2 = 0, in any arithmetic."""
     system = fl.PeriodicSystem(lambda t: np.full((len(t), 1, 1), 2.0) + 0.0 * np.cos(2 * np.pi * t)[:, None, None], 1.0)
     with pytest.raises(NumericalError, match="ask for more segments"):
         fl.floquet(system, method="gauss", order=2, segments=1)
-
-
-def test_constant_system_and_the_range_of_imaginary_parts():
-    A = np.array([[0, 1.0], [-9.0, -0.2]])
-    result = fl.floquet(fl.PeriodicSystem(A, 2.0), tol=1e-12)
-    eigenvalue = -0.1 + 1j * np.sqrt(9 - 0.01)
-    folded = eigenvalue - 1j * np.pi * np.round(eigenvalue.imag / np.pi)
-    assert np.abs(result.exponents - folded).min() < 1e-13
-    assert np.all(np.abs(result.exponents.imag) <= np.pi / 2 + 1e-15)
-    assert result.verdict == "stable"
 
 
 def test_multipliers_beyond_the_range_of_floats():

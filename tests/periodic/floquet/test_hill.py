@@ -5,7 +5,7 @@ from scipy.special import mathieu_a
 import flexlin as fl
 from flexlin.periodic import hill_spectrum
 from tests.periodic.judge import covers
-from tests.periodic.systems import colaneri, mathieu, meissner
+from tests.periodic.systems import colaneri, mathieu, meissner, oscillator
 
 
 def test_known_exponents():
@@ -32,14 +32,7 @@ def test_copies_of_double_exponents_are_told_from_solutions():
 
 def fast_pendulum(waves, swing=300.0, stiffness=-1.0):
     """y'' + 0.1 y' + (stiffness - swing cos 2 pi waves t) y = 0, T = 1."""
-
-    def A(t):
-        values = np.zeros((len(t), 2, 2))
-        values[:, 0, 1], values[:, 1, 1] = 1, -0.1
-        values[:, 1, 0] = swing * np.cos(2 * np.pi * waves * t) - stiffness
-        return values
-
-    return fl.PeriodicSystem(A, 1.0)
+    return fl.PeriodicSystem(lambda t: oscillator(stiffness - swing * np.cos(2 * np.pi * waves * t), 0.1), 1.0)
 
 
 @pytest.mark.slow
