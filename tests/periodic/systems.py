@@ -91,3 +91,14 @@ def random_waves(rng, rows, columns, harmonics, decay, period):
     size = decay ** np.arange(harmonics + 1)[:, None, None]
     cosines, sines = (size * rng.normal(size=(harmonics + 1, rows, columns)) for _ in range(2))
     return waves(cosines, sines, 2 * np.pi / period * np.arange(harmonics + 1))
+
+
+def waving_arm(rng, fixed, sizes, units):
+    """M, D, K that wave about fixed ones by sizes, in units of the coordinates (n,); period 1."""
+    n = len(units)
+
+    def part(mean, size):
+        wave = random_waves(rng, n, n, 4, 0.4, 1.0)[0]
+        return lambda t: (mean + size * wave(t)) * units * units[:, None]
+
+    return PeriodicSystem.from_second_order(*map(part, fixed, sizes), 1.0, complete=True)

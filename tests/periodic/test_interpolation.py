@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from flexlin.periodic import ChebyshevPanels, FourierSeries, chebyshev_coefficients, fourier_nodes, panel_times
+from flexlin.periodic import (
+    ChebyshevPanels,
+    FourierSeries,
+    chebyshev_coefficients,
+    fourier_differentiation,
+    fourier_nodes,
+    panel_times,
+)
 
 T = 1.7
 
@@ -14,6 +21,12 @@ def waves(t):
 
 def rate(t):
     return 2 * np.pi / T * np.cos(2 * np.pi * t / T + 0.3) * waves(t)
+
+
+@pytest.mark.parametrize("count", [40, 41])
+def test_the_fourier_matrix_gives_the_derivative_of_calculus(count):
+    t = fourier_nodes(count, T)
+    assert fourier_differentiation(count, T) @ waves(t) == pytest.approx(rate(t), abs=1e-11)
 
 
 @pytest.mark.parametrize("value", [0.1, 1 / 3, 1e300, 1e-300])

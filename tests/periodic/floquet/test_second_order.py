@@ -5,19 +5,14 @@ import pytest
 
 import flexlin as fl
 from tests.periodic.judge import covers
-from tests.periodic.systems import random_waves
+from tests.periodic.systems import waving_arm
 
 
 def second_order(seed):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 4))
-    parts, units = [random_waves(rng, n, n, 4, 0.4, 1.0)[0] for _ in range(3)], 10.0 ** rng.integers(-4, 4, n)
-    fixed = np.array([5 * np.eye(n), np.eye(n), 30 * np.eye(n)])
-
-    def part(k):
-        return lambda t: (fixed[k] + 0.3 * parts[k](t)) * units * units[:, None]
-
-    return fl.PeriodicSystem.from_second_order(part(0), part(1), part(2), 1.0, complete=True)
+    units = 10.0 ** rng.integers(-4, 4, n)
+    return waving_arm(rng, [5 * np.eye(n), np.eye(n), 30 * np.eye(n)], 3 * [0.3], units)
 
 
 def damped_fast(damping):

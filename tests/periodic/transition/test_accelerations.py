@@ -10,6 +10,7 @@ from flexlin.periodic import gauss_transitions, radau
 from flexlin.periodic.transition import factors
 from flexlin.periodic.transition.factors import factor_segments
 from flexlin.periodic.transition.gauss import collocate_accelerations, fold_samples, gauss, place_nodes
+from tests.periodic.systems import waving_arm
 
 EPS = np.finfo(float).eps
 
@@ -36,19 +37,10 @@ def left(monkeypatch):
 def random_arm(seed, n, units):
     """M, D, K that move by a tenth, stiff and damped, not symmetric, in units of the coordinates (n,); period 1."""
     rng = np.random.default_rng(seed)
-    root, small = rng.standard_normal((n, n)), 0.05 * rng.standard_normal((3, 2, n, n))
-    fixed = [np.eye(n) + 0.1 * root @ root.T, *(10 ** rng.uniform(0, 1.5, 2)[:, None, None] * (np.eye(n) + 0.1 * root))]
-    fixed[2] = fixed[2] * 10 ** rng.uniform(0, 2)
-
-    def part(k):
-        def of(t):
-            waves = np.stack([np.cos(2 * np.pi * t), np.sin(4 * np.pi * t)], axis=1)
-            values = fixed[k] * (1 + np.einsum("tw,wij->tij", waves, small[k]))
-            return values * units * units[:, None]
-
-        return of
-
-    return fl.PeriodicSystem.from_second_order(part(0), part(1), part(2), 1.0, complete=True)
+    skew = np.eye(n) + 0.1 * rng.standard_normal((n, n))
+    damping, stiffness = 10 ** rng.uniform(0, [1.5, 3.5])
+    fixed, sizes = [skew @ skew.T, damping * skew, stiffness * skew], 0.05 * np.array([1.0, damping, stiffness])
+    return waving_arm(rng, fixed, sizes, units)
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 9])
@@ -101,21 +93,15 @@ def test_rates_at_the_stages_solve_the_collocation_equations(m, k, compiled, rul
 
 def exact_transition(M, D, K, rule):
     """R (hA) for h = 1 in 40 digits: [1, 1; 0, 1] + [b (1 - c); b] w of the stages' accelerations w."""
-    s, n = len(rule.b), len(M)
+    n, one = len(M), np.ones((len(rule.b), 1))
     with mp.workdps(40):
-        a = mp.matrix(rule.a.tolist())
-        square, G, right = a * a, mp.matrix(s * n), mp.matrix(s * n, 2 * n)
-        for i, p, q in np.ndindex(s, n, n):
-            for j in range(s):
-                G[i * n + p, j * n + q] = a[i, j] * D[p, q] + square[i, j] * K[p, q] + (M[p, q] if i == j else 0)
-            right[i * n + p, q], right[i * n + p, n + q] = -K[p, q], -D[p, q] - mp.mpf(rule.c[i]) * K[p, q]
-        w = mp.inverse(G) * right
-        Phi = mp.eye(2 * n)
-        for p, c in np.ndindex(n, 2 * n):
-            own = [mp.mpf(b) * w[i * n + p, c] for i, b in enumerate(rule.b)]
-            Phi[p, c] += mp.fsum(x * (1 - mp.mpf(t)) for x, t in zip(own, rule.c, strict=True)) + (c == n + p)
-            Phi[n + p, c] += mp.fsum(own)
-        return np.array(Phi.tolist(), dtype=float)
+        a, b, c = (np.vectorize(mp.mpf)(part) for part in (rule.a, rule.b, rule.c))
+        G = np.kron(a, D) + np.kron(a @ a, K) + np.kron(np.eye(len(a)), M)
+        right = -np.hstack([np.kron(one, K), np.kron(one, D) + np.kron(c[:, None], K)])
+        w = mp.inverse(mp.matrix(G.tolist())) * mp.matrix(right.tolist())
+        w = np.array(w.tolist()).reshape(len(a), n, 2 * n)
+        Phi = np.kron([[1, 1], [0, 1]], np.eye(n)) + np.vstack([np.tensordot(b * (1 - c), w, 1), np.tensordot(b, w, 1)])
+        return Phi.astype(float)
 
 
 @pytest.mark.parametrize("seed", range(4))
