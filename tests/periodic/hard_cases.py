@@ -145,12 +145,11 @@ SHAPES = np.linalg.qr(np.random.default_rng(8).standard_normal((40, 40)))[0]
 
 def modulated(stiffness):
     """Damped in proportion to the stiffness."""
-    return fl.PeriodicSystem.from_second_order(
-        np.eye(len(stiffness)),
-        1e-3 * stiffness,
-        lambda t: (1 + 0.02 * np.cos(200 * t))[:, None, None] * stiffness,
-        np.pi / 100,
-    )
+
+    def waving(t):
+        return (1 + 0.02 * np.cos(200 * t))[:, None, None] * stiffness
+
+    return fl.PeriodicSystem.from_second_order(np.eye(len(stiffness)), 1e-3 * stiffness, waving, np.pi / 100)
 
 
 @hard("40 modes", "each oscillator alone", 1e-8, "stable", steps=100, tol=1e-11)
@@ -166,13 +165,7 @@ def small_payload():
     return with_hill(link(effects__payload__mass=1.6e-7, links__0__modes=1))
 
 
-@hard(
-    "payload of 1e6 times the link",
-    "Gauss collocation on 12,000 segments; exponents of 1e3",
-    1e-4,
-    "unstable",
-    tol=1e-9,
-)
+@hard("payload of 1e6 times the link", "12,000 segments of Gauss; exponents of 1e3", 1e-4, "unstable", tol=1e-9)
 def large_payload():
     """The mass matrix has nearly rank 1."""
     system = link(effects__payload__mass=1.6e5, links__0__modes=1)
@@ -196,11 +189,12 @@ def near_singular_mass():
 
 def long_and_short(damping):
     """y'' + damping y' + (7 + cos 2t) y = 0 over 1200 periods, and the exponents over one."""
+
+    def stiffness(t):
+        return (7.0 + np.cos(2 * t))[:, None, None]
+
     long, short = (
-        fl.PeriodicSystem.from_second_order(
-            [[1.0]], [[damping]], lambda t: (7.0 + np.cos(2 * t))[:, None, None], periods * np.pi
-        )
-        for periods in (1200, 1)
+        fl.PeriodicSystem.from_second_order([[1.0]], [[damping]], stiffness, T) for T in (1200 * np.pi, np.pi)
     )
     return long, fl.floquet(short, tol=1e-13).exponents
 

@@ -33,7 +33,6 @@ class Outcome:
     hidden: int = 0
     reached: bool = False
     verdict: str = ""
-    growth: float = 0.0
     wrong: str = ""
     seconds: float = 0.0
     refusal: str = ""
@@ -46,7 +45,7 @@ class Outcome:
 
 def judged(case: Case, answer=Case.answer, limit: float = 0.0) -> Outcome:
     """Ask and judge; `limit` seconds of patience, 0 for any number."""
-    asked, start = Outcome(len(case.exponents), case.tol, growth=case.growth[0]), perf_counter()
+    asked, start = Outcome(len(case.exponents), case.tol), perf_counter()
     try:
         with patience(limit):
             result = answer(case)
@@ -67,8 +66,8 @@ def judged(case: Case, answer=Case.answer, limit: float = 0.0) -> Outcome:
         misses = np.where(errors > doubt, (errors - doubt) / claims, 0.0)
         over = (claims / errors)[errors > floor]
     reached = bool(np.all(claims <= 1.01 * case.tol * np.maximum(1, sizes)))
-    hidden = asked.n - len(misses)
-    return replace(answered, misses=tuple(misses.tolist()), overestimates=tuple(over), hidden=hidden, reached=reached)
+    lists = {"misses": tuple(misses.tolist()), "overestimates": tuple(over.tolist())}
+    return replace(answered, **lists, hidden=asked.n - len(misses), reached=reached)
 
 
 def true_errors(case, found, claims):

@@ -13,11 +13,9 @@ from tests.periodic.truths import eigenvalues, perturbed_eigenvalues
 
 def triangular(rng, n, largest=6.0):
     """Integers: off-diagonals 30 to 10^largest, distinct eigenvalues on the diagonal, mostly stable."""
-    diagonal = (
-        -(1.0 + np.arange(n))
-        if rng.random() < 0.5
-        else rng.permutation(np.arange(-n, 2))[:n] - float(rng.random() < 0.7)
-    )
+    diagonal = -(1.0 + np.arange(n))
+    if rng.random() >= 0.5:
+        diagonal = rng.permutation(np.arange(-n, 2))[:n] - float(rng.random() < 0.7)
     size = np.round(10 ** rng.uniform(np.log10(30), largest, (n, n)))
     return np.diag(diagonal) + np.triu(size * rng.choice([-1.0, 1.0], (n, n)), 1)
 

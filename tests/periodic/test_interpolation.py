@@ -62,9 +62,7 @@ def test_values_of_any_shape_and_their_derivatives(shape):
     weights, other = rng.standard_normal(shape), rng.uniform(-5, 5, 50)
     series = FourierSeries.through(np.multiply.outer(waves(fourier_nodes(64, T)), weights), T)
     second = (rate(other + 1e-4) - rate(other - 1e-4)) / 2e-4
-    for derivative, known in enumerate((waves(other), rate(other), second)):
-        np.testing.assert_allclose(
-            series(other, derivative), np.multiply.outer(known, weights), atol=[1e-12, 1e-10, 1e-4][derivative]
-        )
+    for derivative, (known, atol) in enumerate([(waves(other), 1e-12), (rate(other), 1e-10), (second, 1e-4)]):
+        np.testing.assert_allclose(series(other, derivative), np.multiply.outer(known, weights), atol=atol)
         np.testing.assert_allclose(series(0.3, derivative), series(np.array([0.3]), derivative)[0])
     assert series(0.3).shape == shape

@@ -164,9 +164,8 @@ def near_double(exponents, doubt, period):
 
 
 def as_mp(matrix):
-    return mp.matrix(
-        [[mp.mpf(np.format_float_scientific(v, precision=25, unique=False)) for v in row] for row in matrix]
-    )
+    digits = [[np.format_float_scientific(v, precision=25, unique=False) for v in row] for row in matrix]
+    return mp.matrix(digits)
 
 
 def as_complex(matrix):

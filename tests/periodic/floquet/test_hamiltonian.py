@@ -11,10 +11,6 @@ def M(t):
     return np.diag([2.0, 1.0]) + 0.3 * np.sin(t)[:, None, None] * np.ones((2, 2))
 
 
-def M_slope(t):
-    return 0.3 * np.cos(t)[:, None, None] * np.ones((2, 2))
-
-
 def K(t):
     return np.diag([3.0, 7.0]) + 0.4 * np.cos(2 * t)[:, None, None] * np.array([[1.0, 2.0], [2.0, 0.0]])
 
@@ -22,20 +18,19 @@ def K(t):
 SPIN = np.array([[0, 0.6], [-0.6, 0]])
 
 
-def second_order(damping):
+def second_order(damping, M=M, K=K):
     return fl.PeriodicSystem.from_second_order(M, damping, K, 2 * np.pi)
 
 
 def spinning(t):
-    return M_slope(t) + SPIN
+    return 0.3 * np.cos(t)[:, None, None] * np.ones((2, 2)) + SPIN
 
 
-VARYING_SPIN = fl.PeriodicSystem.from_second_order(
-    np.eye(2),
-    lambda t: np.sin(t)[:, None, None] * SPIN,
-    lambda t: 5 * np.eye(2) + np.cos(t)[:, None, None] * SPIN / 2,
-    2 * np.pi,
-)
+def half_spin(t):
+    return 5 * np.eye(2) + np.cos(t)[:, None, None] * SPIN / 2
+
+
+VARYING_SPIN = second_order(lambda t: np.sin(t)[:, None, None] * SPIN, np.eye(2), half_spin)
 
 
 @pytest.mark.parametrize(

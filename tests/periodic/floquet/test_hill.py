@@ -25,9 +25,8 @@ def test_copies_of_double_exponents_are_told_from_solutions():
         return np.block([[A, np.zeros_like(A)], [np.zeros_like(A), A]])
 
     spectrum = hill_spectrum(fl.PeriodicSystem(twice, np.pi), 1e-9)
-    np.testing.assert_allclose(
-        np.sort(spectrum.exponents.real), np.repeat([-1, 1], 2) * 0.099536437275513447, atol=1e-12
-    )
+    growth = np.repeat([-1, 1], 2) * 0.099536437275513447
+    np.testing.assert_allclose(np.sort(spectrum.exponents.real), growth, atol=1e-12)
 
 
 def fast_pendulum(waves, swing=300.0, stiffness=-1.0):
