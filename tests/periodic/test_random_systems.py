@@ -1,4 +1,4 @@
-"""The jury itself: truths found in two ways agree within their doubts, and the judge catches a liar."""
+"""The jury itself: truths that share nothing agree within their doubts, and the judge catches a liar."""
 
 from dataclasses import dataclass, replace
 
@@ -17,27 +17,6 @@ from tests.thinned import thin
 
 def miss(case, found):
     return np.abs(true_errors(case, found, np.ones(len(found)))[0]).max()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind", ["rotation", "shear", "exponential", "mixed", "jordan", "reparametrised", "kinks named"]
-)
-def test_exponents_of_a_chain_are_those_of_its_integration(kind):
-    compared = 0
-    for seed in range(25):
-        case = draw(kind, seed)
-        t = np.linspace(0, case.period, 200)
-        rate = np.abs(case.A(t)).sum(axis=(1, 2)).max() / 2
-        if len(case.exponents) > 4 or np.ptp(case.exponents.real) * case.period > 10 or rate * case.period > 300:
-            continue
-        panels = panels_of(case.period, rate, case.A.clock.corners)
-        truth = integrated(lambda t, A=case.A: np.moveaxis(A.extended(t)[0], -1, 0), panels, case.period)
-        slack = 3 * case.doubt.max() + 3 * truth.doubt.max()
-        assert miss(case, truth.exponents) <= slack
-        assert slack < (1e-3 if kind == "jordan" else 1e-6)
-        compared += 1
-    assert compared >= 3
 
 
 @pytest.mark.parametrize("kind", thin(["Meissner not named", "jumps not named"]))
@@ -73,7 +52,7 @@ def test_every_kind_is_drawn_the_same_twice():
         np.testing.assert_array_equal(one.A(t), two.A(t))
         np.testing.assert_array_equal(one.exponents, two.exponents)
         assert one.A(t).shape == (7, len(one.exponents), len(one.exponents))
-        assert np.isfinite(one.doubt).all()
+        assert one.doubt.max() < (1e-3 if kind == "jordan" else 1e-5)
 
 
 @dataclass(frozen=True)
