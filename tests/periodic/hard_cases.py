@@ -239,7 +239,7 @@ def turning_link():
     )
     system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
     panels = panels_of(1.0, 20.0, (), [(turn, 0.004, 300) for turn in (0.25, 0.75)])
-    return system, integrated(turning_link_matrix, panels, 1.0).exponents
+    return system, integrated(turning_link_matrix, panels, 1.0)[0]
 
 
 def turning_link_matrix(t):

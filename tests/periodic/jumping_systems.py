@@ -96,8 +96,8 @@ class Rounded:
 
 def panelled(extended, period, rate, tol, corners=(), windows=(), undamped=False):
     """A case whose truth is integrated panel by panel in extended precision."""
-    truth = integrated(extended, panels_of(period, rate, corners, windows), period)
-    return known(Rounded(extended, period), period, truth.exponents, tol, truth.doubt, undamped=undamped)
+    exponents, doubt = integrated(extended, panels_of(period, rate, corners, windows), period)
+    return known(Rounded(extended, period), period, exponents, tol, doubt, undamped=undamped)
 
 
 @kind("jumps not named, smooth between", 500)

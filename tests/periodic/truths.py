@@ -1,6 +1,5 @@
 """Exponents in extended precision: eigenvalues, products of exponentials, and transition matrices on panels, each with its own doubt."""
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
@@ -118,16 +117,10 @@ def panel_transitions(A, panels):
     return ends, np.abs(samples).mean(axis=1)
 
 
-@dataclass(frozen=True)
-class Truth:
-    """Exponents, and how far each may be wrong: by the truth's own arithmetic and by the rounding of A to doubles."""
-
-    exponents: np.ndarray
-    doubt: np.ndarray
-
-
 def integrated(A, panels, period):
-    """Exponents of x' = A x from panels that cover a period, with the first-order effect of relative roundings HALF_ULP of A.
+    """Exponents of x' = A x from panels that cover a period, and how far each may be wrong.
+
+    By the first-order effect of relative roundings HALF_ULP of A, and by the truth's own arithmetic.
 
     The products themselves carry roundings of their entries' sizes: a multiplier that is small beside them is known less well.
     """
@@ -151,7 +144,7 @@ def integrated(A, panels, period):
     product = np.abs(np.array(before[1:], float)) @ np.abs(x)
     arithmetic += PRODUCT * np.sqrt((np.einsum("kia,kai->ki", last, product) ** 2).sum(axis=0))
     own = np.abs(np.einsum("ia,ai->i", y, x)) * sizes * period
-    return Truth(exponents, near_double(exponents, (rounded + arithmetic) / np.maximum(own, 1e-300), period))
+    return exponents, near_double(exponents, (rounded + arithmetic) / np.maximum(own, 1e-300), period)
 
 
 def near_double(exponents, doubt, period):

@@ -1,10 +1,10 @@
-"""Eigenvectors along a product: what they say of perturbations."""
+"""Eigenvectors along a product: what they say of perturbations; and the cyclic system that they close."""
 
 import mpmath
 import numpy as np
 import pytest
 
-from flexlin.periodic import find_spectrum, match_logs, separate_triangular
+from flexlin.periodic import cyclic_system, find_spectrum, match_logs, separate_triangular
 
 
 @pytest.fixture
@@ -95,3 +95,17 @@ def test_modes_that_swing_far_apart_get_a_bound_that_holds(mixed):
     motion = find_spectrum(factors, factors * (1 + 1e-9), limit=0.0)
     error = np.abs(motion.logs.real - [40.0, -0.4])
     assert np.all(error <= motion.method + motion.rounding)
+
+
+def test_cyclic_system_survives_growth_of_both_signs_and_has_null_vectors_that_close_the_period(rng):
+    frames = np.linalg.qr(rng.standard_normal((12, 3, 3)))[0]
+    frames[-1] = frames[0]
+    unlike, closed = (frames[1:] @ np.diag([1e9, m, 1e-9]) @ np.swapaxes(frames[:-1], 1, 2) for m in (0.5, 1.0))
+    x = rng.standard_normal((11, 3, 2))
+    g = np.roll(x, -1, axis=0) - unlike @ x
+    np.testing.assert_allclose(
+        cyclic_system(unlike).solve(g), x, atol=1e-6
+    )  # g is 1e9 large: ten digits are left at most
+    x, sigma = cyclic_system(closed).null_vectors(1)
+    np.testing.assert_allclose(np.abs(np.einsum("kin,ki->kn", x, frames[:-1, :, 1])), 1, atol=1e-7)
+    assert sigma[0] < 1e-7 < 0.1 < sigma[1]
