@@ -51,9 +51,9 @@ class Pulsed:
         about = (self.place + self.width * SIGMAS[:, None] + self.period * np.array([-1.0, 0.0, 1.0])).ravel()
         return np.unique([begin, *about[(about > begin) & (about < end)], end])
 
-    def flow(self, matrix, n: int, *span: float) -> np.ndarray:
+    def flow(self, matrix, n: int, *span: float, kind=float) -> np.ndarray:
         """The transition matrix of x' = matrix(A(t), t) x over a span of time, or the period."""
-        return transition(lambda t: matrix(at(self.A, t), t), np.eye(n), self.stops(*span), atol=1e-14)
+        return transition(lambda t: matrix(at(self.A, t), t), np.eye(n, dtype=kind), self.stops(*span), atol=1e-14)
 
     def final_cost(self, X: np.ndarray) -> np.ndarray:
         """X(0) from X(T) by the Riccati equation with unit weights."""
@@ -134,6 +134,18 @@ def test_the_h_infinity_norm_sees_every_pulse(case):
     norm = fl.hinf_norm(system, [[1.0, 0.0]], tol=1e-6)
     distance = [pulsed.from_circle(norm.value * (1 + shift)) for shift in (-1e-3, 1e-3)]
     assert distance[0] < 1e-7 < distance[1]
+
+
+@pytest.mark.slow
+def test_a_margin_sees_every_pulse(case):
+    """Under a feedback turned by the phase margin a multiplier lies on the unit circle, by more outside, by less inside."""
+    (pulsed, system), K = case, np.array([[2.0, 3.0]])
+    phase, radii = fl.margins(system, K).phase, []
+    for turn in np.exp(1j * (phase + np.array([-0.01, 0.0, 0.01]))):
+        loop = pulsed.flow(lambda A, _, turn=turn: A - turn * pulsed.B @ K, 2, kind=complex)
+        radii.append(np.abs(np.linalg.eigvals(loop)).max())
+    assert radii[1] == pytest.approx(1.0, abs=1e-5)
+    assert radii[0] < 1 < radii[2]
 
 
 @pytest.mark.slow

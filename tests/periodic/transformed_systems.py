@@ -83,10 +83,6 @@ def wave(rng, size, turns=False, harmonics=3):
     return Wave(size * rng.normal(), int(rng.integers(-2, 3)) if turns else 0, *(tuple(p.tolist()) for p in parts))
 
 
-def constant(rng, size):
-    return Wave(size * rng.normal())
-
-
 def planes(rng, n):
     return (int(k) for k in rng.permutation(n)[:2])
 
@@ -97,8 +93,8 @@ def random_factors(rng, n, style):
         return (Stretch(0, wave(rng, rng.uniform(0, 3))),)
     log_condition = rng.choice([rng.uniform(0, 1), rng.uniform(0, 6)])
     size = 10 ** (log_condition / 2) / n**0.5
-    basis = [Rotation(*planes(rng, n), constant(rng, 3.0)) for _ in range(n)]
-    basis += [Stretch(int(k), constant(rng, 0.5)) for k in range(n)]
+    basis = [Rotation(*planes(rng, n), Wave(3.0 * rng.normal())) for _ in range(n)]
+    basis += [Stretch(int(k), Wave(0.5 * rng.normal())) for k in range(n)]
     turns = [Rotation(*planes(rng, n), wave(rng, 0.7, turns=True)) for _ in range(max(1, n - 1))]
     shears = [Shear(*planes(rng, n), wave(rng, size)) for _ in range(2)]
     level = rng.integers(0, 3, n)

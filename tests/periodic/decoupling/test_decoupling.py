@@ -13,7 +13,7 @@ from flexlin.errors import TooManySegments
 from flexlin.periodic import Coupled, Group, Refusal, decouple, decoupled_exponents
 from flexlin.periodic.decoupling.coupling import Decoupled, residual_effect
 from flexlin.periodic.floquet import exponents as routes
-from flexlin.periodic.floquet.by_decoupling import bound_growth, hide_enclosed
+from flexlin.periodic.floquet.by_decoupling import hide_enclosed
 from flexlin.periodic.floquet.by_segments import SegmentedSpectrum
 from studies import scaling
 from tests.closed_arm import closed, control_loop
@@ -218,21 +218,6 @@ def test_resonances_move_exponents_by_no_more_than_is_bounded():
         softer.append(bound.max() / c)
     assert min(softer) < 0.02
     assert max(softer) > 0.3
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_growth_is_bounded_from_both_sides(seed):
-    """A group that decays at every time is known to decay, however unlike its modes are: the bounds are not symmetric about its mean."""
-    rng = np.random.default_rng(seed)
-    mean, waves = -np.diag([1.0, 3.0, 40.0]) + 0.3 * rng.standard_normal((3, 3)), 0.2 * rng.standard_normal((2, 3, 3))
-
-    def B(t):
-        return mean + np.cos(t)[:, None, None] * waves[0] + np.sin(2 * t)[:, None, None] * waves[1]
-
-    low, high = bound_growth(B(2 * np.pi * np.arange(128) / 128))
-    real = fl.floquet(fl.PeriodicSystem(B, 2 * np.pi)).exponents.real
-    assert real.min() - 4 < low <= real.min()
-    assert real.max() <= high < real.max() + 2
 
 
 def test_what_is_hidden_lies_below_all_that_is_known():
