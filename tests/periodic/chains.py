@@ -35,9 +35,6 @@ class Wave:
             total = total - k * a * np.sin(k * phi) + k * b * np.cos(k * phi)
         return total
 
-    def size(self):
-        return abs(self.level) + float(np.hypot(self.cosine, self.sine).sum())
-
 
 class Factor:
     """X(phi) of a chain; `left` makes X A and `right` A X^-1 in place, `drift` adds X' X^-1."""

@@ -52,9 +52,9 @@ def oscillators(rng, n):
 
 
 def some_matrix(rng, n):
-    return (
-        oscillators(rng, n // 2) if n % 2 == 0 and rng.random() < 0.5 else 2 * rng.standard_normal((n, n)) - np.eye(n)
-    )
+    if n % 2 == 0 and rng.random() < 0.5:
+        return oscillators(rng, n // 2)
+    return 2 * rng.standard_normal((n, n)) - np.eye(n)
 
 
 @kind("jumps not named", 400)

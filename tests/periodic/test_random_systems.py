@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 
 from tests.periodic.chains import Real
-from tests.periodic.judge import judged, true_errors
+from tests.periodic.judge import judged
 from tests.periodic.jumping_systems import reference_jump, reference_pulse
 from tests.periodic.non_normal_systems import reference_non_normal
 from tests.periodic.random_systems import COUNTS, draw
 from tests.periodic.systems import oscillator
 from tests.periodic.truths import eigenvalues, integrated, panels_of
-
-
-def miss(case, found):
-    return np.abs(true_errors(case, found, np.ones(len(found)))[0]).max()
 
 
 def test_known_answers():
