@@ -8,9 +8,10 @@ from scipy.special import mathieu_a, mathieu_b
 import flexlin as fl
 from flexlin.errors import ArgumentError, NumericalError, TooLarge, TooManySegments
 from flexlin.periodic import Setting, judge
+from flexlin.periodic.floquet.exponents import is_hamiltonian
 from tests.periodic.judge import covers
-from tests.periodic.systems import lyapunov_transformed, mathieu, mathieu_second_order
-from tests.periodic.truths import eigenvalues
+from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order
+from tests.periodic.truths import apart, eigenvalues
 
 RESOLUTIONS = "segments", "order", "max_segments"
 
@@ -179,3 +180,40 @@ def test_no_verdict_without_a_single_known_exponent():
     """All errors were infinite here, and growth rates below zero were read as modes that decay too fast to be resolved."""
     none = judge(np.array([-1.0, -2.0]), np.full(2, np.inf), 1.0, Setting("gauss", 8, 4, ""), 1e-9)
     assert none.verdict == "undecided"
+
+
+SPIN = np.array([[0, 0.6], [-0.6, 0]])
+
+
+def waving(mean, wave, pattern):
+    """mean + wave(t) times a pattern."""
+    return lambda t: np.array(mean) + wave(t)[:, None, None] * np.array(pattern)
+
+
+def spinning(damping):
+    """Two coordinates whose mass and stiffness wave, under gyroscopic forces that keep the energy's balance, and damping."""
+    M = waving(np.diag([2.0, 1.0]), np.sin, np.full((2, 2), 0.3))
+    K = waving(np.diag([3.0, 7.0]), lambda t: np.cos(2 * t), [[0.4, 0.8], [0.8, 0.0]])
+    D = waving(SPIN + damping * np.eye(2), np.cos, np.full((2, 2), 0.3))
+    return fl.PeriodicSystem.from_second_order(M, D, K, 2 * np.pi)
+
+
+@pytest.mark.parametrize(
+    "system", [fl.PeriodicSystem(mathieu(2.2, 0.5), np.pi), mathieu_second_order(2.2, 0.5), spinning(0.0)]
+)
+def test_exponents_of_undamped_systems_are_paired_exactly(system):
+    assert is_hamiltonian(system)
+    result = fl.floquet(system)
+    assert apart(result.exponents, -result.exponents, result.period).min(axis=1).max() < 1e-15
+    assert result.verdict == "undecided"
+    assert "bounded" in result.status
+
+
+def test_only_what_is_damped_or_driven_is_not_taken_for_undamped():
+    driven = fl.PeriodicSystem.from_second_order(waving(np.eye(2), np.sin, 0.3 * np.eye(2)), SPIN, np.eye(2), 2 * np.pi)
+    others = driven, fl.PeriodicSystem(colaneri, 2 * np.pi), fl.PeriodicSystem(-np.eye(3), 1.0)
+    assert not any(map(is_hamiltonian, (spinning(1e-4), *others)))
+    half_spin = waving(5 * np.eye(2), np.cos, SPIN / 2)
+    varying = fl.PeriodicSystem.from_second_order(np.eye(2), waving(0 * SPIN, np.sin, SPIN), half_spin, 2 * np.pi)
+    assert is_hamiltonian(varying)
+    assert fl.floquet(spinning(1e-4)).verdict == "stable"
