@@ -24,12 +24,8 @@ def test_constant_systems_answer_as_those_of_python_control(through):
     first, second = plant(1, 3, 2, 2, through), plant(2, 2, 2, 2, through)
     G, H = ours(*first), ours(*second)
     g, h = control.ss(*first), control.ss(*second)
-    for got, want in (
-        (G * H, g * h),
-        (G + H, g + h),
-        (G.feedback(H), g.feedback(h)),
-        (G.feedback(H, 0.2), g.feedback(0.2 * h, 1)),
-    ):
+    pairs = (G * H, g * h), (G + H, g + h), (G.feedback(H), g.feedback(h)), (G.feedback(H, 0.2), g.feedback(0.2 * h, 1))
+    for got, want in pairs:
         A, B, C, D = (part(np.zeros(1))[0] for part in (got.system.A, got.system.B, got.C, got.D))
         for s in (0.3j, 1 + 2j):
             np.testing.assert_allclose(C @ np.linalg.solve(s * np.eye(len(A)) - A, B) + D, want(s), atol=1e-12)

@@ -2,24 +2,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic import (
-    Refusal,
-    decouple,
-    decoupled_exponents,
-    differentiate_exponents,
-    match_logs,
-    solve_decoupled_modes,
-    solve_modes_at_nodes,
-    wrap_log,
-)
-from tests.closed_arm import closed
+from flexlin.periodic import Refusal, decouple, decoupled_exponents, solve_decoupled_modes, solve_modes_at_nodes
 from tests.periodic.chains import Rotation, Wave
 from tests.periodic.gentle import gentle_system
 from tests.periodic.rotated import Rotated
-
-
-def waves(count, period):
-    return (2j * np.pi / period * np.fft.fftfreq(count, 1 / count))[:, None]
 
 
 def miss(vectors, A, exponents, period):
@@ -27,7 +13,8 @@ def miss(vectors, A, exponents, period):
 
     f' = A f - m f, m = u^H (A f - f');   mean m = lambda modulo i w;   c' / c = m - lambda
     """
-    k, missed, size = waves(len(vectors), period), [], np.linalg.norm(A, axis=(1, 2)).max()
+    k = 2j * np.pi * np.fft.fftfreq(len(vectors), period / len(vectors))[:, None]
+    missed, size = [], np.linalg.norm(A, axis=(1, 2)).max()
     for i, exponent in enumerate(exponents):
         p = vectors[:, :, i] / np.linalg.norm(vectors[:, :, i], axis=1)[:, None]
         u = p[np.abs(p @ p.conj().T).min(axis=0).argmax()]  # whose product with p vanishes least
@@ -110,24 +97,3 @@ def test_modes_that_coincide_are_right_or_left_to_others(apart, coupling):
         assert coupling or not apart  # what is neither coupled nor alike is solved
     else:
         assert miss(modes[0], A(decoupled.times), exponents, 2 * np.pi).max() < 1e-12
-
-
-@pytest.mark.slow
-def test_modes_of_an_arm_whose_slow_modes_part_by_much_are_those_of_its_frame():
-    """They say how damping moves the exponents, as exponents with a little more and less damping do; segments took them five seconds."""
-    lin = closed("de-luca-siciliano-1991")
-
-    def damped(factor):
-        return fl.PeriodicSystem.from_second_order(lin.M, lambda t: factor * lin.D(t), lin.K, lin.period)
-
-    system, h = damped(1.0), 1e-4
-    found = fl.floquet(system)
-    modes = fl.floquet_modes(system, found)
-    assert np.ptp(found.exponents.real) * lin.period > 30
-    assert np.array_equal(modes.times, found.decoupled.times)
-    more, less = (damped(1 + sign * h) for sign in (1, -1))
-    change = differentiate_exponents(modes, (more.A(modes.times) - less.A(modes.times)) / (2 * h))
-    ends = [fl.floquet(one).log_multipliers for one in (more, less)]
-    near = [logs[match_logs(found.log_multipliers, logs)[0]] for logs in ends]
-    quotient = wrap_log(near[0] - near[1]) / (2 * h * lin.period)
-    np.testing.assert_allclose(change, quotient, atol=1e-4 * np.abs(quotient).max())
