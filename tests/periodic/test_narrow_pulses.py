@@ -12,7 +12,7 @@ import flexlin as fl
 from flexlin import periodic_lyapunov
 from flexlin.control import kalman_filter, output_feedback, periodic_lqr, sampled_floquet
 from flexlin.periodic import finite_horizon_riccati, periodic_riccati
-from tests.periodic.dense import at, integrate, transition
+from tests.periodic.dense import at, transition
 from tests.periodic.systems import oscillator
 
 SIGMAS = np.array([-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0])
@@ -55,22 +55,13 @@ class Pulsed:
         """The transition matrix of x' = matrix(A(t), t) x over a span of time, or the period."""
         return transition(lambda t: matrix(at(self.A, t), t), np.eye(n, dtype=kind), self.stops(*span), atol=1e-14)
 
-    def final_cost(self, X: np.ndarray) -> np.ndarray:
-        """X(0) from X(T) by the Riccati equation with unit weights."""
-        S = self.B @ self.B.T
-
-        def rate(t: float, X: np.ndarray) -> np.ndarray:
-            A = at(self.A, t)
-            return -(A.T @ X + X @ A + np.eye(2) - X @ S @ X)
-
-        return integrate(rate, X, self.stops()[::-1], atol=1e-14)[-1]
-
-    def periodic_cost(self, effort: float) -> np.ndarray:
-        """X(0) = X(T) from the decaying half of the Hamiltonian's monodromy matrix, with effort times the quadratic term."""
+    def costs(self, effort: float, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """X(0) = X(T), and X(0) from X(T) = end, with unit weights and effort times the quadratic term, by the Hamiltonian's flow."""
         S = effort * self.B @ self.B.T
-        monodromy = self.flow(lambda A, _: np.block([[A, -S], [-np.eye(2), -A.T]]), 4)
-        _, vectors, _ = schur(monodromy, sort=lambda re, im=0.0: abs(complex(re, im)) < 1)
-        return vectors[2:, :2] @ np.linalg.inv(vectors[:2, :2])
+        F = self.flow(lambda A, _: np.block([[A, -S], [-np.eye(2), -A.T]]), 4)
+        _, vectors, _ = schur(F, sort=lambda re, im=0.0: abs(complex(re, im)) < 1)
+        from_end = np.linalg.solve(F[2:, 2:] - end @ F[:2, 2:], end @ F[:2, :2] - F[2:, :2])
+        return vectors[2:, :2] @ np.linalg.inv(vectors[:2, :2]), from_end
 
     def from_circle(self, level: float) -> float:
         """The least | |multiplier| - 1 | of [[A, B B'/g], [-C'C/g, -A']], C = [1, 0]."""
@@ -93,15 +84,15 @@ def pad(*blocks: np.ndarray) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_costs_and_responses_see_every_pulse(seed):
-    pulsed = Pulsed(seed)
-    costs, last = [pulsed.periodic_cost(effort) for effort in (1.0, 0.0)], pulsed.final_cost(np.diag([1.0, 2.0]))
+    pulsed, end = Pulsed(seed), np.diag([1.0, 2.0])
+    (cost, last), (free, _) = pulsed.costs(1.0, end), pulsed.costs(0.0, end)
     F = pulsed.flow(lambda A, t: pad(A, at(pulsed.force, t)[:, None]), 3)
     driven = np.linalg.solve(np.eye(2) - F[:2, :2], F[:2, 2])
     for system in (pulsed.system(named=True), pulsed.system(named=False)):
         solved = (
-            (periodic_riccati(system, np.eye(2), np.eye(1)), costs[0]),
-            (periodic_lyapunov(system, np.eye(2)), costs[1]),
-            (finite_horizon_riccati(system, np.eye(2), np.eye(1), np.diag([1.0, 2.0])), last),
+            (periodic_riccati(system, np.eye(2), np.eye(1)), cost),
+            (periodic_lyapunov(system, np.eye(2)), free),
+            (finite_horizon_riccati(system, np.eye(2), np.eye(1), end), last),
         )
         for found, truth in solved:
             assert np.abs(found.X(0.0) - truth).max() <= found.error * np.abs(truth).max() + 1e-9
