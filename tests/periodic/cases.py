@@ -42,13 +42,15 @@ class Case:
 
 KINDS: dict[str, Callable[[np.random.Generator], Case]] = {}
 """Each: a random generator -> Case."""
+COUNTS: dict[str, int] = {}
+"""How many of each kind the whole jury hears."""
 
 
-def kind(name):
-    """Register a maker of cases."""
+def kind(name, count):
+    """Register a maker of cases, of which the whole jury hears so many."""
 
     def register(make):
-        KINDS[name] = make
+        KINDS[name], COUNTS[name] = make, count
         return make
 
     return register

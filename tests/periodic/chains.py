@@ -35,9 +35,6 @@ class Wave:
             total = total - k * a * np.sin(k * phi) + k * b * np.cos(k * phi)
         return total
 
-    def size(self):
-        return abs(self.level) + float(np.hypot(self.cosine, self.sine).sum())
-
 
 class Factor:
     """X(phi) of a chain; `left` makes X A and `right` A X^-1 in place, `drift` adds X' X^-1."""
@@ -116,10 +113,7 @@ class Unipotent(Factor):
             A += term
 
     def right(self, A, value):
-        term = A.copy()
-        for k in (1, 2):
-            term = np.einsum("ijt,jk->ikt", term, self.N) * -value / k
-            A += term
+        Unipotent(self.N.T, self.wave).left(A.swapaxes(0, 1), -value)
 
     def drift(self, A, slope):
         A += self.N[..., None] * slope
@@ -152,10 +146,7 @@ class Clock:
     @property
     def corners(self):
         """Times at which A is not smooth."""
-        second = {"triangle": 0.5, "square": self.duty}.get(self.shape)
-        if self.shape == "smooth":
-            return ()
-        ends = [0.0] if second is None else [0.0, second]
+        ends = {"smooth": [], "triangle": [0.0, 0.5], "square": [0.0, self.duty]}.get(self.shape, [0.0])
         return tuple(sorted({float((self.start + e * self.period) % self.period) for e in ends}))
 
 

@@ -17,20 +17,21 @@ class SlowCase(Case):
         return fl.PeriodicSystem(self.A, self.period, complete=True)
 
 
-@kind("kept shapes")
+def slow_case(system, tol):
+    return SlowCase(**vars(known(system, system.period, system.exponents, tol)))
+
+
+@kind("kept shapes", 1000)
 def kept_shapes(rng):
-    gentle, tol = draw_gentle(rng, bool(rng.random() < 0.5)), tol_of(rng)
-    case = known(gentle, gentle.period, gentle.exponents, tol)
-    return SlowCase(**vars(case))
+    return slow_case(draw_gentle(rng, bool(rng.random() < 0.5)), tol_of(rng))
 
 
-@kind("waving shapes")
+@kind("waving shapes", 500)
 def waving_shapes(rng):
-    lively, tol = draw_lively(rng), tol_of(rng)
-    return SlowCase(**vars(known(lively, lively.period, lively.exponents, tol)))
+    return slow_case(draw_lively(rng), tol_of(rng))
 
 
-@kind("uneven gaps")
+@kind("uneven gaps", 300)
 def uneven_gaps(rng):
     """A slow pair and two that are up to 1500 times as fast as the motion, whose gap varies by much."""
     period, tol = float(10 ** rng.uniform(-1, 1)), tol_of(rng)
@@ -42,8 +43,7 @@ def uneven_gaps(rng):
         turn(*map(int, rng.choice(6, 2, replace=False)), rng.random() < 0.6, wave(rng, rng.uniform(-1, 1), 0.03, 1))
         for _ in range(6)
     ]
-    system = Rotated(period, modes, turns)
-    return SlowCase(**vars(known(system, period, system.exponents, tol)))
+    return slow_case(Rotated(period, modes, turns), tol)
 
 
 def gentle_system(seed, near_resonance=False):
@@ -82,11 +82,8 @@ def draw_lively(rng):
         rate = w * 10 ** rng.uniform(-0.5, rng.choice([1, 1.5, 2.5]))
         if rng.random() < 0.5:
             rate = w * (round(rate / w) % 30 + 0.5 * rng.integers(0, 2) + 10 ** rng.uniform(-6, -0.5))
-        damping, sign, part = (
-            rate * 10 ** rng.uniform(-3, 0),
-            rng.choice([-1, -1, -1, 1e-3, 0.05]),
-            rng.choice([0, 0.02, 0.1, 0.3]),
-        )
+        damping, sign = rate * 10 ** rng.uniform(-3, 0), rng.choice([-1, -1, -1, 1e-3, 0.05])
+        part = rng.choice([0, 0.02, 0.1, 0.3])
         if n - states >= 2 and rng.random() < 0.6:
             frequency = wave(rng, rate, rate * rng.choice([0, 0.02, 0.1, 0.2]), int(rng.integers(1, 4)))
             modes.append([wave(rng, sign * damping, part * damping, 2), frequency])

@@ -3,7 +3,7 @@
 import signal
 import threading
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -33,7 +33,6 @@ class Outcome:
     hidden: int = 0
     reached: bool = False
     verdict: str = ""
-    growth: float = 0.0
     wrong: str = ""
     seconds: float = 0.0
     refusal: str = ""
@@ -46,21 +45,18 @@ class Outcome:
 
 def judged(case: Case, answer=Case.answer, limit: float = 0.0) -> Outcome:
     """Ask and judge; `limit` seconds of patience, 0 for any number."""
-    n, start = len(case.exponents), perf_counter()
+    asked, start = Outcome(len(case.exponents), case.tol), perf_counter()
     try:
         with patience(limit):
             result = answer(case)
-    except FlexlinError as refusal:
-        return Outcome(
-            n, case.tol, growth=case.growth[0], seconds=perf_counter() - start, refusal=type(refusal).__name__
-        )
-    except Exception as crash:  # any other exception is a finding
-        name = f"{type(crash).__name__}: {str(crash)[:80]}"
-        return Outcome(n, case.tol, growth=case.growth[0], seconds=perf_counter() - start, crash=name)
-    seconds = perf_counter() - start
-    wrong = wrong_answer(case, result.verdict)
+    except Exception as error:  # what is not typed is a finding
+        name = type(error).__name__
+        why = {"refusal": name} if isinstance(error, FlexlinError) else {"crash": f"{name}: {str(error)[:80]}"}
+        return replace(asked, seconds=perf_counter() - start, **why)
+    seconds, wrong = perf_counter() - start, wrong_answer(case, result.verdict)
+    answered = replace(asked, verdict=result.verdict, wrong=wrong, seconds=seconds)
     if case.refuse:
-        return Outcome(n, case.tol, verdict=result.verdict, wrong=wrong, seconds=seconds)
+        return answered
     claims = np.asarray(result.errors, float)
     shown = ~np.isinf(claims)
     claims = np.where(np.isnan(claims[shown]), 0.0, claims[shown])
@@ -70,18 +66,8 @@ def judged(case: Case, answer=Case.answer, limit: float = 0.0) -> Outcome:
         misses = np.where(errors > doubt, (errors - doubt) / claims, 0.0)
         over = (claims / errors)[errors > floor]
     reached = bool(np.all(claims <= 1.01 * case.tol * np.maximum(1, sizes)))
-    return Outcome(
-        n,
-        case.tol,
-        tuple(misses.tolist()),
-        tuple(over.tolist()),
-        n - len(misses),
-        reached,
-        result.verdict,
-        case.growth[0],
-        wrong,
-        seconds,
-    )
+    lists = {"misses": tuple(misses.tolist()), "overestimates": tuple(over.tolist())}
+    return replace(answered, **lists, hidden=asked.n - len(misses), reached=reached)
 
 
 def true_errors(case, found, claims):
@@ -97,6 +83,12 @@ def true_errors(case, found, claims):
     matchings = [linear_sum_assignment(cost) for cost in (distance, ratio)]
     rows, columns = min(matchings, key=lambda match: ratio[match].max(initial=0.0))
     return distance[rows, columns], doubt[columns], np.abs(truth[columns])
+
+
+def covers(found, known, period, doubt=0.0, factor=1.0):
+    """Whether there is a known exponent for each one found within its error, times a factor, and that one's doubt (modulo 2 pi i / T)."""
+    missed = apart(found.exponents, known, period) > factor * found.errors[:, None] + doubt
+    return len(missed) <= len(known) and not missed[linear_sum_assignment(missed)].any()
 
 
 def wrong_answer(case, verdict):

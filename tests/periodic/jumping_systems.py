@@ -52,23 +52,23 @@ def oscillators(rng, n):
 
 
 def some_matrix(rng, n):
-    return (
-        oscillators(rng, n // 2) if n % 2 == 0 and rng.random() < 0.5 else 2 * rng.standard_normal((n, n)) - np.eye(n)
-    )
+    if n % 2 == 0 and rng.random() < 0.5:
+        return oscillators(rng, n // 2)
+    return 2 * rng.standard_normal((n, n)) - np.eye(n)
 
 
-@kind("jumps not named")
+@kind("jumps not named", 400)
 def forgotten_jumps(rng):
     n, count = int(rng.integers(2, 6)), int(rng.integers(2, 6))
     return switched(rng, [some_matrix(rng, n) for _ in range(count)], float(10 ** rng.uniform(-0.3, 0.7)))
 
 
-@kind("jumps named")
+@kind("jumps named", 200)
 def named_jumps(rng):
     return with_breaks(forgotten_jumps(rng))
 
 
-@kind("Meissner not named")
+@kind("Meissner not named", 200)
 def meissner_not_named(rng):
     """x'' + 2 z x' + (a + b sign) x = 0 with the jump at a random place."""
     a, b, z = 10 ** rng.uniform(-0.5, 1), 10 ** rng.uniform(-2, 0.5), rng.choice([0.0, 0.02])
@@ -96,11 +96,11 @@ class Rounded:
 
 def panelled(extended, period, rate, tol, corners=(), windows=(), undamped=False):
     """A case whose truth is integrated panel by panel in extended precision."""
-    truth = integrated(extended, panels_of(period, rate, corners, windows), period)
-    return known(Rounded(extended, period), period, truth.exponents, tol, truth.doubt, undamped=undamped)
+    exponents, doubt = integrated(extended, panels_of(period, rate, corners, windows), period)
+    return known(Rounded(extended, period), period, exponents, tol, doubt, undamped=undamped)
 
 
-@kind("jumps not named, smooth between")
+@kind("jumps not named, smooth between", 500)
 def smooth_jumps(rng):
     n, count = int(rng.integers(2, 5)), int(rng.integers(2, 6))
     period = float(10 ** rng.uniform(-0.3, 0.5))
@@ -149,7 +149,7 @@ class Pulse:
         return ((self.centre, min((8 if self.shape == "gaussian" else 3) * self.width, self.period / 2), 160),)
 
 
-@kind("pulses")
+@kind("pulses", 1000)
 def pulses(rng):
     """[[0, I], [-K - a p(t) G, -D]]: a pulse of unit area and width T/10 to T/1000 in the stiffness."""
     n, period = int(rng.integers(1, 4)), float(10 ** rng.uniform(-0.3, 0.5))

@@ -13,11 +13,9 @@ from tests.periodic.truths import eigenvalues, perturbed_eigenvalues
 
 def triangular(rng, n, largest=6.0):
     """Integers: off-diagonals 30 to 10^largest, distinct eigenvalues on the diagonal, mostly stable."""
-    diagonal = (
-        -(1.0 + np.arange(n))
-        if rng.random() < 0.5
-        else rng.permutation(np.arange(-n, 2))[:n] - float(rng.random() < 0.7)
-    )
+    diagonal = -(1.0 + np.arange(n))
+    if rng.random() >= 0.5:
+        diagonal = rng.permutation(np.arange(-n, 2))[:n] - float(rng.random() < 0.7)
     size = np.round(10 ** rng.uniform(np.log10(30), largest, (n, n)))
     return np.diag(diagonal) + np.triu(size * rng.choice([-1.0, 1.0], (n, n)), 1)
 
@@ -35,7 +33,7 @@ def hidden(rng, U):
     return H @ U @ H
 
 
-@kind("non-normal constant")
+@kind("non-normal constant", 1000)
 def non_normal_constant(rng):
     matrix = hidden(rng, triangular(rng, int(rng.integers(3, 7))))
     return known(steady(matrix), float(10 ** rng.uniform(0, 2)), eigenvalues(matrix), tol_of(rng))
@@ -60,7 +58,7 @@ class Scaled:
         return (np.round(f * 2.0**38) / 2.0**38)[:, None, None] * self.C
 
 
-@kind("non-normal, f(t) C")
+@kind("non-normal, f(t) C", 300)
 def non_normal_scaled(rng):
     n, period = int(rng.integers(3, 7)), float(10 ** rng.uniform(0, 1.5))
     diagonal, order = -(1.0 + np.arange(n)), rng.permutation(n)
@@ -69,7 +67,7 @@ def non_normal_scaled(rng):
     return known(Scaled(C, smooth_clock(rng, period)), period, diagonal, tol_of(rng), doubt)
 
 
-@kind("non-normal rotated")
+@kind("non-normal rotated", 400)
 def non_normal_rotated(rng):
     n, period = int(rng.integers(3, 7)), float(10 ** rng.uniform(0, 2))
     U = triangular(rng, n, largest=3.5)
@@ -79,7 +77,7 @@ def non_normal_rotated(rng):
     return known(A, period, exponents, tol_of(rng), doubt)
 
 
-@kind("non-normal switched")
+@kind("non-normal switched", 300)
 def non_normal_switched(rng):
     n, pieces = int(rng.integers(3, 6)), int(rng.integers(2, 4))
     matrices = [hidden(rng, triangular(rng, n, largest=3.0)) for _ in range(pieces)]

@@ -38,16 +38,13 @@ class Rotated:
     links: list = field(default_factory=list)
 
     @property
-    def n(self):
-        return sum(1 if frequency is None else 2 for _, frequency in self.modes)
+    def exponents(self):
+        levels = [(growth.level, frequency.level if frequency else None) for growth, frequency in self.modes]
+        return np.concatenate([[a] if w is None else [a + 1j * w, a - 1j * w] for a, w in levels]).astype(complex)
 
     @property
-    def exponents(self):
-        found = []
-        for growth, frequency in self.modes:
-            signs = (0,) if frequency is None else (1, -1)
-            found += [complex(growth.level, sign * frequency.level if sign else 0.0) for sign in signs]
-        return np.array(found)
+    def n(self):
+        return len(self.exponents)
 
     def __call__(self, t):
         w = 2 * Real(np.pi) / Real(self.period)

@@ -5,25 +5,21 @@ import numpy as np
 from flexlin import PeriodicSystem
 
 
+def oscillator(stiffness, damping=0.0):
+    """A of x'' + damping x' + stiffness x = 0 from values at many times, in their precision."""
+    A = np.zeros((len(stiffness), 2, 2), stiffness.dtype)
+    A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = 1, -stiffness, -damping
+    return A
+
+
 def colaneri(t):
     """A = [[0, 1], [-10 cos t, -24 - 10 sin t]], T = 2 pi: exponents 0 and -24."""
-    A = np.zeros((len(t), 2, 2))
-    A[:, 0, 1] = 1
-    A[:, 1, 0] = -10 * np.cos(t)
-    A[:, 1, 1] = -24 - 10 * np.sin(t)
-    return A
+    return oscillator(10 * np.cos(t), 24 + 10 * np.sin(t))
 
 
 def mathieu(a, q):
     """x'' + (a - 2 q cos 2t) x = 0 as a system of first order, T = pi."""
-
-    def A(t):
-        values = np.zeros((len(t), 2, 2))
-        values[:, 0, 1] = 1
-        values[:, 1, 0] = -(a - 2 * q * np.cos(2 * t))
-        return values
-
-    return A
+    return lambda t: oscillator(a - 2 * q * np.cos(2 * t))
 
 
 def turn(n, speed):
@@ -58,26 +54,33 @@ def mathieu_second_order(a, q, damping=0.0):
 
 def meissner(t):
     """x'' + (1 - 0.2 psi) x = 0, psi = 1 on [0, pi/3), then -1; T = pi, a break at pi/3."""
-    A = np.zeros((len(t), 2, 2))
-    A[:, 0, 1] = 1
-    A[:, 1, 0] = -(1 - 0.2 * np.where(np.mod(t, np.pi) < np.pi / 3, 1, -1))
-    return A
+    return oscillator(1 - 0.2 * np.where(np.mod(t, np.pi) < np.pi / 3, 1, -1))
+
+
+def waves(cosines, sines, rates):
+    """sum_k cosine_k cos rate_k t + sine_k sin rate_k t for matrices (K, n, m), and its derivative."""
+
+    def value(t):
+        angle = np.outer(t, rates)
+        return np.einsum("tk,kij->tij", np.cos(angle), cosines) + np.einsum("tk,kij->tij", np.sin(angle), sines)
+
+    def slope(t):
+        angle = np.outer(t, rates)
+        c, s = np.cos(angle) * rates, np.sin(angle) * rates
+        return np.einsum("tk,kij->tij", c, sines) - np.einsum("tk,kij->tij", s, cosines)
+
+    return value, slope
 
 
 def lyapunov_transformed(constant, frequency, harmonics, rng, size=0.3):
     """A(t) = P' P^-1 + P A0 P^-1 with P = I + a random trigonometric polynomial: the exponents are the eigenvalues of A0."""
     n = len(constant)
     cosine, sine = (size / harmonics * rng.standard_normal((harmonics, n, n)) / np.sqrt(n) for _ in range(2))
-    order = np.arange(1, harmonics + 1)
+    wave, slope = waves(cosine, sine, frequency * np.arange(1, harmonics + 1))
 
     def A(t):
-        phase = frequency * t[:, None] * order
-        P = np.eye(n) + np.einsum("th,hij->tij", np.cos(phase), cosine) + np.einsum("th,hij->tij", np.sin(phase), sine)
-        slope = frequency * (
-            np.einsum("th,h,hij->tij", np.cos(phase), order, sine)
-            - np.einsum("th,h,hij->tij", np.sin(phase), order, cosine)
-        )
-        right = np.swapaxes(slope + P @ constant, 1, 2)
+        P = np.eye(n) + wave(t)
+        right = np.swapaxes(slope(t) + P @ constant, 1, 2)
         return np.swapaxes(np.linalg.solve(np.swapaxes(P, 1, 2), right), 1, 2)
 
     return A
@@ -87,16 +90,15 @@ def random_waves(rng, rows, columns, harmonics, decay, period):
     """A random trigonometric polynomial and its derivative."""
     size = decay ** np.arange(harmonics + 1)[:, None, None]
     cosines, sines = (size * rng.normal(size=(harmonics + 1, rows, columns)) for _ in range(2))
-    rate = 2 * np.pi / period * np.arange(harmonics + 1)
+    return waves(cosines, sines, 2 * np.pi / period * np.arange(harmonics + 1))
 
-    def value(t):
-        angle = np.outer(t, rate)
-        return np.einsum("tk,kij->tij", np.cos(angle), cosines) + np.einsum("tk,kij->tij", np.sin(angle), sines)
 
-    def slope(t):
-        angle = np.outer(t, rate)
-        return np.einsum("tk,kij->tij", np.cos(angle) * rate, sines) - np.einsum(
-            "tk,kij->tij", np.sin(angle) * rate, cosines
-        )
+def waving_arm(rng, fixed, sizes, units):
+    """M, D, K that wave about fixed ones by sizes, in units of the coordinates (n,); period 1."""
+    n = len(units)
 
-    return value, slope
+    def part(mean, size):
+        wave = random_waves(rng, n, n, 4, 0.4, 1.0)[0]
+        return lambda t: (mean + size * wave(t)) * units * units[:, None]
+
+    return PeriodicSystem.from_second_order(*map(part, fixed, sizes), 1.0, complete=True)

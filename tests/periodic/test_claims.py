@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import FlexlinError
 from tests.periodic.judge import judged
 from tests.periodic.jumping_systems import reference_jump, reference_pulse
 from tests.periodic.non_normal_systems import reference_non_normal
 from tests.periodic.random_systems import COUNTS, draw
 from tests.thinned import thin
 
-SAMPLE = [(kind, 5_000_000) for kind in COUNTS]
 FOUND = {
     "non-normal switched": (28,),
     "pulses": (26, 74, 113, 9909000648),
@@ -25,7 +23,8 @@ FOUND = {
     "Meissner not named": (20, 15),
     "jumps named": (17,),
     "kinks not named": (59,),
-    "fixed settings": (108, 83, 115),
+    # the last two have stages that are singular or nearly so, as the last bit of their factors decides
+    "fixed settings": (108, 83, 115, 991000117, 7707000084),
     "rotation": (143,),
     "exponential": (167,),
     "non-normal constant": (18,),
@@ -33,30 +32,24 @@ FOUND = {
     "multipliers 1e-300 to 1e300": (7707000584,),
     "kept shapes": (13, 777000016, 251123000079),
     "waving shapes": (616162027, 616164793),
-    "stiff": (991000006, 991000017),
+    # 88002000054: segments of an L-stable method were held to lose what others would: a mode that grows by 0.5 1/s counted as hidden
+    "stiff": (991000006, 991000017, 88002000054),
+    # three equal multipliers are split three times as far as they move: claims of what better factors change alone were missed
+    "jordan": (77004000014, 77004000067),
 }
 BOUNDED = {
+    "kept shapes": (910000030, 910000006),
+    "waving shapes": (910000056,),
+    "non-normal constant": (910000058,),
+    "undamped oscillators": (910000036,),
+    "non-normal rotated": (910000020,),
     "rotation": (910000019,),
     "shear": (910000012,),
     "jordan": (910000014, 910000064),
-    "kept shapes": (910000006, 910000030),
-    "waving shapes": (910000056,),
-    "non-normal constant": (910000058,),
-    "non-normal rotated": (910000020,),
-    "undamped oscillators": (910000036,),
 }
 """Cases in which Radau's method hid a mode that was known, since it lay near the slowest one."""
-MUST_ANSWER = (
-    "rotation",
-    "shear",
-    "exponential",
-    "mixed",
-    "reparametrised",
-    "kinks named",
-    "jumps named",
-    "Mathieu",
-    "Krein",
-)
+MUST_ANSWER = {"rotation", "shear", "exponential", "mixed", "reparametrised", "kinks named"}
+MUST_ANSWER |= {"jumps named", "Mathieu", "Krein"}
 """Kinds in which nothing is hidden from the engine: it has no reason to refuse."""
 
 
@@ -64,61 +57,41 @@ def listed(seeds):
     return [(kind, seed) for kind, some in seeds.items() for seed in some]
 
 
-def check(outcome, factor=1.0):
+def check(outcome):
     assert not outcome.crash
     assert not outcome.wrong
-    assert outcome.worst <= factor
+    assert outcome.worst <= 1
 
 
-@pytest.mark.parametrize(("kind", "seed"), listed(BOUNDED))
+@pytest.mark.parametrize(("kind", "seed"), thin(listed(BOUNDED), 6))
 def test_claims_hold_where_fast_modes_are_only_bounded(kind, seed):
     case = draw(kind, seed)
     check(judged(replace(case, options={**case.options, "method": "radau"})))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "seed"), SAMPLE)
+@pytest.mark.parametrize(("kind", "seed"), [(kind, 5_000_000) for kind in COUNTS] + listed(FOUND))
 def test_claims_hold(kind, seed):
     outcome = judged(draw(kind, seed))
     check(outcome)
     assert not (outcome.refusal and kind in MUST_ANSWER)
 
 
-@pytest.mark.parametrize("seed", [77004000014, pytest.param(77004000067, marks=pytest.mark.slow)])
-def test_better_factors_that_err_too_do_not_hide_what_has_split_a_chain(seed):
-    """Three equal multipliers are split three times as far as they move: claims of what better factors change alone were missed twice."""
-    check(judged(draw("jordan", seed)))
+SURE = ("rotation", "shear", "mixed", "multipliers 1e-300 to 1e300", "reparametrised")
 
 
 @pytest.mark.slow
-def test_modes_near_the_fastest_growth_are_known_beside_one_that_decays_at_once():
-    """Segments of an L-stable method were held to lose what those of others would: a mode that grows by 0.5 1/s counted as hidden."""
-    check(judged(draw("stiff", 88002000054)))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("kind", "seed"), listed(FOUND))
-def test_claims_hold_where_an_engine_has_failed(kind, seed):
-    check(judged(draw(kind, seed)), factor=3.0)
-
-
-@pytest.mark.slow
-def test_claims_do_not_exaggerate():
-    kinds = ("rotation", "shear", "mixed", "multipliers 1e-300 to 1e300", "reparametrised")
-    outcomes = [judged(draw(kind, seed)) for kind in kinds for seed in range(2)]
-    ratios = [ratio for one in outcomes for ratio in one.overestimates]
-    assert len(ratios) > 30
-    assert np.median(ratios) < 30
-    assert np.mean([one.reached for one in outcomes]) > 0.8  # tol, in all exponents
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["kinks not named", "pulses", "jumps not named, smooth between"])
-def test_claims_of_what_is_not_smooth_do_not_exaggerate(kind):
+@pytest.mark.parametrize(
+    "kinds", [SURE, ("kinks not named",), ("pulses",), ("jumps not named, smooth between",)], ids=lambda kinds: kinds[0]
+)
+def test_claims_do_not_exaggerate(kinds):
     """Some 1e4 times the true error when the place of each jump counted as uncertain, and every panel as no better than was asked."""
-    ratios = [r for seed in range(6, 14) for r in judged(replace(draw(kind, seed), tol=1e-9)).overestimates]
-    assert len(ratios) > 10
+    seeds, asked = (range(2), {}) if kinds == SURE else (range(6, 14), {"tol": 1e-9})
+    outcomes = [judged(replace(draw(kind, seed), **asked)) for kind in kinds for seed in seeds]
+    ratios = [ratio for one in outcomes for ratio in one.overestimates]
+    assert len(ratios) > (30 if kinds == SURE else 10)
     assert np.median(ratios) < 30
+    assert kinds != SURE or np.mean([one.reached for one in outcomes]) > 0.8  # tol, in all exponents
 
 
 @pytest.mark.parametrize("tol", [1e-9, 1e-4])
@@ -139,22 +112,18 @@ def test_reference_systems(make, tol):
 
 def test_a_narrow_pulse_is_answered_when_its_place_is_named():
     """With breaks around it the pulse is an interval of its own: there is no reason to refuse."""
-    case = reference_pulse()
-    outcome = judged(replace(case, breaks=(0.0, 0.3 - 2e-3, 0.3, 0.3 + 2e-3)))
+    outcome = judged(replace(reference_pulse(), breaks=(0.0, 0.3 - 2e-3, 0.3, 0.3 + 2e-3)))
     check(outcome)
     assert not outcome.refusal
 
 
 @pytest.mark.parametrize("seed", thin(range(6), 2))
 def test_wrong_period_is_refused(seed):
-    case = draw("wrong period", seed)
-    with pytest.raises(FlexlinError):
-        case.answer()
+    assert judged(draw("wrong period", seed)).refusal
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("method", "segments"), [("gauss", 1), ("radau", 3), ("gauss", 10)])
 @pytest.mark.parametrize("kind", ["rotation", "jumps not named", "multipliers 1e-300 to 1e300"])
 def test_fixed_settings_keep_their_claims_or_are_refused(kind, method, segments):
-    case = draw(kind, 7)
-    check(judged(case, lambda c: fl.floquet(c.system(), tol=c.tol, method=method, segments=segments)), factor=3.0)
+    check(judged(replace(draw(kind, 7), options={"method": method, "segments": segments})))

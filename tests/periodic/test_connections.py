@@ -24,12 +24,8 @@ def test_constant_systems_answer_as_those_of_python_control(through):
     first, second = plant(1, 3, 2, 2, through), plant(2, 2, 2, 2, through)
     G, H = ours(*first), ours(*second)
     g, h = control.ss(*first), control.ss(*second)
-    for got, want in (
-        (G * H, g * h),
-        (G + H, g + h),
-        (G.feedback(H), g.feedback(h)),
-        (G.feedback(H, 0.2), g.feedback(0.2 * h, 1)),
-    ):
+    pairs = (G * H, g * h), (G + H, g + h), (G.feedback(H), g.feedback(h)), (G.feedback(H, 0.2), g.feedback(0.2 * h, 1))
+    for got, want in pairs:
         A, B, C, D = (part(np.zeros(1))[0] for part in (got.system.A, got.system.B, got.C, got.D))
         for s in (0.3j, 1 + 2j):
             np.testing.assert_allclose(C @ np.linalg.solve(s * np.eye(len(A)) - A, B) + D, want(s), atol=1e-12)
@@ -46,16 +42,12 @@ def test_varying_systems_move_as_their_parts_do():
     H = fl.PeriodicStateSpace(fl.PeriodicSystem(wave(-0.5), 1.0, B=[[1.0]]), wave(1.0), [[0.4]])
     whole = G.feedback(H) * H + G
 
-    def one(f, t):
-        return at(f, t).item()
-
     def direct(t, x):
-        u, (g, h, before, alone) = np.sin(3 * t), x
-        r = one(H.C, t) * before + 0.4 * u  # H, then G in feedback with another H, and G alone beside them
-        g_in = (r - one(H.C, t) * h - 0.4 * one(G.C, t) * g) / (1 + 0.4 * one(G.D, t))
-        y = one(G.C, t) * g + one(G.D, t) * g_in
-        a, b = one(G.system.A, t), one(G.system.B, t)
-        return [a * g + b * g_in, one(H.system.A, t) * h + y, one(H.system.A, t) * before + u, a * alone + b * u]
+        u, (g, h, before, alone), v = np.sin(3 * t), x, 1 + 0.5 * np.cos(2 * np.pi * t)
+        r = v * before + 0.4 * u  # H, then G in feedback with another H, and G alone beside them
+        g_in = (r - v * h - 0.4 * 0.7 * v * g) / (1 + 0.4 * 0.2 * v)
+        y = 0.7 * v * g + 0.2 * v * g_in
+        return [2 * v * g_in - v * g, y - 0.5 * v * h, u - 0.5 * v * before, 2 * v * u - v * alone]
 
     def joined(t, x):
         return at(whole.system.A, t) @ x + at(whole.system.B, t) @ [np.sin(3 * t)]

@@ -1,4 +1,4 @@
-"""The jury itself: truths found in two ways agree within their doubts, and the judge catches a liar."""
+"""The jury itself: truths that share nothing agree within their doubts, and the judge catches a liar."""
 
 from dataclasses import dataclass, replace
 
@@ -6,77 +6,33 @@ import numpy as np
 import pytest
 
 from tests.periodic.chains import Real
-from tests.periodic.judge import judged, true_errors
+from tests.periodic.judge import judged
 from tests.periodic.jumping_systems import reference_jump, reference_pulse
 from tests.periodic.non_normal_systems import reference_non_normal
-from tests.periodic.random_systems import COUNTS, KINDS, draw
+from tests.periodic.random_systems import COUNTS, draw
+from tests.periodic.systems import oscillator
 from tests.periodic.truths import eigenvalues, integrated, panels_of
-from tests.thinned import thin
-
-
-def miss(case, found):
-    return np.abs(true_errors(case, found, np.ones(len(found)))[0]).max()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind", ["rotation", "shear", "exponential", "mixed", "jordan", "reparametrised", "kinks named"]
-)
-def test_exponents_of_a_chain_are_those_of_its_integration(kind):
-    compared = 0
-    for seed in range(25):
-        case = draw(kind, seed)
-        t = np.linspace(0, case.period, 200)
-        rate = np.abs(case.A(t)).sum(axis=(1, 2)).max() / 2
-        if len(case.exponents) > 4 or np.ptp(case.exponents.real) * case.period > 10 or rate * case.period > 300:
-            continue
-        panels = panels_of(case.period, rate, case.A.clock.corners)
-        truth = integrated(lambda t, A=case.A: np.moveaxis(A.extended(t)[0], -1, 0), panels, case.period)
-        slack = 3 * case.doubt.max() + 3 * truth.doubt.max()
-        assert miss(case, truth.exponents) <= slack
-        assert slack < (1e-3 if kind == "jordan" else 1e-6)
-        compared += 1
-    assert compared >= 3
-
-
-@pytest.mark.parametrize("kind", thin(["Meissner not named", "jumps not named"]))
-def test_products_of_exponentials_are_those_of_panels(kind):
-    for seed in range(5):
-        case = draw(kind, seed)
-        rate = np.abs(case.A.matrices).sum(axis=(1, 2)).max()
-        panels = panels_of(case.period, rate, case.A.edges)
-        truth = integrated(case.A, panels, case.period)
-        assert miss(case, truth.exponents) <= 1e-16 + case.doubt.max() + truth.doubt.max()
 
 
 def test_known_answers():
     np.testing.assert_allclose(np.sort(reference_pulse().exponents.real), [-1.33204116, 1.28204116], atol=5e-9)
-    mathieu = integrated(mathieu_one_fifth, panels_of(np.pi, 2.0), np.pi)
-    np.testing.assert_allclose(np.sort(mathieu.exponents.real), np.array([-1, 1]) * 0.099536437275513447, rtol=1e-15)
+    mathieu, _ = integrated(lambda t: oscillator(1 - Real("0.4") * np.cos(2 * t)), panels_of(np.pi, 2.0), np.pi)
+    np.testing.assert_allclose(np.sort(mathieu.real), np.array([-1, 1]) * 0.099536437275513447, rtol=1e-15)
     np.testing.assert_allclose(reference_jump().exponents.real, -0.05, atol=1e-15)
     np.testing.assert_allclose(np.abs(reference_jump().exponents.imag), 1.1982763, atol=5e-8)
-    np.testing.assert_allclose(
-        np.sort(eigenvalues(reference_non_normal().A(np.zeros(1))[0]).real), [-4, -3, -2, -1], rtol=1e-15
-    )
-
-
-def mathieu_one_fifth(t):
-    """x'' + (1 - 0.4 cos 2t) x = 0."""
-    A = np.zeros((len(t), 2, 2), Real)
-    A[:, 0, 1], A[:, 1, 0] = 1, Real("0.4") * np.cos(2 * t) - 1
-    return A
+    non_normal = eigenvalues(reference_non_normal().A(np.zeros(1))[0])
+    np.testing.assert_allclose(np.sort(non_normal.real), [-4, -3, -2, -1], rtol=1e-15)
 
 
 @pytest.mark.slow
-def test_every_kind_is_counted_and_drawn_the_same_twice():
-    assert set(COUNTS) == set(KINDS)
-    for kind in KINDS:
+def test_every_kind_is_drawn_the_same_twice():
+    for kind in COUNTS:
         one, two = draw(kind, 3), draw(kind, 3)
         t = np.linspace(0, one.period, 7)
         np.testing.assert_array_equal(one.A(t), two.A(t))
         np.testing.assert_array_equal(one.exponents, two.exponents)
         assert one.A(t).shape == (7, len(one.exponents), len(one.exponents))
-        assert np.isfinite(one.doubt).all()
+        assert one.doubt.max() < (1e-3 if kind == "jordan" else 1e-5)
 
 
 @dataclass(frozen=True)

@@ -83,10 +83,6 @@ def wave(rng, size, turns=False, harmonics=3):
     return Wave(size * rng.normal(), int(rng.integers(-2, 3)) if turns else 0, *(tuple(p.tolist()) for p in parts))
 
 
-def constant(rng, size):
-    return Wave(size * rng.normal())
-
-
 def planes(rng, n):
     return (int(k) for k in rng.permutation(n)[:2])
 
@@ -97,14 +93,13 @@ def random_factors(rng, n, style):
         return (Stretch(0, wave(rng, rng.uniform(0, 3))),)
     log_condition = rng.choice([rng.uniform(0, 1), rng.uniform(0, 6)])
     size = 10 ** (log_condition / 2) / n**0.5
-    basis = [Rotation(*planes(rng, n), constant(rng, 3.0)) for _ in range(n)]
-    basis += [Stretch(int(k), constant(rng, 0.5)) for k in range(n)]
+    basis = [Rotation(*planes(rng, n), Wave(3.0 * rng.normal())) for _ in range(n)]
+    basis += [Stretch(int(k), Wave(0.5 * rng.normal())) for k in range(n)]
     turns = [Rotation(*planes(rng, n), wave(rng, 0.7, turns=True)) for _ in range(max(1, n - 1))]
     shears = [Shear(*planes(rng, n), wave(rng, size)) for _ in range(2)]
     level = rng.integers(0, 3, n)
-    N = np.round(rng.standard_normal((n, n)), 3) * (
-        np.subtract.outer(level, level) == 1
-    )  # N^3 = 0: up one of three levels
+    up = np.subtract.outer(level, level) == 1  # one of three levels, so that N^3 = 0
+    N = np.round(rng.standard_normal((n, n)), 3) * up
     powers = [Stretch(int(k), wave(rng, log_condition * 0.3)) for k in rng.permutation(n)[:2]]
     powers.append(Unipotent(N / n**0.5, wave(rng, min(size, 3.0))))
     last = {"rotation": turns, "shear": [*turns[:2], *shears], "exponential": [*turns[:2], *powers]}
@@ -140,10 +135,12 @@ def transformed(rng, factors="mixed", constants="plain", clock=None, named=False
 
 
 for style in ("rotation", "shear", "exponential", "mixed"):
-    kind(style)(lambda rng, style=style: transformed(rng, style))
-kind("jordan")(lambda rng: transformed(rng, constants="jordan"))
-kind("multipliers 1e-300 to 1e300")(lambda rng: transformed(rng, constants="wide"))
-kind("reparametrised")(lambda rng: transformed(rng, clock=smooth_clock))
-kind("kinks named")(lambda rng: transformed(rng, clock=kinked_clock, named=True, largest=6))
-kind("kinks not named")(lambda rng: transformed(rng, clock=kinked_clock, largest=6))
-kind("stiff")(lambda rng: transformed(rng, constants="stiff", largest=5, period=float(10 ** rng.uniform(-0.5, 0.8))))
+    kind(style, 1500)(lambda rng, style=style: transformed(rng, style))
+kind("jordan", 1000)(lambda rng: transformed(rng, constants="jordan"))
+kind("multipliers 1e-300 to 1e300", 1000)(lambda rng: transformed(rng, constants="wide"))
+kind("reparametrised", 1000)(lambda rng: transformed(rng, clock=smooth_clock))
+kind("kinks named", 500)(lambda rng: transformed(rng, clock=kinked_clock, named=True, largest=6))
+kind("kinks not named", 500)(lambda rng: transformed(rng, clock=kinked_clock, largest=6))
+kind("stiff", 500)(
+    lambda rng: transformed(rng, constants="stiff", largest=5, period=float(10 ** rng.uniform(-0.5, 0.8)))
+)

@@ -1,6 +1,5 @@
 """Exponents in extended precision: eigenvalues, products of exponentials, and transition matrices on panels, each with its own doubt."""
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
@@ -71,30 +70,12 @@ def settled(before, now, period):
 
 def product_exponents(matrices, edges, digits):
     """The same with a number of digits."""
-    n = len(matrices[0])
     with mp.workdps(digits):
-        product = np.array(mp.eye(n).tolist(), dtype=object).reshape(n, n)
+        product = mp.eye(len(matrices[0]))
         for matrix, (a, b) in zip(matrices, pairwise(mp.mpf(float(e)) for e in edges), strict=True):
-            product = exponential(matrix, b - a).dot(product)
-        values = mp.eig(mp.matrix(product.tolist()), left=False, right=False)
+            product = mp.expm(mp.matrix(np.asarray(matrix).tolist()) * (b - a)) * product
+        values = mp.eig(product, left=False, right=False)
         return [mp.log(v) / mp.mpf(float(edges[-1])) for v in values]
-
-
-def exponential(matrix, duration):
-    """exp(A d) by scaling, Taylor's series and squaring in the working precision."""
-    n = len(matrix)
-    A = np.array([[mp.mpf(float(v)) * duration for v in row] for row in matrix], dtype=object)
-    squarings = max(0, int(mp.ceil(mp.log(sum(abs(v) for v in A.ravel()) + 1, 2))) + 4)
-    A = A / mp.mpf(2) ** squarings
-    total = term = np.array(mp.eye(n).tolist(), dtype=object).reshape(n, n)
-    for k in range(1, 40 + mp.mp.dps):
-        term = term.dot(A) / k
-        total = total + term
-        if max(abs(v) for v in term.ravel()) < mp.mpf(10) ** (-mp.mp.dps - 5):
-            break
-    for _ in range(squarings):
-        total = total.dot(total)
-    return total
 
 
 @lru_cache
@@ -136,16 +117,10 @@ def panel_transitions(A, panels):
     return ends, np.abs(samples).mean(axis=1)
 
 
-@dataclass(frozen=True)
-class Truth:
-    """Exponents, and how far each may be wrong: by the truth's own arithmetic and by the rounding of A to doubles."""
-
-    exponents: np.ndarray
-    doubt: np.ndarray
-
-
 def integrated(A, panels, period):
-    """Exponents of x' = A x from panels that cover a period, with the first-order effect of relative roundings HALF_ULP of A.
+    """Exponents of x' = A x from panels that cover a period, and how far each may be wrong.
+
+    By the first-order effect of relative roundings HALF_ULP of A, and by the truth's own arithmetic.
 
     The products themselves carry roundings of their entries' sizes: a multiplier that is small beside them is known less well.
     """
@@ -169,7 +144,7 @@ def integrated(A, panels, period):
     product = np.abs(np.array(before[1:], float)) @ np.abs(x)
     arithmetic += PRODUCT * np.sqrt((np.einsum("kia,kai->ki", last, product) ** 2).sum(axis=0))
     own = np.abs(np.einsum("ia,ai->i", y, x)) * sizes * period
-    return Truth(exponents, near_double(exponents, (rounded + arithmetic) / np.maximum(own, 1e-300), period))
+    return exponents, near_double(exponents, (rounded + arithmetic) / np.maximum(own, 1e-300), period)
 
 
 def near_double(exponents, doubt, period):
@@ -182,13 +157,12 @@ def near_double(exponents, doubt, period):
 
 
 def as_mp(matrix):
-    return mp.matrix(
-        [[mp.mpf(np.format_float_scientific(v, precision=25, unique=False)) for v in row] for row in matrix]
-    )
+    digits = [[np.format_float_scientific(v, precision=25, unique=False) for v in row] for row in matrix]
+    return mp.matrix(digits)
 
 
 def as_complex(matrix):
-    return np.array([[complex(matrix[i, j]) for j in range(matrix.cols)] for i in range(matrix.rows)])
+    return np.array(matrix.tolist(), complex)
 
 
 def panels_of(period, rate, corners=(), windows=()):

@@ -1,6 +1,8 @@
-"""Matrix functions of time, and how well a series covers one."""
+"""Matrix functions of time, and series that cover them."""
 
 import numpy as np
+
+from flexlin.periodic import resolve
 
 SMOOTH = 2 * np.pi
 
@@ -22,11 +24,12 @@ def background(rng, period, size=2, harmonics=5):
     return f
 
 
-def covered(series, A, rng, near=()):
-    """The largest ratio of the true error to the stated one, at random times and ever closer to the places given."""
-    T = series.period
+def resolved(A, T, near=(), below=np.inf, true=None, **options):
+    """The series of A, whose stated errors lie below a bound and cover the true ones, at random times and ever closer to places."""
+    series, rng = resolve(A, T, **options), np.random.default_rng(1)
+    assert np.all(series.error < below)
     steps = T * 10.0 ** rng.uniform(-12, -1, 60)
-    t = np.concatenate(
-        [rng.uniform(0, T, 3000), *(np.mod(place + side * steps, T) for place in near for side in (-1, 1))]
-    )
-    return float((np.abs(series(t) - A(t)) / series.error).max())
+    about = [np.mod(place + side * steps, T) for place in near for side in (-1, 1)]
+    t = np.concatenate([rng.uniform(0, T, 3000), *about])
+    assert np.all(np.abs(series(t) - (true or A)(t)) <= series.error)
+    return series

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlin.periodic import resolve
-from tests.periodic.coefficient_series.functions import background
+from tests.periodic.coefficient_series.functions import background, resolved
 from tests.thinned import thin
 
 T = 2.0
@@ -58,9 +58,7 @@ def test_no_pattern_of_entries_cancels_in_the_sum(seed, pattern):
     def pulsed(t):
         return A(t) + 1e-6 * height * box(t, begin, 2.5e-4)
 
-    series, t = resolve(pulsed, T), rng.uniform(0, T, 3000)
-    assert len([place for place in series.found if place.time > 0]) == 2
-    assert np.all(np.abs(series(t) - pulsed(t)) <= series.error)
+    assert len([place for place in resolved(pulsed, T).found if place.time > 0]) == 2
 
 
 @pytest.mark.parametrize("n", [2, 8, 20])

@@ -9,22 +9,18 @@ from flexlin.periodic import differentiate_exponents, find_resonances, gauss_tra
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, meissner
 
 
-def transformed(seed=4):
-    constant = block_diag([[0.3, 2.0], [-2.0, 0.3]], [[-1.5]])
-    return fl.PeriodicSystem(lyapunov_transformed(constant, 3.0, 2, np.random.default_rng(seed)), 2 * np.pi / 3)
+def mathieu_system(a, q):
+    return fl.PeriodicSystem(mathieu(a, q), np.pi)
 
 
-SYSTEMS = {
-    "transformed": transformed,
-    "colaneri": lambda: fl.PeriodicSystem(colaneri, 2 * np.pi),
-    "mathieu": lambda: fl.PeriodicSystem(mathieu(1, 0.2), np.pi),
-    "meissner": lambda: fl.PeriodicSystem(meissner, np.pi, breaks=(np.pi / 3,)),
-}
+D = block_diag([[0.3, 2.0], [-2.0, 0.3]], [[-1.5]])
+TRANSFORMED = fl.PeriodicSystem(lyapunov_transformed(D, 3.0, 2, np.random.default_rng(4)), 2 * np.pi / 3)
+FAR_APART = fl.PeriodicSystem(colaneri, 2 * np.pi)
+JUMPING = fl.PeriodicSystem(meissner, np.pi, breaks=(np.pi / 3,))
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
-def test_modes_solve_the_equations_and_are_biorthogonal(name):
-    system = SYSTEMS[name]()
+@pytest.mark.parametrize("system", [TRANSFORMED, FAR_APART, mathieu_system(1, 0.2), JUMPING])
+def test_modes_solve_the_equations_and_are_biorthogonal(system):
     modes = floquet_modes(system)
     grid = np.append(modes.times, system.period)
     Phi = gauss_transitions(system.A, grid, 8)
@@ -34,7 +30,7 @@ def test_modes_solve_the_equations_and_are_biorthogonal(name):
     gram = np.einsum("tki,tkj->tij", modes.left.conj(), modes.right)
     scale = np.linalg.norm(modes.left, axis=1)[:, :, None] * np.linalg.norm(modes.right, axis=1)[:, None, :]
     # colaneri's fast mode swells by exp(20) within the period: that many digits are lost where it is small
-    assert (np.abs(gram - np.eye(system.n)) / np.maximum(scale, 1)).max() < (1e-7 if name == "colaneri" else 1e-11)
+    assert (np.abs(gram - np.eye(system.n)) / np.maximum(scale, 1)).max() < (1e-7 if system is FAR_APART else 1e-11)
     assert abs(modes.weights.sum() - 1) < 1e-13
     np.testing.assert_allclose(modes.participation.sum(axis=0), 1)
 
@@ -45,45 +41,32 @@ def test_participation_of_uncoupled_states():
 
 
 def test_derivatives_against_exact_ones_of_a_transformed_system():
-    """A + theta I moves every exponent by theta; A0 + theta C moves the eigenvalues of A0 by left and right eigenvectors."""
-    system = transformed()
-    modes = floquet_modes(system, tol=1e-11)
+    """A + theta I moves every exponent by theta."""
+    modes = floquet_modes(TRANSFORMED, tol=1e-11)
     shift = np.broadcast_to(np.eye(3), (len(modes.times), 3, 3))
     np.testing.assert_allclose(differentiate_exponents(modes, shift), 1, atol=1e-9)
     # time and A scaled together, A(t) -> (1 + theta) A((1 + theta) t): lambda -> (1 + theta) lambda, T -> T / (1 + theta)
-    A = system.A(modes.times)
-    unfolded = differentiate_exponents(modes, A, A, period_slope=-system.period)
+    A = TRANSFORMED.A(modes.times)
+    unfolded = differentiate_exponents(modes, A, A, period_slope=-TRANSFORMED.period)
     np.testing.assert_allclose(unfolded, modes.exponents, atol=1e-9)
 
 
 def test_derivatives_of_mathieu_against_differences():
     """d lambda / dq inside the first tongue, against a central difference of independent solutions."""
-    modes = floquet_modes(fl.PeriodicSystem(mathieu(1, 0.2), np.pi), tol=1e-12)
+    modes, h = floquet_modes(mathieu_system(1, 0.2), tol=1e-12), 1e-4
     slope = np.zeros((2, len(modes.times), 2, 2))
     slope[0, :, 1, 0] = 2 * np.cos(2 * modes.times)
     slope[1, :, 1, 0] = -1
-    step = 1e-4
-    exact = differentiate_exponents(modes, slope)
-    for row, (da, dq) in enumerate([(0, step), (step, 0)]):
-        plus, minus = (
-            fl.floquet(fl.PeriodicSystem(mathieu(1 + s * da, 0.2 + s * dq), np.pi), tol=1e-12).exponents[0].real
-            for s in (1, -1)
-        )
-        assert abs(exact[row, 0].real - (plus - minus) / (2 * step)) < 1e-6
+
+    def growth(a, q):
+        return fl.floquet(mathieu_system(a, q), tol=1e-12).exponents[0].real
+
+    changes = [growth(1, 0.2 + h) - growth(1, 0.2 - h), growth(1 + h, 0.2) - growth(1 - h, 0.2)]
+    np.testing.assert_allclose(differentiate_exponents(modes, slope)[:, 0].real, np.array(changes) / (2 * h), atol=1e-6)
     with pytest.raises(ArgumentError, match="shape"):
         differentiate_exponents(modes, slope[:, :-1])
     with pytest.raises(ArgumentError, match="missing"):
         differentiate_exponents(modes, slope, period_slope=1.0)
-
-
-def coupled(frequency, coupling):
-    """Oscillators of 3 and 5 rad/s with stiffness coupling * cos(w t), coupling a symmetric or skew matrix."""
-    return fl.PeriodicSystem.from_second_order(
-        np.eye(2),
-        0.01 * np.eye(2),
-        lambda t: np.diag([9.0, 25.0]) + np.cos(frequency * t)[:, None, None] * np.array(coupling),
-        2 * np.pi / frequency,
-    )
 
 
 @pytest.mark.parametrize(
@@ -97,8 +80,15 @@ def coupled(frequency, coupling):
     ],
 )
 def test_resonances_are_named(frequency, coupling, kind, order, pair):
-    """Symmetric coupling gives sum resonances, skew coupling difference resonances (Nayfeh, Mook 1979, section 5.3)."""
-    system = coupled(frequency, coupling)
+    """Of oscillators of 3 and 5 rad/s with stiffness coupling * cos(w t).
+
+    Symmetric coupling gives sum resonances, skew coupling difference resonances (Nayfeh, Mook 1979, section 5.3).
+    """
+
+    def stiffness(t):
+        return np.diag([9.0, 25.0]) + np.cos(frequency * t)[:, None, None] * np.array(coupling)
+
+    system = fl.PeriodicSystem.from_second_order(np.eye(2), 0.01 * np.eye(2), stiffness, 2 * np.pi / frequency)
     found = find_resonances(system, floquet_modes(system))
     assert found
     for resonance in found:
@@ -110,9 +100,7 @@ def test_resonances_are_named(frequency, coupling, kind, order, pair):
 
 def test_a_wide_tongue_is_entered_far_from_its_condition_and_no_frequency_is_called_near():
     """Mathieu's first tongue at a = 0.6, q = 0.6: 2 x 0.775 rad/s is 23 % below 2 rad/s."""
-    system = fl.PeriodicSystem.from_second_order(
-        [[1.0]], [[0.0]], lambda t: (0.6 - 1.2 * np.cos(2 * t))[:, None, None], np.pi
-    )
+    system = mathieu_system(0.6, 0.6)
     (found,) = find_resonances(system, floquet_modes(system))
     assert found.condition == "2 x 0.7746 rad/s at 0.45 rad/s from 1 w, w = 2 rad/s = 2 pi / T"
 

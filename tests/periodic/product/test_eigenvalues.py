@@ -18,20 +18,18 @@ def rng():
     return np.random.default_rng(11)
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 17, 400, 5000])
-def test_triangular_products_of_any_length(count, rng):
-    rate = np.array([0.31, 0.05, -0.02, -0.4])
-    T = np.triu(0.1 * rng.standard_normal((count, 4, 4)), 1) + np.diag(np.exp(rate))
+@pytest.mark.parametrize(
+    ("count", "rate", "above"),
+    [(count, np.array([0.31, 0.05, -0.02, -0.4]), 0.1) for count in (1, 2, 3, 17, 400, 5000)]
+    + [(1000, np.log(10) * np.array([1.3, 0.2, 0.0, -1.3]), 1.0), (30, -0.02 * np.arange(12), 0.05)],
+)
+def test_triangular_products_of_any_length(count, rate, above, rng):
+    """Also moduli from 1e-1300 to 1e1300, and a ladder of twelve, exp(-0.6) apart: no gap is wide, the whole range is not small."""
+    n = len(rate)
+    T = np.triu(above * rng.standard_normal((count, n, n)), 1) + np.diag(np.exp(rate))
     found = find_spectrum(framed(T, rng))
-    logs, rounding = found.logs, found.rounding
-    np.testing.assert_allclose(logs, rate * count, rtol=1e-12, atol=1e-11)
-    assert np.all(np.abs(logs - rate * count) <= rounding + 1e-13)
-
-
-def test_moduli_from_1e_1300_to_1e1300(rng):
-    rate = np.log(10) * np.array([1.3, 0.2, 0.0, -1.3])
-    T = np.triu(rng.standard_normal((1000, 4, 4)), 1) + np.diag(np.exp(rate))
-    np.testing.assert_allclose(find_spectrum(framed(T, rng)).logs, 1000 * rate, atol=1e-9)
+    np.testing.assert_allclose(found.logs, rate * count, rtol=1e-12, atol=1e-11 if n == 4 else 1e-9)
+    assert np.all(np.abs(found.logs - rate * count) <= found.rounding + 1e-13)
 
 
 def test_complex_pairs_of_equal_moduli_beside_a_fast_mode(rng):
@@ -47,19 +45,10 @@ def test_complex_pairs_of_equal_moduli_beside_a_fast_mode(rng):
     assert abs(odd[-1] - (-297 + 1j * np.pi)) < 1e-11
 
 
-def test_equal_ladder_of_small_gaps(rng):
-    """Twelve moduli a factor exp(-0.6) apart over the whole product: no gap is wide, the whole range is not small."""
-    rate = -0.6 * np.arange(12) / 30
-    T = np.triu(0.05 * rng.standard_normal((30, 12, 12)), 1) + np.diag(np.exp(rate))
-    np.testing.assert_allclose(find_spectrum(framed(T, rng)).logs, 30 * rate, atol=1e-9)
-
-
 def test_a_defective_pair_reports_its_rounding(rng):
-    T = np.tile(np.array([[1.0, 0.1], [0, 1.0]]), (10, 1, 1))
-    found = find_spectrum(framed(T, rng))
-    logs, rounding = found.logs, found.rounding
-    assert np.all(np.abs(logs) <= rounding)
-    assert rounding.max() < 1e-6
+    found = find_spectrum(framed(np.tile([[1.0, 0.1], [0, 1.0]], (10, 1, 1)), rng))
+    assert np.all(np.abs(found.logs) <= found.rounding)
+    assert found.rounding.max() < 1e-6
 
 
 @pytest.mark.parametrize("seed", [1, 11, 36])
@@ -132,15 +121,10 @@ def test_factors_that_are_no_numbers_are_refused(value):
 def test_unknown_couplings_are_those_of_the_vectors(rng, count, limit):
     """|L left| size |right R| summed over the factors, and linear in the size: what stands before each factor, in units of the states."""
     F = framed(np.triu(0.2 * rng.standard_normal((count, 4, 4)), 1) + np.diag(np.exp([0.2, 0.1, 0.0, -0.2])), rng)
-    size, left, right = (
-        rng.random((count, 2, 3)),
-        rng.standard_normal((count, 4, 2)),
-        rng.standard_normal((count, 3, 4)),
-    )
-    none = find_spectrum(F, limit=limit).rounding
-    both = [
-        find_spectrum(F, None, Unknown(part * size, left, right), limit=limit).rounding - none for part in (1e-9, 2e-9)
-    ]
+    size, left = rng.random((count, 2, 3)), rng.standard_normal((count, 4, 2))
+    right, none = rng.standard_normal((count, 3, 4)), find_spectrum(F, limit=limit).rounding
+    unknowns = [Unknown(part * size, left, right) for part in (1e-9, 2e-9)]
+    both = [find_spectrum(F, None, unknown, limit=limit).rounding - none for unknown in unknowns]
     np.testing.assert_allclose(both[1], 2 * both[0], rtol=1e-3)
     if limit == 0.0 and count > 1:
         values, R = np.linalg.eig(np.linalg.multi_dot(F[::-1]))

@@ -1,10 +1,10 @@
-"""Eigenvectors along a product: what they say of perturbations."""
+"""Eigenvectors along a product: what they say of perturbations; and the cyclic system that they close."""
 
 import mpmath
 import numpy as np
 import pytest
 
-from flexlin.periodic import find_spectrum, match_logs, separate_triangular
+from flexlin.periodic import cyclic_system, find_spectrum, match_logs, separate_triangular
 
 
 @pytest.fixture
@@ -39,6 +39,11 @@ def exact_logs(factors):
         return np.array([complex(mpmath.log(v)) for v in values])
 
 
+def moved(motion, factors):
+    """How far the logs move to those of other factors."""
+    return match_logs(motion.logs, exact_logs(factors))[1]
+
+
 def test_first_order_motion_is_exact_to_second_order(rng):
     F = factors_of(rng, 6, 5, 1.0)
     change = rng.standard_normal(F.shape) * np.abs(F).max(axis=(1, 2), keepdims=True)
@@ -46,8 +51,7 @@ def test_first_order_motion_is_exact_to_second_order(rng):
     for size in (1e-5, 1e-6):
         motion = find_spectrum(F, F + size * change, limit=0.0)
         missed.append(match_logs(motion.logs + motion.shift, exact_logs(F + size * change))[1].max())
-        moved = match_logs(motion.logs, exact_logs(F + size * change))[1]
-        assert np.all(moved <= 1.01 * motion.method + motion.rounding)
+        assert np.all(moved(motion, F + size * change) <= 1.01 * motion.method + motion.rounding)
     assert 1.8 < np.log10(missed[0] / missed[1]) < 2.2
 
 
@@ -59,9 +63,9 @@ def test_a_jordan_chain_that_breaks_up_stays_inside_the_bound(m, rng):
     F = np.roll(frames, -1, axis=0) @ np.tile(block, (4, 1, 1)) @ np.swapaxes(frames, 1, 2)
     better = F + 1e-8 * rng.standard_normal(F.shape)
     motion = find_spectrum(F, better, limit=0.0)
-    moved = match_logs(motion.logs, exact_logs(better))[1]
-    assert np.all(moved <= 1.5 * motion.method + motion.rounding)
-    assert motion.method.max() < 30 * moved.max()
+    distance = moved(motion, better)
+    assert np.all(distance <= 1.5 * motion.method + motion.rounding)
+    assert motion.method.max() < 30 * distance.max()
 
 
 def test_a_multiplier_beside_a_jordan_chain_moves_as_far_as_the_chain_lets_it(rng):
@@ -72,8 +76,7 @@ def test_a_multiplier_beside_a_jordan_chain_moves_as_far_as_the_chain_lets_it(rn
         F = (Q @ order @ Q.T)[None]
         better = F + 1e-10 * rng.standard_normal(F.shape)
         motion = find_spectrum(F, better)
-        moved = match_logs(motion.logs, exact_logs(better))[1]
-        assert np.all(moved <= 1.5 * motion.method + motion.rounding)
+        assert np.all(moved(motion, better) <= 1.5 * motion.method + motion.rounding)
 
 
 def test_triangular_matrix_is_separated_but_for_equal_eigenvalues(rng):
@@ -92,3 +95,17 @@ def test_modes_that_swing_far_apart_get_a_bound_that_holds(mixed):
     motion = find_spectrum(factors, factors * (1 + 1e-9), limit=0.0)
     error = np.abs(motion.logs.real - [40.0, -0.4])
     assert np.all(error <= motion.method + motion.rounding)
+
+
+def test_cyclic_system_survives_growth_of_both_signs_and_has_null_vectors_that_close_the_period(rng):
+    frames = np.linalg.qr(rng.standard_normal((12, 3, 3)))[0]
+    frames[-1] = frames[0]
+    unlike, closed = (frames[1:] @ np.diag([1e9, m, 1e-9]) @ np.swapaxes(frames[:-1], 1, 2) for m in (0.5, 1.0))
+    x = rng.standard_normal((11, 3, 2))
+    g = np.roll(x, -1, axis=0) - unlike @ x
+    np.testing.assert_allclose(
+        cyclic_system(unlike).solve(g), x, atol=1e-6
+    )  # g is 1e9 large: ten digits are left at most
+    x, sigma = cyclic_system(closed).null_vectors(1)
+    np.testing.assert_allclose(np.abs(np.einsum("kin,ki->kn", x, frames[:-1, :, 1])), 1, atol=1e-7)
+    assert sigma[0] < 1e-7 < 0.1 < sigma[1]
