@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.lazy import lazy
-from flexlin.periodic.circle import measure_distances, wrap_angle, wrap_log
+from flexlin.periodic.circle import measure_distances, wrap_angle
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import assemble_hamiltonian
 from flexlin.periodic.floquet.exponents import floquet
@@ -100,11 +100,10 @@ class BoundedReal:
             self.made[key] = Segments(found.free, found.pushed * into, found.seen * out, found.through * out * into)
         return self.made[key]
 
-    def judge(self, level: float, unseen: Array) -> "Level":
-        """On which side of the norm a level lies, as far as the exponents of H show it, and the frequencies of what it meets.
+    def judge(self, level: float) -> tuple[int, Array]:
+        """On which side of the norm a level lies (1 above, -1 below, 0 where errors hide it), and at which frequencies a gain equals it.
 
-        Below: a multiplier lies on the circle, since no other one is near that could be its mirror image in it. Above: none does, but for
-        the pairs of modes that are `unseen` or not reached, which no level moves, where no other one is near.
+        Below: a multiplier lies on the circle, since no other one is near that could be its mirror image in it. Above: none does.
         """
         found = floquet(self.hamiltonian(level))
         known = np.isfinite(found.errors)
@@ -112,28 +111,9 @@ class BoundedReal:
         logs = found.log_multipliers
         apart = measure_distances(logs, logs) / found.period
         alone = (apart > 2 * (errors + errors[:, None])) | np.eye(len(logs), dtype=bool)
-        seen = np.ones(len(logs), dtype=bool)
-        for mode in unseen.tolist():
-            distance = np.abs(wrap_log(logs - mode * found.period)) / found.period
-            pair = np.argsort(distance)[:2]
-            others = np.delete(distance - 2 * errors, pair)
-            if others.min(initial=np.inf) > 2 * distance[pair].max() + 2 * abs(mode.real):
-                seen[pair] = False
-        crossing = (size <= errors) & alone.all(axis=1) & seen
-        side = 1 if np.all((size > 2 * errors)[seen]) else -int(crossing.any())
-        hidden = float(errors[seen & (size <= 2 * errors)].max(initial=0.0))
-        return Level(level, side, np.unique(np.abs(found.exponents.imag[crossing])), hidden)
-
-
-@dataclass(frozen=True)
-class Level:
-    """A level, its side of the norm (1 above, -1 below, 0 where errors hide it), frequencies at which a gain equals it, and the largest
-    error that hides something, in 1/s."""
-
-    value: float
-    side: int
-    frequencies: Array
-    hidden: float
+        crossing = (size <= errors) & alone.all(axis=1)
+        side = 1 if np.all(size > 2 * errors) else -int(crossing.any())
+        return side, np.unique(np.abs(found.exponents.imag[crossing]))
 
 
 def measure_parts(port: Array, vectors: Array, largest: float) -> tuple[Array, Array]:
@@ -151,7 +131,7 @@ class PeakSearch:
     """The largest gain |y| / |u| under inputs exp(i omega t) v(t), v periodic, sought about the frequencies of the modes.
 
     shares: what each mode adds to a gain at the most, |c_i| |b_i| / |Re lambda_i| with the largest b_i = q_i^H B and c_i = C p_i;
-    noise: what rounding may make of them; best: the largest gain and its frequency; width: of the resonance there, in rad/s.
+    noise: what rounding may make of them; best: the largest gain and its frequency.
     """
 
     def __init__(self, problem: BoundedReal, largest: tuple[float, float], direct: float):
@@ -175,7 +155,6 @@ class PeakSearch:
         first = self.exponents[np.argsort(-self.shares)].imag[: 2 * START_MODES]
         for omega in (0.0, np.pi / self.period, *first.tolist()):
             self.gain(omega)
-        self.width = 0.0
         self.climb(self.best[1])
 
     @property
@@ -217,7 +196,7 @@ class PeakSearch:
             bend = before - 2 * middle + behind
             turn = START_MODES * float(np.sign(before - behind))
             if bend > 0:
-                self.width, turn = step * float(np.sqrt(2 * middle / bend)), (before - behind) / (2 * bend)
+                turn = (before - behind) / (2 * bend)
             top = middle - bend * turn**2 / 2
             omega += step * float(np.clip(turn, -START_MODES, START_MODES))
             step *= MINOR if abs(turn) < 1 else 1.0
@@ -230,21 +209,6 @@ class PeakSearch:
         middles = ((marks[1:] + marks[:-1]) / 2).tolist()
         self.climb(max(middles, key=self.gain))
         return self.best[0] > before
-
-    def judge(self, level: float, slight: float) -> tuple[Level, float]:
-        """The side of a level, but for the modes that add no more than something slight to any gain, and what they add together."""
-        unseen = self.shares <= slight
-        return self.problem.judge(level, self.exponents[unseen]), 2 * float(self.shares[unseen].sum())
-
-    def go_aside(self, aside: float, hidden: float) -> float:
-        """How far beside the norm the next level is tried, as a part of it: SAFETY times as far as that whose side is hidden, or farther.
-
-        Multipliers part by width sqrt(2 aside), and their errors are as large as those of a nearly double root.
-        """
-        apart = self.width * np.sqrt(2 * aside)
-        known = hidden < self.width  # else the errors at this level say nothing of the next
-        wanted = SAFETY * hidden * max(hidden, apart) / (2 * self.width**2) if known else SAFETY**2 * aside
-        return SAFETY * max(aside, min(wanted, MINOR / SAFETY))
 
     def least(self) -> float:
         """A little more than the least gain that was found, by two orders."""
