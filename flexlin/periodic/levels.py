@@ -1,28 +1,23 @@
 """Levels of the H-infinity norm, judged by a Hamiltonian system's multipliers, and the gains beside which they are tried."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import TooManySegments
 from flexlin.lazy import lazy
-from flexlin.periodic.circle import measure_distances, wrap_angle, wrap_log
+from flexlin.periodic.circle import measure_distances, wrap_angle
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import assemble_hamiltonian
-from flexlin.periodic.floquet.by_segments import Factored
-from flexlin.periodic.floquet.exponents import answer_by_segments, floquet
+from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import MODES_TOL, solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.product import Unknown
 from flexlin.periodic.response.frequency import Segments, condense
 from flexlin.periodic.system import PeriodicSystem, edges_between
 from flexlin.periodic.transition.choose_segments import (
     FEWER_SEGMENTS,
     Setting,
     choose_setting,
-    factor_twice,
     find_rule,
     place_segments,
 )
@@ -79,16 +74,10 @@ class BoundedReal:
         A, B, C, D = (one.mean() for one in (self.system.resolved, self.B, self.C, self.D))
         return float(np.linalg.norm(C @ np.linalg.solve(1j * omega * np.eye(len(A)) - A, B) + D, 2))
 
-    @lazy
-    def begun(self) -> list[Setting]:
-        """That of the level near which all others lie, with which all begin, so that they share segments."""
-        return []
-
     def begin(self, level: float) -> tuple[Array, Setting]:
-        """Choose the segments for all levels near one; those of the gains are the same, but where so many would be needed."""
+        """Choose the segments of the gains: those of a level near them all, but where so many would be needed."""
         system = self.hamiltonian(level)
         setting = choose_setting(system, MODES_TOL)
-        self.begun.append(setting)
         if setting.segments > FEWER_SEGMENTS:  # an L-stable method only knows the modes that it resolves
             setting = choose_setting(self.system, MODES_TOL, "radau")
         return place_segments(system, setting), setting
@@ -99,7 +88,7 @@ class BoundedReal:
         return {}
 
     def segments(self, edges: Array, rule: Tableau) -> Segments:
-        """The system's own, which serve all levels; inputs and outputs so weighted that their squares add up to the integrals."""
+        """The system's, as they serve all frequencies; inputs and outputs so weighted that their squares add up to the integrals."""
         key = edges.tobytes(), rule.c.tobytes()
         if key not in self.made:
             t, h = place_nodes(edges, rule.c), np.diff(edges)
@@ -111,72 +100,20 @@ class BoundedReal:
             self.made[key] = Segments(found.free, found.pushed * into, found.seen * out, found.through * out * into)
         return self.made[key]
 
-    def factor(self, level: float, system: PeriodicSystem, edges: Array, setting: Setting) -> Factored:
-        """Transition matrices of H from the segments of the system itself: Gauss collocation of the one is that of the other.
+    def judge(self, level: float) -> tuple[int, Array]:
+        """On which side of the norm a level lies (1 above, -1 below, 0 where errors hide it), and at which frequencies a gain equals it.
 
-            g^2 u = P' l_1 + R' y,  l_0 = F' l_1 + S' y       x_1 = F x_0 + P u,  y = S x_0 + R u
-
-        Source: Sanz-Serna, Symplectic Runge-Kutta schemes for adjoint equations, optimal control, and more, SIAM Review 58 (2016).
+        Below: a multiplier lies on the circle, since no other one is near that could be its mirror image in it. Above: none does.
         """
-        if setting.method != "gauss":
-            return factor_twice(system, edges, setting)
-        resolved, h, n = system.resolved, np.diff(edges)[:, None, None], self.system.n
-        starts, factors = resolved(edges[:-1]), []
-        for order in (setting.order, setting.order + 4):
-            one = self.segments(edges, find_rule(setting.method, order))
-            F, P, S, R = one.free, one.pushed, one.seen, one.through
-            turned = np.swapaxes(R, 1, 2)
-            solved = np.linalg.solve(
-                level**2 * np.eye(R.shape[2]) - turned @ R, np.concatenate([turned @ S, np.swapaxes(P, 1, 2)], axis=2)
-            )
-            a, b = F + P @ solved[..., :n], level * P @ solved[..., n:]
-            c = np.swapaxes(S, 1, 2) @ (S + R @ solved[..., :n]) / level
-            back = np.linalg.inv(np.swapaxes(a, 1, 2))
-            factors.append(np.block([[a - b @ back @ c, b @ back], [-back @ c, back]]))
-        return factors, h * starts, Unknown(h * (EPS * np.abs(starts) + resolved.mean_error(edges)))
-
-    def find_exponents(self, system: PeriodicSystem, level: float) -> FloquetResult:
-        """The exponents of H by segments that all levels share, where so few do."""
-        try:
-            return answer_by_segments(system, self.begun[0], MODES_TOL, FEWER_SEGMENTS, partial(self.factor, level))
-        except TooManySegments:
-            return floquet(system, MODES_TOL)
-
-    def judge(self, level: float, unseen: Array) -> "Level":
-        """On which side of the norm a level lies, as far as the exponents of H show it, and the frequencies of what it meets.
-
-        Below: a multiplier lies on the circle, since no other one is near that could be its mirror image in it. Above: none does, but for
-        the pairs of modes that are `unseen` or not reached, which no level moves, where no other one is near.
-        """
-        system = self.hamiltonian(level)
-        found = floquet(system) if self.constant else self.find_exponents(system, level)
+        found = floquet(self.hamiltonian(level))
         known = np.isfinite(found.errors)
         errors, size = np.where(known, found.errors, 0.0), np.where(known, np.abs(found.exponents.real), np.inf)
         logs = found.log_multipliers
         apart = measure_distances(logs, logs) / found.period
         alone = (apart > 2 * (errors + errors[:, None])) | np.eye(len(logs), dtype=bool)
-        seen = np.ones(len(logs), dtype=bool)
-        for mode in unseen.tolist():
-            distance = np.abs(wrap_log(logs - mode * found.period)) / found.period
-            pair = np.argsort(distance)[:2]
-            others = np.delete(distance - 2 * errors, pair)
-            if others.min(initial=np.inf) > 2 * distance[pair].max() + 2 * abs(mode.real):
-                seen[pair] = False
-        crossing = (size <= errors) & alone.all(axis=1) & seen
-        side = 1 if np.all((size > 2 * errors)[seen]) else -int(crossing.any())
-        hidden = float(errors[seen & (size <= 2 * errors)].max(initial=0.0))
-        return Level(level, side, np.unique(np.abs(found.exponents.imag[crossing])), hidden)
-
-
-@dataclass(frozen=True)
-class Level:
-    """A level, its side of the norm (1 above, -1 below, 0 where errors hide it), frequencies at which a gain equals it, and the largest
-    error that hides something, in 1/s."""
-
-    value: float
-    side: int
-    frequencies: Array
-    hidden: float
+        crossing = (size <= errors) & alone.all(axis=1)
+        side = 1 if np.all(size > 2 * errors) else -int(crossing.any())
+        return side, np.unique(np.abs(found.exponents.imag[crossing]))
 
 
 def measure_parts(port: Array, vectors: Array, largest: float) -> tuple[Array, Array]:
@@ -194,7 +131,7 @@ class PeakSearch:
     """The largest gain |y| / |u| under inputs exp(i omega t) v(t), v periodic, sought about the frequencies of the modes.
 
     shares: what each mode adds to a gain at the most, |c_i| |b_i| / |Re lambda_i| with the largest b_i = q_i^H B and c_i = C p_i;
-    noise: what rounding may make of them; best: the largest gain and its frequency; width: of the resonance there, in rad/s.
+    noise: what rounding may make of them; best: the largest gain and its frequency.
     """
 
     def __init__(self, problem: BoundedReal, largest: tuple[float, float], direct: float):
@@ -218,7 +155,6 @@ class PeakSearch:
         first = self.exponents[np.argsort(-self.shares)].imag[: 2 * START_MODES]
         for omega in (0.0, np.pi / self.period, *first.tolist()):
             self.gain(omega)
-        self.width = 0.0
         self.climb(self.best[1])
 
     @property
@@ -260,7 +196,7 @@ class PeakSearch:
             bend = before - 2 * middle + behind
             turn = START_MODES * float(np.sign(before - behind))
             if bend > 0:
-                self.width, turn = step * float(np.sqrt(2 * middle / bend)), (before - behind) / (2 * bend)
+                turn = (before - behind) / (2 * bend)
             top = middle - bend * turn**2 / 2
             omega += step * float(np.clip(turn, -START_MODES, START_MODES))
             step *= MINOR if abs(turn) < 1 else 1.0
@@ -273,21 +209,6 @@ class PeakSearch:
         middles = ((marks[1:] + marks[:-1]) / 2).tolist()
         self.climb(max(middles, key=self.gain))
         return self.best[0] > before
-
-    def judge(self, level: float, slight: float) -> tuple[Level, float]:
-        """The side of a level, but for the modes that add no more than something slight to any gain, and what they add together."""
-        unseen = self.shares <= slight
-        return self.problem.judge(level, self.exponents[unseen]), 2 * float(self.shares[unseen].sum())
-
-    def go_aside(self, aside: float, hidden: float) -> float:
-        """How far beside the norm the next level is tried, as a part of it: SAFETY times as far as that whose side is hidden, or farther.
-
-        Multipliers part by width sqrt(2 aside), and their errors are as large as those of a nearly double root.
-        """
-        apart = self.width * np.sqrt(2 * aside)
-        known = hidden < self.width  # else the errors at this level say nothing of the next
-        wanted = SAFETY * hidden * max(hidden, apart) / (2 * self.width**2) if known else SAFETY**2 * aside
-        return SAFETY * max(aside, min(wanted, MINOR / SAFETY))
 
     def least(self) -> float:
         """A little more than the least gain that was found, by two orders."""

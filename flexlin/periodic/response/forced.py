@@ -25,7 +25,7 @@ from flexlin.periodic.transition.choose_segments import (
     choose_setting,
     report_too_many,
 )
-from flexlin.periodic.transition.factors import factor, follow_rates
+from flexlin.periodic.transition.factors import factor
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
     Tableau,
@@ -34,6 +34,7 @@ from flexlin.periodic.transition.gauss import (
     place_nodes,
     radau,
     sample_at,
+    solve_stages,
 )
 from flexlin.plots.view import Series, Shown, View
 from flexlin.precision import EPS, FOURTH_ROOT_EPS, MINOR, ROOT_EPS, SAFETY, TINY
@@ -342,18 +343,20 @@ def solve_periodic(
     if sigma <= SAFETY * EPS:
         return None, sigma, Phi[:, :, :n]
     x = cyclic.solve(Phi[:, :, n:])[..., 0]
-    start = np.append(x, np.ones((len(x), 1)), axis=1)
-    parts = [follow_rates(A, h[part], rule, start[part]) for part, A in sample_forced(system, f, grid, rule)]
-    legendre = legvander(2 * rule.c - 1, len(rule.c) - 1)
-    slope = np.linalg.solve(legendre, np.concatenate(parts)[..., :n])
+    start, rates = np.append(x, np.ones((len(x), 1)), axis=1)[:, None, :, None], list[Array]()
+    for part, A in sample_forced(system, f, grid, rule):
+        right = np.broadcast_to(start[part], (*A.shape[:3], 1))
+        rates.append((A @ solve_stages(h[part, None, None, None] * A, rule, right))[..., :n, 0])
+    slope = np.linalg.solve(legvander(2 * rule.c - 1, len(rule.c) - 1), np.concatenate(rates))
     return PiecewiseSolution(grid, x, slope), sigma, Phi[:, :, :n]
 
 
 def sample_forced(
     system: PeriodicSystem, f: VectorFunction, grid: Array, rule: Tableau
 ) -> Iterator[tuple[slice, Array]]:
-    """[[A, f], [0, 0]] at the stages (k, s, n + 1, n + 1), before a jump at the end of a segment, for CHUNK_BYTES of segments at a time."""
-    size = max(8, CHUNK_BYTES // (8 * len(rule.c) * (system.n + 1) ** 2))
+    """[[A, f], [0, 0]] at the stages (k, s, n + 1, n + 1), before a jump at the end of a segment, of as many segments at a
+    time as have equations of CHUNK_BYTES."""
+    size = max(8, CHUNK_BYTES // (8 * (len(rule.c) * (system.n + 1)) ** 2))
     for i in range(0, len(grid) - 1, size):
         t = place_nodes(grid[i : i + size + 1], rule.c)
         force = real_array("f", sample_at(f, t))

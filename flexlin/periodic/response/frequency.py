@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 FARTHEST_ORDER = 64
 """Harmonics of an answer at the most."""
-NOISY_STEPS, MOST_STEPS = 2, 24
-"""Steps to the largest gain from noise, and in all."""
+LANCZOS_VECTORS = 8
+"""Of which the input with the largest gain is made, before they are begun anew from it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,33 +228,25 @@ class Segments:
     def largest_gain(self, turn: complex, tried: Array) -> float:
         """The largest singular value of G: u -> y, where x(T) = turn x(0), |turn| = 1, from the best of some inputs (K, s m, r).
 
-        It is sought in the space of G'G's powers on noise, which hides nothing, and then on the best that is there; what is found
-        lies below it, and the residual |G'G u - g^2 u| is small where it is reached.
-        Source: Golub, Kahan, Calculating the singular values and pseudo-inverse of a matrix, SIAM J. Numer. Anal. 2 (1965) 205.
+        It is sought by Lanczos' method from that input with some noise, which hides nothing: what is found lies below it.
         """
+        from scipy.sparse.linalg import LinearOperator, eigsh  # takes longer to load than a gain to find
+
         forth, back = self.respond(turn), self.adjoint.respond(np.conj(turn))
-        K, size, r = tried.shape
-        flat = np.linalg.qr(tried.reshape(K * size, r))[0]
+        K, size, _ = tried.shape
+        flat = np.linalg.qr(tried.reshape(K * size, -1))[0]
         answers = forth(flat.reshape(K, size, -1)).reshape(-1, flat.shape[1])
-        best = flat @ np.linalg.eigh(answers.conj().T @ answers)[1][:, -1]
-        noise = np.random.default_rng(0).standard_normal((len(flat), 2)) @ (1, 1j)
-        inputs = np.linalg.qr(np.column_stack([best, noise]))[0]
-        outputs, gains = forth(inputs.reshape(K, size, 2)).reshape(-1, 2), np.zeros(1)
-        for step in range(MOST_STEPS):
-            left, gains, right = np.linalg.svd(outputs, full_matrices=False)
-            answer = outputs[:, -1] if step < NOISY_STEPS else left[:, 0]
-            u = back(answer.reshape(K, -1, 1)[::-1])[::-1].ravel()
-            if (
-                step >= NOISY_STEPS
-                and np.linalg.norm(u - gains[0] * inputs @ right[0].conj()) <= CUBE_ROOT_EPS * gains[0]
-            ):
-                break
-            for _ in range(2):  # once more, for what rounding left
-                u = u - inputs @ (inputs.conj().T @ u)
-                u /= np.linalg.norm(u) + TINY
-            inputs = np.column_stack([inputs, u])
-            outputs = np.column_stack([outputs, forth(u.reshape(K, size, 1)).ravel()])
-        return float(gains[0])
+        best = flat @ np.linalg.svd(answers, full_matrices=False)[2][0].conj()
+        noise = np.random.default_rng(0).standard_normal((len(best), 2)) @ (1, 1j)
+
+        def square(u: Array) -> Array:
+            """G'G u."""
+            return back(forth(u.reshape(K, size, 1))[::-1])[::-1].ravel()
+
+        G = LinearOperator((len(best), len(best)), square, dtype=complex)
+        start = best + noise / np.linalg.norm(noise)
+        found = eigsh(G, 1, ncv=LANCZOS_VECTORS, tol=CUBE_ROOT_EPS, v0=start, return_eigenvectors=False)
+        return float(np.sqrt(found[0]))
 
 
 def condense(A: Array, ports: list[Array], h: Array, rule: Tableau) -> Segments:

@@ -17,8 +17,6 @@ MAX_DOUBLINGS = 64
 """Of a period: a loop that hardly forgets takes 2^64 of them."""
 POWER_REACH = 0.25
 """Size of a step times the loop from which on a few powers give its exponential."""
-SLOW_DOUBLINGS = 3
-"""Doublings of a half step up to which no mode oscillates in it."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +73,9 @@ def star_product(first: Segment, second: Segment) -> Segment:
     Raises: IllPosedSegment, naming the segment, when I + G1 H2 is singular to working precision.
     Source: Redheffer (1960); doubling as in Anderson (1978).
     """
+    if not first.G.any():  # nothing pushes, as in a loop's Lyapunov equation
+        cost = first.H + symmetrize(transpose(first.F) @ second.H @ first.F)
+        return Segment(second.F @ first.F, second.G, cost)
     n = first.F.shape[-1]
     W = solve_segments(np.eye(n) + first.G @ second.H, np.concatenate([first.F, first.G], axis=-1), "I + G1 H2")
     forward, spread = W[..., :n], W[..., n:]
@@ -94,8 +95,9 @@ def carry_cost_back(segment: Segment, after: Array) -> Array:
     Returns: X0, exactly symmetric.
     Raises: IllPosedSegment when I + G X1 is singular.
     """
-    n = segment.F.shape[-1]
-    forward = solve_segments(np.eye(n) + segment.G @ after, segment.F, "I + G X")
+    forward, pushed = segment.F, segment.G.any()
+    if pushed:
+        forward = solve_segments(np.eye(forward.shape[-1]) + segment.G @ after, forward, "I + G X")
     return segment.H + symmetrize(transpose(segment.F) @ after @ forward)
 
 
@@ -190,16 +192,10 @@ class LoopLyapunov:
         self.M, self.nodes, self.exact = M, nodes, exact is not None
         self.halves = nodes.halves[:, :, None, None]
         steps = self._find_powers() if exact is None else exact
-        self.first, last = self._divide(steps, steps)
-        whole = last @ self.first
+        self.first, last = self._divide(steps)
+        self.gaps = last @ self.first
         if not nodes.wraps:
-            whole[-1] = 0.0
-        self.levels = [whole]
-        while len(whole) > 1:
-            pairs = len(whole) // 2 * 2
-            whole = np.concatenate([whole[1:pairs:2] @ whole[0:pairs:2], whole[pairs:]])
-            self.levels.append(whole)
-        self.squares = list_squares(whole)
+            self.gaps[-1] = 0.0
 
     def _find_powers(self) -> Array:
         """The exponentials of the half steps, from those of the shares of them that a few powers of M give."""
@@ -216,60 +212,28 @@ class LoopLyapunov:
         return self.powers[-1]
 
     def solve(self, F: Array) -> Array | None:
-        """D (N, n, n) of a symmetric right side; None where the loop does not forget.
-
-        Modes that oscillate many times in a step would ring where M and F jump half-way between nodes; so beside these, in a second
-        solution, F takes its slope and what the loop's change makes of the first one.
-        """
+        """D (N, n, n) of a symmetric right side; None where the loop does not forget."""
         if self.exact:
             return self._carry_back(self._integrate_gaps(F))
-        constant = self._integrate(F)
-        D = self._carry_back(self._join(constant, constant))
-        if D is None or len(self.powers) <= SLOW_DOUBLINGS:
-            return D
-        line, whole = self._integrate_line(self.nodes.slopes(F) + twice(D @ self.nodes.slopes(self.M)))
-        return self._carry_back(self._join(constant + line, constant + line - whole))
+        first, last = self._divide(self._integrate(F))
+        return self._carry_back(first + transpose(self.first) @ last @ self.first)
 
     def integrate_behind(self, F: Array) -> Array:
         """What F makes of D in the half step behind each node."""
         return self.halves[-1] * F if self.exact else self._integrate(F)[-len(F) :]
 
-    def sharpen(self, D: Array) -> Array:
-        """The waves of a solution without what the rule by which it was found adds or leaves out."""
-        return self.nodes.sharpen(D, self.exact)
-
     def _integrate_gaps(self, F: Array) -> Array:
         """The integrals over the gaps by Hermite's rule."""
-        behind, before = self._divide(self.halves[-1], self.halves[0])
-        h, Phi = behind + before, self.levels[0]
+        behind, before = self._divide(self.halves.reshape(-1, 1, 1))
+        h, Phi = behind + before, self.gaps
         G = h / 6 * (self.nodes.slopes(F) + twice(F @ self.M))
         ahead = np.roll(F, -1, axis=0) - np.roll(G, -1, axis=0)
         return h / 2 * (F + G + transpose(Phi) @ ahead @ Phi)
 
-    def _join(self, behind: Array, before: Array) -> Array:
-        first, last = self._divide(behind, before)
-        return first + transpose(self.first) @ last @ self.first
-
     def _carry_back(self, part: Array) -> Array | None:
-        parts = [part]
-        for Phi in self.levels[:-1]:
-            pairs = len(Phi) // 2 * 2
-            ahead = Phi[0:pairs:2]
-            part = np.concatenate([part[0:pairs:2] + transpose(ahead) @ part[1:pairs:2] @ ahead, part[pairs:]])
-            parts.append(part)
-        behind = parts[-1]
-        for square in self.squares:
-            behind = behind + transpose(square) @ behind @ square
-        if not (self.squares and np.isfinite(behind).all()):
-            return None
-        for Phi, part in zip(self.levels[-2::-1], parts[-2::-1], strict=True):
-            pairs = len(Phi) // 2 * 2
-            below = np.empty_like(part)
-            below[1:pairs:2], below[pairs:] = behind[: pairs // 2], behind[pairs // 2 :]
-            second = Phi[1:pairs:2]
-            below[0:pairs:2] = part[1:pairs:2] + transpose(second) @ below[1:pairs:2] @ second
-            behind = below
-        return symmetrize(np.roll(behind, 1, axis=0))  # behind a gap is at the next node
+        levels = combine_in_tree(Segment(self.gaps, np.zeros_like(part), part))
+        end = repeat_cost(levels[-1][0])
+        return None if end is None else carry_costs_down(levels, end)[:-1]
 
     def _integrate(self, F: Array) -> Array:
         """The integral of exp(M' r) F exp(M r) over each half step."""
@@ -280,22 +244,10 @@ class LoopLyapunov:
             total += transpose(power) @ total @ power
         return total
 
-    def _integrate_line(self, slope: Array) -> tuple[Array, Array]:
-        """The integrals over each half step s of exp(M' r) r F' exp(M r), and of the same with s in place of r."""
-        change = self.share * (self.halves * slope).reshape(-1, *slope.shape[1:])
-        step = self.share * self.halves.reshape(-1, *self.halves.shape[2:])
-        once = twice(change @ self.steps)
-        again = twice(once @ self.steps)
-        total, whole = step * (change / 2 + once / 3 + again / 8), step * (change + once / 2 + again / 6)
-        for power in self.powers[:-1]:
-            total = total + transpose(power) @ (total + whole) @ power
-            whole = 2 * (whole + transpose(power) @ whole @ power)
-        return total, whole
-
-    def _divide(self, behind: Array, before: Array) -> tuple[Array, Array]:
+    def _divide(self, halves: Array) -> tuple[Array, Array]:
         """What belongs to the half steps behind each node, and to those before the next one."""
         N = len(self.M)
-        return behind[-N:], np.roll(before[:N], -1, axis=0)
+        return halves[-N:], np.roll(halves[:N], -1, axis=0)
 
 
 def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
@@ -317,19 +269,16 @@ def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
     return np.concatenate([steps[0::2], steps[1::2]])
 
 
-def list_squares(Phi: Array) -> list[Array]:
-    """Phi, Phi^2, Phi^4 ... until the next is rounding; none where Phi does not decay."""
-    squares = [Phi]
+def repeat_cost(whole: Segment) -> Array | None:
+    """The cost of a segment without input that repeats for ever; None where its F does not decay."""
+    Phi, H = whole.F, whole.H
     for _ in range(MAX_DOUBLINGS):
         with np.errstate(over="ignore", invalid="ignore"):
-            Phi = Phi @ Phi
+            H, Phi = H + transpose(Phi) @ H @ Phi, Phi @ Phi
         size = float(np.square(Phi).sum())
-        if size <= EPS:
-            return squares
-        if not np.isfinite(size):
+        if size <= EPS or not np.isfinite(size):
             break
-        squares.append(Phi)
-    return []
+    return H if size <= EPS and np.isfinite(H).all() else None
 
 
 def twice(product: Array) -> Array:

@@ -18,7 +18,6 @@ from flexlin.periodic.transition.gauss import (
     collocate_accelerations,
     fold_samples,
     place_nodes,
-    solve_accelerations,
 )
 from flexlin.precision import EPS
 
@@ -37,11 +36,6 @@ def shape_accelerations(m: int, s: int, K: int, *_: object) -> tuple[object, ...
     return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)
 
 
-def shape_motions(m: int, s: int, K: int, *_: object) -> tuple[object, ...]:
-    """What `follow_accelerations` takes and makes."""
-    return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m), (K, s, m), (K,)
-
-
 factor_states_in_core = declare(
     "int factor_states(int n, int stages, int segments, int stiff, const double *A, const double *lengths, const double *tableau, "
     "const double *units, double *Phi, int *good)",
@@ -51,11 +45,6 @@ factor_accelerations_in_core = declare(
     "int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "double *Phi, int *good)",
     shape_accelerations,
-)
-follow_accelerations_in_core = declare(
-    "int follow_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
-    "const double *x, double *w, int *good)",
-    shape_motions,
 )
 
 
@@ -141,17 +130,11 @@ def count_integrals(A: Array) -> int:
 
 
 def factor_rates(A: Array, m: int, h: Array, rule: Tableau) -> Array:
-    """From A whose first m states are integrals: only the rates of the others are unknown. Units as for `factor_states`."""
-    blocks, kept, units = pose_rates(A, m, h)
-    return factor_accelerations(blocks, h, rule)[:, kept[:, None], kept] * (units[:, None] / units)
-
-
-def pose_rates(A: Array, m: int, h: Array) -> tuple[Array, Array, Array]:
-    """[M D K] of x = [y; v; z], y' = v, as equations of second order, the places of x among their states, and its units (n,).
+    """From A (K, s, n, n) whose first m states y are integrals, x = [y; v; z], y' = v, as equations of second order.
 
         q'' = A_rr q' + [A_ry 0] q,   q' = [v; z]
 
-    A (K, s, n, n), its first m states y. What z is the rate of stands nowhere.
+    Only the rates of v and z are unknown; what z is the rate of stands nowhere. Units as for `factor_states`.
     """
     K, s, n = A.shape[:3]
     r = n - m
@@ -163,27 +146,8 @@ def pose_rates(A: Array, m: int, h: Array) -> tuple[Array, Array, Array]:
     blocks[..., :r] = np.eye(r)
     np.multiply(A[..., m:, m:], turn, out=blocks[..., r : 2 * r])
     np.multiply(A[..., m:, :m], turn[:, :m], out=blocks[..., 2 * r : 2 * r + m])
-    return blocks, np.append(np.arange(m), np.arange(r, 2 * r)), np.append(units[:m], units)
-
-
-def follow_rates(A: Array, h: Array, rule: Tableau, x: Array) -> Array:
-    """x' (K, s, n) at the stages of segments that begin in states x (K, n). Raises: MemoryError, SingularMassMatrix."""
-    (K, s, n), m = A.shape[:3], count_integrals(A)
-    blocks, kept, units = pose_rates(A, m, h)
-    q, w, good = np.zeros((K, 2 * (n - m))), np.empty((K, s, n - m)), np.zeros(K, np.intc)
-    q[:, kept] = x / units
-    if s * (n - m) <= MOST_UNKNOWNS and not follow_accelerations_in_core(
-        n - m, s, K, blocks, h, tabulate(rule, True), q, w, good
-    ):
-        raise MemoryError("the stages of a segment")
-    lost = np.flatnonzero(good == 0)
-    if len(lost):
-        M, D, S = np.split(blocks[lost], 3, axis=-1)
-        (y, v), c = np.split(q[lost, None, :, None], 2, axis=2), rule.c[:, None, None]
-        right = S @ (y + h[lost, None, None, None] * c * v) + D @ v
-        w[lost] = -solve_accelerations(M, D, S, h[lost], rule, right)[..., 0]
-    rates = q[:, None, n - m : n] + h[:, None, None] * (rule.a @ w[..., :m])
-    return np.concatenate([rates, w], axis=2) * units
+    kept, units = np.append(np.arange(m), np.arange(r, 2 * r)), np.append(units[:m], units)
+    return factor_accelerations(blocks, h, rule)[:, kept[:, None], kept] * (units[:, None] / units)
 
 
 def factor_accelerations(blocks: Array, h: Array, rule: Tableau) -> Array:

@@ -6,7 +6,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.errors import SingularMassMatrix
-from flexlin.periodic import gauss_transitions, radau
+from flexlin.periodic import gauss_transitions
 from flexlin.periodic.transition import factors
 from flexlin.periodic.transition.factors import factor_segments
 from flexlin.periodic.transition.gauss import collocate_accelerations, fold_samples, gauss, place_nodes
@@ -75,20 +75,6 @@ def test_integrals_among_the_states_are_left_out_of_the_unknowns(m, k):
         found, other = factor_segments(system.resolved, edges, gauss(stages)), gauss_transitions(A, edges, stages)
         apart = np.abs(found / units[:, None] * units - other).max(axis=(1, 2))
         assert (apart <= 500 * EPS * np.linalg.norm(other, axis=(1, 2))).all(), (seed, apart.max())
-
-
-@pytest.mark.parametrize("rule", [gauss(6), radau(6)])
-@pytest.mark.parametrize("compiled", [True, False])
-@pytest.mark.parametrize(("m", "k"), [(0, 3), (2, 1), (3, 2)])
-def test_rates_at_the_stages_solve_the_collocation_equations(m, k, compiled, rule, monkeypatch):
-    """X' = A X, X = x + h a X' at every stage, by compiled code and by what is left to LAPACK."""
-    monkeypatch.setattr(factors, "MOST_UNKNOWNS", 300 if compiled else 0)
-    rng, n = np.random.default_rng([m, k]), 2 * m + k
-    A, h, x = 5 * rng.standard_normal((11, 6, n, n)), rng.uniform(0.05, 0.2, 11), rng.standard_normal((11, n))
-    A[:, :, :m] = np.eye(m, n, m)
-    rates = factors.follow_rates(A, h, rule, x)
-    states = x[:, None] + h[:, None, None] * (rule.a @ rates)
-    np.testing.assert_allclose(rates, np.einsum("ksij,ksj->ksi", A, states), atol=100 * EPS * np.abs(rates).max())
 
 
 def exact_transition(M, D, K, rule):
