@@ -30,10 +30,8 @@ KINDS: tuple[Literal["step", "initial", "push", "noise"], ...] = ("step", "initi
 
 @command("list", "name the scenes that travel with flexlin")
 def list_scenes(options: argparse.Namespace) -> int:
-    import tomllib
-
-    for name, path in flexlin.scene.builtin_scenes().items():
-        print(f"{name:<24} {tomllib.loads(path.read_text(encoding='utf-8'))['title']}")
+    for name, title in flexlin.scene.scenes().items():
+        print(f"{name:<24} {title}")
     return DONE
 
 

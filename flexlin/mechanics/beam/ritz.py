@@ -165,14 +165,18 @@ def bending_shapes(
     R = np.linalg.qr(strained.T, mode="r")
     vectors, values, _ = np.linalg.svd(solve_triangular(R, L, trans="T"), full_matrices=False)
     c = solve_triangular(R, vectors[:, :n]).T
-    return combine(basis, values[:n] ** -0.5, c, c @ L[:, : len(xi)], turn, 0 if pinned else 1)
+    return combine(basis, values[:n] ** -0.5, c, c @ L[:, : len(xi)], turn, pinned)
 
 
-def combine(basis: Shapes, beta: Array, c: Array, own: Array, turn: Array, derivative: int) -> ReducedShapes:
-    """Shapes of coefficients c, scaled to rows of length 1 in `own`, with a positive rotation, or derivative of it, at the base."""
+def combine(basis: Shapes, beta: Array, c: Array, own: Array, turn: Array, pinned: bool = False) -> ReducedShapes:
+    """Shapes of coefficients c, scaled to rows of length 1 in `own`, with a positive curvature at the base, or slope where it is pinned.
+
+    A hub bends the base against its slope, psi' = -J beta^4 psi: where it is heavy, so that the slope is rounding, the curvature tells.
+    """
     c = c / np.linalg.norm(own, axis=1)[:, None]
-    start = ReducedShapes(beta, basis, c, c @ turn).rotation(np.zeros(1), derivative)
-    c = np.where(start < 0, -c, c)
+    shapes = ReducedShapes(beta, basis, c, c @ turn)
+    slope, curvature = (shapes.rotation(np.zeros(1), k) for k in (0, 1))
+    c = np.where((slope - curvature if pinned else curvature) < 0, -c, c)
     return ReducedShapes(beta, basis, c, c @ turn)
 
 
@@ -191,4 +195,4 @@ def twisted(n: int, stiffness: Profile | None = None, tip_inertia: float = 0.0) 
     k = shape_integrals(basis, None, stiffness)
     squares, vectors = eigh(k.bending, k.rotations + tip_inertia * np.outer(k.tip_slope, k.tip_slope))
     own = vectors.T @ np.linalg.cholesky(k.rotations)
-    return combine(basis, np.maximum(squares, 0.0) ** 0.25, vectors.T, own, np.zeros(n), 1)
+    return combine(basis, np.maximum(squares, 0.0) ** 0.25, vectors.T, own, np.zeros(n))
