@@ -77,32 +77,3 @@ CALLED int factor_accelerations(int m, int stages, int segments, const double *b
   free(memory);
   return 1;
 }
-
-/* Accelerations w (segments, stages, m) at all stages from states x (segments, 2 m) at the beginnings; else as `factor_accelerations`. */
-CALLED int follow_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, const double *x,
-                                double *w, int *good) {
-  Rule r = read_rule(m, stages, tableau);
-  long n = (long)stages * m, columns = 2 * m;
-  vec *memory = aligned_alloc(sizeof(vec), (3 * m * n + 2 * n * n + (columns + 3) * n) * sizeof(vec));
-  if (!memory) return 0;
-  vec *own = memory, *G = own + 3 * m * n, *by_start = G + n * n, *right = by_start + n * columns, *found = right + n, *work = found + n;
-  for (int k = 0; k < segments; k += L) {
-    int count = segments - k < L ? segments - k : L;
-    double d[m];
-    build_equations(&r, count, blocks + 3 * m * n * k, lengths + k, d, own, G, by_start);
-    for (long i = 0; i < n; i++)
-      for (int l = 0; l < L; l++) {
-        const double *from = x + (k + (l < count ? l : count - 1)) * columns;
-        double sum = 0.0;
-        for (int c = 0; c < columns; c++) sum += by_start[i * columns + c][l] * (from[c] / d[c % m]);
-        right[i][l] = sum;
-      }
-    int sound = solve_together(n, 1, count, G, right, found, work);
-    for (int l = 0; l < count; l++) {
-      good[k + l] = sound >> l & 1;
-      for (long i = 0; i < n; i++) w[(k + l) * n + i] = d[i % m] * found[i][l];
-    }
-  }
-  free(memory);
-  return 1;
-}

@@ -171,7 +171,7 @@ def bending_shapes(
 def combine(basis: Shapes, beta: Array, c: Array, own: Array, turn: Array, pinned: bool = False) -> ReducedShapes:
     """Shapes of coefficients c, scaled to rows of length 1 in `own`, with a positive curvature at the base, or slope where it is pinned.
 
-    A hub bends the base against its slope, psi' = -J beta^4 psi: where it is heavy, so that the slope is rounding, the curvature tells.
+    A hub bends the base against its slope, psi' = -J beta^4 psi: where it is heavy, so that the slope is rounding, the curvature says it.
     """
     c = c / np.linalg.norm(own, axis=1)[:, None]
     shapes = ReducedShapes(beta, basis, c, c @ turn)
