@@ -13,8 +13,6 @@ from tests.periodic.judge import covers
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order
 from tests.periodic.truths import apart, eigenvalues
 
-RESOLUTIONS = "segments", "order", "max_segments"
-
 
 @pytest.mark.parametrize(
     "build", [lambda: fl.PeriodicSystem(mathieu(1, 0.2), np.pi), lambda: mathieu_second_order(1, 0.2)]
@@ -120,6 +118,9 @@ def test_modes_of_which_nothing_is_left_ask_for_no_segments(seed):
     assert "too fast" in found.status
 
 
+NO_COUNTS = (-5, 0, 2.5, True, "8", np.nan)
+
+
 @pytest.mark.parametrize(
     ("error", "words", "options"),
     [
@@ -128,8 +129,8 @@ def test_modes_of_which_nothing_is_left_ask_for_no_segments(seed):
         (ArgumentError, "method", {"method": "euler"}),
         (ArgumentError, "no such order", {"order": 3}),
         (TooLarge, "bytes", {"method": "hill", "order": 10**6}),
-        *((ArgumentError, name, {name: value}) for name in RESOLUTIONS for value in (-5, 0, 2.5, True, "8", np.nan)),
-    ],
+    ]
+    + [(ArgumentError, name, {name: value}) for name in ("segments", "order", "max_segments") for value in NO_COUNTS],
 )
 def test_what_cannot_be_asked_is_refused_by_its_name_or_figure(error, words, options):
     with pytest.raises(error, match=words):
