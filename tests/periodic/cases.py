@@ -15,7 +15,10 @@ EPS = 2.0**-52
 
 @dataclass(frozen=True)
 class Case:
-    """One question to `fl.floquet` with its answer; `refuse`: only a typed refusal is right; `marginal`: no verdict of stability is."""
+    """One question to `fl.floquet` with its answer; `complete`: of the system.
+
+    `refuse`: only a typed refusal is right; `marginal`: no verdict of stability is.
+    """
 
     A: Callable[[np.ndarray], np.ndarray]
     period: float
@@ -26,9 +29,10 @@ class Case:
     options: dict = field(default_factory=dict)
     marginal: bool = False
     refuse: bool = False
+    complete: bool = False
 
     def system(self):
-        return fl.PeriodicSystem(self.A, self.period, breaks=self.breaks)
+        return fl.PeriodicSystem(self.A, self.period, breaks=self.breaks, complete=self.complete)
 
     def answer(self):
         return fl.floquet(self.system(), tol=self.tol, **self.options)

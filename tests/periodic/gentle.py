@@ -1,24 +1,14 @@
 """Periodic systems with known exponents whose modes hardly change their shapes, or whose fast gaps vary by much."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-import flexlin as fl
-from tests.periodic.cases import Case, kind, known, tol_of
+from tests.periodic.cases import kind, known, tol_of
 from tests.periodic.rotated import Rotated, mix, turn, wave
 
 
-@dataclass(frozen=True)
-class SlowCase(Case):
-    """A case whose A(t) has few harmonics, which are named as all there is: A is slow to sample in extended precision."""
-
-    def system(self):
-        return fl.PeriodicSystem(self.A, self.period, complete=True)
-
-
 def slow_case(system, tol):
-    return SlowCase(**vars(known(system, system.period, system.exponents, tol)))
+    """Its A(t) is slow to sample in extended precision, and has few harmonics, which are named as all there is."""
+    return known(system, system.period, system.exponents, tol, complete=True)
 
 
 @kind("kept shapes", 1000)

@@ -83,21 +83,14 @@ def reference_jump(tol=1e-9):
     return piecewise_case(np.array([0, 1.0002]), 2.0, [first, second], tol)
 
 
-@dataclass(frozen=True)
-class Rounded:
-    """A function of extended times in [0, T), periodic and rounded to doubles."""
-
-    extended: object
-    period: float
-
-    def __call__(self, t):
-        return self.extended(np.mod(np.asarray(t, float), self.period).astype(Real)).astype(float)
-
-
 def panelled(extended, period, rate, tol, corners=(), windows=(), undamped=False):
-    """A case whose truth is integrated panel by panel in extended precision."""
+    """A function of extended times in [0, T), made periodic and rounded to doubles; its truth is integrated panel by panel."""
     exponents, doubt = integrated(extended, panels_of(period, rate, corners, windows), period)
-    return known(Rounded(extended, period), period, exponents, tol, doubt, undamped=undamped)
+
+    def A(t):
+        return extended(np.mod(np.asarray(t, float), period).astype(Real)).astype(float)
+
+    return known(A, period, exponents, tol, doubt, undamped=undamped)
 
 
 @kind("jumps not named, smooth between", 500)

@@ -1,5 +1,7 @@
 """What is usually written, and by how much it misses."""
 
+from functools import reduce
+
 import numpy as np
 
 from flexlin.periodic import place_edges
@@ -20,9 +22,8 @@ def naive_exponents(system, steps=STEPS):
         k2 = middle @ (eye + h / 2 * k1)
         k3 = middle @ (eye + h / 2 * k2)
         k4 = end @ (eye + h * k3)
-        monodromy = eye
-        for step in eye + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4):
-            monodromy = step @ monodromy
+        steps = eye + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        monodromy = reduce(lambda before, step: step @ before, steps)
         if not np.isfinite(monodromy).all():
             return np.full(len(eye), np.inf)
         return np.log(np.linalg.eigvals(monodromy).astype(complex)) / system.period

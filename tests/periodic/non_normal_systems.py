@@ -1,7 +1,5 @@
 """Non-normal systems: eigenvalues that move by far more than roundings. The truth is that of the doubles given to the engine."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tests.periodic.cases import kind, known, tol_of
@@ -46,25 +44,19 @@ def reference_non_normal(tol=1e-9):
     return known(steady(matrix), 100.0, [-1, -2, -3, -4], tol)
 
 
-@dataclass(frozen=True)
-class Scaled:
-    """f(t) C with entries of C of 10 bits and f of 40: every product is exact, so the exponents are mean(f) eig(C)."""
-
-    C: np.ndarray
-    clock: Clock
-
-    def __call__(self, t):
-        f = (self.clock(t)[1] * Real(self.clock.period) / TWO_PI).astype(float)
-        return (np.round(f * 2.0**38) / 2.0**38)[:, None, None] * self.C
-
-
 @kind("non-normal, f(t) C", 300)
 def non_normal_scaled(rng):
+    """Entries of C have 10 bits and f has 40: every product is exact, so the exponents are mean(f) eig(C)."""
     n, period = int(rng.integers(3, 7)), float(10 ** rng.uniform(0, 1.5))
     diagonal, order = -(1.0 + np.arange(n)), rng.permutation(n)
     C = (np.diag(diagonal) + np.triu(rng.integers(30, 1000, (n, n)), 1))[np.ix_(order, order)]
-    doubt = 2.0**-39 * np.abs(diagonal)
-    return known(Scaled(C, smooth_clock(rng, period)), period, diagonal, tol_of(rng), doubt)
+    clock = smooth_clock(rng, period)
+
+    def A(t):
+        f = (clock(t)[1] * Real(period) / TWO_PI).astype(float)
+        return (np.round(f * 2.0**38) / 2.0**38)[:, None, None] * C
+
+    return known(A, period, diagonal, tol_of(rng), 2.0**-39 * np.abs(diagonal))
 
 
 @kind("non-normal rotated", 400)

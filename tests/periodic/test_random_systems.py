@@ -1,6 +1,7 @@
 """The jury itself: truths that share nothing agree within their doubts, and the judge catches a liar."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -35,16 +36,10 @@ def test_every_kind_is_drawn_the_same_twice():
         assert one.doubt.max() < (1e-3 if kind == "jordan" else 1e-5)
 
 
-@dataclass(frozen=True)
-class Answer:
-    exponents: np.ndarray
-    errors: np.ndarray
-    verdict: str
-
-
 def told(case, exponents=None, claim=1e-9, verdict="undecided"):
     exponents = case.exponents if exponents is None else exponents
-    return judged(case, lambda _: Answer(exponents, np.broadcast_to(claim, exponents.shape), verdict))
+    errors = np.broadcast_to(claim, exponents.shape)
+    return judged(case, lambda _: SimpleNamespace(exponents=exponents, errors=errors, verdict=verdict))
 
 
 def test_the_judge_accepts_the_truth_and_catches_a_liar():

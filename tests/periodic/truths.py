@@ -59,13 +59,9 @@ def switched_exponents(matrices, edges):
 def settled(before, now, period):
     """Whether each exponent has one before within 1e-22 modulo 2 pi i / T, relative beyond 1/s."""
     with mp.workdps(40):
-        turn = 2 * mp.pi / mp.mpf(float(period))
-
-        def distance(a, b):
-            turns = mp.nint((a - b).imag / turn)
-            return abs(a - b - mp.mpc(0, turns * turn)) / max(1, abs(a))
-
-        return all(min(distance(a, b) for b in before) < 1e-22 for a in now)
+        turn = mp.mpc(0, 2 * mp.pi / mp.mpf(float(period)))
+        apart = [[a - b - turn * mp.nint(((a - b) / turn).real) for b in before] for a in now]
+        return all(min(map(abs, row)) < 1e-22 * max(1, abs(a)) for a, row in zip(now, apart, strict=True))
 
 
 def product_exponents(matrices, edges, digits):

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import reduce
 from unittest.mock import Mock
 
 import numpy as np
@@ -208,9 +209,7 @@ def test_resonances_move_exponents_by_no_more_than_is_bounded():
         # turns with the second mode, so that one factor serves a long step
         phases = np.exp(1j * gap * np.outer(steps, [0, 1]))
         slow = phases.conj()[:, :, None] * B(steps) * phases[:, None, :] - 1j * gap * np.diag([0, 1])
-        whole = np.eye(2)
-        for factor in expm(2 * np.pi / 400 * slow):
-            whole = factor @ whole
+        whole = reduce(np.matmul, expm(2 * np.pi / 400 * slow)[::-1])
         logs = np.log(np.linalg.eigvals(whole)) / (2 * np.pi)
         moved = apart(mean - [0, 1j * gap], logs, 2 * np.pi).min(axis=1)
         bound = np.diagonal(residual_effect(coupled))

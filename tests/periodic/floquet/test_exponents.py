@@ -13,8 +13,6 @@ from tests.periodic.judge import covers
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order
 from tests.periodic.truths import apart, eigenvalues
 
-RESOLUTIONS = "segments", "order", "max_segments"
-
 
 @pytest.mark.parametrize(
     "build", [lambda: fl.PeriodicSystem(mathieu(1, 0.2), np.pi), lambda: mathieu_second_order(1, 0.2)]
@@ -52,12 +50,10 @@ def test_a_fixed_resolution_is_not_called_the_least_work_nor_rounding():
 def test_modes_that_all_grow_or_decay_alike(n, growth):
     """Their products are well conditioned and yet leave the range of floating-point numbers; the exponent is the mean, exactly."""
 
+    turn = np.triu(np.ones((n, n)), 1) - np.tril(np.ones((n, n)), -1)
+
     def A(t):
-        turn = np.zeros((len(t), n, n))
-        turn[:, np.arange(n), np.arange(n)] = growth * (1 + 0.5 * np.sin(2 * np.pi * t))[:, None]
-        turn[:, 0, -1] += n - 1
-        turn[:, -1, 0] -= n - 1
-        return turn
+        return growth * (1 + 0.5 * np.sin(2 * np.pi * t))[:, None, None] * np.eye(n) + turn
 
     result = fl.floquet(fl.PeriodicSystem(A, 1.0))
     assert result.verdict == ("unstable" if growth > 0 else "stable")
@@ -120,6 +116,9 @@ def test_modes_of_which_nothing_is_left_ask_for_no_segments(seed):
     assert "too fast" in found.status
 
 
+NO_COUNTS = (-5, 0, 2.5, True, "8", np.nan)
+
+
 @pytest.mark.parametrize(
     ("error", "words", "options"),
     [
@@ -128,8 +127,8 @@ def test_modes_of_which_nothing_is_left_ask_for_no_segments(seed):
         (ArgumentError, "method", {"method": "euler"}),
         (ArgumentError, "no such order", {"order": 3}),
         (TooLarge, "bytes", {"method": "hill", "order": 10**6}),
-        *((ArgumentError, name, {name: value}) for name in RESOLUTIONS for value in (-5, 0, 2.5, True, "8", np.nan)),
-    ],
+    ]
+    + [(ArgumentError, name, {name: value}) for name in ("segments", "order", "max_segments") for value in NO_COUNTS],
 )
 def test_what_cannot_be_asked_is_refused_by_its_name_or_figure(error, words, options):
     with pytest.raises(error, match=words):

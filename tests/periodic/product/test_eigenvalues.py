@@ -34,10 +34,8 @@ def test_triangular_products_of_any_length(count, rate, above, rng):
 
 def test_complex_pairs_of_equal_moduli_beside_a_fast_mode(rng):
     """Two rotations of modulus 1 and a real mode of exp(-3) a factor, 100 factors."""
-    T = np.zeros((100, 5, 5))
-    for k, angle in ((0, 0.3), (2, 0.7)):
-        T[:, k : k + 2, k : k + 2] = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
-    T[:, 4, 4] = -np.exp(-3)
+    turns = ([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]] for angle in (0.3, 0.7))
+    T = np.tile(scipy.linalg.block_diag(*turns, -np.exp(-3)), (100, 1, 1))
     logs = find_spectrum(framed(T, rng)).logs
     expected = np.array([30j, -30j, 70j, -70j, -300])
     assert match_logs(logs, expected)[1].max() < 1e-12

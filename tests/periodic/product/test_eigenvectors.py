@@ -3,6 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from flexlin.periodic import cyclic_system, find_spectrum, match_logs, separate_triangular
 
@@ -10,23 +11,6 @@ from flexlin.periodic import cyclic_system, find_spectrum, match_logs, separate_
 @pytest.fixture
 def rng():
     return np.random.default_rng(5)
-
-
-def factors_of(rng, count, n, spread):
-    """Factors with moduli up to exp(spread) apart, complex pairs among them, in unrelated well-conditioned frames."""
-    frames = np.eye(n) + 0.3 * rng.standard_normal((count, n, n)) / np.sqrt(n)
-    blocks = np.zeros((count, n, n))
-    i = 0
-    while i < n:
-        size, angle = np.exp(rng.uniform(-spread, 0)), rng.uniform(0.1, 3)
-        if n - i > 1 and rng.random() < 0.5:
-            turn = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
-            blocks[:, i : i + 2, i : i + 2] = size * np.array(turn)
-            i += 2
-        else:
-            blocks[:, i, i] = size
-            i += 1
-    return np.roll(frames, -1, axis=0) @ blocks @ np.linalg.inv(frames)
 
 
 def exact_logs(factors):
@@ -45,7 +29,14 @@ def moved(motion, factors):
 
 
 def test_first_order_motion_is_exact_to_second_order(rng):
-    F = factors_of(rng, 6, 5, 1.0)
+    """Of factors with two complex pairs in unrelated well-conditioned frames."""
+    frames = np.eye(5) + 0.3 * rng.standard_normal((6, 5, 5)) / np.sqrt(5)
+    sizes, angles = np.exp(rng.uniform(-1, 0, 3)), rng.uniform(0.1, 3, 2)
+    turns = [
+        r * np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) for r, a in zip(sizes[:2], angles, strict=True)
+    ]
+    block = block_diag(*turns, sizes[2])
+    F = np.roll(frames, -1, axis=0) @ block @ np.linalg.inv(frames)
     change = rng.standard_normal(F.shape) * np.abs(F).max(axis=(1, 2), keepdims=True)
     missed = []
     for size in (1e-5, 1e-6):
