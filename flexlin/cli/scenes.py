@@ -164,7 +164,7 @@ def report_scene(options: argparse.Namespace) -> int:
 
 def summarize(analysis: "Analysis") -> None:
     """Print the verdicts and what to do next."""
-    with report.units_of_scene(analysis.scene):
+    with report.units_of(analysis):
         print(analysis.scene.title)
         for loop in analysis.loops:
             say_loop(loop, analysis.plant.period, analysis.validity(loop))

@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.beam.integrals import Profile, Shapes, couple_shapes, shape_integrals
-from flexlin.mechanics.beam.ritz import Ends, Polynomials, ReducedShapes, Section, bending_shapes, twisted
+from flexlin.mechanics.beam.ritz import Ends, Section, bending_shapes, twisted
 from flexlin.mechanics.body import RigidMass
 from flexlin.mechanics.curve import CurveRule, make_rule
 from flexlin.mechanics.effects import effects_of
@@ -13,7 +13,7 @@ from flexlin.mechanics.links import PLACES, Basis, LinkBasis
 from flexlin.scene.links import DIRECTIONS, Direction, Link, list_parents
 from flexlin.scene.scene import Scene
 
-STRAIGHT = ReducedShapes(np.zeros(0), Polynomials(0), np.zeros((0, 0)), np.zeros(0))
+STRAIGHT = bending_shapes(0)
 """The shapes of a link that does not deflect."""
 
 
@@ -24,18 +24,21 @@ def choose_basis(scene: Scene, index: int) -> LinkBasis:
     (the basis then is no longer exact, but remains a basis).
     """
     link = scene.links[index]
-    shapes = [make_shapes(scene, index, way) for way in DIRECTIONS]
-    y, z, torsion = (integrate_basis(scene, index, *one) for one in zip(shapes, DIRECTIONS, strict=True))
-    if sum(part.n > 0 for part in shapes) < 2:
+    deflected = [direction for direction, modes in link.counts.by_direction().items() if modes]
+    shapes = {direction: make_shapes(scene, index, direction) for direction in deflected} or {"y": STRAIGHT}
+    found = {direction: integrate_basis(scene, index, part, direction) for direction, part in shapes.items()}
+    straight = next(iter(found.values())).without_modes()
+    y, z, torsion = (found.get(direction, straight) for direction in DIRECTIONS)
+    if len(deflected) < 2:
         return LinkBasis(y, z, torsion)
-    bent_y, bent_z, twist = shapes
+    bent_y, bent_z, twist = (shapes.get(direction, STRAIGHT) for direction in DIRECTIONS)
     return LinkBasis(y, z, torsion, couple_shapes(bent_y, bent_z, twist, *make_profiles(link)))
 
 
 def choose_rule(scene: Scene, index: int) -> CurveRule:
     """Where and how the axis of a link is looked at when it bends far."""
     link = scene.links[index]
-    y, z, twist = (make_shapes(scene, index, way) for way in DIRECTIONS)
+    y, z, twist = (make_shapes(scene, index, part) if getattr(link.counts, part) else STRAIGHT for part in DIRECTIONS)
     return make_rule(y, z, twist, *make_profiles(link))
 
 
@@ -51,8 +54,6 @@ def make_shapes(scene: Scene, index: int, direction: Direction = "y") -> Shapes:
     """Return the shapes themselves."""
     link = scene.links[index]
     n = getattr(link.counts, direction)
-    if not n:
-        return STRAIGHT
     if direction == "torsion":
         return twisted(n, make_profiles(link)[1], read_disc(scene, index))
     ends, section = read_ends(scene, index, direction), make_section(scene, index, direction)

@@ -56,7 +56,7 @@ FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
 
 def draw_pictures(analysis: Analysis) -> Iterator[Picture]:
     """All figures that this analysis has numbers for, in the order of the page."""
-    with wording.units_of_scene(analysis.scene):
+    with wording.units_of(analysis):
         yield from (picture for draw in FIGURES if (picture := draw(analysis)) is not None)
         if analysis.sensitivity is not None:
             from flexlin.report.audit import draw_sensitivity
@@ -70,7 +70,7 @@ def draw_pictures(analysis: Analysis) -> Iterator[Picture]:
 
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
     """Fill the page's template: verdict first, then what to do, figures, and everything that went in."""
-    with wording.units_of_scene(analysis.scene):
+    with wording.units_of(analysis):
         model = analysis.validity(analysis.own)
         return TEMPLATES.get_template("page.html.j2").render(
             analysis=analysis,

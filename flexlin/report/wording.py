@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
@@ -29,23 +29,32 @@ if TYPE_CHECKING:
 UNFELT_PERIODS = 1e5
 """Periods to settle beyond which a decay is not felt."""
 ANGLES = ("rad", "mrad", "µrad", "nrad", "°")
-_without_units: ContextVar[bool] = ContextVar("without_units", default=False)
-"""Whether the page at hand is of a scene without dimensions."""
+NONE = "none"
+_length: ContextVar[int | str | None] = ContextVar("length", default=None)
+"""The power of ten of the prefix of every deflection on a page, NONE for a scene without dimensions."""
 
 
 @contextmanager
-def units_of_scene(scene: Scene) -> Iterator[None]:
-    """Say each size in the unit that suits it; without a unit for a scene without dimensions."""
-    token = _without_units.set(scene.unit_system == "dimensionless")
+def units_of_scene(scene: Scene, prefix: int | None = None) -> Iterator[None]:
+    """Say each length in the unit that suits it alone, or all by one prefix; without a unit for a scene without dimensions."""
+    token = _length.set(NONE if scene.unit_system == "dimensionless" else prefix)
     try:
         yield
     finally:
-        _without_units.reset(token)
+        _length.reset(token)
+
+
+def units_of(analysis: Analysis) -> AbstractContextManager[None]:
+    """Say every deflection of a page in one unit, that in which the largest one is readable; in none without dimensions."""
+    sizes = [0.0] if analysis.response is None else [*analysis.response.sizes]
+    sizes += [0.0 if analysis.simulation is None else analysis.simulation.tip_error]
+    largest = max((size for size in sizes if math.isfinite(size)), default=0.0)
+    return units_of_scene(analysis.scene, choose_prefix(largest))
 
 
 def is_dimensionless() -> bool:
     """Whether the page at hand is of a scene without dimensions."""
-    return _without_units.get()
+    return _length.get() == NONE
 
 
 def page_unit(unit: str) -> str:
@@ -74,9 +83,12 @@ def without_units(text: str) -> str:
 
 
 def format_quantity(value: float, unit: str, digits: int = 3) -> str:
-    """A value with an SI prefix: 0.0123 m -> 12.3 mm; without dimensions only angles have a unit."""
+    """A value with an SI prefix: 0.0123 m -> 12.3 mm; lengths on a page with the page's; without dimensions only angles have a unit."""
     if not page_unit(unit):
         return format_decimal(value, digits) if math.isfinite(value) else "not finite"
+    chosen = _length.get() if unit == "m" else None
+    if isinstance(chosen, int) and math.isfinite(value) and value != 0:
+        return f"{format_decimal(value / 10.0**chosen, digits)} {name_prefix(chosen)}{unit}"
     return format_with_prefix(value, unit, digits)
 
 
@@ -94,7 +106,9 @@ def scale_values(values: Array, unit: str) -> tuple[Array, str]:
     """Values with the SI prefix that makes the largest readable, and the unit with it."""
     if not page_unit(unit):
         return values, ""
-    prefix = choose_prefix(float(np.abs(values).max(initial=0.0)))
+    chosen = _length.get() if unit == "m" else None
+    largest = float(np.abs(values).max()) if values.size else 0.0
+    prefix = chosen if isinstance(chosen, int) else choose_prefix(largest)
     return values / 10.0**prefix, name_prefix(prefix) + unit
 
 

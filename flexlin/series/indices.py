@@ -187,11 +187,11 @@ def indices(n: int, order: int, series: int) -> Indices:
     return kept_indices(n, order)
 
 
-def sum_products(indices: Indices, a: Array, b: Array, k: int) -> Array:
-    """Return sum_i a_i b_(k-i) of two real series in many variables, leaving out coefficients that are zero."""
+def sum_products(indices: Indices, a: Array, b: Array, k: int, weights: Array) -> Array:
+    """Return sum_i weights_i a_i b_(k-i) of two real series in many variables, leaving out coefficients that are zero."""
     total = np.zeros(indices.width(k))
-    for i in range(k + 1):
-        left, right = a[indices.degree(i)], b[indices.degree(k - i)]
+    for i in np.flatnonzero(weights).tolist():
+        left, right = weights[i] * a[indices.degree(i)], b[indices.degree(k - i)]
         rows, columns = np.flatnonzero(left), np.flatnonzero(right)
         places = indices.sums(i, k - i)[np.ix_(rows, columns)]
         total += np.bincount(places.ravel(), np.outer(left[rows], right[columns]).ravel(), len(total))

@@ -103,11 +103,13 @@ class Space:
         if indices.tabulated or self.batch:
             pairs = indices.pairs(k)
             return np.add.reduceat(a[pairs.left] * b[pairs.right], pairs.start, axis=0)
-        return sum_products(indices, a, b, k)
+        return sum_products(indices, a, b, k, np.ones(k + 1))
 
     def integrate(self, indices: Indices, u: Array, g: Array, k: int) -> Array:
         """The part of degree k of y with y' = g u', by the Euler derivative: k y_k = sum_j j u_j g_(k-j)."""
-        return self.convolve(indices, indices.degrees.reshape(-1, *[1] * len(self.batch)) * u, g, k) / k
+        if indices.tabulated or self.batch:
+            return self.convolve(indices, indices.degrees.reshape(-1, *[1] * len(self.batch)) * u, g, k) / k
+        return sum_products(indices, u, g, k, np.arange(k + 1) / k)
 
     def apply(self, name: str, *values: Array) -> Array:
         """An elementary function of coefficients of degree 0."""

@@ -16,10 +16,13 @@ from flexlin.errors import SceneError
 from flexlin.report import (
     FIGURES,
     draw_pictures,
+    format_quantity,
     record,
     render_page,
     scale_radius,
+    scale_values,
     typeset,
+    units_of,
 )
 
 
@@ -81,6 +84,29 @@ def test_extreme_multipliers_can_be_drawn(single_link: Analysis) -> None:
     assert "nan" not in html.lower().replace("nanoseconds", "")
     assert "10¹⁷³⁷" in html  # exp(2e3 T) with T = 2 s
     assert '−2000</td><td class="number">–</td>' in html
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "mm"), (100.0, "m"), (1e-4, "µm")])
+def test_deflections_are_said_in_one_unit(single_link: Analysis, factor: float, unit: str) -> None:
+    """Tip errors in text, card, table and axes; the difference of the two answers is a deflection too."""
+    r, s = single_link.response, single_link.simulation
+    nonlinear, linear = (s.tip_rigid + factor * (tip - s.tip_rigid) for tip in (s.tip, s.tip_linear))
+    run = replace(s, tip=nonlinear, tip_linear=linear, peaks=None)
+    tip = replace(r, tip=factor * r.tip, tip_by_bending=factor * r.tip_by_bending)
+    page = page_of(replace(single_link, response=tip, simulation=run))
+    text = re.sub(r"<[^>]+>", " ", page[: page.index("Everything that went in")])
+    found = set(re.findall(r"[0-9][ \u00a0](nm|µm|mm|m)\b(?! of)(?!/)", text))
+    assert found == {unit}
+    assert f"tip minus rigid tip in {unit}" in text
+    assert f"difference in {unit}" in text
+
+
+def test_the_page_s_unit_is_forgotten_behind_the_page(single_link: Analysis) -> None:
+    with units_of(single_link):
+        assert format_quantity(1.0, "m") == "1000 mm" or "×10³ mm" in format_quantity(1.0, "m")
+        assert format_quantity(1.0, "s") == "1 s"
+    assert format_quantity(1.0, "m") == "1 m"
+    assert scale_values(np.array([1e-3]), "m")[1] == "mm"
 
 
 @pytest.mark.slow
