@@ -73,9 +73,6 @@ def star_product(first: Segment, second: Segment) -> Segment:
     Raises: IllPosedSegment, naming the segment, when I + G1 H2 is singular to working precision.
     Source: Redheffer (1960); doubling as in Anderson (1978).
     """
-    if not first.G.any():  # nothing pushes, as in a loop's Lyapunov equation
-        cost = first.H + symmetrize(transpose(first.F) @ second.H @ first.F)
-        return Segment(second.F @ first.F, second.G, cost)
     n = first.F.shape[-1]
     W = solve_segments(np.eye(n) + first.G @ second.H, np.concatenate([first.F, first.G], axis=-1), "I + G1 H2")
     forward, spread = W[..., :n], W[..., n:]
@@ -95,9 +92,8 @@ def carry_cost_back(segment: Segment, after: Array) -> Array:
     Returns: X0, exactly symmetric.
     Raises: IllPosedSegment when I + G X1 is singular.
     """
-    forward, pushed = segment.F, segment.G.any()
-    if pushed:
-        forward = solve_segments(np.eye(forward.shape[-1]) + segment.G @ after, forward, "I + G X")
+    n = segment.F.shape[-1]
+    forward = solve_segments(np.eye(n) + segment.G @ after, segment.F, "I + G X")
     return segment.H + symmetrize(transpose(segment.F) @ after @ forward)
 
 
@@ -193,9 +189,15 @@ class LoopLyapunov:
         self.halves = nodes.halves[:, :, None, None]
         steps = self._find_powers() if exact is None else exact
         self.first, last = self._divide(steps)
-        self.gaps = last @ self.first
+        whole = last @ self.first
         if not nodes.wraps:
-            self.gaps[-1] = 0.0
+            whole[-1] = 0.0
+        self.levels = [whole]
+        while len(whole) > 1:
+            pairs = len(whole) // 2 * 2
+            whole = np.concatenate([whole[1:pairs:2] @ whole[0:pairs:2], whole[pairs:]])
+            self.levels.append(whole)
+        self.squares = list_squares(whole)
 
     def _find_powers(self) -> Array:
         """The exponentials of the half steps, from those of the shares of them that a few powers of M give."""
@@ -225,15 +227,31 @@ class LoopLyapunov:
     def _integrate_gaps(self, F: Array) -> Array:
         """The integrals over the gaps by Hermite's rule."""
         behind, before = self._divide(self.halves.reshape(-1, 1, 1))
-        h, Phi = behind + before, self.gaps
+        h, Phi = behind + before, self.levels[0]
         G = h / 6 * (self.nodes.slopes(F) + twice(F @ self.M))
         ahead = np.roll(F, -1, axis=0) - np.roll(G, -1, axis=0)
         return h / 2 * (F + G + transpose(Phi) @ ahead @ Phi)
 
     def _carry_back(self, part: Array) -> Array | None:
-        levels = combine_in_tree(Segment(self.gaps, np.zeros_like(part), part))
-        end = repeat_cost(levels[-1][0])
-        return None if end is None else carry_costs_down(levels, end)[:-1]
+        parts = [part]
+        for Phi in self.levels[:-1]:
+            pairs = len(Phi) // 2 * 2
+            ahead = Phi[0:pairs:2]
+            part = np.concatenate([part[0:pairs:2] + transpose(ahead) @ part[1:pairs:2] @ ahead, part[pairs:]])
+            parts.append(part)
+        behind = parts[-1]
+        for square in self.squares:
+            behind = behind + transpose(square) @ behind @ square
+        if not (self.squares and np.isfinite(behind).all()):
+            return None
+        for Phi, part in zip(self.levels[-2::-1], parts[-2::-1], strict=True):
+            pairs = len(Phi) // 2 * 2
+            below = np.empty_like(part)
+            below[1:pairs:2], below[pairs:] = behind[: pairs // 2], behind[pairs // 2 :]
+            second = Phi[1:pairs:2]
+            below[0:pairs:2] = part[1:pairs:2] + transpose(second) @ below[1:pairs:2] @ second
+            behind = below
+        return symmetrize(np.roll(behind, 1, axis=0))  # behind a gap is at the next node
 
     def _integrate(self, F: Array) -> Array:
         """The integral of exp(M' r) F exp(M r) over each half step."""
@@ -269,16 +287,19 @@ def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
     return np.concatenate([steps[0::2], steps[1::2]])
 
 
-def repeat_cost(whole: Segment) -> Array | None:
-    """The cost of a segment without input that repeats for ever; None where its F does not decay."""
-    Phi, H = whole.F, whole.H
+def list_squares(Phi: Array) -> list[Array]:
+    """Phi, Phi^2, Phi^4 ... until the next is rounding; none where Phi does not decay."""
+    squares = [Phi]
     for _ in range(MAX_DOUBLINGS):
         with np.errstate(over="ignore", invalid="ignore"):
-            H, Phi = H + transpose(Phi) @ H @ Phi, Phi @ Phi
+            Phi = Phi @ Phi
         size = float(np.square(Phi).sum())
-        if size <= EPS or not np.isfinite(size):
+        if size <= EPS:
+            return squares
+        if not np.isfinite(size):
             break
-    return H if size <= EPS and np.isfinite(H).all() else None
+        squares.append(Phi)
+    return []
 
 
 def twice(product: Array) -> Array:
