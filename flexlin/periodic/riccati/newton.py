@@ -188,7 +188,7 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
         if D is None:
             return None
         moved = float(np.abs(D).max())
-        X = X + D
+        X = X + (lyapunov.sharpen(D) if moved < SLIGHT else D)
         grown = grown + 1 if moved > last else 0
         if (
             not moved * SLIGHT < 1 or grown > CORRECTIONS // 8
@@ -236,7 +236,7 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
         more = lyapunov.solve(left)
         if more is None:
             return None
-        D = D + more
+        D = D + lyapunov.sharpen(more)
         D_between, D_slopes = nodes.look_between(D)
         missed = D_slopes + twice(D_between @ M) + W_between[:, :, None] * np.eye(len(units))
         scale = np.sqrt(W_between)
@@ -287,7 +287,7 @@ def carry_residual(corrected: Corrected, between: Array, noise: Array, W: Array)
     swing = loop.integrate_behind(0.5 * (F + between))
     before, behind = np.broadcast_to(nodes.halves, (2, nodes.count))[:, :, None, None]
     sides = behind * between + np.roll(behind * between, 1, axis=0)
-    F = 0.5 * (F + sides / (before + behind))
+    F = nodes.smooth(0.5 * (F + sides / (before + behind)))
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (2, *F.shape))
     signs[0] = signs[0, 0]
     others = [loop.solve(symmetrize(noise * sign)) for sign in signs]

@@ -19,7 +19,7 @@ from flexlin.periodic.interpolation import (
 from flexlin.precision import EPS, MINOR, SAFETY, TINY
 
 SHOWN_WAVES = 0.36
-"""Waves that N equally spaced nodes show, as a part of N."""
+"""Waves that N equally spaced nodes show, as a part of N: a correction of the next ones could grow, see `FourierNodes.sharpen`."""
 PANEL_DEGREE = 16
 """Of the polynomials on panels."""
 LOST_WAVES = SAFETY * EPS
@@ -68,6 +68,24 @@ class FourierNodes:
         """X' (N, n, n) at the nodes."""
         waves = np.fft.rfft(X - X[0], axis=0) * self._rates(X)
         waves[-1] = 0.0
+        return np.fft.irfft(waves, self.count, axis=0)
+
+    def sharpen(self, D: Array, gaps: bool = False) -> Array:
+        """The waves of a D that was found by half steps, without those that the nodes do not show; gaps: by Hermite's rule.
+
+            D / (x / tan x),   D / (x / tan x + x^2 / 3),   x = w h / 2
+
+        So D' = -F is solved exactly. A fast mode needs no such factor; with one below 2 the corrections converge for it too.
+        """
+        waves, turn = np.fft.rfft(D, axis=0), np.pi / self.count * np.arange(1, int(SHOWN_WAVES * self.count))
+        waves[1 : 1 + len(turn)] /= (turn / np.tan(turn) + gaps * turn**2 / 3)[:, None, None]
+        waves[1 + len(turn) :] = 0.0
+        return np.fft.irfft(waves, self.count, axis=0)
+
+    def smooth(self, F: Array) -> Array:
+        """The lower half of the waves that are shown."""
+        waves = np.fft.rfft(F, axis=0)
+        waves[int(SHOWN_WAVES / 2 * self.count) :] = 0.0
         return np.fft.irfft(waves, self.count, axis=0)
 
     def look_between(self, X: Array) -> tuple[Array, Array]:
@@ -163,6 +181,14 @@ class PanelNodes:
     def slopes(self, X: Array) -> Array:
         """X' (N, n, n) at the nodes."""
         return self._apply(lobatto()[2], X, True)
+
+    def sharpen(self, D: Array, gaps: bool = False) -> Array:
+        """D as it is: it was found by steps of unequal length."""
+        return D
+
+    def smooth(self, F: Array) -> Array:
+        """F as it is."""
+        return F
 
     def look_between(self, X: Array) -> tuple[Array, Array]:
         """X and X' at the times between."""

@@ -17,6 +17,8 @@ MAX_DOUBLINGS = 64
 """Of a period: a loop that hardly forgets takes 2^64 of them."""
 POWER_REACH = 0.25
 """Size of a step times the loop from which on a few powers give its exponential."""
+SLOW_DOUBLINGS = 3
+"""Doublings of a half step up to which no mode oscillates in it."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +190,7 @@ class LoopLyapunov:
         self.M, self.nodes, self.exact = M, nodes, exact is not None
         self.halves = nodes.halves[:, :, None, None]
         steps = self._find_powers() if exact is None else exact
-        self.first, last = self._divide(steps)
+        self.first, last = self._divide(steps, steps)
         whole = last @ self.first
         if not nodes.wraps:
             whole[-1] = 0.0
@@ -214,23 +216,39 @@ class LoopLyapunov:
         return self.powers[-1]
 
     def solve(self, F: Array) -> Array | None:
-        """D (N, n, n) of a symmetric right side; None where the loop does not forget."""
+        """D (N, n, n) of a symmetric right side; None where the loop does not forget.
+
+        Modes that oscillate many times in a step would ring where M and F jump half-way between nodes; so beside these, in a second
+        solution, F takes its slope and what the loop's change makes of the first one.
+        """
         if self.exact:
             return self._carry_back(self._integrate_gaps(F))
-        first, last = self._divide(self._integrate(F))
-        return self._carry_back(first + transpose(self.first) @ last @ self.first)
+        constant = self._integrate(F)
+        D = self._carry_back(self._join(constant, constant))
+        if D is None or len(self.powers) <= SLOW_DOUBLINGS:
+            return D
+        line, whole = self._integrate_line(self.nodes.slopes(F) + twice(D @ self.nodes.slopes(self.M)))
+        return self._carry_back(self._join(constant + line, constant + line - whole))
 
     def integrate_behind(self, F: Array) -> Array:
         """What F makes of D in the half step behind each node."""
         return self.halves[-1] * F if self.exact else self._integrate(F)[-len(F) :]
 
+    def sharpen(self, D: Array) -> Array:
+        """The waves of a solution without what the rule by which it was found adds or leaves out."""
+        return self.nodes.sharpen(D, self.exact)
+
     def _integrate_gaps(self, F: Array) -> Array:
         """The integrals over the gaps by Hermite's rule."""
-        behind, before = self._divide(self.halves.reshape(-1, 1, 1))
+        behind, before = self._divide(self.halves[-1], self.halves[0])
         h, Phi = behind + before, self.levels[0]
         G = h / 6 * (self.nodes.slopes(F) + twice(F @ self.M))
         ahead = np.roll(F, -1, axis=0) - np.roll(G, -1, axis=0)
         return h / 2 * (F + G + transpose(Phi) @ ahead @ Phi)
+
+    def _join(self, behind: Array, before: Array) -> Array:
+        first, last = self._divide(behind, before)
+        return first + transpose(self.first) @ last @ self.first
 
     def _carry_back(self, part: Array) -> Array | None:
         parts = [part]
@@ -262,10 +280,22 @@ class LoopLyapunov:
             total += transpose(power) @ total @ power
         return total
 
-    def _divide(self, halves: Array) -> tuple[Array, Array]:
+    def _integrate_line(self, slope: Array) -> tuple[Array, Array]:
+        """The integrals over each half step s of exp(M' r) r F' exp(M r), and of the same with s in place of r."""
+        change = self.share * (self.halves * slope).reshape(-1, *slope.shape[1:])
+        step = self.share * self.halves.reshape(-1, *self.halves.shape[2:])
+        once = twice(change @ self.steps)
+        again = twice(once @ self.steps)
+        total, whole = step * (change / 2 + once / 3 + again / 8), step * (change + once / 2 + again / 6)
+        for power in self.powers[:-1]:
+            total = total + transpose(power) @ (total + whole) @ power
+            whole = 2 * (whole + transpose(power) @ whole @ power)
+        return total, whole
+
+    def _divide(self, behind: Array, before: Array) -> tuple[Array, Array]:
         """What belongs to the half steps behind each node, and to those before the next one."""
         N = len(self.M)
-        return halves[-N:], np.roll(halves[:N], -1, axis=0)
+        return behind[-N:], np.roll(before[:N], -1, axis=0)
 
 
 def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
