@@ -7,9 +7,8 @@ import flexlin as fl
 from flexlin.periodic import Refusal, as_real, decouple, decoupled_exponents
 from tests.closed_arm import closed
 from tests.periodic.chains import Wave
-from tests.periodic.gentle import gentle_system
 from tests.periodic.judge import covers
-from tests.periodic.rotated import Rotated, mix
+from tests.periodic.rotated import Rotated, gentle_system, mix
 
 T = 2.0
 

@@ -5,8 +5,7 @@ from scipy.linalg import block_diag
 import flexlin as fl
 from flexlin.periodic import Refusal, decouple, decoupled_exponents, solve_decoupled_modes, solve_modes_at_nodes
 from tests.periodic.chains import Rotation, Wave
-from tests.periodic.gentle import gentle_system
-from tests.periodic.rotated import Rotated
+from tests.periodic.rotated import Rotated, gentle_system
 
 
 def miss(vectors, A, exponents, period):
