@@ -9,7 +9,6 @@ import numpy as np
 import flexlin as fl
 from tests.periodic.truths import folded
 
-TOLS = (1e-9, 1e-4)
 EPS = 2.0**-52
 
 
@@ -66,7 +65,7 @@ def draw(name, seed):
 
 
 def tol_of(rng):
-    return float(rng.choice(TOLS))
+    return float(rng.choice((1e-9, 1e-4)))
 
 
 def known(A, period, exponents, tol, doubt=0.0, undamped=False, **more):

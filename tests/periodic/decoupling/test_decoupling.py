@@ -186,8 +186,7 @@ def test_a_group_claims_what_the_worst_signs_of_the_unknown_do(seed):
     for k in range(p):
         slope = np.outer(left[k], right[:, k])
         E = size * (slope.conj() / np.abs(slope) if seed % 2 else np.sign(slope.real))
-        moved = np.linalg.eigvals(B + E)
-        distance = apart(answer.exponents, moved, period)
+        distance = apart(answer.exponents, np.linalg.eigvals(B + E), period)
         assert (distance.min(axis=0) <= answer.errors[distance.argmin(axis=0)]).all()
 
 
