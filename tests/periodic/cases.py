@@ -9,8 +9,6 @@ import numpy as np
 import flexlin as fl
 from tests.periodic.truths import folded
 
-EPS = 2.0**-52
-
 
 @dataclass(frozen=True)
 class Case:
@@ -71,5 +69,5 @@ def tol_of(rng):
 def known(A, period, exponents, tol, doubt=0.0, undamped=False, **more):
     """A case; an undamped one is marginal where its growth rate is zero beyond doubt."""
     exponents = folded(np.asarray(exponents, complex), period)
-    case = Case(A, period, exponents, doubt + EPS * np.abs(exponents), tol, **more)
+    case = Case(A, period, exponents, doubt + 2.0**-52 * np.abs(exponents), tol, **more)
     return replace(case, marginal=case.marginal or (undamped and abs(case.growth[0]) <= min(case.growth[1], 1e-12)))

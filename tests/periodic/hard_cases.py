@@ -192,9 +192,8 @@ def long_and_short(damping):
     def stiffness(t):
         return (7.0 + np.cos(2 * t))[:, None, None]
 
-    long, short = (
-        fl.PeriodicSystem.from_second_order([[1.0]], [[damping]], stiffness, T) for T in (1200 * np.pi, np.pi)
-    )
+    periods = 1200 * np.pi, np.pi
+    long, short = (fl.PeriodicSystem.from_second_order([[1.0]], [[damping]], stiffness, T) for T in periods)
     return long, fl.floquet(short, tol=1e-13).exponents
 
 
