@@ -9,9 +9,6 @@ import numpy as np
 import flexlin as fl
 from tests.periodic.truths import folded
 
-TOLS = (1e-9, 1e-4)
-EPS = 2.0**-52
-
 
 @dataclass(frozen=True)
 class Case:
@@ -66,11 +63,11 @@ def draw(name, seed):
 
 
 def tol_of(rng):
-    return float(rng.choice(TOLS))
+    return float(rng.choice((1e-9, 1e-4)))
 
 
 def known(A, period, exponents, tol, doubt=0.0, undamped=False, **more):
     """A case; an undamped one is marginal where its growth rate is zero beyond doubt."""
     exponents = folded(np.asarray(exponents, complex), period)
-    case = Case(A, period, exponents, doubt + EPS * np.abs(exponents), tol, **more)
+    case = Case(A, period, exponents, doubt + 2.0**-52 * np.abs(exponents), tol, **more)
     return replace(case, marginal=case.marginal or (undamped and abs(case.growth[0]) <= min(case.growth[1], 1e-12)))

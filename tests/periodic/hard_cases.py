@@ -120,10 +120,9 @@ def past_a_krein_collision():
     return gyroscopic(2.0, np.sqrt(2.0) * (1 - 2.5e-9))
 
 
-def link(**changes):
+def link(changes):
     """The closed loop of the built-in single link, with changed numbers."""
-    paths = {path.replace("__", "."): value for path, value in changes.items()}
-    return closed(changes={"designs": [], **paths}).periodic_system()
+    return closed(changes={"designs": [], **changes}).periodic_system()
 
 
 def with_hill(system):
@@ -134,8 +133,8 @@ def with_hill(system):
 @hard("nearly rigid link (EI x 1e8)", "the rigid link, the limit of EI to infinity", 1e-7, "stable")
 def nearly_rigid():
     """Bending modes a million times faster than the motion, damped as fast."""
-    rigid = fl.floquet(link(links__0__modes=0), tol=1e-11).exponents
-    return link(links__0__bending_stiffness=3.7e8, links__0__modes=2), rigid
+    rigid = fl.floquet(link({"links.0.modes": 0}), tol=1e-11).exponents
+    return link({"links.0.bending_stiffness": 3.7e8, "links.0.modes": 2}), rigid
 
 
 FREQUENCIES = 1.0 * np.arange(1, 41) ** 2
@@ -162,20 +161,20 @@ def forty_modes():
 @hard("payload of 1e-6 times the link", "Hill's matrix", 1e-6, "stable")
 def small_payload():
     """Must pass smoothly to no payload."""
-    return with_hill(link(effects__payload__mass=1.6e-7, links__0__modes=1))
+    return with_hill(link({"effects.payload.mass": 1.6e-7, "links.0.modes": 1}))
 
 
 @hard("payload of 1e6 times the link", "12,000 segments of Gauss; exponents of 1e3", 1e-4, "unstable", tol=1e-9)
 def large_payload():
     """The mass matrix has nearly rank 1."""
-    system = link(effects__payload__mass=1.6e5, links__0__modes=1)
+    system = link({"effects.payload.mass": 1.6e5, "links.0.modes": 1})
     return system, fl.floquet(system, method="gauss", order=12, segments=12_000).exponents
 
 
 @hard("hub without inertia", "Hill's matrix", 1e-6, "stable")
 def no_inertia():
     """The joint's inertia comes from the link alone."""
-    return with_hill(link(effects__hub__inertia=0.0, links__0__modes=1))
+    return with_hill(link({"effects.hub.inertia": 0.0, "links.0.modes": 1}))
 
 
 @hard("mass matrix near singular", "two quadratics", 1e-2, "stable", tol=1e-5)
@@ -193,9 +192,8 @@ def long_and_short(damping):
     def stiffness(t):
         return (7.0 + np.cos(2 * t))[:, None, None]
 
-    long, short = (
-        fl.PeriodicSystem.from_second_order([[1.0]], [[damping]], stiffness, T) for T in (1200 * np.pi, np.pi)
-    )
+    periods = 1200 * np.pi, np.pi
+    long, short = (fl.PeriodicSystem.from_second_order([[1.0]], [[damping]], stiffness, T) for T in periods)
     return long, fl.floquet(short, tol=1e-13).exponents
 
 
@@ -214,7 +212,7 @@ def long_undamped_period():
 @hard("zero motion", "eigenvalues of A", 1e-8, "stable")
 def zero_motion():
     """The constant system must come out, not only nearly."""
-    system = link(motion__joints=[{"mean": 0.0, "amplitude": 0.0}], links__0__modes=1)
+    system = link({"motion.joints": [{"mean": 0.0, "amplitude": 0.0}], "links.0.modes": 1})
     return system, np.linalg.eigvals(system.A(np.zeros(1))[0])
 
 

@@ -22,8 +22,8 @@ def naive_exponents(system, steps=STEPS):
         k2 = middle @ (eye + h / 2 * k1)
         k3 = middle @ (eye + h / 2 * k2)
         k4 = end @ (eye + h * k3)
-        steps = eye + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        monodromy = reduce(lambda before, step: step @ before, steps)
+        factors = eye + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        monodromy = reduce(lambda before, step: step @ before, factors)
         if not np.isfinite(monodromy).all():
             return np.full(len(eye), np.inf)
         return np.log(np.linalg.eigvals(monodromy).astype(complex)) / system.period

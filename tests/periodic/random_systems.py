@@ -4,10 +4,10 @@ The truth of a transformed system is its constant matrix D; every other truth co
 `doubt` bounds each truth's own error, the rounding of A(t) to doubles included: a claim is missed beyond claim + doubt only.
 """
 
-from tests.periodic import boundary_systems, gentle, jumping_systems, non_normal_systems, transformed_systems
+from tests.periodic import boundary_systems, jumping_systems, non_normal_systems, rotated, transformed_systems
 from tests.periodic.cases import COUNTS, KINDS, Case, draw
 
-MAKERS = (transformed_systems, non_normal_systems, jumping_systems, boundary_systems, gentle)
+MAKERS = (transformed_systems, non_normal_systems, jumping_systems, boundary_systems, rotated)
 """Imported for the kinds that they register."""
 
 __all__ = ["COUNTS", "KINDS", "Case", "draw"]

@@ -1,9 +1,13 @@
-"""Periodic systems with known exponents: blocks with known means, rotated and sheared by periodic matrices, in extended precision."""
+"""Periodic systems with known exponents: blocks with known means, rotated and sheared by periodic matrices, in extended precision.
+
+Of some the modes hardly change their shapes, of others the fast gaps vary by much.
+"""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tests.periodic.cases import kind, known, tol_of
 from tests.periodic.chains import Factor, Real, Rotation, Shear, Wave
 
 
@@ -71,38 +75,112 @@ def random_system(seed, kind):
     """4 to 20 states, rates up to a million times the basic frequency."""
     rng = np.random.default_rng(seed)
     n, period = int(rng.integers(4, 21)), float(10 ** rng.uniform(-1, 1))
-    w, width, modes, states = 2 * np.pi / period, rng.uniform(1, 6), [], 0
+    w, width, modes, pairs, states = 2 * np.pi / period, rng.uniform(1, 6), [], {}, 0
     while states < n:
         rate = w * (10 ** rng.uniform(-1, width) if rng.random() < 0.6 else rng.uniform(0.1, 2))
         if n - states >= 2 and rng.random() < 0.7:
             damping = {"heavy": rng.uniform(0.05, 1), "undamped": 0.0}.get(kind, 10 ** rng.uniform(-4, -1)) * rate
             growth = wave(rng, -damping, damping * rng.uniform(0, 0.3), 3)
             modes.append([growth, wave(rng, rate, rate * rng.choice([0, 0.05, 0.3]), 3)])
+            pairs[states] = modes[-1]
         else:
             rate *= kind != "undamped"
             modes.append([wave(rng, -rate, rate * rng.choice([0, 0.1, 0.3]), 3), None])
         states += 1 if modes[-1][1] is None else 2
-    starts = np.cumsum([0] + [1 if f is None else 2 for _, f in modes])
-    pairs = [k for k, (_, f) in enumerate(modes) if f is not None]
-    links = []
+    starts, links = list(pairs), []
     if kind == "unstable":
-        growth = modes[0][0]
-        modes[0][0] = replace(growth, level=abs(growth.level))
+        modes[0][0] = replace(modes[0][0], level=abs(modes[0][0].level))
     if len(pairs) > 1:
-        first, second = modes[pairs[0]], modes[pairs[1]]
+        first, second = (pairs[start] for start in starts[:2])
         if kind == "crossing frequencies":
             second[1] = wave(rng, first[1].level * rng.uniform(0.97, 1.03), 0.1 * first[1].level, 2)
         if kind == "crossing damping":
             second[0] = wave(rng, first[0].level + 0.1 * w * rng.uniform(-1, 1), min(20 * w, -first[0].level, 3 * w), 2)
         if kind == "jordan":
             second[:] = first
-            links = [(starts[pairs[0]] + k, starts[pairs[1]] + k, w * 0.5) for k in (0, 1)]
+            links = [(starts[0] + k, starts[1] + k, w * 0.5) for k in (0, 1)]
     turns = []
     for _ in range(int(rng.integers(1, 2 * n))):
         i, j = rng.choice(n, 2, replace=False)
         angle = wave(rng, rng.uniform(-1, 1), rng.choice([0.05, 0.2, 0.5]), int(rng.integers(1, 4)))
         turns.append(turn(i, j, rng.random() < 0.6, angle, int(rng.integers(-1, 2)) if rng.random() < 0.1 else 0))
     if kind == "overdamped" and pairs:
-        start = starts[pairs[0]]
-        turns.append(turn(start, start + 1, False, wave(rng, 0.0, 1.0, 1)))
+        turns.append(turn(starts[0], starts[0] + 1, False, wave(rng, 0.0, 1.0, 1)))
     return Rotated(period, modes, turns, links)
+
+
+def slow_case(system, tol):
+    """Its A(t) is slow to sample in extended precision, and has few harmonics, which are named as all there is."""
+    return known(system, system.period, system.exponents, tol, complete=True)
+
+
+@kind("kept shapes", 1000)
+def kept_shapes(rng):
+    return slow_case(draw_gentle(rng, bool(rng.random() < 0.5)), tol_of(rng))
+
+
+@kind("waving shapes", 500)
+def waving_shapes(rng):
+    return slow_case(draw_lively(rng), tol_of(rng))
+
+
+@kind("uneven gaps", 300)
+def uneven_gaps(rng):
+    """A slow pair and two that are up to 1500 times as fast as the motion, whose gap varies by much."""
+    period, tol = float(10 ** rng.uniform(-1, 1)), tol_of(rng)
+    w, modes = 2 * np.pi / period, []
+    for rate, share in ((rng.uniform(1, 5), 0.0), (rng.uniform(50, 400), 0.1), (rng.uniform(300, 1500), 0.4)):
+        damping = rate * w * 10 ** rng.uniform(-3, -1)
+        modes.append([wave(rng, -damping, 0.3 * damping, 2), wave(rng, rate * w, share * rate * w, 1)])
+    turns = [
+        turn(*map(int, rng.choice(6, 2, replace=False)), rng.random() < 0.6, wave(rng, rng.uniform(-1, 1), 0.03, 1))
+        for _ in range(6)
+    ]
+    return slow_case(Rotated(period, modes, turns), tol)
+
+
+def gentle_system(seed, near_resonance=False):
+    """The same one for a seed."""
+    return draw_gentle(np.random.default_rng([seed, near_resonance]), near_resonance)
+
+
+def draw_gentle(rng, near_resonance):
+    """2 to 12 states, rates from the basic frequency to a million times it, mixed by a constant matrix and slightly by waves.
+
+    near_resonance: frequencies whose differences lie close to multiples of the basic frequency, where coupling adds up.
+    """
+    period = float(10 ** rng.uniform(-1, 1))
+    w, modes, states = 2 * np.pi / period, [], 0
+    n = int(rng.integers(2, 13))
+    while states < n:
+        rate = w * 10 ** rng.uniform(0, rng.choice([2, 4, 6]))
+        if near_resonance:
+            rate = w * (round(rate / w) % 40 + 0.5 * rng.integers(0, 2) + 10 ** rng.uniform(-6, -1))
+        damping = rate * 10 ** rng.uniform(-4, -0.5)
+        sign = rng.choice([-1, -1, -1, 1e-3])
+        if n - states >= 2 and rng.random() < 0.7:
+            frequency = wave(rng, rate, rate * rng.choice([0, 0.02, 0.1]), int(rng.integers(1, 4)))
+            modes.append([wave(rng, sign * damping, 0.3 * damping, 2), frequency])
+        else:
+            modes.append([wave(rng, sign * rate, rate * rng.choice([0, 0.02, 0.2]), 2), None])
+        states += 1 if modes[-1][1] is None else 2
+    return Rotated(period, modes, mix(rng, states, -4, -0.7))
+
+
+def draw_lively(rng):
+    """2 to 10 states, rates from a third of the basic frequency on, some apart by their damping alone, mixed by larger waves."""
+    period = float(10 ** rng.uniform(-1, 1))
+    w, modes, states, n = 2 * np.pi / period, [], 0, int(rng.integers(2, 11))
+    while states < n:
+        rate = w * 10 ** rng.uniform(-0.5, rng.choice([1, 1.5, 2.5]))
+        if rng.random() < 0.5:
+            rate = w * (round(rate / w) % 30 + 0.5 * rng.integers(0, 2) + 10 ** rng.uniform(-6, -0.5))
+        damping, sign = rate * 10 ** rng.uniform(-3, 0), rng.choice([-1, -1, -1, 1e-3, 0.05])
+        part = rng.choice([0, 0.02, 0.1, 0.3])
+        if n - states >= 2 and rng.random() < 0.6:
+            frequency = wave(rng, rate, rate * rng.choice([0, 0.02, 0.1, 0.2]), int(rng.integers(1, 4)))
+            modes.append([wave(rng, sign * damping, part * damping, 2), frequency])
+        else:
+            modes.append([wave(rng, sign * rate, rate * part, 2), None])
+        states += 1 if modes[-1][1] is None else 2
+    return Rotated(period, modes, mix(rng, states, -3, -0.4))

@@ -10,9 +10,8 @@ from flexlin.periodic import assign, count_turns, match_logs, wrap_angle
 
 def test_wrapped_angles_are_on_the_same_point_of_the_circle_inside_the_half_open_interval():
     odd = np.pi * np.array([-3.0, -1.0, 1.0, 3.0])  # they belong to plus pi
-    angle = np.concatenate(
-        [np.random.default_rng(1).uniform(-300, 300, 2000), odd, np.nextafter(odd, 9), np.nextafter(odd, -9)]
-    )
+    borders = odd, np.nextafter(odd, 9), np.nextafter(odd, -9)
+    angle = np.concatenate([np.random.default_rng(1).uniform(-300, 300, 2000), *borders])
     near = wrap_angle(angle)
     np.testing.assert_allclose(np.exp(1j * near), np.exp(1j * angle), atol=1e-13)
     assert np.all((near > -np.pi) & (near <= np.pi))

@@ -76,13 +76,10 @@ def test_delay_of_a_periodic_loop_against_simulation(found):
 
 @pytest.mark.slow
 def test_constant_loops_against_python_control():
-    rng, checked = np.random.default_rng(4), 0
-    while checked < 3:
+    rng = np.random.default_rng(4)
+    for _ in range(3):
         A0, B0 = rng.standard_normal((3, 3)), rng.standard_normal((3, 1))
-        gain = control.lqr(A0, B0, np.eye(3), [[1.0]])[0] * rng.uniform(0.5, 2)
-        if np.linalg.eigvals(A0 - B0 @ gain).real.max() > -0.05:
-            continue
-        checked += 1
+        gain = control.lqr(A0, B0, np.eye(3), [[1.0]])[0] * rng.uniform(0.6, 2)  # from a half on the loop is stable
         found = fl.margins(fl.PeriodicSystem(A0, 1.0, B=B0), gain)
         gm, pm, _, _, wc, _ = control.stability_margins(control.ss(A0, B0, gain, 0), returnall=True)
         lower = max([g for g in gm if g < 1], default=0.0)

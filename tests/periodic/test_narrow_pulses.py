@@ -63,17 +63,6 @@ class Pulsed:
         from_end = np.linalg.solve(F[2:, 2:] - end @ F[:2, 2:], end @ F[:2, :2] - F[2:, :2])
         return vectors[2:, :2] @ np.linalg.inv(vectors[:2, :2]), from_end
 
-    def from_circle(self, level: float) -> float:
-        """The least | |multiplier| - 1 | of [[A, B B'/g], [-C'C/g, -A']], C = [1, 0]."""
-        lower, upper = np.diag([-1.0 / level, 0.0]), self.B @ self.B.T / level
-        multipliers = np.linalg.eigvals(self.flow(lambda A, _: np.block([[A, upper], [lower, -A.T]]), 4))
-        return float(np.abs(np.abs(multipliers) - 1).min())
-
-    def decays(self, taken) -> np.ndarray:
-        """Real parts of the exponents of x' = (A - taken) x."""
-        multipliers = np.linalg.eigvals(self.flow(lambda A, t: A - at(taken, t), 2))
-        return np.log(np.abs(multipliers)) / self.period
-
 
 def pad(*blocks: np.ndarray) -> np.ndarray:
     """Blocks side by side above rows of zeros: what stands in the last columns is constant."""
@@ -114,16 +103,20 @@ def test_a_loop_through_an_estimator_sees_every_pulse(case):
     design = periodic_lqr(system, np.eye(2), np.eye(1))
     estimator = kalman_filter(system, C, np.eye(2), np.eye(1))
     both = fl.floquet(output_feedback(design, estimator)).exponents.real
-    apart = [pulsed.decays(lambda t: pulsed.B @ design.K(t)), pulsed.decays(lambda t: estimator.L(t) @ C)]
-    assert np.abs(np.sort(both) - np.sort(np.concatenate(apart))).max() < 1e-6
+    loops = lambda A, t: A - pulsed.B @ design.K(t), lambda A, t: A - estimator.L(t) @ C
+    multipliers = np.concatenate([np.linalg.eigvals(pulsed.flow(loop, 2)) for loop in loops])
+    np.testing.assert_allclose(np.sort(both), np.sort(np.log(np.abs(multipliers))) / pulsed.period, atol=1e-6, rtol=0)
 
 
 @pytest.mark.slow
 def test_the_h_infinity_norm_sees_every_pulse(case):
-    """Just above the norm no multiplier of the bounded-real Hamiltonian lies on the unit circle, just below two do."""
-    pulsed, system = case
+    """Just above g no multiplier of [[A, B B'/g], [-C'C/g, -A']], C = [1, 0], lies on the unit circle, just below two do."""
+    (pulsed, system), distance = case, []
     norm = fl.hinf_norm(system, [[1.0, 0.0]], tol=1e-6)
-    distance = [pulsed.from_circle(norm.value * (1 + shift)) for shift in (-1e-3, 1e-3)]
+    for level in norm.value * np.array([1 - 1e-3, 1 + 1e-3]):
+        lower, upper = np.diag([-1.0 / level, 0.0]), pulsed.B @ pulsed.B.T / level
+        F = pulsed.flow(lambda A, _, C=lower, B=upper: np.block([[A, B], [C, -A.T]]), 4)
+        distance.append(np.abs(np.abs(np.linalg.eigvals(F)) - 1).min())
     assert distance[0] < 1e-7 < distance[1]
 
 

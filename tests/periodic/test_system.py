@@ -20,23 +20,18 @@ def swing(t):
     return np.array([[0.0, 1.0], [-1.0, -0.1]]) + 0.2 * np.cos(2 * np.pi * t)[:, None, None] * np.eye(2)
 
 
-def again(value):
-    return pickle.loads(pickle.dumps(value))
-
-
 def plant():
     return PeriodicSystem.from_second_order(M, D, K, 1.3, B=B)
 
 
 def test_systems_come_back_from_a_pickle():
     for system in (plant(), plant().feedback(np.array([[1.0, 2.0, 0.1, 0.2]])), PeriodicSystem(swing, 1.0, B)):
-        copy = again(system)
+        copy = pickle.loads(pickle.dumps(system))
         np.testing.assert_array_equal(copy.A(T), system.A(T))
         np.testing.assert_array_equal(copy.B(T), system.B(T))
         assert (copy.n, copy.m, copy.period, copy.breaks) == (system.n, system.m, system.period, system.breaks)
         if system.second_order is not None:
-            for ours, theirs in zip(copy.second_order.sample(T), system.second_order.sample(T), strict=True):
-                np.testing.assert_array_equal(ours, theirs)
+            np.testing.assert_array_equal(copy.second_order.sample(T), system.second_order.sample(T))
         np.testing.assert_array_equal(fl.floquet(copy).exponents, fl.floquet(system).exponents)
 
 
@@ -48,10 +43,9 @@ def test_one_time_gives_one_value():
         assert function(0.4).shape == shape
         np.testing.assert_array_equal(function(0.4), function(np.array([0.4]))[0])
         assert function([0.1, 0.4]).shape == (2, *shape)
-        with pytest.raises(ArgumentError):
-            function(np.nan)
-        with pytest.raises(ArgumentError):
-            function([[0.1]])
+        for no_time in (np.nan, [[0.1]]):
+            with pytest.raises(ArgumentError):
+                function(no_time)
 
 
 @pytest.mark.parametrize(
@@ -61,7 +55,6 @@ def test_one_time_gives_one_value():
         (lambda t: np.zeros((len(t), 0, 0)), "empty"),
         (lambda t: swing(t).tolist(), "no array"),
         (lambda t: [[0.0, 1.0], [-1.0, 0.0]], "single time"),
-        (lambda t: np.array([[0.0, 1.0], [-np.cos(t), 0.0]]), "single time"),
         (lambda t: np.array([[0.0, 1.0], [-1.0, 0.0]]) * np.cos(t), "single time"),
         (lambda t: np.array([[np.sin(t), np.cos(t)], [np.cos(t), np.sin(t)]]), "single time"),
         (lambda t: swing(t)[0] if len(t) == 1 else swing(t), "shape"),

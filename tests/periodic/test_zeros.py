@@ -6,8 +6,8 @@ from scipy.linalg import eigvals
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NumericalError
+from tests.periodic.judge import covers
 from tests.periodic.systems import turned
-from tests.periodic.truths import apart
 
 
 def zhou(t):
@@ -23,14 +23,11 @@ def test_published_examples(strength):
     Both for any strength of the input's waves; also in the tests of PeriodicSystems.jl (Varga), there with 0.5, where the input vanishes.
     """
 
-    def smooth(t):
-        return (1 - 2 * strength * np.cos(2 * t))[:, None, None] * np.array([[0.0], [1.0]])
-
     def half(t):
-        wave = np.where(np.mod(t, np.pi) < np.pi / 2, np.sin(2 * t), 0.0)
-        return (1 - 2 * strength * wave)[:, None, None] * np.array([[0.0], [1.0]])
+        return np.where(np.mod(t, np.pi) < np.pi / 2, np.sin(2 * t), 0.0)
 
-    for B, C, zero in ((half, [[1.0, 1.0]], -3.5), (smooth, [[0.0, 1.0]], -1.5)):
+    for wave, C, zero in ((half, [[1.0, 1.0]], -3.5), (lambda t: np.cos(2 * t), [[0.0, 1.0]], -1.5)):
+        B = lambda t, wave=wave: (1 - 2 * strength * wave(t))[:, None, None] * np.array([[0.0], [1.0]])  # noqa: E731
         found = fl.invariant_zeros(fl.PeriodicSystem(zhou, np.pi, B), C)
         assert abs(found.exponents.item() - zero) <= found.errors.item() + 1e-13
         assert found.errors.item() < 1e-8
@@ -51,9 +48,7 @@ def test_turned_constant_systems_have_the_zeros_of_rosenbrocks_pencil(seed):
     found = fl.invariant_zeros(system, output)
     assert found.relative_degree == (1 + seed % 2,) * m
     assert len(found.exponents) == len(zeros) == n - sum(found.relative_degree)
-    for zero, distance in zip(zeros, apart(zeros, found.exponents, system.period), strict=True):
-        k = distance.argmin()
-        assert distance[k] <= found.errors[k] + 1e-9 * (1 + abs(zero))
+    assert covers(found, zeros, system.period, doubt=1e-9 * (1 + np.abs(zeros)))
     assert found.errors.max(initial=0.0) < 1e-6
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from tests.periodic.cases import TOLS, Case, kind
+from tests.periodic.cases import Case, kind, tol_of
 from tests.periodic.chains import Chain, Clock, Rotation, Shear, Stretch, Unipotent, Wave
 
 
@@ -131,7 +131,7 @@ def transformed(rng, factors="mixed", constants="plain", clock=None, named=False
     exponents = np.concatenate([block_exponents(b) for b in blocks])
     doubt = block_doubts(blocks, A.rounding(rng)) + 2.0**-52 * np.abs(exponents)
     marginal = bool(exponents.real.max() == 0)
-    return Case(A, period, exponents, doubt, float(rng.choice(TOLS)), A.clock.corners if named else (), {}, marginal)
+    return Case(A, period, exponents, doubt, tol_of(rng), A.clock.corners if named else (), {}, marginal)
 
 
 for style in ("rotation", "shear", "exponential", "mixed"):

@@ -1,7 +1,7 @@
 """Exponents in extended precision: eigenvalues, products of exponentials, and transition matrices on panels, each with its own doubt."""
 
 from functools import lru_cache
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import mpmath as mp
 import numpy as np
@@ -83,14 +83,13 @@ def gauss_tableau():
             for x in np.polynomial.legendre.leggauss(STAGES)[0]
         )
         powers = mp.matrix([[x**k for k in range(STAGES)] for x in nodes])
-        integrals = mp.matrix([[x ** (k + 1) / (k + 1) for k in range(STAGES)] for x in nodes])
-        ends = mp.matrix([[mp.mpf(1) / (k + 1) for k in range(STAGES)]])
-        inner, weights = integrals * powers**-1, ends * powers**-1
+        integrals = mp.matrix([[x ** (k + 1) / (k + 1) for k in range(STAGES)] for x in [*nodes, mp.mpf(1)]])
 
         def extended(M):
             return np.array([[Real(mp.nstr(M[i, j], 30)) for j in range(M.cols)] for i in range(M.rows)])
 
-        return extended(mp.matrix(nodes))[:, 0], extended(weights)[0], extended(inner)
+        inner = extended(integrals * powers**-1)
+        return extended(mp.matrix(nodes))[:, 0], inner[-1], inner[:-1]
 
 
 def panel_transitions(A, panels):
@@ -122,12 +121,8 @@ def integrated(A, panels, period):
     """
     transitions, weight = panel_transitions(A, np.asarray(panels, Real))
     n = transitions.shape[-1]
-    before = [np.eye(n, dtype=Real)]
-    for step in transitions:
-        before.append(step @ before[-1])
-    after = [np.eye(n, dtype=Real)]
-    for step in transitions[::-1]:
-        after.append(after[-1] @ step)
+    before = list(accumulate(transitions, lambda total, step: step @ total, initial=np.eye(n, dtype=Real)))
+    after = list(accumulate(transitions[::-1], np.matmul, initial=np.eye(n, dtype=Real)))
     with mp.workdps(40):
         values, left, right = mp.eig(as_mp(before[-1]), left=True, right=True)
         exponents = np.array([complex(mp.log(v) / mp.mpf(period)) for v in values])

@@ -181,7 +181,6 @@ def test_constants_stay_what_they_are():
         series = resolve(lambda t: np.broadcast_to(value, (len(t), 3, 2)), 0.7, breaks=breaks)
         assert series.constant
         assert np.all(series.mean() == pytest.approx(value, rel=1e-15))
-    assert not resolve(scalar(np.cos), SMOOTH).constant
 
 
 @pytest.mark.parametrize("breaks", [(), (0.4,)])

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from functools import reduce
+from itertools import pairwise, permutations
 from unittest.mock import Mock
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.linalg import expm
 
 import flexlin as fl
 from flexlin.errors import TooManySegments
-from flexlin.periodic import Coupled, Group, Refusal, decouple, decoupled_exponents
+from flexlin.periodic import Coupled, Group, Refusal, decouple, decoupled_exponents, sylvester
 from flexlin.periodic.decoupling.coupling import Decoupled, residual_effect
 from flexlin.periodic.floquet import exponents as routes
 from flexlin.periodic.floquet.by_decoupling import hide_enclosed
@@ -185,8 +186,7 @@ def test_a_group_claims_what_the_worst_signs_of_the_unknown_do(seed):
     for k in range(p):
         slope = np.outer(left[k], right[:, k])
         E = size * (slope.conj() / np.abs(slope) if seed % 2 else np.sign(slope.real))
-        moved = np.linalg.eigvals(B + E)
-        distance = apart(answer.exponents, moved, period)
+        distance = apart(answer.exponents, np.linalg.eigvals(B + E), period)
         assert (distance.min(axis=0) <= answer.errors[distance.argmin(axis=0)]).all()
 
 
@@ -224,3 +224,32 @@ def test_what_is_hidden_lies_below_all_that_is_known():
     exponents = np.array([300.0, 60.0, -80.0, -80.0, -250.0, -5000.0])
     errors = np.array([1e-9, 1e-9, 30.0, 30.0, 1e-9, 600.0])
     assert hide_enclosed(exponents, errors).tolist() == [1e-9, 1e-9, 30.0, 30.0, 1e-9, np.inf]
+
+
+APART = (1, 1, 2), (2, 3, 1), (2, 2, 4), (6, 5), (4, 6, 1)
+MET = (3, 1, 1), (6, 1, 1), (21, 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "exchanged"), [*((sizes, False) for sizes in APART), *((sizes, True) for sizes in MET)]
+)
+def test_every_block_solves_its_equation(sizes, exchanged):
+    """The equations that take the coupling between groups out, for groups of all sizes.
+
+    exchanged: a group's first entry is a mode's of the next one: elimination in the given order would divide by zero.
+    """
+    rng, edges = np.random.default_rng(5), np.concatenate([[0], np.cumsum(sizes)])
+    groups = tuple(Group(int(a), int(b), i) for i, (a, b) in enumerate(pairwise(edges)))
+    n, first = edges[-1], edges[1]
+    B = rng.standard_normal((9, n, n)) + 1j * rng.standard_normal((9, n, n))
+    if exchanged:
+        B[:, 0, 0] = B[:, first, first]
+    else:
+        B += np.diag(np.repeat(20j * np.arange(len(sizes)), sizes))
+    S = sylvester(B, groups)
+    for g in groups:
+        assert not S[:, g.part, g.part].any()
+    for g, h in permutations(groups, 2):
+        across = B[:, g.part, g.part] @ S[:, g.part, h.part] - S[:, g.part, h.part] @ B[:, h.part, h.part]
+        allowed = 1e-9 * np.abs(S).max() if exchanged else 1e-13 * np.abs(B).max()
+        assert np.abs(across + B[:, g.part, h.part]).max() < allowed

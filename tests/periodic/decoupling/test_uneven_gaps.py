@@ -7,9 +7,8 @@ import flexlin as fl
 from flexlin.periodic import Refusal, as_real, decouple, decoupled_exponents
 from tests.closed_arm import closed
 from tests.periodic.chains import Wave
-from tests.periodic.gentle import gentle_system
 from tests.periodic.judge import covers
-from tests.periodic.rotated import Rotated, mix
+from tests.periodic.rotated import Rotated, gentle_system, mix
 
 T = 2.0
 
@@ -80,9 +79,7 @@ HARD_DRIVE = {
 """Eigenvectors of the mean, in metres and metres per second, of a joint mode that decays within a millisecond: their inverse needs care."""
 
 
-@pytest.mark.parametrize(
-    "changes", [None, NEAR_RESONANCE, HARD_DRIVE], ids=["integral action", "near resonance", "hard drive"]
-)
+@pytest.mark.parametrize("changes", [None, NEAR_RESONANCE, HARD_DRIVE], ids=["integral", "resonance", "hard drive"])
 def test_segments_give_the_same_exponents(changes):
     system = closed(changes=changes).periodic_system() if changes else fl.PeriodicSystem(loop_with_integral_action(), T)
     exact, found = fl.floquet(system, 1e-10, method="gauss"), [fl.floquet(system, 1e-8)]

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 import flexlin as fl
 from flexlin.periodic import Refusal, decouple, decoupled_exponents, solve_decoupled_modes, solve_modes_at_nodes
 from tests.periodic.chains import Rotation, Wave
-from tests.periodic.gentle import gentle_system
-from tests.periodic.rotated import Rotated
+from tests.periodic.rotated import Rotated, gentle_system
 
 
 def miss(vectors, A, exponents, period):
@@ -82,9 +82,8 @@ def test_modes_of_a_slow_motion_are_right_or_called_unknown():
 @pytest.mark.parametrize("coupling", [0.0, 1.0])
 def test_modes_that_coincide_are_right_or_left_to_others(apart, coupling):
     """Two slow oscillators alike, or a Jordan chain of them, beside a fast decay: no column is taken twice, and nothing is singular."""
-    D = np.diag([-60.0, 0.0, 0.0, 0.0, 0.0])
-    D[1:3, 1:3], D[3:, 3:] = [[-0.1, 2.0], [-2.0, -0.1]], [[-0.1 - apart, 2.0], [-2.0, -0.1 - apart]]
-    D[1:3, 3:] = coupling * np.eye(2)
+    slow = np.array([[-0.1, 2.0], [-2.0, -0.1]])
+    D = block_diag(-60.0, slow, slow - apart * np.eye(2)) + np.diag([0.0, coupling, coupling], 2)
 
     def A(t):
         return (1 + 0.1 * np.cos(t))[:, None, None] * D

@@ -8,7 +8,6 @@ import flexlin as fl
 from flexlin.errors import SingularMassMatrix
 from flexlin.periodic import gauss_transitions
 from flexlin.periodic.transition import factors
-from flexlin.periodic.transition.factors import factor_segments
 from flexlin.periodic.transition.gauss import collocate_accelerations, fold_samples, gauss, place_nodes
 from tests.periodic.systems import waving_arm
 
@@ -50,7 +49,7 @@ def test_compiled_code_and_numpy_give_the_same_matrices(n, monkeypatch):
         monkeypatch.setattr(factors, "CHUNK_BYTES", 24 * stages * n * n * 16)
         grid = np.sort(np.random.default_rng(seed).uniform(0, 1, segments + 1))
         units = 10.0 ** np.random.default_rng(seed).uniform(-3, 3, n)
-        found = factor_segments(random_arm(seed, n, units).resolved, grid, gauss(stages))
+        found = factors.factor_segments(random_arm(seed, n, units).resolved, grid, gauss(stages))
         other = second_order_transitions(random_arm(seed, n, np.ones(n)).resolved.sample, grid, stages)
         scale = np.concatenate([units, units])
         apart = np.abs(found * (scale[:, None] / scale) - other).max(axis=(1, 2))
@@ -72,7 +71,10 @@ def test_integrals_among_the_states_are_left_out_of_the_unknowns(m, k):
             return fixed + 0.1 * np.cos(2 * np.pi * t)[:, None, None] * waves
 
         system = fl.PeriodicSystem(lambda t, A=A, u=units: A(t) * u[:, None] / u, 1.0, complete=True)
-        found, other = factor_segments(system.resolved, edges, gauss(stages)), gauss_transitions(A, edges, stages)
+        found, other = (
+            factors.factor_segments(system.resolved, edges, gauss(stages)),
+            gauss_transitions(A, edges, stages),
+        )
         apart = np.abs(found / units[:, None] * units - other).max(axis=(1, 2))
         assert (apart <= 500 * EPS * np.linalg.norm(other, axis=(1, 2))).all(), (seed, apart.max())
 
@@ -98,7 +100,7 @@ def test_inertias_far_apart_lose_no_more_than_with_rows_exchanged(seed, left):
     modes, rates = turn * np.array([1.0, 10 ** rng.uniform(-4, -2)]) @ back, rng.uniform(3, 10, n)
     M, D, K = (modes.T @ (part[:, None] * modes) for part in (np.ones(n), 0.1 * rates, rates**2))
     system, edges = fl.PeriodicSystem.from_second_order(M, D, K, 1.0), np.array([0.0, 1.0])
-    found = factor_segments(system.resolved, edges, gauss(9))[0]
+    found = factors.factor_segments(system.resolved, edges, gauss(9))[0]
     assert not left
     right = exact_transition(M, D, K, gauss(9))
     allowed = 0.0
@@ -112,7 +114,7 @@ def test_what_needs_rows_exchanged_is_seen_and_left_to_numpy(left):
     """A pivot that vanishes: h^2 (a a)_11 k = -1, with the residual as the only witness."""
     stiffness, grid = -1.0 / (gauss(3).a @ gauss(3).a)[0, 0], np.array([0.0, 1.0])
     system = fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], [[stiffness]], 1.0)
-    found = factor_segments(system.resolved, grid, gauss(3))
+    found = factors.factor_segments(system.resolved, grid, gauss(3))
     assert left == [1]
     np.testing.assert_allclose(found, second_order_transitions(system.resolved.sample, grid, 3), rtol=1e-12)
 
@@ -122,4 +124,4 @@ def test_a_mass_matrix_that_is_singular_is_named():
     for part in (slice(0, 2), slice(4, 6)):
         system.resolved.series.coefficients[0, :, part] = np.diag([1.0, 0.0])
     with pytest.raises(SingularMassMatrix):
-        factor_segments(system.resolved, np.linspace(0, 1, 4), gauss(2))
+        factors.factor_segments(system.resolved, np.linspace(0, 1, 4), gauss(2))
