@@ -174,15 +174,15 @@ def balance_factors(factors: Array) -> tuple[Array, Array]:
     return factors * (scale / scale[:, None]), scale
 
 
-def separate_triangular(T: Array, near: float = 0.0) -> tuple[Array, Array]:
+def separate_triangular(T: Array) -> tuple[Array, Array]:
     """X unit upper triangular with T X = X (diag(t) + N): eigenvectors of an upper triangular matrix, N left between equal eigenvalues.
 
     (t_j - t_i) X_ji + sum_(j < l < i) T_jl X_li = -T_ji      for j < i, and again for what N leaves of X^-1 T X elsewhere
 
-    Equal are eigenvalues that differ by little of themselves, or by no more than the rounding of T, or a part `near` of T.
+    Equal are eigenvalues that differ by little of themselves, or by no more than the rounding of T.
     """
     n, t, X = len(T), np.diagonal(T), np.eye(len(T))
-    upper, least = np.triu(np.ones((n, n), bool), 1), max(near, SAFETY * EPS) * np.abs(T).max(initial=0.0)
+    upper, least = np.triu(np.ones((n, n), bool), 1), SAFETY * EPS * np.abs(T).max(initial=0.0)
     same = upper & (np.abs(t[:, None] - t) <= CUBE_ROOT_EPS * np.maximum(np.abs(t[:, None]), np.abs(t)) + least)
     free = (upper & ~same).T
     rows, columns = free[:, :, None], free[:, None, :]

@@ -25,16 +25,12 @@ from flexlin.periodic.transition.choose_segments import (
     factor_twice,
     fall_back,
 )
-from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, FOURTH_ROOT_EPS, MINOR, ROOT_EPS, SAFETY
+from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, SAFETY
 
 COLLOCATION_WORK = 4e9
 """Multiplications of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
 WORKING_SETS = 22
 """All that is held at once for the product of a period, in units of its factors: of two methods, in Schur form, with what is unknown."""
-
-
-NEAR = (0.0, ROOT_EPS, CUBE_ROOT_EPS, FOURTH_ROOT_EPS)
-"""Parts of A within which eigenvalues count as equal in a bound on their errors; the least of the bounds counts."""
 
 
 @checked
@@ -255,18 +251,13 @@ def solve_constant(system: PeriodicSystem) -> tuple[Array, Array]:
     A, scale = balance_factors(A / unit)
     T, Q = complex_schur(A[0])
     size, values = SAFETY * EPS * np.linalg.norm(A[0]), np.diagonal(T)
-    gap, errors = np.abs(values[:, None] - values), np.full(len(T), np.inf)
-    nearest = np.where(np.eye(len(T), dtype=bool), np.inf, gap).min(axis=1)
-    for near in NEAR:
-        if (errors < MINOR * nearest).all():  # a wider one says no less
-            break
-        X, shared = separate_triangular(T, near)
-        right, left = Q @ X, np.linalg.solve(X, Q.conj().T)
-        coupling = size * np.outer(np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=0))
-        sides = (left / scale)[None], (scale[:, None] * right)[None]
-        coupling += couple_uncertainty(system.resolved, np.zeros(1), *sides)[0] / unit
-        own = np.diagonal(coupling)
-        errors = np.minimum(errors, own + bound_pairs(coupling, own, gap, shared))
+    X, shared = separate_triangular(T)
+    right, left = Q @ X, np.linalg.solve(X, Q.conj().T)
+    coupling = size * np.outer(np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=0))
+    sides = (left / scale)[None], (scale[:, None] * right)[None]
+    coupling += couple_uncertainty(system.resolved, np.zeros(1), *sides)[0] / unit
+    own = np.diagonal(coupling)
+    errors = own + bound_pairs(coupling, own, np.abs(values[:, None] - values), shared)
     order = np.argsort(-values.real, kind="stable")
     return unit * values[order], unit * errors[order]
 
