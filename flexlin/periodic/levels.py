@@ -1,6 +1,7 @@
 """Levels of the H-infinity norm, judged by a Hamiltonian system's multipliers, and the gains beside which they are tried."""
 
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 
@@ -82,23 +83,15 @@ class BoundedReal:
             setting = choose_setting(self.system, MODES_TOL, "radau")
         return place_segments(system, setting), setting
 
-    @lazy
-    def made(self) -> dict[tuple[bytes, bytes], Segments]:
-        """The segments that were made, by edges and nodes."""
-        return {}
-
     def segments(self, edges: Array, rule: Tableau) -> Segments:
         """The system's, as they serve all frequencies; inputs and outputs so weighted that their squares add up to the integrals."""
-        key = edges.tobytes(), rule.c.tobytes()
-        if key not in self.made:
-            t, h = place_nodes(edges, rule.c), np.diff(edges)
-            A, *ports = (sample_at(one, t) for one in (self.system.resolved, self.B, self.C, self.D))
-            found = condense(A, ports, h, rule)
-            p, m = ports[2].shape[-2:]
-            by = np.sqrt(h[:, None] * rule.b)
-            into, out = 1 / np.repeat(by, m, axis=1)[:, None], np.repeat(by, p, axis=1)[..., None]
-            self.made[key] = Segments(found.free, found.pushed * into, found.seen * out, found.through * out * into)
-        return self.made[key]
+        t, h = place_nodes(edges, rule.c), np.diff(edges)
+        A, *ports = (sample_at(one, t) for one in (self.system.resolved, self.B, self.C, self.D))
+        found = condense(A, ports, h, rule)
+        p, m = ports[2].shape[-2:]
+        by = np.sqrt(h[:, None] * rule.b)
+        into, out = 1 / np.repeat(by, m, axis=1)[:, None], np.repeat(by, p, axis=1)[..., None]
+        return Segments(found.free, found.pushed * into, found.seen * out, found.through * out * into)
 
     def judge(self, level: float) -> tuple[int, Array]:
         """On which side of the norm a level lies (1 above, -1 below, 0 where errors hide it), and at which frequencies a gain equals it.
@@ -149,9 +142,8 @@ class PeakSearch:
     def begin(self) -> None:
         """Try the frequencies of the modes that add most, and climb from the best."""
         greatest = float(self.shares[np.isfinite(self.shares)].max(initial=0.0))
-        self.edges: Array | None = None
-        if not self.problem.constant:
-            self.edges, self.setting = self.problem.begin(max(greatest, 2 * self.floor))
+        self.edges, self.setting = self.problem.begin(max(greatest, 2 * self.floor))
+        self.segments = cache(partial(self.problem.segments, self.edges))
         first = self.exponents[np.argsort(-self.shares)].imag[: 2 * START_MODES]
         for omega in (0.0, np.pi / self.period, *first.tolist()):
             self.gain(omega)
@@ -171,16 +163,14 @@ class PeakSearch:
 
     def measure(self, omega: float, better: int = 0) -> float:
         """The gain at a frequency by segments of an order that is so much better, sought from inputs of some harmonics."""
-        if self.edges is None:
+        if self.problem.constant:
             return max(self.problem.constant_gain(omega), self.floor)
-        rule, orders = (
-            find_rule(self.setting.method, self.setting.order + better),
-            np.arange(-INPUT_HARMONICS, INPUT_HARMONICS + 1),
-        )
+        rule = find_rule(self.setting.method, self.setting.order + better)
+        orders = np.arange(-INPUT_HARMONICS, INPUT_HARMONICS + 1)
         t, m = place_nodes(self.edges, rule.c), self.problem.system.m
         waves = np.exp(1j * (omega + 2 * np.pi / self.period * orders) * t[..., None])
         tried = np.einsum("ks,ksl,ij->ksilj", np.sqrt(np.diff(self.edges)[:, None] * rule.b), waves, np.eye(m))
-        found = self.problem.segments(self.edges, rule).largest_gain(
+        found = self.segments(rule).largest_gain(
             np.exp(1j * omega * self.period), tried.reshape(len(t), -1, m * len(orders))
         )
         return max(found, self.floor)

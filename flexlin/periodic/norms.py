@@ -290,4 +290,4 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
         raise ToleranceNotReached(
             "no level exceeds the norm", got=f"{level:.3g}", todo="is the system nearly unstable?"
         )
-    return HinfNorm((low + high) / 2, (high - low) / 2, search.best[1])
+    return HinfNorm((low + high) / 2, (high - low) / 2 + EPS * high, search.best[1])
