@@ -46,8 +46,6 @@ HIDDEN_FACTOR = 10.0
 """By what factor A(t), on no grid, may differ from its nodes' series by more than is seen half-way between these, or than rounding."""
 ADIABATIC_GAP = 0.05
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""
-HOPELESS_FACTOR = 300.0
-"""On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
 MOST_TRIES = 14
 """Groupings of the modes, and rounds of each, at the most."""
 ENOUGH_EFFECT = MINOR * MINOR
@@ -129,18 +127,15 @@ def decouple_on_more(
 
     Raises: LinAlgError where the eigenvectors of A(t) depend on each other at a node.
     """
-    joined = np.zeros(samples.shape[1:], bool)
     while True:
-        count = len(samples)
         if hides_waves(A, period, samples, between):
             return Refusal("the coefficients have harmonics that equidistant nodes take for others")
-        parted = built_on(samples, joined, period, tol, tries, count == FIRST_NODES)
+        parted = built_on(samples, period, tol, tries)
         if isinstance(parted, Refusal):
             return parted
-        if parted is not None and not parted.stuck.any():
-            answer, settled = checked(parted, samples, between, tol, uncertainty)
-            if settled or count == MAX_NODES:
-                return answer
+        answer, settled = checked(parted, samples, between, tol, uncertainty)
+        if settled or len(samples) == MAX_NODES:
+            return answer
         samples = interleaved(samples, between)
         between = A(period / len(samples) * (np.arange(len(samples)) + 0.5))
 
@@ -192,8 +187,7 @@ def checked(
 class Parted:
     """What the rounds reached from a frame on its nodes: a basis T (N, n, n) of the groups' subspaces.
 
-    turning (G,): real groups whose basis is complex; stuck (n, n): pairs of modes whose coupling stays too large, and by which factor
-    at the most.
+    turning (G,): real groups whose basis is complex; stuck (n, n): pairs of modes whose coupling stays too large.
     """
 
     period: float
@@ -202,34 +196,24 @@ class Parted:
     turning: Array
     rounds: int
     stuck: Array
-    excess: float
 
 
-def built_on(
-    samples: Array, joined: Array, period: float, tol: float, tries: int, few: bool
-) -> Parted | Refusal | None:
-    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part.
-
-    On the fewest nodes, `few`, what more nodes may part is handed back as it is, or None where all modes are one group; what they would
-    not part is added to `joined` (n, n).
-    """
+def built_on(samples: Array, period: float, tol: float, tries: int) -> Parted | Refusal:
+    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part."""
     modes = follow_modes(samples)
     apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
-    together = joined | (apart < 2 * np.pi / period / ADIABATIC_GAP)
+    together = apart < 2 * np.pi / period / ADIABATIC_GAP
     for _ in range(tries):
         columns, groups = grouped_modes(modes, together)
         if len(groups) == 1:
-            return None if few else Refusal("no eigenvalues of A(t) stand apart from the others along the period")
+            return Refusal("no eigenvalues of A(t) stand apart from the others along the period")
         taken = modes.taken(columns)
         T, turning = find_frame(taken, groups)
         allowed = tol * np.maximum(1, np.abs(taken.values).min(axis=0))[:, None]
         found = part_frame(smooth(T), groups, turning, samples, period, allowed)
-        stuck = found.stuck
-        if not stuck.any() or (few and found.excess < HOPELESS_FACTOR):
+        if not found.stuck.any():
             return found
-        pairs = np.ix_(columns, columns)
-        together[pairs] |= stuck | stuck.T
-        joined[pairs] |= few & (stuck | stuck.T)
+        together[np.ix_(columns, columns)] |= found.stuck | found.stuck.T
     return Refusal("the coupling between groups of modes does not shrink")
 
 
@@ -241,14 +225,14 @@ def part_frame(T: Array, groups: tuple[Group, ...], turning: Array, A: Array, pe
     B = np.linalg.solve(T, A @ T - circle_derivative(T, period))
     S = sylvester(B, groups)
     share = mixing(S)
-    stuck, excess, made = share > MINOR, np.inf, 0
+    stuck, made = share > MINOR, 0
     if not stuck.any():
         T, B, S, made, left = part_groups(T, B, S, groups, period, allowed)
         stuck = left > MINOR * allowed + transformation_noise(T, A)
-        share, excess = mixing(S), float((left / allowed)[stuck].max(initial=0.0))
+        share = mixing(S)
     if (strongest := share[stuck].max(initial=0.0)) > SLIGHT:  # put those together that mix the most
         stuck &= share >= PARTIAL * strongest
-    return Parted(period, T, groups, turning, made, stuck, excess)
+    return Parted(period, T, groups, turning, made, stuck)
 
 
 def part_groups(
