@@ -107,37 +107,20 @@ def decouple(
             return Refusal(
                 "the coefficients' harmonics fall off too slowly: a break that is not named, or a narrow feature"
             )
-    between = A(period / count * (np.arange(count) + 0.5))
-    try:
-        return decouple_on_more(A, samples, between, period, tol, uncertainty, tries)
-    except np.linalg.LinAlgError:
-        return Refusal("the eigenvectors of A(t) depend on each other at some time")
-
-
-def decouple_on_more(
-    A: MatrixFunction,
-    samples: Array,
-    between: Array,
-    period: float,
-    tol: float,
-    uncertainty: Uncertainty | None,
-    tries: int,
-) -> Decoupled | Refusal:
-    """Decouple on nodes at which A is given (N, n, n), as it is half-way between them, and on twice as many until both agree.
-
-    Raises: LinAlgError where the eigenvectors of A(t) depend on each other at a node.
-    """
     while True:
+        between = A(period / len(samples) * (np.arange(len(samples)) + 0.5))
         if hides_waves(A, period, samples, between):
             return Refusal("the coefficients have harmonics that equidistant nodes take for others")
-        parted = built_on(samples, period, tol, tries)
-        if isinstance(parted, Refusal):
-            return parted
-        answer, settled = checked(parted, samples, between, tol, uncertainty)
+        try:
+            parted = built_on(samples, period, tol, tries)
+            if isinstance(parted, Refusal):
+                return parted
+            answer, settled = checked(parted, samples, between, tol, uncertainty)
+        except np.linalg.LinAlgError:
+            return Refusal("the eigenvectors of A(t) depend on each other at some time")
         if settled or len(samples) == MAX_NODES:
             return answer
         samples = interleaved(samples, between)
-        between = A(period / len(samples) * (np.arange(len(samples)) + 0.5))
 
 
 def hides_waves(A: MatrixFunction, period: float, samples: Array, between: Array) -> bool:
