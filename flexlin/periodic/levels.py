@@ -6,7 +6,6 @@ from functools import cache, partial
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.lazy import lazy
 from flexlin.periodic.circle import measure_distances, wrap_angle
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import assemble_hamiltonian
@@ -17,7 +16,6 @@ from flexlin.periodic.response.frequency import Segments, condense
 from flexlin.periodic.system import PeriodicSystem, edges_between
 from flexlin.periodic.transition.choose_segments import (
     FEWER_SEGMENTS,
-    Setting,
     choose_setting,
     find_rule,
     place_segments,
@@ -49,11 +47,6 @@ class BoundedReal:
         """Whether nothing depends on t."""
         return all(one.constant for one in (self.system.resolved, self.B, self.C, self.D))
 
-    @lazy
-    def breaks(self) -> list[float]:
-        """Edges of all panels of the coefficients, so that nothing narrow between them is overlooked; none where all are smooth."""
-        return edges_between(self.system.resolved, self.B, self.C, self.D)
-
     def hamiltonian(self, level: float) -> PeriodicSystem:
         """The system x' = H(t) x of 2 n states."""
 
@@ -68,20 +61,13 @@ class BoundedReal:
 
         if self.constant:
             return PeriodicSystem(H(np.zeros(1))[0], self.system.period)
-        return PeriodicSystem(H, self.system.period, breaks=self.breaks, complete=True)
+        edges = edges_between(self.system.resolved, self.B, self.C, self.D)  # nothing narrow between them is overlooked
+        return PeriodicSystem(H, self.system.period, breaks=edges, complete=True)
 
     def constant_gain(self, omega: float) -> float:
         """|C (i omega - A)^-1 B + D|, where nothing depends on t."""
         A, B, C, D = (one.mean() for one in (self.system.resolved, self.B, self.C, self.D))
         return float(np.linalg.norm(C @ np.linalg.solve(1j * omega * np.eye(len(A)) - A, B) + D, 2))
-
-    def begin(self, level: float) -> tuple[Array, Setting]:
-        """Choose the segments of the gains: those of a level near them all, but where so many would be needed."""
-        system = self.hamiltonian(level)
-        setting = choose_setting(system, MODES_TOL)
-        if setting.segments > FEWER_SEGMENTS:  # an L-stable method only knows the modes that it resolves
-            setting = choose_setting(self.system, MODES_TOL, "radau")
-        return place_segments(system, setting), setting
 
     def segments(self, edges: Array, rule: Tableau) -> Segments:
         """The system's, as they serve all frequencies; inputs and outputs so weighted that their squares add up to the integrals."""
@@ -140,9 +126,13 @@ class PeakSearch:
         self.gains: dict[float, float] = {}
 
     def begin(self) -> None:
-        """Try the frequencies of the modes that add most, and climb from the best."""
+        """Try the frequencies of the modes that add most, on segments of a level near them all, and climb from the best."""
         greatest = float(self.shares[np.isfinite(self.shares)].max(initial=0.0))
-        self.edges, self.setting = self.problem.begin(max(greatest, 2 * self.floor))
+        near = self.problem.hamiltonian(max(greatest, 2 * self.floor))
+        self.setting = choose_setting(near, MODES_TOL)
+        if self.setting.segments > FEWER_SEGMENTS:  # an L-stable method only knows the modes that it resolves
+            self.setting = choose_setting(self.problem.system, MODES_TOL, "radau")
+        self.edges = place_segments(near, self.setting)
         self.segments = cache(partial(self.problem.segments, self.edges))
         first = self.exponents[np.argsort(-self.shares)].imag[: 2 * START_MODES]
         for omega in (0.0, np.pi / self.period, *first.tolist()):
