@@ -114,11 +114,12 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
 
 
 def real_motions(t: Array, mode: Array, exponent: complex, n: int) -> list[Array]:
-    """The real motion of a real mode, the two of a complex one, at times t with t[0] = 0: (N, 2n) each."""
+    """The real motion of a real mode, the two of a complex one, at times t with t[0] = 0: (N, 2n) each, of any size at the largest."""
     largest = mode[0, np.argmax(np.abs(mode[0, :n]))]
-    motion = mode * (abs(largest) / largest) * np.exp(exponent * t)[:, None]
+    turned = mode * (abs(largest) / largest)
+    motion = turned * np.exp(exponent * t - max(exponent.real, 0.0) * t[-1])[:, None]
     parts = [motion.real, motion.imag]
-    return parts if np.abs(motion[0].imag).max() > SLOW_TOL * np.abs(motion[0].real).max() else parts[:1]
+    return parts if np.abs(turned[0].imag).max() > SLOW_TOL * np.abs(turned[0].real).max() else parts[:1]
 
 
 def interpolate(system: PeriodicSystem, n: int, slow: SlowMotions) -> list[PPoly]:

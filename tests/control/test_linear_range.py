@@ -69,3 +69,11 @@ def test_modes_that_die_out_within_the_period_are_named_as_the_reason():
     system = fl.PeriodicSystem.from_second_order([[1.0]], [[4.0]], [[3.0]], 1e9)
     with pytest.raises(NumericalError, match=r"dies out between two samples.*slowest at -1 1/s.*shorter period"):
         slow_motions(system, 1)
+
+
+def test_a_mode_that_grows_beyond_all_numbers_within_the_period_is_a_motion():
+    """exp(800) of y'' = y: the sizes of a motion are free, so it ends at its largest."""
+    motion = slow_motions(fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], [[-1.0]], 800.0), 1)
+    after = motion.t > 750.0
+    np.testing.assert_allclose(motion.states[0][after, 0], np.exp(motion.t[after] - 800.0), rtol=1e-6)
+    assert np.isfinite(motion.states).all()
