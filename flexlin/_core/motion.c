@@ -338,8 +338,10 @@ static void bound_at(int p, double same, const Form *f, const double *factors, c
   for (int i = 0; i < p; i++) rounding[i] = known(own[i] + bound_pairs(n, p, i, f, s->sizes, own, s->sizes, s->N) + 4 * EPS * cabs(f->logs[i]));
   for (int i = 0; i < p; i++) own[i] = rounding[i];
   for (int i = 0; i < p; i++)
-    for (int j = 0; j < p; j++) /* one of which nothing is known may be any of those that it reaches */
-      if (j != i && own[j] > LOST && find_distance(f->logs[i], f->logs[j]) < own[i] + own[j]) rounding[i] = fmax(rounding[i], own[j] + find_distance(f->logs[i], f->logs[j]));
+    for (int j = 0; j < p; j++) { /* one of which nothing is known may be any of those that it reaches */
+      double apart = find_distance(f->logs[i], f->logs[j]);
+      if (j != i && own[j] > LOST && apart < own[i] + own[j]) rounding[i] = fmax(rounding[i], own[j] + apart);
+    }
 }
 
 /* The least of these bounds of all widths of blocks. other (2 n). */
