@@ -63,11 +63,13 @@ def test_rounding_moves_the_arm_no_further_than_its_loop_lets_it(arm):
 def test_steps_need_samples_and_one_number_a_motor(arm):
     system, period = arm[1].system, arm[1].sample_time
     twice = {"control.sampling": {"period": 0.01, "encoders": [1e-3, 1e-3]}}
+    late = {"control.sampling": {"period": 0.01, "delay": 0.02}}
     delayed = fl.sampled_lqr(system, np.eye(4), 1.0, period, period / 2)
     for error, words, call in (
         (fl.errors.ArgumentError, "where a device samples", lambda: Drive(encoders=(1e-3,))),
         (fl.errors.ArgumentError, "encoders do not fit", lambda: run(arm, np.zeros(4), encoders=(1e-3, 1e-3))),
         (fl.errors.SceneError, "one for each torque-driven joint", lambda: fl.load_scene("single-link", twice)),
+        (fl.errors.SceneError, "a delay of 0 to the period", lambda: fl.load_scene("single-link", late)),
         (fl.errors.ArgumentError, "held before", lambda: delayed.law),
     ):
         with pytest.raises(error, match=words):

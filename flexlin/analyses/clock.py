@@ -19,7 +19,7 @@ import numpy as np
 
 from flexlin.bounds import printable
 from flexlin.checks import memory_limit
-from flexlin.errors import FlexlinError, ModelError, NumericalError, TimeLimit, TooLarge, lacks_memory
+from flexlin.errors import FlexlinError, NumericalError, TimeLimit, TooLarge, lacks_memory
 from flexlin.resources import LIMIT_SECONDS, Stopwatch, part, read_resident
 from flexlin.scene.scene import Accuracy
 
@@ -341,7 +341,7 @@ class Clock:
         """As `stage`, with time left for what follows; where there is no trustworthy answer, note why under `key` and return nothing."""
         try:
             return self.stage(name, accuracy, work, error_of, share=STAGE_SHARE, at_most=at_most)
-        except (ModelError, NumericalError, TooLarge) as error:  # equations may break at values that a stage tries
+        except FlexlinError as error:  # equations may break at values that a stage tries, and refuse what it computed
             error.__cause__ = error.__context__ = None  # calls that led to it would keep all their arrays in memory
             problems[key], self.failures[key] = str(error), error.with_traceback(None)
             return None

@@ -186,6 +186,12 @@ class Sampling(Table):
     torque: Annotated[tuple[Positive, ...] | None, Unit("N m or N")] = None
     """Steps to which the torques are rounded; in the nonlinear simulation."""
 
+    @model_validator(mode="after")
+    def _acts_within_the_sample(self) -> "Sampling":
+        if self.delay > self.period:
+            raise ValueError(f"a delay of 0 to the period, {self.period:g} s")
+        return self
+
 
 class Control(Table):
     """The loop that runs on the arm: feedforward along the basic motion, and feedback about it.

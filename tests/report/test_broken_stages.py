@@ -9,7 +9,7 @@ import pytest
 from flexlin.analyses import Clock, judging
 from flexlin.analyses import analysis as stages
 from flexlin.cli import main
-from flexlin.errors import NumericalError, TimeLimit, TooLarge
+from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
 from flexlin.report import page as pages
 
 WEIGHTS = "state_weight=[1, 1, 1, 1], input_weight=[1.0]"
@@ -19,6 +19,7 @@ BREAKS = {
     "memory": lambda: MemoryError("cannot allocate 3 TiB"),
     "LAPACK": lambda: np.linalg.LinAlgError("Singular matrix"),
     "size": lambda: TooLarge("a table is too large"),
+    "input": lambda: ArgumentError("s is not finite"),
 }
 
 
@@ -35,7 +36,7 @@ def first_call_fails(work: Callable, fault: Callable[[], Exception]) -> Callable
     return fails
 
 
-ALL_BUT_THE_LOOP = {"simulate": "memory", "linear_range": "LAPACK", "find_response": "size"}
+ALL_BUT_THE_LOOP = {"simulate": "memory", "linear_range": "LAPACK", "find_response": "size", "tip_zeros": "input"}
 
 
 @pytest.mark.slow
