@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from flexlin.arguments import checked, instance
-from flexlin.bounds import LARGEST_SCENE, SHALLOW, hint_at, list_excesses, parse_toml, printable
+from flexlin.bounds import DEEPEST_NESTING, LARGEST_SCENE, SHALLOW, hint_at, list_excesses, parse_toml, printable
 from flexlin.checks import Array
 from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
@@ -20,7 +20,7 @@ from flexlin.scene.consistency import contradictions, tables_in
 from flexlin.scene.library import builtin_scenes, place_motion_file, registered_model
 from flexlin.scene.links import expand_sections
 from flexlin.scene.motion import AnyMotion
-from flexlin.scene.parameters import PARAMETERS, apply_overrides, get_value, path_in, replace_value
+from flexlin.scene.parameters import PARAMETERS, apply_overrides, get_value, need_numbers, path_in, replace_value
 from flexlin.scene.problems import checked_table, schema_problems
 from flexlin.scene.scene import Scene, uncertainty_problems
 
@@ -114,11 +114,11 @@ def parse_scene(
     """
     instance("raw", raw, Mapping, "give the tables of a scene, as tomllib.loads makes them")
     instance("overrides", overrides or {}, Mapping, "give dotted paths with their values")
-    source = printable(source)
-    beyond = [*list_excesses(dict(raw)), *list_excesses(dict(overrides or {}))]
+    source, data, changes = printable(source), as_python(raw), as_python(overrides or {})
+    beyond = [*list_excesses(data), *list_excesses(changes)]
     if beyond:
         raise SceneError(source, [Problem(printable(path), *said) for path, *said in beyond])
-    data, problems = apply_overrides(dict(raw), overrides or {})
+    data, problems = apply_overrides(data, changes)
     folders = [Path(one) for one in (folder or Path(), data_folder) if one is not None]
     if ADDED & set(data):
         from flexlin.scene.urdf.tables import expand_robot  # a scene without a robot is read without it
@@ -138,6 +138,17 @@ def parse_scene(
     return scene
 
 
+def as_python(raw: Any, depth: int = DEEPEST_NESTING + 1) -> Any:
+    """Plain data whose NumPy numbers and arrays are Python's own; what lies deeper than data may is left."""
+    if isinstance(raw, np.generic | np.ndarray):
+        return raw.tolist()
+    if isinstance(raw, Mapping) and depth:
+        return {key: as_python(value, depth - 1) for key, value in raw.items()}
+    if isinstance(raw, list | tuple) and depth:
+        return [as_python(value, depth - 1) for value in raw]
+    return raw
+
+
 def all_slide(links: Any) -> bool | None:
     """Whether all joints of raw links slide that move; None where some do and others do not."""
     kinds = {link.get("joint") == "prismatic" for link in tables_in(links) if link.get("joint") != "fixed"}
@@ -152,7 +163,7 @@ class OnlyMotion(Table):
 
 def read_motion(raw: Mapping[str, Any], sliding: bool | None = False) -> AnyMotion:
     """Check a motion that is given as plain data; `sliding` as in `all_slide`. Raises: SceneError with all problems at once."""
-    data = {"motion": dict(raw)}
+    data = {"motion": as_python(raw)}
     problems = [Problem(printable(path), *said) for path, *said in list_excesses(data)]
     problems = problems or place_motion_file(data, [Path()])
     if not problems:
@@ -319,6 +330,7 @@ def check_axes(scene: Scene, axes: Mapping[str, Array], grid: bool) -> None:
 
     Of the values those are checked that an interval, perhaps without zero, refuses first. Raises: SceneError with the key.
     """
+    need_numbers(scene, (path for path in axes if not path_in(scene, path).startswith(PARAMETERS)))
     for path, values in axes.items():
         get_value(scene, path)
         nearest = values[np.abs(np.where(values, values, np.inf)).argmin()]

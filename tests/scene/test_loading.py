@@ -4,6 +4,7 @@ import copy
 import functools
 import operator
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -40,6 +41,19 @@ def test_shipped_scenes_load(name):
 def test_scenes_are_frozen():
     with pytest.raises(ValidationError):
         fl.parse_scene(GOOD).title = "other"
+
+
+def test_numbers_of_numpy_are_python_s_own():
+    """A study's loop gives np.arange's whole numbers, and gains as arrays, whose length must be looked at too."""
+    found = fl.load_scene("single-link", {"links.0.modes": np.int64(3), "control.feedback.kp": np.array([5.0])})
+    assert (found.links[0].modes, found.control.feedback.kp) == (3, (5.0,))
+    for path, value, words in (
+        ("control.feedback.kp", np.ones(2), "got 2 numbers, expected 1"),
+        ("links.0.length", np.float64(-1), "got -1.0"),
+        ("links.0.length", np.uint64(2**63), "beyond 64 bits"),
+    ):
+        with pytest.raises(SceneError, match=words):
+            fl.load_scene("single-link", {path: value})
 
 
 def test_an_effect_is_switched_by_its_whole_table():
