@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -133,19 +132,6 @@ def test_what_saturates_is_found_in_an_expression() -> None:
     at = ca.Function("at", [x, y], [ca.vertcat(*found)])(2.0, 3.0).full().ravel()
     assert sorted(at) == [-9.0, 3.0, 6.0, 200.0]
     assert saturating_arguments(ca.vertcat(x * y, ca.sin(x))) == []
-
-
-@pytest.mark.slow
-def test_a_force_that_acts_at_small_rates_alone_is_seen() -> None:
-    """Stribeck's, 3 exp(-(q' / 1e-4)^2) / 2 beside viscous friction: steps over it claimed 3e-11 and missed by 1.5e-5."""
-
-    def resist(rate: Any) -> Any:
-        return 1.5 * ca.exp(-((rate / 1e-4) ** 2)) + 0.1 * rate
-
-    lin, start = arm_with(resist), np.array([0.03, -0.05])
-    run = fl.simulate(lin, periods=0.3, initial=start, tol=1e-7)
-    expected = by_lsoda(lin, resist, start, run.t[-1], 2e-5, np.inf)
-    assert np.abs(run.nonlinear[-1] - expected).max() <= run.error + 1e-9
 
 
 @pytest.mark.slow

@@ -9,14 +9,14 @@ from scipy.integrate import solve_ivp
 import flexlin as fl
 from flexlin.errors import SceneError, SimulationStopped
 from flexlin.simulation import Events
-from tests.test_simulation_sticking import BLOCK, friction, loop
+from tests.closed_arm import closed
+from tests.test_simulation_sticking import block, friction, spring
 
-PD = {"kind": "pd", "kp": [1.0], "kd": [0.2]}
+PD = spring(1.0, 0.2)
 
 
-def arm(rate, torque=1e6, **changes):
-    limits = {"control.feedback": PD, "control.saturation": {"torque": [torque], "rate": [rate]}}
-    return loop(**{key.replace(".", "__"): value for key, value in (BLOCK | limits | changes).items()})
+def limited(rate, torque=1e6):
+    return {"control.saturation": {"torque": [torque], "rate": [rate]}}
 
 
 @pytest.mark.slow
@@ -26,7 +26,7 @@ def test_a_torque_that_cannot_follow_is_a_ramp_until_it_has_caught_up(sliding):
 
     With friction up to where the joint first turns round.
     """
-    lin, limit = arm(0.5, **friction(sliding, 1.2 * sliding) if sliding else {}), 0.5
+    lin, limit = block(limited(0.5), PD, friction(sliding, 1.2 * sliding) if sliding else {}), 0.5
     inertia = lin.M(0.0)[0, 0]
     run = fl.simulate(lin, 0.6, initial=[0.0, 2.0], tol=1e-9)
     if sliding:
@@ -49,8 +49,7 @@ def test_a_torque_that_cannot_follow_is_a_ramp_until_it_has_caught_up(sliding):
 
 
 def test_a_rate_that_is_never_reached_changes_nothing():
-    free, quick = arm(1e9), loop(**{key.replace(".", "__"): v for key, v in (BLOCK | {"control.feedback": PD}).items()})
-    runs = [fl.simulate(lin, 0.3, initial=[0.1, 0.0], tol=1e-9) for lin in (free, quick)]
+    runs = [fl.simulate(block(PD, more), 0.3, initial=[0.1, 0.0], tol=1e-9) for more in ({}, limited(1e9))]
     np.testing.assert_allclose(runs[0].nonlinear, runs[1].nonlinear, atol=1e-8)
     np.testing.assert_allclose(runs[0].torque, runs[1].torque, atol=1e-7)
 
@@ -61,9 +60,7 @@ def test_a_rate_that_is_never_reached_changes_nothing():
 )
 def test_rate_and_size_are_limited_together_on_an_elastic_arm(gains, size, rate, begin):
     """Under high gains what is asked falls, and soon rises again, when the ramp has caught up with it."""
-    feedback = {"kind": "pd", "kp": [gains[0]], "kd": [gains[1]]}
-    changes = {"designs": [], "control.feedback": feedback, "control.saturation": {"torque": [size], "rate": [rate]}}
-    lin = loop(**{key.replace(".", "__"): value for key, value in changes.items()})
+    lin = closed(changes={"designs": []} | spring(*gains) | limited(rate, size))
     run = fl.simulate(lin, 0.25, initial=[begin, 0.0, 0.0, 0.0, 0.0, 0.0], tol=1e-6, points_per_period=512)
     assert np.abs(run.torque).max() <= size * (1 + 1e-9)
     assert np.abs(np.diff(run.torque[:, 0]) / np.diff(run.t)).max() <= rate * (1 + 1e-4)
@@ -73,10 +70,10 @@ def test_rate_and_size_are_limited_together_on_an_elastic_arm(gains, size, rate,
 
 def test_a_rate_beside_sampling_is_refused_by_its_key():
     with pytest.raises(SceneError, match=r"control\.saturation\.rate"):
-        arm(1.0, **{"control.sampling": {"period": 1e-3}})
+        block(limited(1.0), PD, {"control.sampling": {"period": 1e-3}})
 
 
 def test_events_that_never_end_end_the_run(monkeypatch):
     monkeypatch.setattr(Events, "_guards", lambda self, t, asked, *signals: -np.ones((*asked.shape[:-1], 2)))
     with pytest.raises(SimulationStopped, match="input 1 goes on leaving and reaching its limit"):
-        fl.simulate(arm(0.5), 0.6, initial=[0.0, 2.0])
+        fl.simulate(block(limited(0.5), PD), 0.6, initial=[0.0, 2.0])

@@ -1,5 +1,6 @@
 """Joints that stick and slide by events: exact times of a sliding block and of a mass pulled over a floor, and arms of several joints."""
 
+from collections import ChainMap
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.integrate import solve_ivp
 import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.simulation import Drive
+from tests.closed_arm import closed
 
 BLOCK = {
     "links.0.modes": 0, "effects.gravity": "off", "effects.geometric_stiffening": "off", "effects.modal_damping": "off", "designs": [],
@@ -16,21 +18,23 @@ BLOCK = {
 }  # fmt: skip
 
 
-def loop(name="single-link", **changes):
-    scene = fl.load_scene(name, {key.replace("__", "."): value for key, value in changes.items()})
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-
-
-def block(**changes):
-    return loop(**{key.replace(".", "__"): value for key, value in (BLOCK | changes).items()})
+def block(*changes):
+    """A rigid joint that nothing drives, with these changes."""
+    return closed(changes=dict(ChainMap(*changes, BLOCK)))
 
 
 def friction(sliding, static, **more):
     return {"effects.coulomb_friction": {"torque": sliding, "static": static, "rate": 0.01, **more}}
 
 
+def spring(stiffness, damping=0.0, **moving):
+    """A feedback as a spring, whose end is pulled at a rate."""
+    pulled = {"motion": {"kind": "rotation", "joints": [moving]}} if moving else {}
+    return {"control.feedback": {"kind": "pd", "kp": [stiffness], "kd": [damping]}, **pulled}
+
+
 def test_a_sliding_block_stops_at_its_time_and_place_and_stays():
-    lin = block(**friction(0.05, 0.08))
+    lin = block(friction(0.05, 0.08))
     inertia = lin.M(0.0)[0, 0]
     run = fl.simulate(lin, 1.0, initial=[0.0, 1.0], tol=1e-10)
     assert [event[1:] for event in run.events] == [("q1", "sticks")]
@@ -48,9 +52,7 @@ def test_a_sliding_block_stops_at_its_time_and_place_and_stays():
 )
 def test_a_mass_pulled_by_a_spring_sticks_and_slips_at_its_exact_times(sliding, static, stiffness, pull):
     """M x'' = k (V t - x) - F: with w^2 = k/M, a = (F_s - F_c)/k each slip lasts 2 (pi - atan(a w/V))/w, each rest 2 a/V."""
-    feedback = {"kind": "pd", "kp": [stiffness], "kd": [0.0]}
-    rotation = {"kind": "rotation", "joints": [{"rate": pull}]}
-    lin = block(**friction(sliding, static), **{"motion": rotation, "control.feedback": feedback})
+    lin = block(friction(sliding, static), spring(stiffness, rate=pull))
     w, a = np.sqrt(stiffness / lin.M(0.0)[0, 0]), (static - sliding) / stiffness
     slip, rest, first = 2 * (np.pi - np.arctan(a * w / pull)) / w, 2 * a / pull, static / stiffness / pull
     times, now = [], first
@@ -66,7 +68,7 @@ def test_a_mass_pulled_by_a_spring_sticks_and_slips_at_its_exact_times(sliding, 
 
 def test_a_force_below_the_static_friction_moves_nothing_and_one_above_does():
     """A constant torque by the feedback's stiffness at an offset: 0.079 N m is held, 0.081 N m is not."""
-    lin = block(**friction(0.05, 0.08), **{"control.feedback": {"kind": "pd", "kp": [1.0], "kd": [0.2]}})
+    lin = block(friction(0.05, 0.08), spring(1.0, 0.2))
     held = fl.simulate(lin, 0.5, initial=[0.079, 0.0], tol=1e-9)
     np.testing.assert_array_equal(held.nonlinear, np.tile([0.079, 0.0], (len(held.t), 1)))
     loose = fl.simulate(lin, 0.5, initial=[0.081, 0.0], tol=1e-9)
@@ -78,8 +80,8 @@ def test_a_force_below_the_static_friction_moves_nothing_and_one_above_does():
 def test_joints_stick_under_a_torque_that_is_sampled_and_held(ki):
     """J x'' = -(kp x + kd x' + ki z)_k - F over each sample, by its parabola, z_(k+1) = z_k + h x_k: loose joints stop in between."""
     kp, kd, step, sliding, static, start = 4.0, 0.1, 0.05, 0.05, 0.08, 0.5
-    feedback = {"kind": "pid", "kp": [kp], "kd": [kd], "ki": [ki]} if ki else {"kind": "pd", "kp": [kp], "kd": [kd]}
-    lin = block(**friction(sliding, static), **{"control.feedback": feedback})
+    integral = {"control.feedback": {"kind": "pid", "kp": [kp], "kd": [kd], "ki": [ki]}} if ki else {}
+    lin = block(integral, friction(sliding, static), spring(kp, kd))
     run = fl.simulate(lin, 1.0, initial=[start, 0.0], tol=1e-10, drive=Drive(sample_time=step))
     x, v, z, slip, found, inertia = start, 0.0, 0.0, 0.0, [], lin.M(0.0)[0, 0]
     for k in range(int(np.ceil(lin.period / step))):
@@ -105,14 +107,9 @@ def test_joints_stick_under_a_torque_that_is_sampled_and_held(ki):
 @pytest.mark.slow
 def test_an_elastic_arm_of_two_joints_sticks_while_its_links_ring():
     """A joint at rest keeps its angle exactly while the links ring, and the energy is what the work and the sliding leave."""
-    changes = {
-        "designs": [], "motion.joints": [{"amplitude": 0.0}] * 2, "control.feedback": {"kind": "pd", "kp": [4.0, 2.0], "kd": [0.02, 0.01]},
-    }  # fmt: skip
-    sizes = {"torque": [0.1, 0.05], "static": [0.12, 0.05], "rate": 1e-2}
-    lin = loop(
-        "de-luca-siciliano-1991",
-        **{key.replace(".", "__"): v for key, v in (changes | {"effects.coulomb_friction": sizes}).items()},
-    )
+    changes = {"designs": [], "motion.joints": [{"amplitude": 0.0}] * 2} | friction([0.1, 0.05], [0.12, 0.05])
+    changes["control.feedback"] = {"kind": "pd", "kp": [4.0, 2.0], "kd": [0.02, 0.01]}
+    lin = closed("de-luca-siciliano-1991", changes)
     start = np.zeros(2 * lin.n)
     start[:2] = 0.05, -0.04
     run = fl.simulate(lin, 0.05, initial=start, tol=1e-7)
@@ -125,13 +122,10 @@ def test_an_elastic_arm_of_two_joints_sticks_while_its_links_ring():
 
 def test_what_cannot_stick_is_refused_by_its_key():
     with pytest.raises(SceneError, match="static of at least torque"):
-        block(**friction(0.05, 0.04))
-    pinned = loop(
-        "single-link",
-        designs=[],
-        links__0__mode_shapes="pinned-hub",
-        effects__coulomb_friction={"torque": 0.1, "static": 0.2},
-    )
+        block(friction(0.05, 0.04))
+    with pytest.raises(SceneError, match="static beside stribeck"):
+        block({"effects.coulomb_friction": {"torque": 0.05, "stribeck": 0.4}})
+    pinned = closed(changes={"designs": [], "links.0.mode_shapes": "pinned-hub"} | friction(0.1, 0.2))
     with pytest.raises(ArgumentError, match="joints cannot stick here"):
         fl.simulate(pinned, 0.1)
 
@@ -148,10 +142,7 @@ def falling(rate, sliding=0.05, static=0.08, stribeck=0.4):
 def test_the_falling_branch_of_friction_is_a_negative_damping():
     """J y'' + (kd + F'(V)) y' + kp y = 0 about a rotation at a rate V: it grows where kd < -F'(V)."""
     for kd, verdict in ((0.05, "unstable"), (0.1, "stable")):
-        feedback = {"kind": "pd", "kp": [4.0], "kd": [kd]}
-        rotation = {"kind": "rotation", "joints": [{"rate": 0.3}]}
-        tables = friction(0.05, **STRIBECK)
-        lin = block(**tables, **{"motion": rotation, "control.feedback": feedback})
+        lin = block(friction(0.05, **STRIBECK), spring(4.0, kd, rate=0.3))
         force, slope = falling(0.3)
         assert lin.D(0.0)[0, 0] == pytest.approx(kd + slope, rel=1e-12)
         assert lin.feedforward(np.zeros(1))[0] == pytest.approx(force, rel=1e-12)
@@ -164,11 +155,7 @@ def test_the_falling_branch_of_friction_is_a_negative_damping():
 def test_a_mass_slips_along_the_falling_branch_from_static_to_sliding_friction():
     """M x'' = k (V t - x) - F(x'): it breaks loose at F_s/(k V); when it rests again is SciPy's answer to the same equation."""
     stiffness, pull = 4.0, 0.3
-    feedback, rotation = (
-        {"kind": "pd", "kp": [stiffness], "kd": [0.0]},
-        {"kind": "rotation", "joints": [{"rate": pull}]},
-    )
-    lin = block(**friction(0.05, **STRIBECK), **{"motion": rotation, "control.feedback": feedback})
+    lin = block(friction(0.05, **STRIBECK), spring(stiffness, rate=pull))
     loose = 0.08 / stiffness / pull
 
     def slips(t, x):
@@ -184,18 +171,11 @@ def test_a_mass_slips_along_the_falling_branch_from_static_to_sliding_friction()
     np.testing.assert_allclose([t for t, *_ in run.events[:2]], [loose, stopped], rtol=1e-6)
 
 
-def test_a_stribeck_rate_needs_what_it_falls_from():
-    with pytest.raises(SceneError, match="static beside stribeck"):
-        block(**{"effects.coulomb_friction": {"torque": 0.05, "stribeck": 0.4}})
-
-
 @pytest.mark.slow
 def test_a_linear_motion_that_outgrows_all_numbers_is_said_to():
     """A steep falling branch: what is left of the nonlinear motion is still an answer."""
-    tables = {"effects.coulomb_friction": {"torque": 0.05, "static": 0.08, "stribeck": 1e-3, "rate": 1e-4}}
-    lin = block(
-        **tables, **{"motion": {"kind": "rotation", "joints": [{"rate": 7e-4}]}, "control.feedforward": "rigid"}
-    )
+    steep = {"effects.coulomb_friction": {"torque": 0.05, "static": 0.08, "stribeck": 1e-3, "rate": 1e-4}}
+    lin = block(steep, spring(0.0, rate=7e-4), {"control.feedback": {"kind": "none"}, "control.feedforward": "rigid"})
     run = fl.simulate(lin, 8.0 / lin.period, initial=[0.0, 1e-5], tol=1e-6)
     assert np.isfinite(run.nonlinear).all()
     assert not np.isfinite(run.tip_linear).all()

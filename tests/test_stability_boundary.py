@@ -3,7 +3,6 @@
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
@@ -11,7 +10,8 @@ import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.scene import replace_value, revise_scene
 from tests.closed_arm import control_loop
-from tests.periodic.boundary.test_crossings import find_changes, meissner, trace_roots
+from tests.mechanics.scenes import clamped_constants
+from tests.periodic.boundary.test_crossings import meissner, trace_roots
 from tests.periodic.systems import mathieu_second_order
 
 
@@ -122,44 +122,13 @@ def cross(points, height):
     return points[k, 0] + (points[k + 1, 0] - points[k, 0]) * above[k] / (above[k] - above[k + 1])
 
 
-def clamped_constants() -> tuple[float, float, float]:
-    """k11, G, H of the first clamped mode for l = EI = rhoA = 1, by quadrature."""
-    beta = 1.8751040687119611
-    sigma = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
-
-    def slope(x):
-        return beta * (np.sinh(beta * x) + np.sin(beta * x) - sigma * (np.cosh(beta * x) - np.cos(beta * x)))
-
-    shares = (lambda x: (1 - x * x) / 2, lambda x: 1 - x)
-    G, H = (quad(lambda x, f=f: f(x) * slope(x) ** 2, 0, 1, epsabs=1e-13)[0] for f in shares)
-    return beta**4, G, H
-
-
-def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:
-    """Rates of the spinning link at which Mathieu's a meets a characteristic value of q.
-
-    a = 4 (k11 + (G - 1) W^2) / W^2, q = 2 g H / W^2
-    """
-    k11, G, H = clamped_constants()
-
-    def excess(W, n, characteristic):
-        return 4 * (k11 / W**2 + G - 1) - characteristic(n, 2 * gravity * H / W**2)
-
-    grid, roots = np.linspace(low, high, 20001), []
-    for curve in ((n, one) for n in range(1, 9) for one in (mathieu_a, mathieu_b)):
-        cells = find_changes(excess(grid, *curve) > 0)
-        roots += [brentq(excess, grid[k], grid[k + 1], curve, xtol=1e-14) for k in cells]
-    return np.sort(roots)
-
-
 @pytest.mark.slow
 def test_the_spinning_link_meets_mathieus_characteristic_values():
     scene = fl.load_scene("spinning-link", {"effects.gravity.acceleration": 3.0})
     found = fl.critical_values(scene, "motion.joints.0.rate", (1.7, 12.0), tol=1e-9)
-    exact = critical_rates(3.0, 1.7, 12.0)
-    assert len(found) == len(exact) == 6
-    for one, x in zip(found, exact, strict=True):
-        assert abs(one.value - x) <= one.error + 1e-12 < 1e-9
+    assert len(found) == 6
+    for one in found:
+        assert distances(np.array([[one.value, 3.0]])) <= one.error + 1e-12 < 1e-9
         assert one.distance == one.value - 2.0
         assert not one.touching
     assert [one.kind for one in found] == ["onset", "recovery"] * 3

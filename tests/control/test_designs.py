@@ -42,11 +42,7 @@ def table(kind, **changes):
     return DesignTable.model_construct(**(content | changes))
 
 
-DESIGNS = [
-    periodic_lqr(pendulums(), Q, R),
-    frozen_lqr(pendulums(), Q, R, phases=24),
-    averaged_lqr(pendulums(), Q, R),
-]
+DESIGNS = [periodic_lqr(pendulums(), Q, R), frozen_lqr(pendulums(), Q, R, phases=24), averaged_lqr(pendulums(), Q, R)]
 
 
 @pytest.mark.slow

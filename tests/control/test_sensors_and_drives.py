@@ -15,7 +15,6 @@ from flexlin.errors import ArgumentError
 from flexlin.report import advise, record, to_json
 from flexlin.report.advice import comment_on_zeros
 from flexlin.scene.scene import Sensor
-from flexlin.simulation import tip_positions
 from tests.closed_arm import both, closed, opened
 from tests.periodic.dense import at, integrate
 
@@ -35,14 +34,6 @@ def test_strain_gauge_at_the_root_of_a_cantilever(lin):
     np.testing.assert_allclose(end, 0.0, atol=1e-9)
     with pytest.raises(ArgumentError, match="not on the link"):
         bending(scene, lin, 0, 1.5)
-
-
-def test_camera_sees_the_slope_of_the_tips_position(lin):
-    t = np.array([0.1, 0.7, 1.6])
-    C, steps = tip_position(lin)(t), 1e-6 * np.eye(lin.n)
-    for k, moved in enumerate(np.repeat(steps[:, None], 3, axis=1)):
-        slope = (tip_positions(lin, t, moved) - tip_positions(lin, t, -moved)) / 2e-6
-        np.testing.assert_allclose(C[:, :, k], slope, atol=1e-8)
 
 
 def test_accelerometer_is_the_second_derivative_of_the_camera(lin):

@@ -9,14 +9,7 @@ import pytest
 import xarray
 
 import flexlin as fl
-from flexlin.analyses import (
-    Clock,
-    CriticalValue,
-    Margin,
-    choose_margins,
-    find_margin,
-    unfold_frequencies,
-)
+from flexlin.analyses import Clock, CriticalValue, Margin, choose_margins, find_margin, unfold_frequencies
 from flexlin.cli import main
 from flexlin.report import (
     Chart,
