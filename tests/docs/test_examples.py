@@ -43,3 +43,11 @@ def test_examples_of_mechanics(monkeypatch):
     assert names["arm"].functions["g"].n_instructions() > bare.functions["g"].n_instructions()
     assert names["slider"].drives == (0,)
     np.testing.assert_allclose(names["slider"].functions["M"]([0.0, 0.5], []).full(), [[4.25, 0], [0, 1]])
+
+
+@pytest.mark.slow
+def test_examples_of_control_print_what_the_page_says(capsys):
+    run_examples("control.md")
+    expected = re.findall(r"# -> (.*)", (DOCS / "control.md").read_text(encoding="utf-8"))
+    assert capsys.readouterr().out.split() == " ".join(expected).split()
+    assert len(expected) == 12

@@ -66,17 +66,8 @@ def test_what_was_not_compared_or_not_searched_is_named(tmp_path, monkeypatch):
     assert "What is behind it was not found: cause of the instability: stopped at the time limit" in page
 
 
-ONE_MODE = ["--set", "links.0.modes=1"]
 COMMANDS = {
-    "report": ["single-link", "--sensitivity", "--margins", "motion.frequency=0.3:0.6", *ONE_MODE],
-    "report margins": ["single-link", "--loop-margins", *ONE_MODE, "designs=[]"],
-    "report unstable": [
-        "spinning-link",
-        "--set",
-        "effects.gravity.acceleration=10",
-        "--margins",
-        "motion.joints.0.rate=3:4",
-    ],
+    "report": ["single-link", "--sensitivity", "--loop-margins", "--set", "links.0.modes=1", "designs=[]"],
     "chart": ["single-link", "--over", "motion.frequency=0.3:3:9", "effects.payload.mass=0.01:0.5:9"],
     "chart line": ["spinning-link", "--over", "motion.joints.0.rate=2:4:9"],
     "tune": ["single-link", "--gain", "control.feedback.kp.0=1:9", "--vary", "effects.payload.mass=0.01:0.1"],

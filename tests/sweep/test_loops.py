@@ -79,9 +79,7 @@ def test_a_model_written_in_python_is_swept_by_symbols_or_rebuilt_at_each_value(
 
 def test_a_value_that_the_scene_refuses_is_named_before_anything_is_computed(monkeypatch):
     for name, path, values, key in (
-        ("single-link", PAYLOAD, [0.1, -0.5], "effects.payload.mass: got -0.5"),
         ("single-link", PAYLOAD, [*np.linspace(0.0, 1.0, 3000), -1e-9], "effects.payload.mass: got -1e-09"),
-        ("single-link", "links.0.length", [0.5, 0.0], "links.0.length: got 0"),
         ("single-link", "motion.frequency", [1.0, 1e-40], "motion.frequency"),
         ("khang-2019", "parameters.payload_mass", [0.1, -0.1], r"parameters\.payload_mass: got -0\.1"),
     ):
@@ -104,26 +102,6 @@ def test_lengths_of_a_closed_loop_are_symbols_and_move_its_closure():
     assert data["verdict"].values.tolist() == ["stable"] * 3 + ["failed"]
 
 
-def test_a_value_whose_equations_break_is_marked_and_the_others_stand():
-    """Two masses on springs, coupled by inertia: M = [[1, c], [c, 1]] is singular at c = 1 and indefinite above."""
-
-    class Table(BaseModel):
-        coupling: float
-
-    def build(table):
-        s, rate = ca.SX.sym("s", 2), ca.SX.sym("rate", 2)
-        M = ca.vertcat(ca.horzcat(1, table.coupling), ca.horzcat(table.coupling, 1))
-        return fl.Manipulator.from_matrices(s, rate, M, ca.SX(2, 2), ca.densify(s), damping=rate)
-
-    register_model("coupled", Table, build)
-    raw = moving(2, model="coupled", parameters={"coupling": 0.5})
-    data = fl.sweep(fl.parse_scene(raw), {"parameters.coupling": [0.2, 1.0, 0.5]})
-    assert data["verdict"].values.tolist() == ["stable", "failed", "stable"]
-    assert data["reason"].values.tolist()[::2] == ["", ""]
-    assert "singular" in data["reason"].values[1]
-    assert np.isnan(data["exponents"].values[1]).all()
-
-
 @pytest.mark.parametrize("modes", [0, 1])
 def test_values_that_linearize_refuses_are_not_judged(modes):
     """A rotor's spin without the squares that go with it makes M indefinite: Floquet called such loops unstable, or stable."""
@@ -136,6 +114,7 @@ def test_values_that_linearize_refuses_are_not_judged(modes):
     for value, verdict, reason in zip(values.tolist(), data["verdict"].values, data["reason"].values, strict=True):
         other = revise_scene(scene, {path: value})
         if verdict == "failed":
+            assert np.isnan(data["exponents"].values[values == value]).all()
             assert f"{path} = {value:.6g}" in reason
             with pytest.raises(ModelError, match="M is not positive definite"):
                 control_loop(other)
