@@ -72,10 +72,8 @@ def test_a_chart_over_one_parameter_agrees_with_single_verdicts(tmp_path, capsys
         lin = closed("spinning-link", weight | {path: float(rate)})
         assert abs(fl.floquet(lin.periodic_system()).exponents[0].real - found) < 1e-7
     said, page = capsys.readouterr().out, (tmp_path / "chart.html").read_text()
-    for words in ("3 values", "rate of joint 1: becomes unstable at 3.642"):
-        assert words in said
-    drawn = "Stability chart of the scene", "Campbell diagram", "rate of joint 1</text>"
-    for words in ("flexlin chart spinning-link", *drawn):
+    assert "rate of joint 1: becomes unstable at 3.642" in said
+    for words in ("flexlin chart spinning-link", "Campbell diagram", "rate of joint 1</text>"):
         assert words in page
 
 
@@ -84,9 +82,7 @@ def test_a_chart_over_two_parameters_is_a_map(tmp_path):
     over = ["--over", "motion.joints.0.rate=2:6:5", "effects.gravity.acceleration=0:20:4"]
     assert main(["chart", "spinning-link", *over, "--out", str(tmp_path)]) == 0
     page = (tmp_path / "chart.html").read_text()
-    for words in ("unstable", "undecided"):
-        assert f"fill:var(--{words})" in page
-    for words in ("gravity acceleration</text>", "principal, order", "url(#hatch", "data-probe="):
+    for words in ("fill:var(--unstable)", "fill:var(--undecided)", "principal, order", "url(#hatch", "data-probe="):
         assert words in page
     with np.load(tmp_path / "chart.npz") as arrays:
         assert arrays["verdict"].shape == (5, 4)
@@ -108,11 +104,10 @@ def test_export_writes_what_other_tools_read(tmp_path):
 
 def export_designs(folder: Path, *names: str) -> int:
     """Export khang-2019 with periodic designs of these names, each with another weight."""
-    tables = ", ".join(
-        f'{{name="{name}", kind="periodic-lqr", state_weight=[{i}, 1, 1, 1], input_weight=[0.1]}}'
-        for i, name in enumerate(names, start=1)
-    )
-    return main(["export", "khang-2019", "--set", f"designs=[{tables}]", "--points", "8", "--out", str(folder)])
+    table = '{{name="{}", kind="periodic-lqr", state_weight=[{}, 1, 1, 1], input_weight=[0.1]}}'
+    designs = [table.format(name, i) for i, name in enumerate(names, start=1)]
+    changes = f"designs=[{', '.join(designs)}]"
+    return main(["export", "khang-2019", "--set", changes, "--points", "8", "--out", str(folder)])
 
 
 @pytest.mark.parametrize("names", [("A b", "a-B"), ("Régler 1", "r gler 1"), ("design 2", "регулятор")])

@@ -22,25 +22,25 @@ class Sample:
     __repr__ = represent
 
 
-@pytest.mark.parametrize(
-    ("value", "shown"),
-    [
-        (True, "True"),
-        (np.float64(1 / 3), "0.333333"),
-        ("x" * 200, repr("x" * 77 + "...")),
-        (np.arange(3.0) / 3, "[0, 0.333333, 0.666667]"),
-        (np.array(2.5), "2.5"),
-        (np.zeros((2, 3)), "<float64 (2, 3)>"),
-        (np.array(["a"]), "<<U1 (1,)>"),
-        ((1, 2.5, "a"), "(1, 2.5, 'a')"),
-        ((), "()"),
-        ({}, "{}"),
-        ({"a": 1}, "<1 int>"),
-        ((Sample(1), 2.0), "<2 Sample or float>"),
-        (Sample(1), "<Sample>"),
-        (float, "<class float>"),
-    ],
-)
+SHOWN = [
+    (True, "True"),
+    (np.float64(1 / 3), "0.333333"),
+    ("x" * 200, repr("x" * 77 + "...")),
+    (np.arange(3.0) / 3, "[0, 0.333333, 0.666667]"),
+    (np.array(2.5), "2.5"),
+    (np.zeros((2, 3)), "<float64 (2, 3)>"),
+    (np.array(["a"]), "<<U1 (1,)>"),
+    ((1, 2.5, "a"), "(1, 2.5, 'a')"),
+    ((), "()"),
+    ({}, "{}"),
+    ({"a": 1}, "<1 int>"),
+    ((Sample(1), 2.0), "<2 Sample or float>"),
+    (Sample(1), "<Sample>"),
+    (float, "<class float>"),
+]
+
+
+@pytest.mark.parametrize(("value", "shown"), SHOWN)
 def test_each_kind_of_field(value, shown):
     assert repr(Sample(value)) == f"Sample(value={shown}, other=None)"
 

@@ -57,9 +57,8 @@ def test_a_spinning_link_without_gravity_in_closed_form():
     scene = fl.load_scene("single-link", {**bare, "motion": motion})
     link = scene.links[0]
     square = 1.87510407**4 * link.bending_stiffness / link.mass_per_length / link.length**4
-    by_ratio, by_stiffness = sensitivity(
-        scene, ["effects.modal_damping.ratio", "links.0.bending_stiffness"]
-    ).derivative.values
+    paths = ["effects.modal_damping.ratio", "links.0.bending_stiffness"]
+    by_ratio, by_stiffness = sensitivity(scene, paths).derivative.values
     assert np.allclose(by_ratio.real, -np.sqrt(square), rtol=1e-7)
     imaginary = np.sqrt(square - 3.0**2 - 0.02**2 * square)
     expected = square * (1 - 0.02**2) / link.bending_stiffness / (2 * imaginary)

@@ -8,7 +8,7 @@ import flexlin as fl
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.linearization import Law
 from flexlin.simulation import simulate
-from tests.closed_arm import closed, control_loop
+from tests.closed_arm import closed, control_loop, opened
 from tests.mechanics.scenes import plain_scene, swinging
 
 
@@ -46,18 +46,16 @@ def test_a_diverging_loop_is_told():
     assert isinstance(lin.arm.s, ca.SX)
 
 
-@pytest.mark.parametrize(
-    ("looped", "law", "words"),
-    [
-        (False, None, "the torque of the rigid motion alone"),
-        (True, None, "the torque of the rigid motion and feedback"),
-        (False, Law.constant([[0.0] * 6]), "no torque"),
-        (False, Law.constant([[3.0, 0, 0, 0.5, 0, 0]]), "feedback alone"),
-    ],
-)
+DRIVEN = [
+    (False, None, "the torque of the rigid motion alone"),
+    (True, None, "the torque of the rigid motion and feedback"),
+    (False, Law.constant([[0.0] * 6]), "no torque"),
+    (False, Law.constant([[3.0, 0, 0, 0.5, 0, 0]]), "feedback alone"),
+]
+
+
+@pytest.mark.parametrize(("looped", "law", "words"), DRIVEN)
 def test_it_says_what_moves_the_arm(looped, law, words):
-    scene = fl.load_scene("single-link")
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control if looped else None)
-    run = fl.simulate(lin, periods=0.02, tol=1e-4, law=law)
+    run = fl.simulate(closed() if looped else opened()[1], periods=0.02, tol=1e-4, law=law)
     assert run.driven_by == words
     assert f"driven by {words}" in run.summary()

@@ -8,7 +8,7 @@ import flexlin as fl
 from flexlin.control import feedforward, finite_horizon_lqr, horizon_system, linear_range, linearize_about, periodic_lqr
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.simulation import Drive, region_of_attraction, simulate
-from tests.closed_arm import closed
+from tests.closed_arm import closed, opened
 
 
 @pytest.fixture(scope="module")
@@ -108,8 +108,7 @@ def test_a_disturbed_one_way_move_costs_what_its_finite_horizon_design_says():
     """Two nonlinear runs of one move, one of them disturbed: the cost of their difference, its end included, is x0' X(0) x0."""
     move = {"kind": "point-to-point", "course": "one-way", "joints": [{"waypoints": [-1.2, -0.4]}]}
     move |= {"move_time": 0.6, "dwell_time": 0.2}
-    scene = fl.load_scene("single-link", {"motion": move, "designs": []})
-    arm = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    _, arm = opened(changes={"motion": move, "designs": []})
     Q, R, end = np.diag([10.0, 10.0, 10.0, 0.1, 0.1, 0.1]), np.array([[10.0]]), np.diag([5.0, 5.0, 5.0, 0.1, 0.1, 0.1])
     made = finite_horizon_lqr(horizon_system(arm), Q, R, end=end, tol=1e-7)
     x0 = 1e-3 * np.array([1.0, 0.1, 0.0, 0.0, 0.5, 0.0])

@@ -124,16 +124,16 @@ def test_the_spinning_link_meets_mathieus_characteristic_values():
     assert [one.resonance[:30] for one in found[::2]] == [f"principal resonance of order {k}" for k in (4, 3, 2)]
 
 
+DAMPED = [
+    ("khang-2019", "motion.frequency", 2.0, 3.0),
+    ("arm-on-carriage", "control.feedback.kp.0", 0.05, 1.0),
+    ("three-link", "control.feedback.kp.0", 1.0, 4.0),
+    ("single-link", "effects.payload.mass", 0.3, 0.8),
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "path", "low", "high"),
-    [
-        ("khang-2019", "motion.frequency", 2.0, 3.0),
-        ("arm-on-carriage", "control.feedback.kp.0", 0.05, 1.0),
-        ("three-link", "control.feedback.kp.0", 1.0, 4.0),
-        ("single-link", "effects.payload.mass", 0.3, 0.8),
-    ],
-)
+@pytest.mark.parametrize(("name", "path", "low", "high"), DAMPED)
 def test_damped_scenes_agree_with_bisection_by_floquet(name, path, low, high):
     scene = fl.load_scene(name)
 

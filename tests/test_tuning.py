@@ -51,16 +51,6 @@ def test_two_masses_and_a_spring_come_to_their_optimum(monkeypatch):
         assert growth <= -np.sqrt(15) / 5 + 5e-3
 
 
-@pytest.mark.slow
-def test_gains_of_either_sign_are_tuned():
-    """s^2 + a s + b with a = g - 1, b = 1 + h, both free: the limits of g decide, sum of the roots = -a."""
-
-    first, limits = {"g": -0.5, "h": -0.2}, {"g": (-1.0, 4.0), "h": (-5.0, 5.0)}
-    found = fl.tune(lambda g, h: oscillator(g - 1.0, 1.0 + h), first, limits=limits, starts=1, steps=40)
-    assert found.growth == pytest.approx(-1.5, abs=0.02)
-    assert found.before == pytest.approx(0.75 + np.sqrt(max(0.75**2 - 0.8, 0.0)), abs=1e-6)
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_smoothed_growth_is_above_the_largest_and_its_slope_is_its_own(seed):
     """Against differences in a direction that splits a double exponent, where the largest real part has an infinite slope."""

@@ -236,9 +236,7 @@ def test_an_unstable_plant_begins_at_a_state_feedback_or_is_refused():
 def test_a_sensor_that_tells_nothing_new_changes_nothing():
     """Dead, or twice the same: the gains of both together are those of the one."""
     system = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -0.2]], 1.0, B=[[0.0], [1.0]])
-    alone, dead, twice = (
-        fl.output_lqr(system, [[0.0, 1.0], *other], np.eye(2), np.eye(1)).K[0]
-        for other in ([], [[0.0, 0.0]], [[0.0, 1.0]])
-    )
+    outputs = ([[0.0, 1.0]], [[0.0, 1.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 1.0]])
+    alone, dead, twice = (fl.output_lqr(system, C, np.eye(2), np.eye(1)).K[0] for C in outputs)
     np.testing.assert_allclose(dead, [alone[0], 0.0], atol=1e-9)
     np.testing.assert_allclose(twice, [alone[0] / 2] * 2, rtol=1e-6)

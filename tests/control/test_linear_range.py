@@ -11,6 +11,7 @@ import flexlin as fl
 from flexlin.control import linear_range
 from flexlin.control.slow_motions import slow_motions
 from flexlin.errors import NumericalError
+from tests.closed_arm import both
 
 
 def share_by_brute_force(lin: fl.Linearization, plant: fl.Linearization, start: np.ndarray, count: int) -> float:
@@ -55,9 +56,7 @@ def share_by_brute_force(lin: fl.Linearization, plant: fl.Linearization, start: 
 @pytest.mark.parametrize("name", ["single-link", "de-luca-siciliano-1991"])
 def test_no_peak_between_the_samples_is_missed(name: str) -> None:
     """The share of the second arm peaks within a thousandth of the period: 1,024 samples see 0.0612 where it is 0.0610."""
-    scene = fl.load_scene(name)
-    arm = fl.build_manipulator(scene)
-    plant, lin = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
+    _, plant, lin = both(name, {})
     found = linear_range(lin, tol=1e-6, plant=plant)
     for k, direction in enumerate(found.directions):
         exact = share_by_brute_force(lin, plant, direction, 4_001)

@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 PHRASES = {
     r"told": "is given, is named, knows",
@@ -38,11 +36,9 @@ def test_plain_words():
     assert {path: wrong for path, wrong in lines.items() if wrong} == {}
 
 
-@pytest.mark.parametrize(
-    "line", ["who is told", "The margin could not be had", "cannot be had", "Mend C[0, 0]", "it tells of"]
-)
-def test_the_phrases_are_recognised_and_other_words_pass(line):
-    assert found(line)
+def test_the_phrases_are_recognised_and_other_words_pass():
+    for line in ("who is told", "The margin could not be had", "cannot be had", "Mend C[0, 0]", "it tells of"):
+        assert found(line)
     assert not found("recommended, amended, intellectual, foretold would be one word, a stellar retell")
 
 

@@ -13,13 +13,9 @@ DESIGN = "designs=[{name='lqr', kind='periodic-lqr', state_weight=[1.0, 1.0, 1.0
 
 @pytest.fixture(scope="module")
 def two_accuracies():
-    changes = {"links.0.modes": 1, "control.about": "elastic"}
-    weights = {"state_weight": [1.0] * 4, "input_weight": [1.0]}
-    designs = [{"name": "lqr", "kind": "periodic-lqr", **weights}]
-    return [
-        analyse(fl.load_scene("single-link", {**changes, "designs": designs, "accuracy": {"tol": tol}}))
-        for tol in (1e-4, 1e-10)
-    ]
+    design = {"name": "lqr", "kind": "periodic-lqr", "state_weight": [1.0] * 4, "input_weight": [1.0]}
+    changes = {"links.0.modes": 1, "control.about": "elastic", "designs": [design]}
+    return [analyse(fl.load_scene("single-link", changes | {"accuracy.tol": tol})) for tol in (1e-4, 1e-10)]
 
 
 def test_every_stage_with_an_error_is_asked_for_the_scene_s_tol(two_accuracies) -> None:
@@ -45,14 +41,11 @@ def test_what_is_said_to_be_reached_is_the_error_of_the_answer(two_accuracies) -
         own = found.own.floquet
         assert reached["Floquet: the scene's loop"] == np.max(own.errors / np.maximum(1, np.abs(own.exponents)))
         assert reached["design: lqr"] == found.designs[0].design.error
-        assert reached["nonlinear simulation of 3 periods"] == max(
-            found.simulation.error, found.simulation.linear_error
-        )
-    coarse, fine = ({step.name: step.reached for step in found.steps} for found in two_accuracies)
-    simulated = "nonlinear simulation of 3 periods"
-    assert fine[simulated] < 1e-3 * coarse[simulated]
-    apart = np.abs(two_accuracies[0].own.floquet.exponents - two_accuracies[1].own.floquet.exponents)
-    assert np.all(apart <= two_accuracies[0].own.floquet.errors + two_accuracies[1].own.floquet.errors)
+        simulated = max(found.simulation.error, found.simulation.linear_error)
+        assert reached["nonlinear simulation of 3 periods"] == simulated
+    coarse, fine = (found.own.floquet for found in two_accuracies)
+    assert np.all(np.abs(coarse.exponents - fine.exponents) <= coarse.errors + fine.errors)
+    assert two_accuracies[1].simulation.error < 1e-3 * two_accuracies[0].simulation.error
 
 
 @pytest.mark.slow
@@ -99,15 +92,9 @@ def test_the_terminal_names_what_missed_and_what_has_no_answer() -> None:
         Step("four", 1.0, 0.5),
         Step("five", 0.0, 0.0, 1e-6, 7e-8, "stopped"),
     ]
-    said = accuracy_lines(steps)
-    assert (
-        said[0] == "accuracy: tol 1×10⁻⁹ reached in 1 of 3 stages, largest error 3×10⁻⁸; "
-        "tol 1×10⁻⁶ reached in 1 of 1 stage, largest error 7×10⁻⁸; took 5 s (2 s of a processor)"
-    )
-    assert said[1:] == [
-        "  two: error 3.4×10⁻⁸, above tol",
-        "  no answer from three: stopped",
-        "  no answer from five: stopped",
-    ]
+    said, one = accuracy_lines(steps), "accuracy: tol 1×10⁻⁹ reached in 1 of 3 stages, largest error 3×10⁻⁸; "
+    assert said[0] == one + "tol 1×10⁻⁶ reached in 1 of 1 stage, largest error 7×10⁻⁸; took 5 s (2 s of a processor)"
+    missed = "  two: error 3.4×10⁻⁸, above tol"
+    assert said[1:] == [missed, "  no answer from three: stopped", "  no answer from five: stopped"]
     assert accuracy_lines(steps, "three: stopped")[1:] == said[1:2]
     assert accuracy_lines(steps[3:4]) == ["took 1 s (500 ms of a processor)"]

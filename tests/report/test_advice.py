@@ -140,18 +140,18 @@ def test_the_model_is_not_said_to_hold_beside_a_range_that_the_motion_leaves(sin
 PERIOD = 2.0
 
 
-@pytest.mark.parametrize(
-    ("rate", "words"),
-    [
-        (-0.4e-9, "practically marginal"),
-        (0.4e-9, "practically marginal"),
-        (-np.log(50) / 1.67e8, "but it takes 1.67×10⁸ s to settle"),
-        (-1e-3, ""),
-        (-2.0, ""),
-        (1e-3, ""),
-        (0.0, ""),
-    ],
-)
+DECAYS = [
+    (-0.4e-9, "practically marginal"),
+    (0.4e-9, "practically marginal"),
+    (-np.log(50) / 1.67e8, "but it takes 1.67×10⁸ s to settle"),
+    (-1e-3, ""),
+    (-2.0, ""),
+    (1e-3, ""),
+    (0.0, ""),
+]
+
+
+@pytest.mark.parametrize(("rate", "words"), DECAYS)
 def test_a_decay_that_nobody_feels_is_called_so(single_link: Analysis, rate: float, words: str) -> None:
     assert single_link.plant.period == PERIOD
     a = replace(single_link, own=growing(single_link, rate))

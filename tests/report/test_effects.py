@@ -13,13 +13,9 @@ from flexlin.cli import main
 from flexlin.report import audit_block, audit_lines, draw_effects, to_json
 
 
-def row(
-    subject: str, on: bool, significance: float, verdict: str = "stable", problem: str = "", table: Any = None
-) -> Row:
-    change = f"{'without' if on else 'with'} {subject}"
-    return Row(
-        change, "effect", subject, on, table or {}, 0.1, 0.2, 0.3, 4, 5.0, 6, verdict, significance, "advice", problem
-    )
+def row(subject: str, on: bool, significance: float, verdict: str = "stable", problem: str = "", **table: Any) -> Row:
+    change, measures = f"{'without' if on else 'with'} {subject}", (0.1, 0.2, 0.3, 4, 5.0, 6)
+    return Row(change, "effect", subject, on, table, *measures, verdict, significance, "advice", problem)
 
 
 @pytest.fixture
@@ -28,7 +24,7 @@ def audited() -> Audit:
     rows = (
         row("gravity", True, np.inf, "unstable"),
         row("payload", True, 0.5),
-        row("motor", False, 0.02, table={"static": None, "gear_ratio": 2.0}),
+        row("motor", False, 0.02, static=None, gear_ratio=2.0),
         row("hub", True, 0.0),
         row("shear", False, np.nan, "unknown", "it cannot be judged"),
     )

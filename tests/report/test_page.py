@@ -129,16 +129,16 @@ def test_a_scene_without_dimensions_names_no_unit_of_length_or_time(report, tmp_
         fl.load_scene("spinning-link", {"units": "furlongs"})
 
 
-@pytest.mark.parametrize(
-    ("text", "written"),
-    [
-        ("0.0665 ± 1e-05 rad in q1", "0.0665 ±\u00a01×10⁻⁵\u00a0rad in q1"),
-        ("up to 3.22e+03 1/s", "up to 3220\u00a01/s"),
-        ("−4.5e+07 of 12 mN m, 3 %", "−4.5×10⁷ of 12\u00a0mN\u00a0m, 3\u00a0%"),
-        ("0.06 kg m^2 of 3 s and 2 links", "0.06\u00a0kg m² of 3\u00a0s and 2 links"),
-        ("file1e-05.toml, x1e+03, 5 measures", "file1e-05.toml, x1e+03, 5 measures"),
-    ],
-)
+WRITTEN = [
+    ("0.0665 ± 1e-05 rad in q1", "0.0665 ±\u00a01×10⁻⁵\u00a0rad in q1"),
+    ("up to 3.22e+03 1/s", "up to 3220\u00a01/s"),
+    ("−4.5e+07 of 12 mN m, 3 %", "−4.5×10⁷ of 12\u00a0mN\u00a0m, 3\u00a0%"),
+    ("0.06 kg m^2 of 3 s and 2 links", "0.06\u00a0kg m² of 3\u00a0s and 2 links"),
+    ("file1e-05.toml, x1e+03, 5 measures", "file1e-05.toml, x1e+03, 5 measures"),
+]
+
+
+@pytest.mark.parametrize(("text", "written"), WRITTEN)
 def test_numbers_stand_as_on_paper_and_keep_their_units(text: str, written: str) -> None:
     assert typeset(text) == written
 

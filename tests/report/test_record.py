@@ -11,13 +11,13 @@ import flexlin as fl
 from flexlin.analyses import Analysis, Clock, Loop, analyse, find_loop_margins
 from flexlin.periodic import Margins
 from flexlin.report import describe_endured, record, record_endured, record_loop, to_json
+from tests.closed_arm import control_loop
 
 
 def test_the_record_holds_what_the_library_computes(single_link: Analysis) -> None:
     data = json.loads(to_json(record(single_link)))
     scene = single_link.scene
-    closed = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    expected = fl.floquet(closed.periodic_system())
+    expected = fl.floquet(control_loop(scene).periodic_system())
     block = data["floquet"]
     exponents = np.array(block["exponents"]) @ [1, 1j]
     assert data["schema"] == 1

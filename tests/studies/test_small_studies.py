@@ -109,7 +109,6 @@ def test_five_bar_taylor(study, pictures, tmp_path):
     inside = [np.interp(radius / 2, *drawn[f"order {order}"]) for order in range(1, 11)]
     assert np.all(np.diff(inside) < 0)
     edge = pictures.curves("five_bar_taylor.png", 2)["radius of convergence"]
-    assert edge.shape == (2, len(data.radii))
     lines = pictures["five_bar_taylor.png"].axes[2].lines
     centre = np.array(next(line for line in lines if line.get_marker() == "+").get_data())
     assert np.linalg.norm(edge - centre.reshape(2, 1), axis=0) == pytest.approx(data.radii)
@@ -125,7 +124,6 @@ def test_own_error(study, tmp_path):
     assert total.missed3 == 0
     assert total.missed <= 1
     assert total.answered > 0.8 * total.cases
-    assert sum(row["cases"] for row in rows) >= len(rows)
     assert (tmp_path / "own_error.json").stat().st_size > 1000
 
 
@@ -237,8 +235,7 @@ def test_charts_speed(study, pictures, tmp_path):
     data = study("charts_speed").main(size="small", out=tmp_path)
     assert max(row["distance_in_tol"] for row in data["rows"]) < 1
     assert "flexlin, all exponents" in data["peers_us"]
-    assert (tmp_path / "charts_speed.json").exists()
-    assert "charts_speed.svg" in pictures
+    assert {"charts_speed.json", "charts_speed.svg"} <= {*pictures, *(path.name for path in tmp_path.iterdir())}
     assert set(data["sharing"]) == {"one process, s", "two threads", "two processes"}
 
 

@@ -12,6 +12,7 @@ from flexlin.errors import ArgumentError, ModelError, SceneError
 from flexlin.linearization import ParametricLoop
 from flexlin.scene import register_model, revise_scene
 from tests.closed_arm import control_loop
+from tests.mechanics.scenes import linear
 
 PAYLOAD = "effects.payload.mass"
 WEIGHTS = {"state_weight": [100.0, 100.0, 1.0, 1.0], "input_weight": [0.1]}
@@ -20,7 +21,7 @@ SMALL = {"links.0.modes": 1, "designs": [LQR]}
 
 
 def plant_of(scene):
-    return fl.linearize(fl.build_manipulator(scene), scene.motion).periodic_system()
+    return linear(scene).periodic_system()
 
 
 def moving(joints, **parts):
@@ -141,6 +142,5 @@ def test_a_design_in_physical_sizes_is_made_anew_at_each_value():
     data = fl.sweep(scene, {"links.0.length": [0.8, 1.1]}, 1e-7, loop="LQR, redone")
     for found, length in zip(data["exponents"].values, (0.8, 1.1), strict=True):
         other = revise_scene(scene, {"links.0.length": length})
-        lin = fl.linearize(fl.build_manipulator(other), other.motion)
-        exact = fl.floquet(design(lin, other.designs[0]).closed_loop)
+        exact = fl.floquet(design(linear(other), other.designs[0]).closed_loop)
         assert largest_gap(found, exact) <= 2e-6 * np.abs(exact.exponents).max()
