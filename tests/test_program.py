@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from flexlin import symbolic
-from flexlin._core import addresses
 from flexlin.errors import ArgumentError
-from flexlin.program import CONST, INPUT, OUTPUT, POINTS_TOGETHER, Layout, Program, march_program, name_of
+from flexlin.program import CONST, INPUT, OUTPUT, Layout, Program, name_of
 
 
 @pytest.fixture
@@ -168,19 +167,6 @@ def test_random_functions_give_the_same_bits(seed):
         agree(function, random_points(seed, points), made)
 
 
-@pytest.mark.parametrize("points", [1, 9, 40])
-def test_a_march_takes_each_output_as_the_next_input(points):
-    x, u, p = (ca.SX.sym(name, size) for name, size in (("x", 3), ("u", 2), ("p", 1)))
-    function = ca.Function("step", [x, u, p], [ca.vertcat(ca.sin(x[1]) + u[0], x[2] * p, x[0] - u[1])])
-    rng, made = np.random.default_rng(3), Program.read(function).lay_out()
-    states, driven, held = np.empty((8, points, 3)), rng.normal(size=(7, points, 2)), rng.normal(size=(points, 1))
-    states[0] = rng.normal(size=(points, 3))
-    steps = np.array([3 * points, 2 * points, 0])
-    made.march(7, [states[0], driven[0], held], steps, [states[1]], steps[:1])
-    for k in range(7):
-        np.testing.assert_array_equal(states[k + 1], run(made, function, [states[k], driven[k], held])[0][:, :, 0])
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_what_is_written_often_is_computed_once(seed):
     """Against value numbering by a dictionary: as many steps, the same bits; signs of zeros are told apart."""
@@ -210,32 +196,6 @@ def test_some_of_the_outputs_need_some_of_the_operations(seed):
         kept = program.lay_out(outputs)
         assert len(kept.steps) <= part.n_instructions() + 6
         assert_same(run(kept, part, arrays), (right[i] for i in outputs))
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_program_in_parts_gives_the_same_numbers(seed):
-    """What x alone or y alone decides, computed apart and given to the rest, where nothing of it is computed again."""
-    function, arrays = random_function(seed), random_points(seed, POINTS_TOGETHER)
-    program = Program.read(function)
-    needs = program.find_needs((1, 2, 1))
-    of_one = np.flatnonzero((program.steps[:, 0] != OUTPUT) & (needs < 3))
-    alone = program.lay_out((), kept=of_one)
-    rest = program.lay_out(given={int(k): i for i, k in enumerate(of_one)}, first=len(of_one))
-    assert not np.isin(OUTPUT, alone.steps[:, 0])
-    assert set(needs[rest.places >= len(of_one)]) <= {3}
-    first, second = (np.zeros((part.slots, POINTS_TOGETHER)) for part in (alone, rest))
-    outputs = symbolic.empty_outputs(function, POINTS_TOGETHER)
-    carry_out(alone, arrays, [], first)
-    second[: len(of_one)] = first[alone.places[of_one]]
-    carry_out(rest, arrays, outputs, second)
-    assert_same((found.transpose(0, 2, 1) for found in outputs), symbolic.call_casadi(function, arrays))
-
-
-def carry_out(part: Layout, arrays: list[np.ndarray], outputs: list[np.ndarray], memory: np.ndarray) -> None:
-    """A part of a program on memory whose slots may hold numbers already."""
-    read, written = addresses(arrays), addresses(outputs, written=True)
-    places = len(read), read, part.rows, 0 * part.rows, len(written), written, part.sizes, 0 * part.sizes
-    assert not march_program(len(part.steps), part.steps, POINTS_TOGETHER, 1, *places, memory)
 
 
 def test_quotients_by_what_one_input_decides_become_products():

@@ -10,6 +10,7 @@ from flexlin.analyses import answer_noise, respond, state_disturbance
 from flexlin.control import linearize_about, periodic_motion
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.periodic import extend_system
+from flexlin.scene import get_value
 from flexlin.simulation import NonlinearLoop
 from tests.closed_arm import closed
 from tests.control.test_c_controllers import FILTERS as TWO
@@ -146,14 +147,20 @@ def small():
 
 
 @pytest.mark.slow
-def test_a_loop_broken_where_the_torque_enters_holds_its_margins_controller_and_all(small):
-    opened = extend_system(linearize(small.arm, small.motion).periodic_system(), small.law.controller.rates)
-    t = np.array([0.3])
-    np.testing.assert_allclose(opened.feedback(small.law.gain).A(t), small.periodic_system().A(t), rtol=1e-12)
-    endured = fl.margins(opened, small.law.gain, tol=1e-3)
-    for factor, verdict in ((0.99, "stable"), (1.01, "unstable")):
-        closed = opened.feedback(factor * endured.gain[1] * small.law.gain(t)[0])
-        assert fl.floquet(closed).verdict == verdict
+def test_sensitivities_see_gains_on_integrals_and_frequencies_of_filters():
+    scene = fl.load_scene("single-link", CONTROLLED | SMALL)
+    paths = ["control.feedback.ki.0", "control.filters.0.cutoff", "effects.payload.mass", "motion.frequency"]
+    slopes = fl.sensitivity(scene, paths, tol=1e-9)["derivative"].values[:, 0].real
+    for path, slope in zip(paths, slopes, strict=True):
+        own = get_value(scene, path)
+        ends = fl.sweep(scene, {path: [own * (1 - 1e-4), own * (1 + 1e-4)]}, tol=1e-10)["exponents"].values[:, 0].real
+        assert slope == pytest.approx((ends[1] - ends[0]) / (2e-4 * own), rel=1e-4, abs=1e-7)
+
+
+def test_a_loop_broken_where_the_torque_enters_holds_its_controller_too(small):
+    opened, t = extend_system(linearize(small.arm, small.motion).periodic_system(), small.controller.rates), [0.3]
+    found = opened.feedback(small.law.gain).A(np.array(t))
+    np.testing.assert_allclose(found, small.periodic_system().A(np.array(t)), rtol=1e-12)
 
 
 @pytest.mark.slow
