@@ -73,10 +73,7 @@ BAD = [
     (MotionError, "number of joints", lambda: linearize(fl.load_scene("single-link").motion)),
     (ArgumentError, "kp", lambda: linearize(TWO.motion, fl.load_scene("single-link").control)),
     (InputError, "nothing is left", lambda: linear(plain_scene([{"length": 1.0, "mass_per_length": 1.0}], LED))),
-    (ArgumentError, "another kind", lambda: fl.build_manipulator("single-link")),
-    (ArgumentError, "another kind", lambda: fl.linearize(TWO, TWO.motion)),
     (ArgumentError, "another kind", lambda: linearize("harmonic")),
-    (ArgumentError, "another kind", lambda: fl.floquet(np.eye(2))),
     (ArgumentError, "cannot be left free", lambda: fl.build_manipulator(TWO, ["links.0.modes"])),
     (ArgumentError, "complex", lambda: fl.PeriodicSystem(1j * np.eye(2), 1.0)),
 ]

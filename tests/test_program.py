@@ -187,17 +187,6 @@ def test_what_is_written_often_is_computed_once(seed):
     agree(function, arrays)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_some_of_the_outputs_need_some_of_the_operations(seed):
-    function, arrays = random_function(seed), random_points(seed, 70)
-    names, right, program = function.name_out(), symbolic.call_casadi(function, arrays), Program.read(function)
-    for outputs in ((0,), (2, 1), (1,), (2, 1, 0)):
-        part = symbolic.selected(function, tuple(names[i] for i in outputs))
-        kept = program.lay_out(outputs)
-        assert len(kept.steps) <= part.n_instructions() + 6
-        assert_same(run(kept, part, arrays), (right[i] for i in outputs))
-
-
 def test_quotients_by_what_one_input_decides_become_products():
     """Of four quotients one stays, by what both inputs decide."""
     x, y = ca.SX.sym("x"), ca.SX.sym("y")

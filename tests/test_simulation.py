@@ -1,13 +1,15 @@
-"""The nonlinear judge: order of agreement with the linear model, energy, and honest failure."""
+"""The nonlinear judge: agreement with the linear model, energy, cost and attraction, feedforward, drives, and honest failure."""
 
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import simpson
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, FlexlinError
+from flexlin.control import feedforward, finite_horizon_lqr, horizon_system, linear_range, linearize_about, periodic_lqr
+from flexlin.errors import ArgumentError, FlexlinError, SceneError
 from flexlin.linearization import Law
-from flexlin.simulation import simulate
+from flexlin.simulation import Drive, region_of_attraction, simulate
 from tests.closed_arm import closed, control_loop, opened
 from tests.mechanics.scenes import plain_scene, swinging
 
@@ -59,3 +61,111 @@ def test_it_says_what_moves_the_arm(looped, law, words):
     run = fl.simulate(closed() if looped else opened()[1], periods=0.02, tol=1e-4, law=law)
     assert run.driven_by == words
     assert f"driven by {words}" in run.summary()
+
+
+@pytest.fixture(scope="module")
+def lin():
+    return closed()
+
+
+def late_tip_error(run):
+    late = run.t > run.t[-1] / 2
+    return np.linalg.norm(run.tip - run.tip_rigid, axis=1)[late].max()
+
+
+def test_tip_exact_feedforward_lowers_the_nonlinear_tip_error_twentyfold(lin):
+    rigid, exact = (simulate(lin, 4, feedforward=feedforward(lin, kind), tol=1e-6) for kind in ("rigid", "tip-exact"))
+    assert 20 * late_tip_error(exact) < late_tip_error(rigid)
+    assert late_tip_error(exact) == pytest.approx(feedforward(lin, "tip-exact").tip_error, rel=1e-3)
+
+
+def test_rigid_feedforward_is_the_scenes_own_law(lin):
+    own, given = (simulate(lin, 0.5, feedforward=f) for f in (None, feedforward(lin, "rigid")))
+    np.testing.assert_allclose(given.nonlinear, own.nonlinear, atol=1e-9)
+    np.testing.assert_allclose(given.linear, own.linear, atol=1e-9)
+
+
+def test_work_and_energy_balance(lin):
+    assert simulate(lin, 1, tol=1e-9).energy_error < 1e-7
+    loose = simulate(lin, 1, tol=1e-4).energy_error
+    assert simulate(lin, 1, tol=1e-7).energy_error < loose
+
+
+def test_periodic_lqr_costs_what_its_riccati_solution_says(lin):
+    """About the exact elastic motion: cost until t plus cost to go x(t)' X(t) x(t) is x0' X(0) x0, in the nonlinear equations too."""
+    reference = feedforward(lin, "joint-exact")
+    plant = linearize_about(reference.motion, closed=False)
+    Q, R = np.diag([10.0, 10.0, 10.0, 0.1, 0.1, 0.1]), np.array([[5.0]])
+    made = periodic_lqr(plant, Q, R)
+    z0 = 2e-4 * np.array([1.0, 0.1, 0.0, 0.0, 0.5, 0.0])
+    run = simulate(lin, 0.25, reference.reference(np.zeros(1))[0] + z0, made.K, 1e-7, 1024, feedforward=reference)
+    z = run.nonlinear - reference.reference(run.t)
+    u = np.einsum("tij,tj->ti", made.K(run.t), z)
+    spent = simpson(np.einsum("ti,ij,tj->t", z, Q, z) + np.einsum("ti,ij,tj->t", u, R, u), x=run.t)
+    to_go = z[-1] @ made.X(run.t[-1:])[0] @ z[-1]
+    assert spent > 0.5 * made.cost(z0)
+    assert spent + to_go == pytest.approx(made.cost(z0), rel=1e-4)
+
+
+@pytest.mark.slow
+def test_a_fast_sampled_drive_tends_to_the_continuous_loop(lin):
+    ideal = simulate(lin, 0.05, tol=1e-7)
+    drives = (Drive(sample_time=h, delay=h / 2) for h in (0.001, 0.0005))
+    held = (simulate(lin, 0.05, tol=1e-7, drive=drive) for drive in drives)
+    gaps = [np.abs(run.nonlinear - ideal.nonlinear).max() for run in held]
+    assert gaps[0] / gaps[1] == pytest.approx(2.0, rel=0.1)
+
+
+def test_impossible_drives_are_refused():
+    for wrong in ({"limit": (-1.0,)}, {"sample_time": 0.01, "delay": 0.02}, {"delay": 0.01}):
+        with pytest.raises(ArgumentError):
+            Drive(**wrong)
+
+
+@pytest.mark.slow
+def test_nonlinear_share_grows_with_the_amplitude(lin):
+    """For a small share the second order rules, so halving the share halves the amplitude; a linear arm has no border."""
+    half, whole = linear_range(lin, 5e-4), linear_range(lin, 1e-3)
+    np.testing.assert_allclose(whole.amplitudes, 2 * half.amplitudes, rtol=2e-2)
+    assert "0.1 %" in whole.status
+    attracted = region_of_attraction(lin, modes=1, periods=2, halvings=2)
+    assert linear_range(lin, 0.1).amplitudes.min() < attracted.outside[0]
+    mathieu = closed("spinning-link", {"effects.geometric_stiffening": "off"})
+    assert np.isinf(linear_range(mathieu).amplitudes).all()
+
+
+@pytest.mark.slow
+def test_region_of_attraction_is_bracketed():
+    """An arm that is held upright against gravity with little damping: beyond a good part of half a turn it is lost."""
+    upright = {"control.feedback.kd": [0.1], "motion.joints": [{"mean": np.pi / 2, "amplitude": 0.2}]}
+    found = region_of_attraction(closed(changes=upright), modes=1, periods=2, halvings=3, largest=3.0, tol=1e-5)
+    assert 0 < found.inside[0] < found.outside[0] <= 3.0
+    assert "come back" in found.status
+
+
+@pytest.mark.slow
+def test_drives_come_from_the_scene():
+    changes = {"control.saturation": {"torque": [0.4]}, "control.sampling": {"period": 0.004, "delay": 0.001}}
+    slow = closed(changes=changes)
+    run = simulate(slow, 0.1, tol=1e-6)
+    given = simulate(slow, 0.1, tol=1e-6, drive=Drive((0.4,), 0.004, 0.001))
+    np.testing.assert_array_equal(run.nonlinear, given.nonlinear)
+    assert np.abs(run.torque).max() <= 0.4
+    with pytest.raises(SceneError, match=r"control\.saturation\.torque"):
+        fl.load_scene("single-link", {"control.saturation": {"torque": [0.4, 1.0]}})
+
+
+@pytest.mark.slow
+def test_a_disturbed_one_way_move_costs_what_its_finite_horizon_design_says():
+    """Two nonlinear runs of one move, one of them disturbed: the cost of their difference, its end included, is x0' X(0) x0."""
+    move = {"kind": "point-to-point", "course": "one-way", "joints": [{"waypoints": [-1.2, -0.4]}]}
+    move |= {"move_time": 0.6, "dwell_time": 0.2}
+    _, arm = opened(changes={"motion": move, "designs": []})
+    Q, R, end = np.diag([10.0, 10.0, 10.0, 0.1, 0.1, 0.1]), np.array([[10.0]]), np.diag([5.0, 5.0, 5.0, 0.1, 0.1, 0.1])
+    made = finite_horizon_lqr(horizon_system(arm), Q, R, end=end, tol=1e-7)
+    x0 = 1e-3 * np.array([1.0, 0.1, 0.0, 0.0, 0.5, 0.0])
+    calm, pushed = (simulate(arm, 1, start, made.K, 1e-7, 1024) for start in (np.zeros(6), x0))
+    z = pushed.nonlinear - calm.nonlinear
+    u = np.einsum("tij,tj->ti", made.K(calm.t), z)
+    running = np.einsum("ti,ij,tj->t", z, Q, z) + np.einsum("ti,ij,tj->t", u, R, u)
+    assert simpson(running, x=calm.t) + z[-1] @ end @ z[-1] == pytest.approx(made.cost(x0), rel=0.02)

@@ -6,7 +6,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 
 import flexlin as fl
 from flexlin.control import periodic_motion
@@ -14,7 +13,7 @@ from flexlin.errors import NumericalError
 from flexlin.simulation import Drive, NonlinearLoop, predict, simulate
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.sweeps import Rigid, Start, solve_window
-from flexlin.simulation.window import Grid, Window, between
+from flexlin.simulation.window import Grid
 from tests.closed_arm import closed
 
 
@@ -83,23 +82,6 @@ def test_fixed_steps_converge_with_the_order_of_the_method(stages):
     counts = (32, 64) if stages == 5 else (64, 128)
     rough, fine = (np.abs(last(count) - exact).max() for count in counts)
     assert np.log2(rough / fine) == pytest.approx(2 * stages - 1, abs=0.6)
-
-
-def test_a_constant_linear_system_follows_its_matrix_exponential_however_non_normal():
-    rng = np.random.default_rng(11)
-    n, grid = 3, Grid(0.4 * np.linspace(0, 1, 9) ** 1.2, 5)
-    R = rng.standard_normal((n, n))
-    M = R @ R.T + n * np.eye(n)
-    D, K = 5 * rng.standard_normal((n, n)), 20 * rng.standard_normal((n, n))
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
-    window = Window(grid, *(np.tile(part, (40, 1, 1)) for part in (M, D, K)))
-    start = rng.standard_normal(2 * n)
-    path = window.corrected(grid.rest(np.zeros(n)), start, np.zeros((40, n)))
-    for k, t in enumerate(grid.edges):
-        np.testing.assert_allclose(path.x[k], expm(A * t) @ start, atol=1e-9)
-    t = rng.uniform(0.0, 0.4, 50)
-    states, _ = between(grid, path, np.zeros((8, 5)), t)
-    np.testing.assert_allclose(states, [expm(A * time) @ start for time in t], atol=1e-6)
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ from flexlin.analyses import Step, analyse
 from flexlin.report import accuracy_lines
 
 SMALL = ["links.0.modes=1"]
-DESIGN = "designs=[{name='lqr', kind='periodic-lqr', state_weight=[1.0, 1.0, 1.0, 1.0], input_weight=[1.0]}]"
 
 
 @pytest.fixture(scope="module")
@@ -62,26 +61,6 @@ def test_the_option_stands_for_the_table(report) -> None:
     assert "--tol 1e-05 --limit-seconds 50" in ran.page
     assert "1×10⁻⁵" in ran.page
     assert "accuracy: tol 1×10⁻⁵ reached in" in ran.out
-
-
-@pytest.mark.slow
-def test_a_stage_beyond_its_time_says_so_and_the_rest_stands(report, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The simulation never ends: it is stopped, and what comes before and after it is there."""
-
-    def endless(*_: object, **__: object) -> None:
-        while True:
-            np.linalg.eigvals(np.eye(8))
-
-    monkeypatch.setattr("flexlin.analyses.analysis.simulate", endless)
-    ran = report("single-link", "--set", *SMALL, DESIGN, "--limit-seconds", "8", "--require", "stable")
-    assert ran.code == 0
-    assert "nonlinear simulation of 3 periods" in {step["name"] for step in ran.data["steps"] if "problem" in step}
-    longer = "ask for a larger tol, or allow more time (--limit-seconds above 8"
-    assert longer in ran.data["simulation"]["problem"]
-    assert ran.data["floquet"]["verdict"] == ran.data["designs"]["lqr"]["verdict"] == "stable"
-    assert ran.data["forced_response"]["error"] < 1e-8
-    assert "stopped at the time limit" in ran.page
-    assert ran.out.count("nonlinear simulation of 3 periods: stopped at the time limit") == 1
 
 
 def test_the_terminal_names_what_missed_and_what_has_no_answer() -> None:
