@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 import xarray
 
-import flexlin as fl
 from flexlin.cli import COMMANDS, main
 from flexlin.scene import builtin_scenes
-from tests.closed_arm import closed, opened
+from tests.closed_arm import opened
 from tests.test_stability_boundary import distances
 
 
@@ -60,17 +59,12 @@ def test_design_writes_the_gains(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_a_chart_over_one_parameter_agrees_with_single_verdicts(tmp_path, capsys):
-    weight, path = {"effects.gravity.acceleration": 5.0}, "motion.joints.0.rate"
-    over = ["--over", f"{path}=3.5:4.1:3", "--set", "effects.gravity.acceleration=5.0"]
+def test_a_chart_over_one_parameter_finds_its_critical_values(tmp_path, capsys):
+    over = ["--over", "motion.joints.0.rate=3.5:4.1:3", "--set", "effects.gravity.acceleration=5.0"]
     assert main(["chart", "spinning-link", *over, "--out", str(tmp_path)]) == 0
     with xarray.open_dataset(tmp_path / "chart.nc", engine="scipy") as data:
-        growth, rates = data["exponents_re"].values.max(axis=-1), data["rate_of_joint_1"].values
         assert data["rate_of_joint_1"].attrs["units"] == ""  # the scene is dimensionless
         assert data["critical_value"].values.round(4).tolist() == [3.6424, 3.9659]
-    for rate, found in zip(rates, growth, strict=True):
-        lin = closed("spinning-link", weight | {path: float(rate)})
-        assert abs(fl.floquet(lin.periodic_system()).exponents[0].real - found) < 1e-7
     said, page = capsys.readouterr().out, (tmp_path / "chart.html").read_text()
     assert "rate of joint 1: becomes unstable at 3.642" in said
     for words in ("flexlin chart spinning-link", "Campbell diagram", "rate of joint 1</text>"):

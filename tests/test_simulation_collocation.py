@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import flexlin as fl
 from flexlin.control import periodic_motion
 from flexlin.errors import NumericalError
-from flexlin.simulation import Drive, NonlinearLoop, predict, simulate
+from flexlin.simulation import Drive, NonlinearLoop, simulate
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.sweeps import Rigid, Start, solve_window
 from flexlin.simulation.window import Grid
@@ -108,9 +107,12 @@ def test_ten_thousand_times_stiffer_links_take_hardly_more_windows(tried):
 
 
 @pytest.mark.slow
-def test_the_linear_answer_is_that_of_the_matrices():
-    lin = closed("pick-and-place")
-    run = simulate(lin, 0.25, tol=1e-9)
+@pytest.mark.parametrize(("name", "size"), [("single-link", 0.9), ("pick-and-place", 1e-3)])
+def test_the_linear_answer_is_that_of_the_matrices(name, size):
+    """Far from the rigid motion too, where the sweeps' matrices are not the rigid ones; and behind breaks."""
+    lin = closed(name)
+    x = size * np.random.default_rng(9).standard_normal(2 * lin.n)
+    run = simulate(lin, 0.25, x, tol=1e-9)
 
     def rate(t, x):
         now = np.array([t])
@@ -119,11 +121,11 @@ def test_the_linear_answer_is_that_of_the_matrices():
     def slope(t, x):
         return lin.A(np.array([t]))[0]
 
-    x, exactly = np.zeros(2 * lin.n), {"method": "LSODA", "rtol": 1e-10, "atol": 1e-13, "jac": slope}
+    exactly = {"method": "LSODA", "rtol": 1e-10, "atol": 1e-13, "jac": slope}
     for begin, end in pairwise([0.0, *[b for b in lin.breaks if 0 < b < run.t[-1]], run.t[-1]]):
         inside = (run.t > begin) & (run.t <= end)
         found = solve_ivp(rate, (begin, end), x, t_eval=np.unique([*run.t[inside], end]), **exactly).y.T
-        assert np.abs(run.linear[inside] - found[: inside.sum()]).max() < 1e-7
+        assert np.abs(run.linear[inside] - found[: inside.sum()]).max() < 1e-7 * max(1.0, np.abs(run.linear).max())
         x = found[-1]
     assert run.linear_error < 1e-8
 
@@ -135,28 +137,6 @@ def test_a_torque_that_is_cut_changes_the_integrator_and_not_the_answer():
     limit = 1.0005 * np.abs(free.torque).max()
     near = simulate(lin, 0.3, tol=1e-8, drive=Drive(limit=(limit,)))
     np.testing.assert_allclose(near.nonlinear, free.nonlinear, atol=1e-6)
-
-
-@pytest.mark.slow
-def test_motion_in_which_the_mass_vanishes_is_named():
-    """(1 - s) s'' - s'^2 / 2 = 1 from rest cannot pass s = 1."""
-    s, rate = ca.SX.sym("s"), ca.SX.sym("rate")
-    arm = fl.Manipulator.from_matrices(s, rate, 1 - s, -rate / 2, ca.SX(-1.0))
-    motion = fl.load_scene("single-link", {"motion.joints": [{"amplitude": 0.0, "mean": 0.0}]}).motion
-    with pytest.raises(NumericalError, match="stopped at t = "):
-        simulate(fl.linearize(arm, motion, fl.scene.control.Control(feedforward="none")), 3, tol=1e-6)
-
-
-@pytest.mark.slow
-def test_the_linear_answer_beside_the_nonlinear_one_is_that_of_a_run_of_its_own():
-    """Far from the rigid motion too, where the sweeps' matrices are not the rigid ones; and behind breaks."""
-    for name, size in (("single-link", 0.9), ("pick-and-place", 1e-3)):
-        lin = closed(name)
-        start = size * np.random.default_rng(9).standard_normal(2 * lin.n)
-        t = np.linspace(0.0, 0.3 * lin.period, 33)
-        _, beside = NonlinearLoop(lin, lin.law).beside_linear(t, start, 1e-9, 5)
-        alone, _ = predict(lin, t, start, lin.law, 1e-10)
-        assert np.abs(beside - alone).max() <= 1e-7 * np.abs(alone).max()
 
 
 @pytest.mark.parametrize("t", [[0.0], [0.0, 0.0], [0.0, 0.0, 0.01]])

@@ -52,11 +52,6 @@ def test_the_verdict_comes_before_the_figures(html: str) -> None:
     assert html.index("Stable") < html.index("What to do next") < html.index("<svg")
 
 
-def test_every_parameter_and_version_is_on_the_page(html: str, single_link: Analysis) -> None:
-    for word in ("effects.payload", "mass = ", "0.03", "bending_stiffness = ", "3.6866", "casadi", "numpy"):
-        assert word in html
-
-
 def test_each_figure_is_well_formed_and_takes_its_colours_from_the_page(single_link: Analysis) -> None:
     drawn = list(draw_pictures(single_link))
     assert len(drawn) == len(FIGURES) - 1  # all but the gains: this scene asks for no design
@@ -147,12 +142,7 @@ def test_what_went_in_has_the_units_of_its_tables(single_link: Analysis) -> None
     """Of every table; none beside a text that bears its own; TOML's true and false."""
     shown = re.sub(r"<[^>]+>", "", page_of(single_link)).replace("\u00a0", " ")
     shown = shown[shown.index("Everything that went in") :]
-    for said in (
-        "length = 0.96 m,",
-        "bending_stiffness = 3.6866 N m²",
-        "frequency = 0.5 Hz",
-        "kp = 3 N m/rad,",
-        "passive = false",
-    ):
+    numbers = "length = 0.96 m,", "bending_stiffness = 3.6866 N m²", "frequency = 0.5 Hz", "kp = 3 N m/rad,"
+    for said in (*numbers, "passive = false", "casadi", "numpy"):
         assert said in shown, said
     assert "name = ," not in shown
