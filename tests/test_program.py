@@ -9,7 +9,7 @@ import pytest
 
 from flexlin import symbolic
 from flexlin.errors import ArgumentError
-from flexlin.program import CONST, INPUT, OUTPUT, Layout, Program, name_of
+from flexlin.program import CONST, INPUT, OUTPUT, Layout, Program
 
 
 @pytest.fixture
@@ -59,8 +59,6 @@ BINARY = [
 ]
 BINARY.append(lambda a, b: ca.copysign(a, ca.fmax(b, -7.5)))  # the sign of what is no number is nobody's
 HARD = [np.nan, np.inf, -np.inf, 0.0, -0.0, 1.0, -1.0, 2.5, -2.5, 1e-310, 1e308, 0.3]
-RARE = {"OP_ERFINV", "OP_PRINTME", "OP_LIFT"}
-"""Operations of scalars that CasADi's expressions can hold and that the compiled core leaves to CasADi."""
 
 
 def grow(known: list[ca.SX], choices: list[tuple[int, int, int]]) -> list[ca.SX]:
@@ -134,29 +132,6 @@ def test_sines_and_cosines_are_right_within_an_ulp():
         assert np.isnan(one[~known]).all()
     zeros = angles == 0
     np.testing.assert_array_equal(np.signbit(found[0][zeros]), np.signbit(angles[zeros]))
-
-
-def test_every_operation_of_scalars_is_known_or_left_to_casadi():
-    """A release of CasADi with another operation, or other numbers of them, is seen here."""
-    x, y = ca.SX.sym("x"), ca.SX.sym("y")
-    tried = set()
-    for expression in (*(one(x) for one in (*UNARY, ca.sin, ca.cos)), *(two(x, y) for two in BINARY), x, ca.SX(0.5)):
-        tried |= set(Program.read(ca.Function("one", [x, y], [expression])).steps[:, 0].tolist())
-    scalars = {code for code in range(101) if is_scalar(code)} | {CONST, INPUT, OUTPUT}
-    assert {name_of(code) for code in scalars - tried} <= RARE | {"OP_ASSIGN"}
-
-
-def is_scalar(code: int) -> bool:
-    """Whether CasADi makes this operation of one or two scalars."""
-    x = ca.SX.sym("x")
-    for make in (lambda: ca.SX.unary(code, x), lambda: ca.SX.binary(code, x, 2 * x)):
-        try:
-            function = ca.Function("f", [x], [make()])
-        except (RuntimeError, NotImplementedError):
-            continue
-        if code in [function.instruction_id(k) for k in range(function.n_instructions())]:
-            return True
-    return False
 
 
 @pytest.mark.parametrize("seed", range(12))

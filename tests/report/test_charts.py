@@ -24,6 +24,7 @@ from flexlin.report import (
 )
 from flexlin.scene import label_number
 from tests.files.reader import standing
+from tests.mechanics.scenes import plain_scene, swinging
 
 
 def test_a_contour_of_a_cone_is_a_circle():
@@ -114,20 +115,13 @@ def test_critical_values_of_a_short_search_hold_those_of_the_long_one(seconds):
     assert any(low < one.value < high for one in short.critical) or not low < exact.value < high
 
 
-HELD_LEVEL = {
-    "schema": 1,
-    "title": "a strip held level",
-    "links": [{"length": 0.8, "mass_per_length": 0.3, "bending_stiffness": 5.0, "modes": 4}],
-    "effects": {"gravity": {}, "payload": {"mass": 0.1}},
-    "motion": {"kind": "harmonic", "frequency": 0.01, "joints": [{"amplitude": 1e-3}]},
-    "control": {"feedforward": "rigid", "feedback": {"kind": "pd", "kp": [50.0], "kd": [5.0]}},
-}
-
-
 def test_a_chart_says_where_its_links_bend_too_far_for_linear_equations():
     """By w/l = m g l^2 / (3 EI) + rho A g l^3 / (8 EI), Euler-Bernoulli."""
-    share = 9.81 * (0.6 * 0.8**2 / 3 + 0.3 * 0.8**3 / 8) / 5.0
-    scene, path = fl.parse_scene(HELD_LEVEL), "effects.payload.mass"
+    share, path = 9.81 * (0.6 * 0.8**2 / 3 + 0.3 * 0.8**3 / 8) / 5.0, "effects.payload.mass"
+    strip = {"length": 0.8, "mass_per_length": 0.3, "bending_stiffness": 5.0, "modes": 4}
+    control = {"feedforward": "rigid", "feedback": {"kind": "pd", "kp": [50.0], "kd": [5.0]}}
+    level, loads = swinging({"amplitude": 1e-3}, frequency=0.01), {"gravity": {}, "payload": {"mass": 0.1}}
+    scene = plain_scene([strip], level, effects=loads, control=control)
     onset = CriticalValue(path, 0.6, 1e-9, "onset", "not looked for", 0.5, np.nan)
     assert say_bending(scene, {path: (0.0, 0.3)}, [], Clock()) == ""
     said = say_bending(scene, {path: (0.0, 4.0)}, [onset], Clock())

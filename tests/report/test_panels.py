@@ -16,20 +16,11 @@ from flexlin.report.figures import choose_colour
 from flexlin.report.figures.chart import follow_lines
 from flexlin.report.figures.over_period import choose_shown, shift_from_mean
 from tests.closed_arm import control_loop
+from tests.mechanics.scenes import plain_scene
 
 LINK = {"length": 0.3, "mass_per_length": 0.5, "bending_stiffness": 20.0, "modes": 1}
-FIVE = {
-    "schema": 1,
-    "title": "an arm of five joints",
-    "links": [LINK] * 5,
-    "motion": {
-        "kind": "fourier",
-        "period": 1.0,
-        "joints": [{"mean": 0.2 * k, "sin": [0.1 * k + 0.1]} for k in range(5)],
-    },
-    "effects": {"gravity": {}},
-    "control": {"feedback": {"kind": "pd", "kp": [40.0] * 5, "kd": [4.0] * 5}},
-}
+TURNING = [{"mean": 0.2 * k, "sin": [0.1 * k + 0.1]} for k in range(5)]
+PD = {"feedback": {"kind": "pd", "kp": [40.0] * 5, "kd": [4.0] * 5}}
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +31,8 @@ def two_loops() -> Analysis:
 @pytest.fixture(scope="module")
 def large() -> Analysis:
     """An arm of five joints and five elastic coordinates."""
-    scene = fl.parse_scene(FIVE)
+    motion = {"kind": "fourier", "period": 1.0, "joints": TURNING}
+    scene = plain_scene([LINK] * 5, motion, effects={"gravity": {}}, control=PD)
     closed = control_loop(scene)
     plant = fl.linearize(closed.arm, scene.motion)
     t = np.linspace(0.0, plant.period, 129)
