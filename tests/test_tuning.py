@@ -59,13 +59,8 @@ def test_smoothed_growth_is_above_the_largest_and_its_slope_is_its_own(seed):
     base = block @ np.array([[-1, 1, 0, 0], [0, -1, 0, 0], [0, 0, -2, 3], [0, 0, -3, -2.0]]) @ block.T
     change = block @ rng.standard_normal((4, 4)) @ block.T
     for mu in (0.3, 0.01):
-
-        def smooth(values, mu=mu):
-            return smooth_growth(values[None] + 0j, np.array([0.7]), mu, 2.0)
-
-        def phi(e, smooth=smooth):
-            return smooth(np.linalg.eigvals(base + e * change))[0]
-
+        smooth = lambda values, mu=mu: smooth_growth(values[None] + 0j, np.array([0.7]), mu, 2.0)  # noqa: E731
+        phi = lambda e, smooth=smooth: smooth(np.linalg.eigvals(base + e * change))[0]  # noqa: E731
         assert phi(0.0) > -1.0
         e, h = 0.02 * mu, 1e-6 * mu
         values, right = np.linalg.eig(base + e * change)

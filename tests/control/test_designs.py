@@ -120,9 +120,7 @@ def test_the_average_of_coefficients_that_jump_where_nobody_named_it_is_exact():
 def test_a_gain_that_changes_fast_behind_a_narrow_weight_is_followed():
     """The gain's series stopped at 64 nodes, where 32 had been as bad: 0.9 of the largest gain was missing, and the status "converged"."""
 
-    def Q(t):
-        return np.eye(2) * (1 + np.exp(-(((np.mod(t, 2.0) - 0.6246) / 6e-3) ** 2)) / 3e-3)[:, None, None]
-
+    Q = lambda t: np.eye(2) * (1 + np.exp(-(((np.mod(t, 2) - 0.6246) / 6e-3) ** 2)) / 3e-3)[:, None, None]  # noqa: E731
     plant = fl.PeriodicSystem(np.array([[0.0, 1.0], [-4.0, -0.4]]), 2.0, np.array([[0.0], [1.0]]))
     made, t = periodic_lqr(plant, Q, [[0.01]]), np.random.default_rng(3).uniform(0, 2, 2000)
     wanted = np.swapaxes(plant.B(t), 1, 2) @ made.solution.X(t) / 0.01
