@@ -1,7 +1,12 @@
-"""Arguments of another kind are refused by name; those of the kind that is stated pass, however they are given."""
+"""What public functions and results have in common: arguments of other kinds are refused by name, and a repr of a few lines says what a
+result is; attributes are computed when they are first read, once, pickled, and while no thread holds up the others."""
 
 import inspect
+import pickle
+import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,6 +17,9 @@ from numpy.typing import ArrayLike
 import flexlin as fl
 from flexlin.arguments import checked
 from flexlin.checks import Array
+from flexlin.lazy import lazy
+from flexlin.summary import represent
+from tests.public_results import public_results
 
 KINDS: dict[Any, tuple[list[Any], list[Any]]] = {
     float: (
@@ -85,3 +93,106 @@ def test_a_message_about_a_kind_is_one_line_with_the_right_article():
     words = r"^s is of another kind; got array\(\[\[1., 0.\], \[0., 1.\]\]\), expected an SX;"
     with pytest.raises(fl.errors.ArgumentError, match=words):
         fl.Manipulator.from_lagrangian(np.eye(2), None, None, None)
+
+
+pytestmark = pytest.mark.xdist_group("public results")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A dataclass with every kind of field."""
+
+    value: object
+    other: object = None
+    hidden: object = field(default="secret", repr=False)
+
+    __repr__ = represent
+
+
+SHOWN = [
+    (True, "True"),
+    (np.float64(1 / 3), "0.333333"),
+    ("x" * 200, repr("x" * 77 + "...")),
+    (np.arange(3.0) / 3, "[0, 0.333333, 0.666667]"),
+    (np.array(2.5), "2.5"),
+    (np.zeros((2, 3)), "<float64 (2, 3)>"),
+    (np.array(["a"]), "<<U1 (1,)>"),
+    ((1, 2.5, "a"), "(1, 2.5, 'a')"),
+    ((), "()"),
+    ({}, "{}"),
+    ({"a": 1}, "<1 int>"),
+    ((Sample(1), 2.0), "<2 Sample or float>"),
+    (Sample(1), "<Sample>"),
+    (float, "<class float>"),
+]
+
+
+@pytest.mark.parametrize(("value", "shown"), SHOWN)
+def test_each_kind_of_field(value, shown):
+    assert repr(Sample(value)) == f"Sample(value={shown}, other=None)"
+
+
+def test_long_ones_are_wrapped_and_cut():
+    lines = repr(Sample("a" * 100, "b" * 100)).split("\n")
+    assert (lines[0], lines[-1]) == ("Sample(", ")")
+    assert max(map(len, lines)) <= 120
+    wide = type("Wide", (), {"__annotations__": {f"name_{i}": float for i in range(200)}})
+    lines = represent(dataclass(wide)(*np.arange(200.0) / 7)).split("\n")
+    assert len(lines) == 12
+    assert lines[-2].strip() == "..."
+
+
+@pytest.mark.slow
+def test_the_results_of_every_public_function():
+    results = public_results()
+    assert len(results) > 35
+    for value in results.values():
+        name = type(value).__name__
+        if type(value).__module__.startswith("flexlin") and name != "FloquetModes":
+            text = repr(value)
+            assert text.count("\n") < 12, text
+            assert len(text) < 2000
+            assert name in text
+
+
+PATIENCE = 30.0
+"""Seconds that threads may wait for each other."""
+
+
+@dataclass(frozen=True)
+class Squared:
+    """A number that knows how often it was squared."""
+
+    value: float
+    calls: tuple[list[int], ...] = ([],)
+
+    @lazy
+    def square(self) -> float:
+        """The square."""
+        self.calls[0].append(1)
+        return self.value**2
+
+
+def test_it_is_computed_once_and_pickles_with_the_object():
+    one = Squared(3.0, ([],))
+    assert "square" not in vars(one)
+    assert (one.square, one.square) == (9.0, 9.0)
+    again = pickle.loads(pickle.dumps(one))
+    assert again.square == 9.0
+    assert len(one.calls[0]) == len(again.calls[0]) == 1
+    assert Squared.square.__doc__ == "The square."
+
+
+def test_threads_get_the_same_object():
+    gate = threading.Barrier(4)
+
+    class Slow:
+        @lazy
+        def made(self) -> object:
+            gate.wait(PATIENCE)  # all compute at the same time: none holds the others up
+            return object()
+
+    slow = Slow()
+    with ThreadPoolExecutor(4) as pool:
+        got = list(pool.map(lambda _: slow.made, range(4)))
+    assert len(set(map(id, got))) == 1

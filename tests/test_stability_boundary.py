@@ -64,14 +64,11 @@ def test_tongues_of_the_spinning_link_lie_on_mathieus_curves():
 def test_a_curve_says_whether_it_is_as_near_as_was_asked():
     """The claims of a curve are below tol as far as rounding of the spectra lets them."""
 
-    def find(tol):
-        ranges = {"a": (0.9, 1.3), "q": (0.15, 0.3)}
-        return fl.stability_boundary(lambda a, q: mathieu_second_order(a, q, 0.1), ranges, tol, cells=6)
-
-    for curve in find(1e-5):
+    ranges, damped = {"a": (0.9, 1.3), "q": (0.15, 0.3)}, lambda a, q: mathieu_second_order(a, q, 0.1)
+    for curve in fl.stability_boundary(damped, ranges, 1e-5, cells=6):
         assert curve.error.max() <= 0.4e-5  # of a range of 0.4
         assert curve.status == f"every point lies within {curve.error.max():.1e} of the boundary"
-    for curve in find(1e-10):
+    for curve in fl.stability_boundary(damped, ranges, 1e-10, cells=6):
         (a, q), far = curve.points[curve.error.argmax()], (curve.error > 0.4e-10).sum()
         assert far
         assert curve.status.startswith(f"{far} of {len(curve.points)} points may lie further")
@@ -176,9 +173,7 @@ def test_a_spring_that_jumps():
     """Meissner's equation with damping."""
 
     def system(a):
-        def spring(t):
-            return (a + np.where(np.mod(t, 2 * np.pi) < np.pi, 0.6, -0.6))[:, None, None]
-
+        spring = lambda t: (a + np.where(np.mod(t, 2 * np.pi) < np.pi, 0.6, -0.6))[:, None, None]  # noqa: E731
         return fl.PeriodicSystem.from_second_order([[1.0]], [[0.05]], spring, 2 * np.pi, breaks=(0.0, np.pi))
 
     found, exact = fl.critical_values(system, "a", (0.1, 3.0), tol=1e-7), trace_roots(0.6, 0.1, 3.0, 0.05)

@@ -188,8 +188,8 @@ def test_a_stream_that_is_closed_stops_nothing(words, closed, code):
 @pytest.mark.slow
 def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_path):
     """Ctrl-C while threads are inside the compiled kernel: whole files, or none, and a message; no thread and no trace is left."""
-    out, over = tmp_path / "out", ["effects.payload.mass=0:0.3:600", "motion.frequency=0.1:1:600"]
-    run = begin("-m", "flexlin", "chart", "single-link", "--over", *over, "--out", str(out))
+    over = ["effects.payload.mass=0:0.3:600", "motion.frequency=0.1:1:600"]
+    run = begin("-m", "flexlin", "chart", "single-link", "--over", *over, "--out", str(tmp_path))
     time.sleep(2.5)
     run.send_signal(signal.SIGINT)
     _, said = run.communicate(timeout=300)
@@ -197,10 +197,10 @@ def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_p
     assert "interrupted" in said
     assert not re.search("Traceback|fault", said)
     if run.returncode == 4:
-        with np.load(out / "chart.npz", allow_pickle=False) as found:
+        with np.load(tmp_path / "chart.npz", allow_pickle=False) as found:
             assert 0 < np.isfinite(found["error"]).sum() < found["error"].size
     else:
-        assert not list(out.glob("*"))
+        assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow

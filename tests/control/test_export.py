@@ -34,9 +34,7 @@ def made(lin):
 def test_gain_schedule_runs_in_python_control(made):
     """A slow periodic plant under its own schedule, against the transition of the closed loop."""
 
-    def stiffness(t):
-        return np.array([[1.0]]) * (1 + 0.5 * np.cos(t))[:, None, None]
-
+    stiffness = lambda t: (1 + 0.5 * np.cos(t))[:, None, None]  # noqa: E731
     system = fl.PeriodicSystem.from_second_order(np.eye(1), 0.1 * np.eye(1), stiffness, 2 * np.pi, np.eye(1))
     design = periodic_lqr(system, np.eye(2), np.eye(1))
     loop = control.feedback(periodic_plant(system), gain_schedule(design), 1)

@@ -124,7 +124,6 @@ def test_own_error(study, tmp_path):
     assert total.missed3 == 0
     assert total.missed <= 1
     assert total.answered > 0.8 * total.cases
-    assert (tmp_path / "own_error.json").stat().st_size > 1000
 
 
 def test_scaling(study, pictures, tmp_path, monkeypatch):
@@ -213,9 +212,6 @@ def test_every_program_gives_the_same_exponents(study, pictures, tmp_path):
         assert (group, "flexlin") in programs
     assert ("4 states", "Magnus 6, Pade") in programs
     assert ("link, 1 mode", "DOP853, CasADi's C, equal steps") in programs
-    assert set(data["ratios"]) >= {"4 states", "link, 1 mode"}
-    assert "compiled_peers.svg" in pictures
-    assert (tmp_path / "compiled_peers.json").exists()
 
 
 @numba
@@ -235,7 +231,6 @@ def test_charts_speed(study, pictures, tmp_path):
     data = study("charts_speed").main(size="small", out=tmp_path)
     assert max(row["distance_in_tol"] for row in data["rows"]) < 1
     assert "flexlin, all exponents" in data["peers_us"]
-    assert {"charts_speed.json", "charts_speed.svg"} <= {*pictures, *(path.name for path in tmp_path.iterdir())}
     assert set(data["sharing"]) == {"one process, s", "two threads", "two processes"}
 
 
@@ -271,4 +266,3 @@ def test_cost_of_accuracy(study, tmp_path):
     assert not find_spec("heyoka") or reached["heyoka, evaluation alone"]
     assert max(row["error"] for row in data["rows"] if row["program"] not in MULTISTEP) < 1e-10
     assert data["batch_error"] < 1e-8
-    assert (tmp_path / "cost_of_accuracy.json").exists()
