@@ -66,13 +66,16 @@ def test_what_is_asked_for_passes_and_what_is_not_is_refused_by_name(kind):
             taking(kind)(value)
 
 
-def test_a_value_without_a_repr_is_refused_too():
+def test_a_value_without_a_repr_is_refused_too_and_calls_that_do_not_fit_are_python_s_own_matter():
     class Hostile:
         def __repr__(self) -> str:
             raise RuntimeError
 
     with pytest.raises(fl.errors.ArgumentError, match="got a Hostile, expected a number"):
         taking(float)(Hostile())
+    with pytest.raises(TypeError, match="unexpected keyword"):
+        taking(float)(nonsense=1)
+    assert taking(float).__name__ == "function"
 
 
 @pytest.mark.parametrize("module", [fl, fl.control])
@@ -81,12 +84,6 @@ def test_every_public_function_refuses_other_kinds_by_name(module):
     functions = [one for name in module.__all__ if inspect.isfunction(one := getattr(module, name))]
     taking = [one for one in functions if inspect.signature(one).parameters]
     assert [one.__name__ for one in taking if not hasattr(one, "__wrapped__")] == []
-
-
-def test_calls_that_do_not_fit_are_python_s_own_matter():
-    with pytest.raises(TypeError, match="unexpected keyword"):
-        taking(float)(nonsense=1)
-    assert taking(float).__name__ == "function"
 
 
 def test_a_message_about_a_kind_is_one_line_with_the_right_article():

@@ -15,6 +15,7 @@ from flexlin.simulation import NonlinearLoop
 from tests.closed_arm import closed
 from tests.control.test_c_controllers import FILTERS as TWO
 from tests.control.test_c_controllers import PID
+from tests.test_simulation_sticking import BLOCK
 
 KP, KD, KI = (PID[name][0] for name in ("kp", "kd", "ki"))
 FILTERS = [TWO[0], {"kind": "low-pass", "cutoff": 200.0}, TWO[1]]
@@ -107,20 +108,14 @@ def test_an_elastic_arm_agrees_with_steps_over_the_corners_of_its_torque(feedbac
     assert run.error < 1e-5
 
 
-RIGID = {
-    "links.0.modes": 0,
-    "effects.gravity": "off",
-    "effects.geometric_stiffening": "off",
-    "effects.modal_damping": "off",
-}
-STILL = {"motion.joints": [{"amplitude": 0.0}], "control.filters": []}
+STILL = BLOCK | {"control.filters": []}
 
 
 def test_a_drive_at_its_limit_winds_an_integral_up_unless_a_tracking_time_unwinds_it():
     """A rigid link swings back from 2 rad under a tenth of the torque it asks for: J q'' = clip(u), against SciPy's LSODA."""
     overshoot = []
     for share in (None, 0.2):
-        changes = RIGID | STILL | {"control.saturation": {"torque": [0.5]}}
+        changes = STILL | {"control.saturation": {"torque": [0.5]}}
         changes["control.feedback"] = PID | ({} if share is None else {"tracking_time": share})
         lin = loop_of(changes)
         inertia = lin.M(0.0)[0, 0]

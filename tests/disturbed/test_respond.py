@@ -128,13 +128,11 @@ def test_the_command_writes_page_and_numbers(tmp_path, capsys):
 REFUSED = [
     ("step", "joint 2 torque 1 N m", "a joint from 1 to 1"),
     ("step", "joint 1 torque 1 mm", "a torque"),
-    ("step", "q1 0.1", "joint 1 torque"),
     ("initial", "w19=1 mm", "w11"),
     ("initial", "q1=1 mm", "an angle"),
     ("initial", "", "pairs|w11"),
     ("push", "tip 1 mm 20 ms", "tip 1 N"),
     ("push", "tip 1 N -20 ms", "greater than 0"),
-    ("push", "tip z 1 N 20 ms", "xy"),
     ("noise", "torque 0.1 N m", "100 Hz"),
 ]
 

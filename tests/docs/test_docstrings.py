@@ -74,7 +74,6 @@ def mistakes(value: Any, wanted: set[str]) -> dict[str, str]:
 
 
 def test_the_walk_reaches_what_is_public():
-    assert len(NAMES) > 100
     assert len(METHODS) > 50
     assert {"flexlin.linearize", "flexlin.control.Design", "flexlin.mechanics.register_effect"} <= set(NAMES)
     assert {"flexlin.Manipulator.from_matrices", "flexlin.Linearization.M"} <= set(METHODS)

@@ -87,7 +87,7 @@ def test_the_terminal_names_what_missed_and_what_has_no_answer() -> None:
     assert accuracy_lines(steps[3:4]) == ["took 1 s (500 ms of a processor)"]
 
 
-def test_parts_of_parts_say_shares_of_the_whole() -> None:
+def test_parts_of_parts_say_shares_of_the_whole_and_end_where_an_error_ends_them() -> None:
     said: list[float] = []
     with listening(said.append):
         advance(0.1)
@@ -100,9 +100,7 @@ def test_parts_of_parts_say_shares_of_the_whole() -> None:
     advance(0.3)  # nobody listens any more
     assert said == pytest.approx([0.1, 0.2, 0.4, 0.4, 0.5, 0.6, 0.6, 0.6, 0.9])
 
-
-def test_the_listener_of_before_is_back_after_an_error() -> None:
-    said: list[float] = []
+    said.clear()  # the listener of before is back after an error
     with listening(said.append):
         with pytest.raises(ValueError, match="lost"), part(0.5, 1.0):
             raise ValueError("lost")

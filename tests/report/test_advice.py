@@ -93,19 +93,14 @@ CASES = [
     (lambda a: replace(a, elastic=growing(a, -2.0, "elastic")), "the verdict stands", True),
     (lambda a: replace(a, elastic=growing(a, 0.5, "elastic")), "verdict becomes unstable: believe this one", True),
     (lambda a: replace(a, elastic=Loop("e", "elastic", None, "none")), "elastic motion instead", False),
-    (lambda a: a, "elastic motion instead", False),
     # what is missing is said
     (lambda a: replace(a, response=None, problems={"response": "resonant"}), "response was found: resonant.", True),
     (lambda a: replace(a, simulation=None, problems={"simulation": "lost"}), "simulation has no answer: lost.", True),
     (lambda a: replace(a, simulation=None, problems={"simulation": "lost"}), "disturbances of up to", True),
-    (lambda a: a, "no answer", False),
     # a loop without verdict is not called unstable
     (lambda a: replace(a, own=Loop("my PD", "pd", None, "ended")), "There is no verdict under the my PD: ended.", True),
     (lambda a: replace(a, own=Loop("my PD", "pd", None, "ended")), "unstable along this motion", False),
-    (lambda a: a, "There is no verdict", False),
     (lambda a: replace(a, own=growing(a, 0.0)), "cannot be distinguished from zero", True),
-    (lambda a: a, "cannot be distinguished from zero", False),
-    (lambda a: a, "exists but is unstable", False),
 ]
 
 
@@ -113,6 +108,9 @@ CASES = [
 def test_a_sentence_is_said_where_it_is_called_for(single_link: Analysis, case: int) -> None:
     change, words, said = CASES[case]
     assert (words in told(change(single_link))) is said, words
+    assert not re.search(
+        "motion instead|no answer|is no verdict|distinguished from zero|is unstable", told(single_link)
+    )
 
 
 def test_the_model_is_not_said_to_hold_beside_a_range_that_the_motion_leaves(single_link: Analysis) -> None:
@@ -134,8 +132,6 @@ DECAYS = [
     (0.4e-9, "practically marginal"),
     (-np.log(50) / 1.67e8, "but it takes 1.67×10⁸ s to settle"),
     (-1e-3, ""),
-    (-2.0, ""),
-    (1e-3, ""),
     (0.0, ""),
 ]
 

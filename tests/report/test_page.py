@@ -38,17 +38,10 @@ def page_of(a: Analysis) -> str:
     return render_page(a, record(a), list(draw_pictures(a)), "flexlin report single-link")
 
 
-@pytest.fixture(scope="module")
-def html(single_link: Analysis) -> str:
-    return page_of(single_link)
-
-
-def test_the_page_fetches_nothing(html: str) -> None:
+def test_the_page_fetches_nothing_and_its_verdict_comes_before_the_figures(single_link: Analysis) -> None:
+    html = page_of(single_link)
     Links().feed(html)
     assert not re.search(r"@import|url\((?!#)|<script", html)
-
-
-def test_the_verdict_comes_before_the_figures(html: str) -> None:
     assert html.index("Stable") < html.index("What to do next") < html.index("<svg")
 
 

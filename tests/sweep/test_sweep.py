@@ -18,7 +18,8 @@ from tests.mechanics.scenes import linear
 from tests.memory import at_most
 from tests.thinned import thin
 
-SMALL, MASS = {"links.0.modes": 1, "designs": []}, "effects.payload.mass"
+SMALL = {"links.0.modes": 1, "designs": []}
+MASS, GAIN = "effects.payload.mass", "control.feedback.kp.0"
 MOVES = {"kind": "point-to-point", "move_time": 0.4, "dwell_time": 0.1, "joints": [{"waypoints": [0.0, 1.0, 0.4]}]}
 
 
@@ -39,12 +40,7 @@ def compare(found, i, exact, least):
     assert str(found.verdict.values[i]) == exact.verdict
 
 
-KINDS = {
-    "motion.frequency": (0.3, 1.5),
-    MASS: (0.01, 0.2),
-    "control.feedback.kp.0": (1, 8),
-    "motion.move_time": (0.4, 0.6),
-}
+KINDS = {"motion.frequency": (0.3, 1.5), MASS: (0.01, 0.2), GAIN: (1, 8), "motion.move_time": (0.4, 0.6)}
 
 
 @pytest.mark.parametrize("path", thin(KINDS))
@@ -81,7 +77,7 @@ def test_harmonics_that_samples_of_the_coefficients_take_for_others_are_seen(har
 
 
 def test_two_paths_make_points_or_a_grid(scene):
-    paths = {MASS: [0.02, 0.05, 0.1], "control.feedback.kp.0": [2.0, 3.0, 4.0]}
+    paths = {MASS: [0.02, 0.05, 0.1], GAIN: [2.0, 3.0, 4.0]}
     points, grid = sweep(scene, paths), sweep(scene, paths, grid=True)
     assert points.exponents.shape == (3, 4)
     assert grid.verdict.dims == tuple(paths)
@@ -268,7 +264,7 @@ def test_loops_that_are_not_there_are_refused():
     with pytest.raises(ArgumentError, match=r"own .* open .* LQR"):
         fl.sweep(scene, {MASS: [0.1]}, loop="lqr")
     with pytest.raises(ArgumentError, match="no part in this loop"):
-        fl.sweep(scene, {"control.feedback.kp.0": [1.0]}, loop="open")
+        fl.sweep(scene, {GAIN: [1.0]}, loop="open")
 
 
 def test_a_design_in_physical_sizes_is_made_anew_at_each_value():
