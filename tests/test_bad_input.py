@@ -28,11 +28,9 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: list[str], *words: st
 
 NAMELESS = [
     ["new", ""],
-    ["import", "", "--out", "a.toml"],
     ["check", "single-link", "--data", ""],
     ["check", "single-link", "--out", " "],
     ["chart", "single-link", "--over", "motion.frequency=1:2:3", "--store", ""],
-    ["predict", "single-link", "--log", ""],
 ]
 
 
@@ -106,7 +104,6 @@ EMPTY = "schema: got nothing, expected 1:", "title", 'table [motion] with kind =
 FILES = {
     "missing": (None, ("no such file", "single-link")),
     "open text": (b'schema = 1\ntitle = "open\n', ('got title = "open in line 2', "expected a closing quote")),
-    "open heading": (b"schema = 1\n[motion\n", ("got [motion in line 2", "expected a closing bracket")),
     "twice": (b"a = 1\na = 2", ("got a = 2 in line 2", "expected each key once")),
     "no kind": (b"[motion]\n", ('motion.kind: got nothing, expected one of "harmonic"',)),
     "binary": (b"\xff\xfe\x00", ("no text in UTF-8, from byte 0 on", "a TOML file in UTF-8")),
@@ -142,7 +139,6 @@ TABLES = {
     "times that do not increase": ([*ROWS[:5], ROWS[3], *ROWS[6:]], ("times", "row 6")),
     "too short": (ROWS[:3], ("3 rows", "expected")),
     "a column too many": ([f"{row},0" for row in ROWS], ("[3] columns", "2 columns")),
-    "words": ([*ROWS[:4], "a,b", *ROWS[5:]], ("row 5", "a number from")),
     "not a number": ([*ROWS[:4], "0.4,nan", *ROWS[5:]], ("row 5", "a number from")),
     "missing": (None, ("cannot be read",)),
 }
