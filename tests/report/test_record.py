@@ -41,7 +41,6 @@ def test_the_record_holds_what_the_library_computes(single_link: Analysis) -> No
     assert np.allclose(multipliers, np.exp(exponents * data["period"]), rtol=1e-9, atol=1e-300)
     assert data["open_loop"]["verdict"] == "unstable"
     assert data["effects"]["on"] == ["gravity", "payload", "hub", "geometric_stiffening", "modal_damping"]
-    assert data["scene"]["effects"]["payload"]["mass"] == scene.effects.payload.mass
     assert [step["name"] for step in data["steps"]] == [step.name for step in single_link.steps]
     assert sum(step["seconds"] for step in data["steps"]) > 0.01  # the clock ran, and in seconds
 
