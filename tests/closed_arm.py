@@ -1,13 +1,16 @@
 """The linearization of a built-in scene's arm, under its own control law and without."""
 
+from pathlib import Path
 from typing import Any
 
 import flexlin as fl
 
 
-def closed(name: str = "single-link", changes: dict[str, Any] | None = None) -> fl.Linearization:
-    """Load, build and linearize."""
-    return control_loop(fl.load_scene(name, changes or {}))
+def closed(
+    name: str = "single-link", changes: dict[str, Any] | None = None, folder: Path | None = None
+) -> fl.Linearization:
+    """Load, build and linearize; folder: of the files that the changes name."""
+    return control_loop(fl.load_scene(name, changes or {}, folder))
 
 
 def control_loop(scene: fl.Scene) -> fl.Linearization:
