@@ -90,18 +90,13 @@ def stability_results() -> Made:
 
 
 @cache
-def logged_results() -> Made:
+def logged_results() -> dict[str, Any]:
     """What a log of an arm at rest says of it."""
     rigid = fl.load_scene("single-link", RIGID | {"effects.gravity": "off"})
     t = np.arange(300) * 0.01
-    made = Made(
-        {
-            "log": lambda: fl.Log(t, inputs={"q1": 0 * t}, outputs={"q1": 0 * t}),
-            "prediction": lambda: fl.predict(rigid, made["log"]),
-            "identification": lambda: fl.identify(rigid, made["log"], ["effects.payload.mass"], starts=1),
-        }
-    )
-    return made
+    log = fl.Log(t, inputs={"q1": 0 * t}, outputs={"q1": 0 * t})
+    found = fl.identify(rigid, log, ["effects.payload.mass"], starts=1)
+    return {"log": log, "prediction": fl.predict(rigid, log), "identification": found}
 
 
 @cache

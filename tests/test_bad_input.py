@@ -28,11 +28,9 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: list[str], *words: st
 
 NAMELESS = [
     ["new", ""],
-    ["import", "", "--out", "a.toml"],
     ["check", "single-link", "--data", ""],
     ["check", "single-link", "--out", " "],
     ["chart", "single-link", "--over", "motion.frequency=1:2:3", "--store", ""],
-    ["predict", "single-link", "--log", ""],
 ]
 
 
@@ -46,64 +44,36 @@ def test_a_name_without_letters_is_not_the_current_folder(arguments, tmp_path, m
     assert list(tmp_path.iterdir()) == []
 
 
-RANGE = '{{"{}"={{low=0.0, high=1.0}}}}'
-
-
 # One row each: the override, then what the message must name.
 OVERRIDES = {
     "wrong type": ('links.0.length="long"', "links.0.length", "'long'", "expected a number"),
-    "a truth value for a number": ("links.0.length=true", "links.0.length", "True", "expected a number"),
-    "a fraction for a count": ("links.0.modes=2.5", "links.0.modes", "expected a whole number"),
-    "negative mass": ("links.0.mass_per_length=-0.1", "links.0.mass_per_length", "-0.1", "greater than or equal to 0"),
-    "negative payload": ("effects.payload.mass=-1", "effects.payload.mass", "-1", "greater than or equal to 0"),
     "a link without mass": ("links.0.mass_per_length=0", "links.0.mass_per_length", "a positive number"),
     "no stiffness": ("links.0.bending_stiffness=0.0", "links.0.bending_stiffness", "greater than 0"),
     "too many modes": ("links.0.modes=100", "links.0.modes", "100", "60"),
     "not a number": ("links.0.length=nan", "links.0.length", "nan", "finite"),
-    "infinite": ("effects.payload.mass=inf", "effects.payload.mass", "inf", "finite"),
     "a direction of no length": ("effects.gravity.direction=[0,1e-308,0]", "effects.gravity.direction", "1e-30"),
     "absurdly large": ("links.0.length=1e200", "links.0.length", "1e+200", "less than or equal to"),
-    "an unknown effect": ("effects.magnetism={}", "effects.magnetism", "unknown", "geometric_stiffening"),
     "an unknown key": ("links.0.lenght=2.0", "links.0.lenght", "unknown", "did you mean 'length'"),
     "a parameter of an effect that is off": ("effects.shear.stiffness=1e5", "effects.shear", "off"),
-    "an unknown motion": ('motion.kind="spiral"', "motion.kind", "'spiral'", "'harmonic'"),
-    "no frequency": ("motion.frequency=0.0", "motion.frequency", "greater than 0"),
     "too many joints": ("motion.joints=[{amplitude=1.0},{amplitude=1.0}]", "motion.joints", "2 tables", "expected 1"),
     "no joints": ("motion.joints=[]", "motion.joints", "1 or more"),
     "too many gains": ("control.feedback.kp=[1.0, 2.0]", "control.feedback.kp", "got 2", "expected 1"),
-    "a negative gain": ("control.feedback.kd=[-1.0]", "control.feedback.kd", "-1.0", "greater than or equal to 0"),
-    "a gain that is not a number": ("control.feedback.kp=[nan]", "control.feedback.kp", "nan", "finite"),
-    "an unknown feedback": ('control.feedback.kind="magic"', "control.feedback.kind", "'magic'", "'pd'"),
     "integral action without its gain": ('control.feedback.kind="pid"', "control.feedback.ki", "required"),
     "too few weights": (
         'designs=[{name="a", kind="periodic-lqr", state_weight=[1.0], input_weight=[1.0]}]', "designs.0.state_weight", "expected 6"
     ),
     "weights twice": ("designs.0.state_weight=[1.0, 1.0, 1.0, 1.0, 1.0, 1.0]", "designs.0", "either weights"),
     "another dimension": ('designs.0.weights.tip="2 deg"', "designs.0.weights.tip", "'2 deg'", "a length such as 2 mm"),
-    "no such unit": ('designs.0.weights.input="3 furlong"', "designs.0.weights.input", "'furlong'", "a torque"),
-    "a weight without end": ('designs.0.weights.rates="0 deg/s"', "designs.0.weights.rates", "greater than 0"),
-    "an unknown weight": ('designs.0.weights.jonts="2 deg"', "designs.0.weights.jonts", "did you mean 'joints'"),
     "an unknown design": ('designs.0.kind="magic"', "designs.0.kind", "'magic'", "periodic-lqr"),
     "one name for two designs": ('designs.1.name="frozen LQR"', "designs.1.name", "a second time"),
-    "a text for a table": ('effects="gravity"', "effects", "'gravity'", "a table"),
-    "a number for a list": ("links=3", "links", "got 3", "a list"),
     "an index beyond the list": ("links.7.length=1.0", "links.7.length", "index '7'"),
     "parameters without a model": ("parameters={a=1.0}", "parameters", "without model"),
     "another version of the format": ("schema=99", "schema", "99", "expected 1"),
-    "no links": ("links=[]", "links", "at least one"),
-    "an uncertain key that is none": (f"uncertainty={RANGE.format('effects.payload.mas')}", "uncertainty", "expected one of mass"),
-    "an uncertain count": (f"uncertainty={RANGE.format('links.0.modes')}", "uncertainty", "no real number"),
-    "a range upside down": ('uncertainty={"motion.frequency"={low=0.9, high=0.3}}', "uncertainty", "low below high"),
-    "a range that is a number": ('uncertainty={"motion.frequency"=3.0}', "uncertainty", "a table"),
     "a list without brackets": ("control.feedback.kp=5,2", "expected a list [...]"),
     "a mass for a length": ("links.0.length=96kg", "expected a number in m, or a length such as 2 mm"),
-    "a length for an angle": ("motion.joints.0.amplitude=30 mm", "expected a number in rad or m"),
-    "a length for a mass": ("effects.payload.mass=30 m", "expected a number in kg"),
-    "a mass for an inertia": ("effects.hub.inertia=3kg", "expected a number in kg m^2"),
     "a unit that is none": ("links.0.length=3 parsec", "expected a number in m, or a length such as 2 mm"),
     "an effect misspelt": ("effects.gravty=off", "did you mean 'gravity'?"),
     "no equals sign": ("links.0.length", "'links.0.length'", "key=value"),
-    "no key": ("=3", "'=3'", "key=value"),
 }  # fmt: skip
 
 
@@ -134,7 +104,6 @@ EMPTY = "schema: got nothing, expected 1:", "title", 'table [motion] with kind =
 FILES = {
     "missing": (None, ("no such file", "single-link")),
     "open text": (b'schema = 1\ntitle = "open\n', ('got title = "open in line 2', "expected a closing quote")),
-    "open heading": (b"schema = 1\n[motion\n", ("got [motion in line 2", "expected a closing bracket")),
     "twice": (b"a = 1\na = 2", ("got a = 2 in line 2", "expected each key once")),
     "no kind": (b"[motion]\n", ('motion.kind: got nothing, expected one of "harmonic"',)),
     "binary": (b"\xff\xfe\x00", ("no text in UTF-8, from byte 0 on", "a TOML file in UTF-8")),
@@ -151,21 +120,17 @@ def test_a_file_that_is_no_scene(kind, tmp_path, capsys):
 
 
 ONE_WAY = "motion={kind='point-to-point', course='one-way', move_time=1.0, joints=[{waypoints=[0.0, 1.0]}]}"
-NO_ANSWER = {
-    "links beside a model": (
-        ["single-link", "--set", "model='khang-2019'"],
-        ("links: got 1 table beside model", "either links"),
-    ),
-    "misspelt": (["single-lnk"], ("did you mean 'single-link'",)),
-    "a model that nobody registered": (["khang-2019", "--set", "model='os'"], ("model", "'os'", "khang-2019")),
-    "a motion without a period": (["single-link", "--set", ONE_WAY], ("one-way", "there-and-back")),
-}
+NO_ANSWER = [
+    ("single-link --set model='khang-2019'", "links: got 1 table beside model"),
+    ("single-lnk", "did you mean 'single-link'"),
+    ("khang-2019 --set model='os'", "khang-2019"),
+    (f"single-link --set {ONE_WAY}", "there-and-back"),
+]
 
 
-@pytest.mark.parametrize("kind", NO_ANSWER)
-def test_what_is_no_scene_or_has_no_answer(kind, tmp_path, capsys):
-    arguments, words = NO_ANSWER[kind]
-    refused(capsys, arguments, *words, folder=tmp_path)
+@pytest.mark.parametrize(("arguments", "words"), NO_ANSWER)
+def test_what_is_no_scene_or_has_no_answer(arguments, words, tmp_path, capsys):
+    refused(capsys, arguments.split(" ", 2), words, folder=tmp_path)
 
 
 ROWS = [f"{0.1 * k},{0.1 * k * (1 - k / 10):.6f}" for k in range(11)]
@@ -174,7 +139,6 @@ TABLES = {
     "times that do not increase": ([*ROWS[:5], ROWS[3], *ROWS[6:]], ("times", "row 6")),
     "too short": (ROWS[:3], ("3 rows", "expected")),
     "a column too many": ([f"{row},0" for row in ROWS], ("[3] columns", "2 columns")),
-    "words": ([*ROWS[:4], "a,b", *ROWS[5:]], ("row 5", "a number from")),
     "not a number": ([*ROWS[:4], "0.4,nan", *ROWS[5:]], ("row 5", "a number from")),
     "missing": (None, ("cannot be read",)),
 }
@@ -189,40 +153,23 @@ def test_a_bad_table_motion(kind, tmp_path, capsys):
 
 
 NO_COMMANDS = """
-; dance single-link; report; report single-link --require luck; report single-link --set; report single-link --colour
-; linearize single-link --points few; linearize single-link --points 1; simulate single-link --periods long; chart single-link
-; chart single-link --over motion.frequency; chart single-link --over motion.frequency=3
+dance single-link; report single-link --require luck; report single-link --colour; linearize single-link --points few
+; simulate single-link --periods long; chart single-link; chart single-link --over motion.frequency=3
 ; chart single-link --over motion.frequency=1:3:few
 """
-
-
-@pytest.mark.parametrize("words", [words.strip() for words in NO_COMMANDS.split(";")])
-def test_a_command_that_does_not_exist(words, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(words.split())
-    assert stop.value.code == BAD_INPUT
-    assert "error:" in capsys.readouterr().err
-
-
 REFUSED = {
+    **{command.strip(): "error:" for command in NO_COMMANDS.split(";")},
     **{
         f"chart single-link --over motion.frequency={limits.replace(' ', '_')}:3": "LOW below HIGH"
-        for limits in ("3:1", "2 Hz:1 Hz", "1 mm:2 mm", "1:", "one:two", "nan:1")
+        for limits in ("2 Hz:1 Hz", "1 mm:2 mm", "1:", "one:two", "nan:1")
     },
     **{f"simulate spinning-link --periods {periods}": "periods" for periods in ("0", "-1", "nan")},
     **{f"chart single-link --over {path}=1:2": path for path in ("motion.speed", "title")},
     "chart single-link --over motion.frequency=1:2 motion.frequency=1:3": "motion.frequency",
+    "chart single-link --over motion.frequency=-1:3": "motion.frequency: got ",
+    "chart single-link --over links.0.length=5e-324:1:4": "links.0.length: got ",
     **{
-        f"chart single-link --over {path}={limits}": f"{path}: got "
-        for path, limits in (
-            ("motion.frequency", "-1:3"),
-            ("effects.payload.mass", "-1:3:5"),
-            ("links.0.length", "5e-324:1:4"),
-        )
-    },
-    **{
-        f"linearize single-link --points={points}": f"got '{points}', expected a whole number from 2 on"
-        for points in ("1e9", "many", "-5")
+        f"linearize single-link --points={points}": "expected a whole number from 2 on" for points in ("1e9", "-5", "1")
     },
     "design spinning-link": "[[designs]]",
     **{f"report single-link --tol={tol}": "accuracy.tol" for tol in ("0", "-1e-9", "nan", "inf", "1e9", "1e-30")},
@@ -230,7 +177,6 @@ REFUSED = {
         [
             "simulate single-link --periods 1e9",
             *(f"{command} single-link --points 1000000000" for command in ("linearize", "design", "export")),
-            "chart single-link --over motion.frequency=0.2:3:1000000000",
             "chart single-link --over motion.frequency=0.2:3:40000 effects.payload.mass=0:0.3:40000",
             "linearize single-link --points 100000 --limit-memory 2e6",
             "respond single-link --push tip_1_N_20_ms --periods 1e12",
@@ -254,10 +200,9 @@ def test_what_cannot_be_asked_is_refused_before_any_file(words, tmp_path, capsys
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("limits", ["100 g:0.3", "0.1:300 g"])
-def test_a_range_is_written_in_any_unit(limits, tmp_path):
+def test_a_range_is_written_in_any_unit(tmp_path):
     """Also where one limit is a bare number, in SI units."""
-    over = ["--over", f"effects.payload.mass={limits}:3", "motion.joints.0.amplitude=10 deg:0.5:2"]
+    over = ["--over", "effects.payload.mass=100 g:0.3:3", "motion.joints.0.amplitude=10 deg:0.5:2"]
     assert main(["chart", "single-link", "--set", "links.0.modes=0", *over, "--out", str(tmp_path)]) == 0
     with np.load(tmp_path / "chart.npz") as data:
         np.testing.assert_allclose(data["payload_mass"], [0.1, 0.2, 0.3], rtol=1e-15)

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 import xarray
 
-import flexlin as fl
 from flexlin.cli import COMMANDS, main
 from flexlin.scene import builtin_scenes
-from tests.closed_arm import closed, opened
+from tests.closed_arm import opened
 from tests.test_stability_boundary import distances
 
 
@@ -25,12 +24,9 @@ def test_results_of_different_scenes_go_to_different_folders(tmp_path, monkeypat
     mine.write_text(builtin_scenes()["spinning-link"].read_text(encoding="utf-8"), encoding="utf-8")
     for name in ("spinning-link", str(mine)):
         assert main(["linearize", name, "--points", "8"]) == 0
-    said = capsys.readouterr().out
-    assert "wrote out/spinning-link/coefficients.nc" in said
-    assert "wrote out/my arm/coefficients.nc" in said
-    assert (tmp_path / "out" / "my arm" / "coefficients.npz").exists()
     assert main(["linearize", "no-such-scene"]) == 2
-    assert sorted(path.name for path in (tmp_path / "out").iterdir() if path.is_dir()) == ["my arm", "spinning-link"]
+    assert "wrote out/my arm/coefficients.nc" in capsys.readouterr().out
+    assert sorted(path.parent.name for path in tmp_path.rglob("*.npz")) == ["my arm", "spinning-link"]
 
 
 def test_linearize_writes_what_the_library_samples(tmp_path):
@@ -60,22 +56,15 @@ def test_design_writes_the_gains(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_a_chart_over_one_parameter_agrees_with_single_verdicts(tmp_path, capsys):
-    weight, path = {"effects.gravity.acceleration": 5.0}, "motion.joints.0.rate"
-    over = ["--over", f"{path}=3.5:4.1:3", "--set", "effects.gravity.acceleration=5.0"]
+def test_a_chart_over_one_parameter_finds_its_critical_values(tmp_path, capsys):
+    over = ["--over", "motion.joints.0.rate=3.5:4.1:3", "--set", "effects.gravity.acceleration=5.0"]
     assert main(["chart", "spinning-link", *over, "--out", str(tmp_path)]) == 0
     with xarray.open_dataset(tmp_path / "chart.nc", engine="scipy") as data:
-        growth, rates = data["exponents_re"].values.max(axis=-1), data["rate_of_joint_1"].values
         assert data["rate_of_joint_1"].attrs["units"] == ""  # the scene is dimensionless
         assert data["critical_value"].values.round(4).tolist() == [3.6424, 3.9659]
-    for rate, found in zip(rates, growth, strict=True):
-        lin = closed("spinning-link", weight | {path: float(rate)})
-        assert abs(fl.floquet(lin.periodic_system()).exponents[0].real - found) < 1e-7
     said, page = capsys.readouterr().out, (tmp_path / "chart.html").read_text()
-    for words in ("3 values", "rate of joint 1: becomes unstable at 3.642"):
-        assert words in said
-    drawn = "Stability chart of the scene", "Campbell diagram", "rate of joint 1</text>"
-    for words in ("flexlin chart spinning-link", *drawn):
+    assert "rate of joint 1: becomes unstable at 3.642" in said
+    for words in ("flexlin chart spinning-link", "Campbell diagram", "rate of joint 1</text>"):
         assert words in page
 
 
@@ -84,9 +73,7 @@ def test_a_chart_over_two_parameters_is_a_map(tmp_path):
     over = ["--over", "motion.joints.0.rate=2:6:5", "effects.gravity.acceleration=0:20:4"]
     assert main(["chart", "spinning-link", *over, "--out", str(tmp_path)]) == 0
     page = (tmp_path / "chart.html").read_text()
-    for words in ("unstable", "undecided"):
-        assert f"fill:var(--{words})" in page
-    for words in ("gravity acceleration</text>", "principal, order", "url(#hatch", "data-probe="):
+    for words in ("fill:var(--unstable)", "fill:var(--undecided)", "principal, order", "url(#hatch", "data-probe="):
         assert words in page
     with np.load(tmp_path / "chart.npz") as arrays:
         assert arrays["verdict"].shape == (5, 4)
@@ -108,11 +95,10 @@ def test_export_writes_what_other_tools_read(tmp_path):
 
 def export_designs(folder: Path, *names: str) -> int:
     """Export khang-2019 with periodic designs of these names, each with another weight."""
-    tables = ", ".join(
-        f'{{name="{name}", kind="periodic-lqr", state_weight=[{i}, 1, 1, 1], input_weight=[0.1]}}'
-        for i, name in enumerate(names, start=1)
-    )
-    return main(["export", "khang-2019", "--set", f"designs=[{tables}]", "--points", "8", "--out", str(folder)])
+    table = '{{name="{}", kind="periodic-lqr", state_weight=[{}, 1, 1, 1], input_weight=[0.1]}}'
+    designs = [table.format(name, i) for i, name in enumerate(names, start=1)]
+    changes = f"designs=[{', '.join(designs)}]"
+    return main(["export", "khang-2019", "--set", changes, "--points", "8", "--out", str(folder)])
 
 
 @pytest.mark.parametrize("names", [("A b", "a-B"), ("Régler 1", "r gler 1"), ("design 2", "регулятор")])

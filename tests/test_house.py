@@ -28,14 +28,14 @@ def named(layers: list[str]) -> list[str]:
     return [word.removeprefix("flexlin.") for layer in layers for word in re.findall(r"[\w.]+", layer)]
 
 
-@pytest.mark.parametrize(
-    ("name", "folder"),
-    [
-        ("imports point downward only", "."),
-        ("inside the numeric wing", "periodic"),
-        ("analyses build on each other without a circle", "analyses"),
-    ],
-)
+CONTRACTS = [
+    ("imports point downward only", "."),
+    ("inside the numeric wing", "periodic"),
+    ("analyses build on each other without a circle", "analyses"),
+]
+
+
+@pytest.mark.parametrize(("name", "folder"), CONTRACTS)
 def test_every_module_stands_in_a_layer(name, folder):
     """A module in no layer may import what it likes, and be imported by anything: lint-imports says nothing about it."""
     assert sorted(named(contract(name)["layers"])) == sorted(rooms(ROOT / "flexlin" / folder))

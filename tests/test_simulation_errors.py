@@ -1,4 +1,4 @@
-"""What a simulation says of its own errors, of its size, and of where an integrator only tried to go."""
+"""What a simulation says of its own errors, of its size and largest values, and of where an integrator only tried to go."""
 
 import pickle
 from dataclasses import replace
@@ -14,7 +14,8 @@ from flexlin.errors import DesignError, NumericalError, SimulationStopped, TooLa
 from flexlin.simulation import Drive, simulate
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.modes import ModedEquations
-from tests.closed_arm import closed
+from flexlin.simulation.result import find_peaks, subdivide
+from tests.closed_arm import closed, opened
 from tests.mechanics.scenes import scene_of
 from tests.mechanics.test_large_bending import THIN, light_arm
 
@@ -34,18 +35,9 @@ def test_the_linear_answer_does_not_depend_on_the_output_grid():
     assert 0 < coarse.difference_error < 1e-5 < coarse.difference
 
 
-@pytest.mark.slow
-def test_linear_steps_respect_the_breaks_of_the_motion():
-    lin = closed("pick-and-place")
-    coarse, fine = (simulate(lin, 0.5, tol=1e-8, points_per_period=points) for points in (14, 140))
-    assert np.abs(coarse.linear - fine.linear[::10]).max() < 1e-7
-
-
 def test_without_a_loop_both_answers_get_the_torque_of_the_rigid_motion():
     """The linear side used to go without the feedforward that moved the nonlinear one."""
-    scene = fl.load_scene("single-link")
-    plant = fl.linearize(fl.build_manipulator(scene), scene.motion)
-    run = simulate(plant, 0.05, tol=1e-9)
+    run = simulate(opened()[1], 0.05, tol=1e-9)
     assert np.abs(run.linear - run.nonlinear).max() < 0.25 * np.abs(run.nonlinear).max()
 
 
@@ -54,17 +46,13 @@ def test_metres_are_compared_with_metres(lin):
     run = simulate(lin, 0.05, tol=1e-6)
     aside = np.array([[0.01, 0.0]])
     tip = run.tip_rigid + aside
-    made = replace(
-        run, tip=tip, tip_linear=tip + aside / 2, nonlinear=run.nonlinear + 50.0, difference_error=1e-9, peaks=None
-    )
+    tips = {"tip": tip, "tip_linear": tip + aside / 2, "peaks": None}
+    made = replace(run, nonlinear=run.nonlinear + 50.0, difference_error=1e-9, **tips)
     assert "33 %" in made.status
     assert "beyond the linear model" in made.status
-    missing = np.full_like(run.tip, np.nan)
-    states = np.tile([50.0, 1e-3, 0.0, 0.0, 0.0, 0.0], (len(run.t), 1))
-    half = np.tile([50.0, 5e-4, 0.0, 0.0, 0.0, 0.0], (len(run.t), 1))
-    bare = replace(
-        run, tip=missing, tip_linear=missing, nonlinear=states, linear=half, error=1e-12, linear_error=0.0, peaks=None
-    )
+    missing = dict.fromkeys(tips, np.full_like(run.tip, np.nan)) | {"peaks": None}
+    states, half = (np.tile([50.0, w, 0.0, 0.0, 0.0, 0.0], (len(run.t), 1)) for w in (1e-3, 5e-4))
+    bare = replace(run, nonlinear=states, linear=half, error=1e-12, linear_error=0.0, **missing)
     assert "w11" in bare.status
     assert "50 %" in bare.status
 
@@ -94,10 +82,11 @@ def test_a_motion_that_enlarges_every_error_judges_nothing():
     assert "trust" not in run.status
 
 
-@pytest.mark.parametrize(
-    ("equations", "drive"),
-    [(NonlinearEquations, Drive()), (ModedEquations, Drive(limit=(0.4,))), (ModedEquations, Drive(sample_time=0.02))],
-)
+HELD = ModedEquations, Drive(sample_time=0.02)
+TOUCHED = [(NonlinearEquations, Drive()), HELD, (ModedEquations, Drive(limit=(0.4,)))]
+
+
+@pytest.mark.parametrize(("equations", "drive"), TOUCHED)
 def test_a_window_that_leaves_the_range_only_shortens_the_steps(lin, monkeypatch, equations, drive):
     """The same where many steps are solved at once: some residuals ahead are no numbers."""
     expected = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
@@ -116,9 +105,7 @@ def test_a_window_that_leaves_the_range_only_shortens_the_steps(lin, monkeypatch
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("equations", "drive"), [(NonlinearEquations, Drive()), (ModedEquations, Drive(sample_time=0.03))]
-)
+@pytest.mark.parametrize(("equations", "drive"), TOUCHED[:2])
 def test_the_last_time_reached_is_named_when_no_window_leads_on(lin, monkeypatch, equations, drive):
     real = equations.places
 
@@ -128,9 +115,8 @@ def test_the_last_time_reached_is_named_when_no_window_leads_on(lin, monkeypatch
         return at
 
     monkeypatch.setattr(equations, "places", wall)
-    with pytest.raises(
-        NumericalError, match=r"stopped at t = 0\.05 s.*no step is short enough.*its mass matrix is sound"
-    ):
+    words = r"stopped at t = 0\.05 s.*no step is short enough.*its mass matrix is sound"
+    with pytest.raises(NumericalError, match=words):
         simulate(lin, 0.1, drive=drive)
 
 
@@ -157,10 +143,7 @@ def test_a_design_without_weights_says_so(lin):
         made.cost(np.zeros(6))
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [{"control.feedback": {"kind": "pd", "kp": [1e20], "kd": [1.0]}}, {"links.0.bending_stiffness": 5e12}],
-)
+@pytest.mark.parametrize("changes", [{"control.feedback.kp": [1e20]}, {"links.0.bending_stiffness": 5e12}])
 def test_the_linear_range_of_a_loop_with_absurd_modes_ends(changes):
     """It asked for 163 GiB with the one and never ended with the other."""
     try:
@@ -174,9 +157,8 @@ def test_the_linear_range_of_a_loop_with_absurd_modes_ends(changes):
 def spring(width):
     """One coordinate on a spring k s that gives way: g = k width tanh(s / width)."""
     s, rate = ca.SX.sym("s"), ca.SX.sym("rate")
-    arm = fl.Manipulator.from_matrices(
-        s, rate, ca.SX(1.0), ca.SX(0.0), 4.0 * width * ca.tanh(s / width), damping=0.1 * rate
-    )
+    g = 4.0 * width * ca.tanh(s / width)
+    arm = fl.Manipulator.from_matrices(s, rate, ca.SX(1.0), ca.SX(0.0), g, damping=0.1 * rate)
     motion = fl.load_scene("single-link", {"motion.joints": [{"amplitude": 0.0, "mean": 0.0}]}).motion
     return fl.linearize(arm, motion)
 
@@ -200,3 +182,51 @@ def test_the_linear_range_does_not_depend_on_the_segments_of_the_exponents():
     system = lin.periodic_system()
     coarse, fine = (linear_range(lin, result=fl.floquet(system, segments=count)) for count in (150, 4000))
     assert coarse.amplitudes == pytest.approx(fine.amplitudes, rel=0.03)
+
+
+def figures(run):
+    return np.concatenate([[run.difference, run.tip_error, run.deviation], run.peak_torque])
+
+
+def test_the_peak_of_a_parabola_is_found_between_uneven_times():
+    t = np.array([0.0, 0.3, 0.5, 1.1, 1.2])
+    found = find_peaks(t, np.column_stack([3 - (t - 0.62) ** 2, 2 - 5 * (t - 0.41) ** 2, t, np.full(5, np.nan), 0 * t]))
+    np.testing.assert_allclose(found, [3.0, 2.0, 1.2, np.nan, 0.0], rtol=1e-14)
+
+
+def test_a_jump_beside_a_top_lifts_no_peak_far():
+    """What rises by 1 before the largest value lifts it by no more than that, however near the times are."""
+    assert find_peaks(np.array([0.0, 1e-9, 1.0]), np.array([[0.0], [1.0], [0.999]]))[0] <= 2.0
+
+
+def test_steps_are_divided_and_output_times_kept():
+    t = np.linspace(0.0, 1.0, 4)
+    often = subdivide(t, np.array([0.5, 1.0]), 10)
+    np.testing.assert_allclose(np.setdiff1d(often, t), np.arange(1, 16) / 16)
+    assert np.isin(t, often).all()
+    assert subdivide(t, np.array([0.5, 1.0]), 2**25) is t
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"motion.frequency": 0.02}, pytest.param({"links.0.modes": 3, "motion.frequency": 0.1}, marks=pytest.mark.slow)],
+)
+def test_peaks_do_not_depend_on_the_output_times(changes):
+    """A link that rings at 2 to 15 Hz on a motion of 50 s: a few output times meet no peak of it."""
+    lin = closed(changes=changes)
+    few, many = (fl.simulate(lin, 0.5, points_per_period=points) for points in (16, 4096))
+    np.testing.assert_allclose(figures(few), figures(many), rtol=1e-4)
+    met = np.linalg.norm(few.tip - few.tip_linear, axis=1).max()
+    assert met < 0.98 * few.difference
+    assert np.abs(many.torque).max() <= many.peak_torque[0] * (1 + 1e-12)
+
+
+@pytest.mark.slow
+def test_peaks_of_a_torque_that_is_cut_or_held():
+    """Through corners no parabola is laid: the limit is the peak."""
+    lin = closed(changes={"links.0.modes": 1})
+    cut = fl.simulate(lin, 0.25, tol=1e-6, points_per_period=8, drive=Drive(limit=(0.4,)))
+    assert cut.peak_torque[0] == 0.4
+    held = fl.simulate(lin, 0.25, tol=1e-6, points_per_period=8, drive=Drive(sample_time=0.01))
+    finer = fl.simulate(lin, 0.25, tol=1e-6, points_per_period=512, drive=Drive(sample_time=0.01))
+    np.testing.assert_allclose([held.tip_error, held.deviation], [finer.tip_error, finer.deviation], rtol=1e-3)

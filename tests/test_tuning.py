@@ -1,14 +1,18 @@
-"""Tuning: problems whose optimum is known in closed form, a published plant, and an arm judged on scenarios drawn by the test."""
+"""Tuning: problems whose optimum is known in closed form, and a published plant. Derivatives of exponents: against Richardson's differences
+of scenes built anew and a closed form."""
 
 import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import gain_search, make_family
+from flexlin import sensitivity
+from flexlin.analyses import choose_paths, gain_search, make_family
 from flexlin.analyses.gain_search import SMOOTHING_LEVELS, Problem, follow_levels, lay_scenarios, smooth_growth
 from flexlin.analyses.spectra import Family
 from flexlin.errors import ArgumentError, NotStable
 from flexlin.periodic import Spectra
+from flexlin.scene import get_value, replace_value
+from tests.closed_arm import control_loop
 
 
 def two_masses(k):
@@ -51,16 +55,6 @@ def test_two_masses_and_a_spring_come_to_their_optimum(monkeypatch):
         assert growth <= -np.sqrt(15) / 5 + 5e-3
 
 
-@pytest.mark.slow
-def test_gains_of_either_sign_are_tuned():
-    """s^2 + a s + b with a = g - 1, b = 1 + h, both free: the limits of g decide, sum of the roots = -a."""
-
-    first, limits = {"g": -0.5, "h": -0.2}, {"g": (-1.0, 4.0), "h": (-5.0, 5.0)}
-    found = fl.tune(lambda g, h: oscillator(g - 1.0, 1.0 + h), first, limits=limits, starts=1, steps=40)
-    assert found.growth == pytest.approx(-1.5, abs=0.02)
-    assert found.before == pytest.approx(0.75 + np.sqrt(max(0.75**2 - 0.8, 0.0)), abs=1e-6)
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_smoothed_growth_is_above_the_largest_and_its_slope_is_its_own(seed):
     """Against differences in a direction that splits a double exponent, where the largest real part has an infinite slope."""
@@ -69,13 +63,8 @@ def test_smoothed_growth_is_above_the_largest_and_its_slope_is_its_own(seed):
     base = block @ np.array([[-1, 1, 0, 0], [0, -1, 0, 0], [0, 0, -2, 3], [0, 0, -3, -2.0]]) @ block.T
     change = block @ rng.standard_normal((4, 4)) @ block.T
     for mu in (0.3, 0.01):
-
-        def smooth(values, mu=mu):
-            return smooth_growth(values[None] + 0j, np.array([0.7]), mu, 2.0)
-
-        def phi(e, smooth=smooth):
-            return smooth(np.linalg.eigvals(base + e * change))[0]
-
+        smooth = lambda values, mu=mu: smooth_growth(values[None] + 0j, np.array([0.7]), mu, 2.0)  # noqa: E731
+        phi = lambda e, smooth=smooth: smooth(np.linalg.eigvals(base + e * change))[0]  # noqa: E731
         assert phi(0.0) > -1.0
         e, h = 0.02 * mu, 1e-6 * mu
         values, right = np.linalg.eig(base + e * change)
@@ -118,17 +107,6 @@ def test_slope_of_an_arm_by_floquet_vectors_and_by_differences(monkeypatch):
     again, exact = problem.judge(x, 0.05, 2.0, 1e-4)
     assert again == pytest.approx(value, abs=1e-7)
     np.testing.assert_allclose(slope, exact, rtol=1e-4)
-
-
-@pytest.mark.slow
-def test_arm_decays_twice_as_fast_in_all_scenarios():
-    scene = fl.load_scene("single-link", {"links.0.modes": 1})
-    vary = {"effects.payload.mass": (0.0, 0.3), "motion.frequency": (0.3, 1.2)}
-    found = fl.tune(scene, vary=vary, starts=1, steps=20)
-    assert found.growth <= 2 * found.before < 0
-    rng = np.random.default_rng(11)
-    judged = fl.sweep(found.scene, {path: rng.uniform(*ends, 100) for path, ends in vary.items()})
-    assert float(judged["exponents"].real.max()) <= found.growth + 0.02 * abs(found.growth)
 
 
 def test_the_result_is_confirmed_to_the_wanted_error_and_one_scenario_counts_once(monkeypatch):
@@ -176,3 +154,71 @@ def test_large_arms_are_tuned_one_by_one_along_exact_slopes():
     """Batches of many states pay less than `floquet` alone, and differences take two spectra a gain."""
     assert not make_family(fl.load_scene("manutec-r3"), {"control.feedback.kp.0": (1e4, 3e4)}, "own").batched
     assert make_family(fl.load_scene("single-link"), {"control.feedback.kp.0": (1.0, 3.0)}, "own").batched
+
+
+@pytest.fixture(scope="module")
+def scene():
+    overrides = {"links.0.modes": 1, "designs": [], "effects.hub.inertia": 0.01, "control.feedback.kd.0": 0.1}
+    return fl.load_scene("single-link", overrides)
+
+
+PATHS = (
+    *("effects.payload.mass", "links.0.bending_stiffness", "links.0.length", "motion.frequency"),
+    *("motion.joints.0.amplitude", "control.feedback.kp.0", "control.feedback.kd.0"),
+)
+
+
+def exponents(scene):
+    return fl.floquet(control_loop(scene).periodic_system(), 1e-12).exponents
+
+
+def richardson(scene, path):
+    """d exponents / d parameter by central differences of two steps, extrapolated to order 4."""
+    value, centre = get_value(scene, path), exponents(scene)
+
+    def slope(step):
+        ends = (exponents(replace_value(scene, path, value + sign * step)) for sign in (1, -1))
+        plus, minus = (end[np.abs(centre[:, None] - end).argmin(axis=1)] for end in ends)
+        return (plus - minus) / (2 * step)
+
+    return (4 * slope(1e-3 * value) - slope(2e-3 * value)) / 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", PATHS)
+def test_against_differences_of_scenes_built_anew(scene, path):
+    """Also what one percent more of the number does to the growth rates."""
+    result = sensitivity(scene, [path])
+    exact = richardson(scene, path)
+    assert np.abs(result.derivative.values[0] - exact).max() <= 1e-6 * np.abs(exact).max()
+    change = exact.real * get_value(scene, path) / 100
+    assert np.abs(result.percent.values[0] - change).max() <= 1e-6 * np.abs(change).max() + 1e-9
+
+
+def test_a_spinning_link_without_gravity_in_closed_form():
+    """x'' + 2 zeta w x' + (w^2 - W^2) x = 0 has the exponents -zeta w +- i sqrt(w^2 - W^2 - zeta^2 w^2), w^2 proportional to EI."""
+    motion = {"kind": "rotation", "drive": "prescribed", "joints": [{"rate": 3.0}]}
+    bare = {"links.0.modes": 1, "designs": [], "control": {}, "effects": {"modal_damping": {"ratio": 0.02}}}
+    scene = fl.load_scene("single-link", {**bare, "motion": motion})
+    link = scene.links[0]
+    square = 1.87510407**4 * link.bending_stiffness / link.mass_per_length / link.length**4
+    paths = ["effects.modal_damping.ratio", "links.0.bending_stiffness"]
+    by_ratio, by_stiffness = sensitivity(scene, paths).derivative.values
+    assert np.allclose(by_ratio.real, -np.sqrt(square), rtol=1e-7)
+    imaginary = np.sqrt(square - 3.0**2 - 0.02**2 * square)
+    expected = square * (1 - 0.02**2) / link.bending_stiffness / (2 * imaginary)
+    assert np.allclose(np.abs(by_stiffness.imag), expected, rtol=1e-6)
+
+
+def test_every_number_of_the_scene_by_default(scene):
+    result = sensitivity(scene)
+    assert set(result.parameter.values) == set(choose_paths(scene))
+    assert "effects.gravity.acceleration" in result.parameter.values
+    assert np.isfinite(result.derivative.values).all()
+
+
+def test_small_chunks_give_the_same_derivatives(scene, monkeypatch):
+    paths = ["effects.payload.mass", "motion.frequency"]
+    whole = sensitivity(scene, paths)
+    monkeypatch.setattr("flexlin.analyses.sensitivity.CHUNK_BYTES", 20_000)
+    assert np.allclose(sensitivity(scene, paths).derivative, whole.derivative, rtol=1e-12)

@@ -68,16 +68,16 @@ CORNERS = {"name": "made */ \\ \u201c", "phases": 8, "weights": WEIGHTS}
 FRICTION = {"effects.coulomb_friction": {"torque": 0.02, "rate": 1e-2}, "control.feedforward": "rigid"}
 
 
+CLOSE = [
+    ("pick-and-place", {"designs": [CORNERS | {"kind": "frozen-lqr"}]}, 1e-9),
+    ("pick-and-place", {"designs": [CORNERS | {"kind": "finite-horizon-lqr"}]}, 1e-5),
+    ("single-link", FRICTION, 1e-6),
+]
+
+
 @pytest.mark.slow
 @needs_compiler
-@pytest.mark.parametrize(
-    ("name", "changes", "least"),
-    [
-        ("pick-and-place", {"designs": [CORNERS | {"kind": "frozen-lqr"}]}, 1e-9),
-        ("pick-and-place", {"designs": [CORNERS | {"kind": "finite-horizon-lqr"}]}, 1e-5),
-        ("single-link", FRICTION, 1e-6),
-    ],
-)
+@pytest.mark.parametrize(("name", "changes", "least"), CLOSE)
 def test_corners_are_met_on_either_side_and_steps_of_friction_inside(name, changes, least, tmp_path):
     """There and back, with corners at every way point; and friction that steps within T/5,000. The header states how far gain and fed
     torques in C and Python are apart."""

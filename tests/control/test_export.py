@@ -34,9 +34,7 @@ def made(lin):
 def test_gain_schedule_runs_in_python_control(made):
     """A slow periodic plant under its own schedule, against the transition of the closed loop."""
 
-    def stiffness(t):
-        return np.array([[1.0]]) * (1 + 0.5 * np.cos(t))[:, None, None]
-
+    stiffness = lambda t: (1 + 0.5 * np.cos(t))[:, None, None]  # noqa: E731
     system = fl.PeriodicSystem.from_second_order(np.eye(1), 0.1 * np.eye(1), stiffness, 2 * np.pi, np.eye(1))
     design = periodic_lqr(system, np.eye(2), np.eye(1))
     loop = control.feedback(periodic_plant(system), gain_schedule(design), 1)
@@ -110,9 +108,8 @@ def test_compiled_programs_print_what_python_computes(lin, made, tmp_path):
     for name in ("M", "D", "K", "h", "B", "tau"):
         np.testing.assert_allclose(found[name], getattr(exact, name)[0].T.ravel(), rtol=1e-13, atol=1e-13)
     layout = (tmp_path / "linearization.h").read_text().partition("*/")[0]
-    assert all(f"{name} ({rows} x " in layout for name, rows in (("M", lin.n), ("h", lin.n), ("B", lin.n)))
-    assert all(name in layout for name in lin.names)
-    assert f"i + {lin.n} * j" in layout
+    for word in (*(f"{name} ({lin.n} x " for name in "MhB"), *lin.names, f"i + {lin.n} * j"):
+        assert word in layout
     gain = made.K(np.array([0.999 * lin.period]))[0].T.ravel()
     found = run_compiled(gain_source(made, lin.period, tmp_path), 0.999)["K"]
     np.testing.assert_allclose(found, gain, rtol=1e-6, atol=1e-7 * np.abs(gain).max())

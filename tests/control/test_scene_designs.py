@@ -166,10 +166,8 @@ def test_the_report_judges_the_design_with_its_states_estimated_and_exports_both
     assert max(np.abs(loop.floquet.exponents - value).min() for value in own) < 1e-4 * np.abs(own).max()
     assert record(found)["estimated"]["LQG, estimated"]["verdict"] == "stable"
     export_all(*plant_and_designs(scene, Clock()), tmp_path, 8, scene)
-    header = (tmp_path / "c-lqg" / "estimator.h").read_text(encoding="utf-8")
-    assert "[0] encoder of q1 in rad" in header
-    assert "[1] curvature of link 1 at 0 in 1/m" in header
     assert (tmp_path / "c-lqg" / "gain.h").exists()
+    assert "[1] curvature of link 1 at 0 in 1/m" in (tmp_path / "c-lqg" / "estimator.h").read_text(encoding="utf-8")
 
 
 REFUSED = {

@@ -1,19 +1,20 @@
-"""Sensors: against differences of positions and the beam's own shape; the zeros from motors to tip against SciPy's pencil. What the drives
-have to do: against the simulation, a motor's own equations, and limits that do not fit."""
+"""Sensors: against differences of positions and the beam's own shape. What the drives have to do: against the simulation, a motor's own
+equations, and limits that do not fit. Weights in physical sizes: Bryson's rule through the arm's own tip, for any number of modes."""
 
 from typing import get_args
 
 import numpy as np
 import pytest
-from scipy.linalg import eigvals
 
 import flexlin as fl
 from flexlin.analyses import analyse
-from flexlin.control import bending, drive_load, tip_acceleration, tip_position
+from flexlin.control import bending, design, drive_load, physical_weights, tip_acceleration, tip_position
 from flexlin.control.sensors import READINGS, tip_zeros
 from flexlin.errors import ArgumentError
+from flexlin.periodic import FourierSeries
 from flexlin.report import advise, record, to_json
 from flexlin.report.advice import comment_on_zeros
+from flexlin.scene import Weights
 from flexlin.scene.scene import Sensor
 from flexlin.simulation import tip_positions
 from tests.closed_arm import both, closed, opened
@@ -37,14 +38,6 @@ def test_strain_gauge_at_the_root_of_a_cantilever(lin):
         bending(scene, lin, 0, 1.5)
 
 
-def test_camera_sees_the_slope_of_the_tips_position(lin):
-    t = np.array([0.1, 0.7, 1.6])
-    C, steps = tip_position(lin)(t), 1e-6 * np.eye(lin.n)
-    for k, moved in enumerate(np.repeat(steps[:, None], 3, axis=1)):
-        slope = (tip_positions(lin, t, moved) - tip_positions(lin, t, -moved)) / 2e-6
-        np.testing.assert_allclose(C[:, :, k], slope, atol=1e-8)
-
-
 def test_accelerometer_is_the_second_derivative_of_the_camera(lin):
     """Along a linear motion under a constant torque: second differences of C_position x, by DOP853."""
     system, torque, h = lin.periodic_system(), np.array([0.3]), 1e-4
@@ -59,20 +52,6 @@ def test_accelerometer_is_the_second_derivative_of_the_camera(lin):
 def test_every_sensor_that_a_log_may_name_is_read():
     """A kind that only the scene's schema knows would end in a KeyError."""
     assert set(get_args(Sensor)) - {"coordinate", "rate"} <= set(READINGS)
-
-
-def test_a_link_at_rest_has_the_zeros_of_rosenbrocks_pencil():
-    _, lin = opened(changes={"designs": [], "motion.joints": [{"mean": 0.0, "amplitude": 0.0}]})
-    t, m = np.zeros(1), 2 * lin.n
-    C = tip_position(lin)(t)[0]
-    pencil, mass = np.zeros((m + 1, m + 1)), np.diag(np.append(np.ones(m), 0.0))
-    pencil[:m, :m], pencil[:m, m:] = lin.periodic_system().A(t)[0], lin.periodic_system().B(t)[0]
-    pencil[m:, :m] = C[:, :1].T @ C
-    known = eigvals(pencil, mass)
-    found = tip_zeros(lin)
-    assert found.verdict == "non-minimum phase"
-    real = np.sort(known[np.abs(known) < 1e5].real)
-    np.testing.assert_allclose(np.sort(found.exponents.real), real, rtol=1e-6, atol=1e-8)
 
 
 def test_a_report_names_the_zero_that_bounds_every_controller():
@@ -154,3 +133,81 @@ def test_limits_that_do_not_fit_are_refused_before_any_work():
     ):
         with pytest.raises(ArgumentError, match=words):
             analyse(fl.load_scene("single-link", {"drives": drives}))
+
+
+WITH_DESIGNS = [name for name in fl.scenes() if fl.load_scene(name).designs]
+
+
+def weigh(lin, **sizes):
+    return physical_weights(lin, Weights.model_validate({"input": 1.0, **sizes}))
+
+
+def test_a_state_at_its_sizes_costs_their_number():
+    """Each deviation at its acceptable size costs 1; the tip's part is measured by moving the nonlinear arm."""
+    _, lin = opened("de-luca-siciliano-1991")
+    sizes = {"joints": ["0.5 deg", "1 deg"], "rates": "5 deg/s", "deflection": "1 mm", "w21": "3 mm"}
+    sizes["input"] = ["3 N m", 2.0]
+    Q, R = weigh(lin, tip="2 mm", **sizes)
+    bare, _ = weigh(lin, **sizes)
+    deg, t = np.pi / 180, np.array([0.0, 0.7, 3.1])
+    at_sizes = np.array([0.5 * deg, deg, 1e-3, 1e-3, 3e-3, 1e-3, 5 * deg, 5 * deg, 0, 0, 0, 0])
+    assert at_sizes @ bare(t)[0] @ at_sizes == pytest.approx(8.0, rel=1e-12)
+    assert np.diag(R) == pytest.approx([1 / 9, 1 / 4])
+    y = np.random.default_rng(1).normal(size=(1, 12)) * 1e-6
+    moved = [tip_positions(lin, t, np.repeat(sign * y, 3, axis=0)) for sign in (1, -1)]
+    by_tip = np.sum((moved[0] - moved[1]) ** 2, axis=1) / 4 / 2e-3**2
+    assert [(y @ (Q(t) - bare(t))[k] @ y.T).item() for k in range(3)] == pytest.approx(by_tip, rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WITH_DESIGNS)
+def test_built_in_designs_bear_any_number_of_modes(name):
+    for modes in (1, 2 if name == "spatial-four-bar" else 4):  # its links bend and twist, each in so many shapes
+        scene, lin = opened(name, {"links.0.modes": modes})
+        for table in scene.designs:
+            made = design(lin, table, tol=1e-6)
+            assert fl.floquet(made.closed_loop, tol=1e-6).verdict == "stable"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["flexible-joint-link", "five-bar"])
+def test_fast_modes_ask_for_no_more_nodes(name):
+    """Modes up to 80,000 rad/s: the cost has the few harmonics of the motion, which the ringing of a coarse start must not hide."""
+    scene, lin = opened(name, {"links.0.modes": 5})
+    solution = design(lin, scene.designs[0], tol=1e-9).solution
+    assert isinstance(solution.series, FourierSeries)
+    assert solution.error < 1e-9
+
+
+def test_sizes_that_do_not_fit_the_arm_are_refused():
+    lin, two = (opened(name)[1] for name in ("arm-on-carriage", "three-link"))
+    for sizes, words in (
+        ({"joints": "2 mm"}, "weights.joints has another unit"),
+        ({"input": "3 V"}, "weights.input has another unit"),
+        ({"w13": "2 mm"}, "unknown key"),
+        ({"w11": "2 deg"}, "weights.w11|unknown key"),
+        ({"joints": ["1 deg", "1 deg"]}, "2 quantities|2 sizes"),
+        ({"input": [1.0, 1.0]}, "2 quantities|2 sizes"),
+    ):
+        with pytest.raises(ArgumentError, match=words):
+            weigh(lin, **sizes)
+    assert weigh(two, joints=["1 deg", "2 deg", "3 deg"])[0](np.zeros(1)).shape[-1] == 2 * two.n
+    with pytest.raises(ArgumentError, match="to know the coordinates"):
+        design(lin.periodic_system(), fl.load_scene("single-link").designs[0])
+
+
+@pytest.mark.slow
+def test_strict_weights_on_cheap_inputs_are_solved():
+    """Modes of the loop decay in microseconds and X changes in kinks: it keeps Riccati's equation, integrated by SciPy."""
+    _, lin = opened("pick-and-place")
+    Q, R = weigh(lin, tip="5 mm", joints="0.5 deg", rates="10 deg/s", input="3 N m")
+    found, system = fl.periodic_lqr(lin, Q, R, tol=1e-9), lin.periodic_system()
+    assert found.status == "converged"
+    assert found.error <= 1e-9
+
+    def fall(t, X):
+        A, pull = at(system.A, t), at(system.B, t).T @ X
+        return -(X @ A + A.T @ X - pull.T @ np.linalg.solve(R, pull) + at(Q, t))
+
+    wanted = integrate(fall, found.X(1.0), [1.0, 0.996], rtol=1e-8, atol=1e-12)[-1]
+    assert np.abs(found.X(0.996) - wanted).max() <= max(1e-7, found.error) * np.abs(wanted).max()

@@ -67,15 +67,6 @@ def test_tip_exact_leaves_only_the_shortening_of_the_link(name):
     assert name != "single-link" or across(lin, exact) < 1e-10
 
 
-@pytest.mark.slow
-def test_both_basic_motions_give_one_verdict_of_a_calm_arm():
-    """At a hundredth of the amplitude and without gravity."""
-    calm = closed(changes={"motion.joints": [{"mean": 0.0, "amplitude": 0.005}], "effects.gravity": None})
-    rigid, elastic = calm.periodic_system(), linearize_about(periodic_motion(calm))
-    a, b = (fl.floquet(system, tol=1e-8) for system in (rigid, elastic))
-    assert np.abs(a.exponents.real - b.exponents.real).max() < 1e-3 * np.abs(a.exponents.real).max()
-
-
 def test_small_disturbances_of_the_nonlinear_loop_follow_the_linearization_about_it(lin):
     """Finite differences of the equations about the elastic motion, by the manipulator's own residual; bent links give damping terms."""
     motion, t = periodic_motion(lin), np.array([0.3, 0.9])
@@ -150,14 +141,14 @@ def test_a_path_that_is_singular_at_rest_is_singular_at_any_speed():
     assert before * behind < 0
 
 
-@pytest.mark.parametrize(
-    ("name", "kind", "error", "words"),
-    [
-        ("single-link", "magic", ArgumentError, "no such feedforward"),
-        ("spinning-link", "tip-exact", ArgumentError, "nothing to feed forward"),
-        pytest.param("pick-and-place", "tip-exact", ToleranceNotReached, "singular about t", marks=pytest.mark.slow),
-    ],
-)
+REFUSED = [
+    ("single-link", "magic", ArgumentError, "no such feedforward"),
+    ("spinning-link", "tip-exact", ArgumentError, "nothing to feed forward"),
+    pytest.param("pick-and-place", "tip-exact", ToleranceNotReached, "singular about t", marks=pytest.mark.slow),
+]
+
+
+@pytest.mark.parametrize(("name", "kind", "error", "words"), REFUSED)
 def test_what_cannot_be_fed_forward_says_why(name, kind, error, words):
     with pytest.raises(error, match=words):
         feedforward(closed(name, {"designs": []}), kind)

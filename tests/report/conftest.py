@@ -26,8 +26,7 @@ def report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., 
         data, page = ((tmp_path / name).read_text(encoding="utf-8") for name in ("report.json", "report.html"))
         printed = capsys.readouterr()
         files = {path.name for path in tmp_path.iterdir()}
-        return SimpleNamespace(
-            files=files, code=code, data=json.loads(data), page=page, out=printed.out, err=printed.err
-        )
+        said = {"code": code, "out": printed.out, "err": printed.err}
+        return SimpleNamespace(files=files, data=json.loads(data), page=page, **said)
 
     return run

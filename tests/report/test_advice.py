@@ -40,19 +40,6 @@ def with_difference(a: Analysis, metres: float, largest: float, error: float = 1
     return replace(a, simulation=replace(s, **made, difference_error=error, peaks=None))
 
 
-def with_lost_digits(a: Analysis) -> Analysis:
-    """Two runs of the simulation end as far apart as the states are large."""
-    return replace(a, simulation=replace(a.simulation, error=1.1))
-
-
-def with_control(a: Analysis, **changes: object) -> Analysis:
-    return replace(a, scene=a.scene.model_copy(update={"control": a.scene.control.model_copy(update=changes)}))
-
-
-def with_range(a: Analysis, amplitude: float) -> Analysis:
-    return replace(a, linear_range=replace(a.linear_range, amplitudes=np.array([amplitude])))
-
-
 def test_the_length_of_the_arm_is_that_of_its_links(single_link: Analysis) -> None:
     hub = single_link.scene.effects.hub.radius
     assert single_link.length == pytest.approx(0.96 + (hub[0] if isinstance(hub, tuple) else hub))
@@ -69,7 +56,8 @@ def test_what_is_fed_forward_already_is_no_advice(single_link: Analysis) -> None
     assert a.scene.control.feedforward == "rigid"
     assert "feed the rigid torque forward" not in told(a)
     assert "most of it the joints' error: raise the gains, or feed forward the elastic motion too" in told(a)
-    none = with_control(a, feedforward="none")
+    bare = a.scene.control.model_copy(update={"feedforward": "none"})
+    none = replace(a, scene=a.scene.model_copy(update={"control": bare}))
     assert 'feed the rigid torque forward (control.feedforward = "rigid"), or raise the gains' in told(none)
     free = replace(none, own=replace(none.own, kind="open"))
     assert "or add feedback" in told(free)
@@ -80,13 +68,11 @@ CASES = [
     (lambda a: with_tip(a, 0.05, 0.9), "most of it the links' bending", True),
     (lambda a: with_tip(a, 0.05, 0.1), "most of it the links' bending", False),
     # a tip error of no account asks for nothing
-    (lambda a: with_tip(a, 567e-9), "nothing has to be done about it", True),
     (lambda a: with_tip(a, 9e-6), "nothing has to be done about it", True),
     (lambda a: with_tip(a, 9e-6), "slow down", False),
     (lambda a: with_tip(a, 2e-5), "nothing has to be done about it", False),
     (lambda a: with_tip(a, 2e-5), "slow down", True),
     # a deflection that is not small is no prediction
-    (lambda a: with_tip(a, 8.34), "this is no prediction", True),
     (lambda a: with_tip(a, 0.25), "this is no prediction", True),
     (lambda a: with_tip(a, 0.25), "% of the arm's length", True),
     (lambda a: with_tip(a, 0.1), "this is no prediction", False),
@@ -101,25 +87,20 @@ CASES = [
     (lambda a: with_difference(a, 1e-3, 0.05), "agree to the error", False),
     (lambda a: with_difference(a, 1e-3, 0.05), f"2 % of the largest deviation: {HOLDS}", True),
     # a simulation that is far from itself judges nothing
-    (with_lost_digits, "judges no linear model", True),
-    (with_lost_digits, HOLDS, False),
+    (lambda a: replace(a, simulation=replace(a.simulation, error=1.1)), "judges no linear model", True),
+    (lambda a: replace(a, simulation=replace(a.simulation, error=1.1)), HOLDS, False),
     # the elastic motion is believed where it changes the verdict
     (lambda a: replace(a, elastic=growing(a, -2.0, "elastic")), "the verdict stands", True),
     (lambda a: replace(a, elastic=growing(a, 0.5, "elastic")), "verdict becomes unstable: believe this one", True),
     (lambda a: replace(a, elastic=Loop("e", "elastic", None, "none")), "elastic motion instead", False),
-    (lambda a: a, "elastic motion instead", False),
     # what is missing is said
     (lambda a: replace(a, response=None, problems={"response": "resonant"}), "response was found: resonant.", True),
     (lambda a: replace(a, simulation=None, problems={"simulation": "lost"}), "simulation has no answer: lost.", True),
     (lambda a: replace(a, simulation=None, problems={"simulation": "lost"}), "disturbances of up to", True),
-    (lambda a: a, "no answer", False),
     # a loop without verdict is not called unstable
     (lambda a: replace(a, own=Loop("my PD", "pd", None, "ended")), "There is no verdict under the my PD: ended.", True),
     (lambda a: replace(a, own=Loop("my PD", "pd", None, "ended")), "unstable along this motion", False),
-    (lambda a: a, "There is no verdict", False),
     (lambda a: replace(a, own=growing(a, 0.0)), "cannot be distinguished from zero", True),
-    (lambda a: a, "cannot be distinguished from zero", False),
-    (lambda a: a, "exists but is unstable", False),
 ]
 
 
@@ -127,11 +108,15 @@ CASES = [
 def test_a_sentence_is_said_where_it_is_called_for(single_link: Analysis, case: int) -> None:
     change, words, said = CASES[case]
     assert (words in told(change(single_link))) is said, words
+    assert not re.search(
+        "motion instead|no answer|is no verdict|distinguished from zero|is unstable", told(single_link)
+    )
 
 
 def test_the_model_is_not_said_to_hold_beside_a_range_that_the_motion_leaves(single_link: Analysis) -> None:
     a = with_difference(single_link, 1e-4, 0.05)
-    narrow, wide = told(with_range(a, 0.00041)), told(with_range(a, 0.1))
+    ranges = (replace(a.linear_range, amplitudes=np.array([amplitude])) for amplitude in (0.00041, 0.1))
+    narrow, wide = (told(replace(a, linear_range=one)) for one in ranges)
     assert "disturbances of up to 0.00041" in narrow
     assert "model holds" not in narrow
     assert "a disturbance as large as the motion's own deviation, 0.05 rad in q1, may leave it" in narrow
@@ -142,18 +127,16 @@ def test_the_model_is_not_said_to_hold_beside_a_range_that_the_motion_leaves(sin
 PERIOD = 2.0
 
 
-@pytest.mark.parametrize(
-    ("rate", "words"),
-    [
-        (-0.4e-9, "practically marginal"),
-        (0.4e-9, "practically marginal"),
-        (-np.log(50) / 1.67e8, "but it takes 1.67×10⁸ s to settle"),
-        (-1e-3, ""),
-        (-2.0, ""),
-        (1e-3, ""),
-        (0.0, ""),
-    ],
-)
+DECAYS = [
+    (-0.4e-9, "practically marginal"),
+    (0.4e-9, "practically marginal"),
+    (-np.log(50) / 1.67e8, "but it takes 1.67×10⁸ s to settle"),
+    (-1e-3, ""),
+    (0.0, ""),
+]
+
+
+@pytest.mark.parametrize(("rate", "words"), DECAYS)
 def test_a_decay_that_nobody_feels_is_called_so(single_link: Analysis, rate: float, words: str) -> None:
     assert single_link.plant.period == PERIOD
     a = replace(single_link, own=growing(single_link, rate))

@@ -7,18 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import flexlin as fl
 from flexlin.cli import main
 from flexlin.errors import ArgumentError
 from flexlin.report import animation_page, collect_frames
 from flexlin.simulation import simulate
+from tests.closed_arm import both
 from tests.files.reader import standing
 
 
 @pytest.fixture(scope="module")
 def played():
-    scene = fl.load_scene("single-link")
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    scene, _, lin = both("single-link", {})
     return scene, lin, simulate(lin, 0.5, tol=1e-6)
 
 
@@ -58,8 +57,7 @@ def test_long_simulations_are_thinned(played, monkeypatch):
 @pytest.mark.slow
 def test_every_moving_link_of_a_closed_loop_is_drawn_and_the_base_is_ground():
     """Four links of the 5-bar move; the line between its base joints is ground, and both hinges meet at the tip."""
-    scene = fl.load_scene("five-bar", {"designs": []})
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    scene, _, lin = both("five-bar", {"designs": []})
     run = simulate(lin, 0.05, tol=1e-4)
     data = collect_frames(scene, lin, run)
     first = data["plays"][0]

@@ -1,16 +1,22 @@
-"""Whatever breaks in one stage is that stage's message; the rest of the report stands, with the verdict of every design."""
+"""Whatever breaks in one stage, or meets its limit of time, is that stage's message; the rest of the report stands, with the verdict of
+every design, and the page says nothing that the full one does not say."""
 
+import re
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from flexlin.analyses import Clock, judging
+import flexlin as fl
+from flexlin.analyses import Budget, Clock, judging
 from flexlin.analyses import analysis as stages
 from flexlin.cli import main
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
 from flexlin.report import page as pages
+from flexlin.report import write_report
 
 WEIGHTS = "state_weight=[1, 1, 1, 1], input_weight=[1.0]"
 DESIGNS = f"designs=[{{name='one', kind='periodic-lqr', {WEIGHTS}}}, {{name='two', kind='frozen-lqr', {WEIGHTS}}}]"
@@ -52,11 +58,8 @@ def test_broken_stages_leave_the_rest(broken: dict[str, str], report, monkeypatc
     assert ran.data["open_loop"]["verdict"] == "unstable"
     problems = " ".join(step["problem"] for step in ran.data["steps"] if "problem" in step)
     assert all(str(BREAKS[kind]()) in problems for kind in broken.values())
-    assert (
-        (ran.data["floquet"]["verdict"] == "failed")
-        is ("scene's PD           failed" in ran.out)
-        is ("floquet" in broken)
-    )
+    assert (ran.data["floquet"]["verdict"] == "failed") is ("floquet" in broken)
+    assert ("scene's PD           failed" in ran.out) is ("floquet" in broken)
 
 
 @pytest.mark.parametrize("fault", [NumericalError("no equations within 1 s"), TooLarge("equations too large")])
@@ -145,3 +148,93 @@ def test_a_chart_of_values_without_equations_stands(tmp_path, capsys):
     assert "1 stable, 0 unstable, 0 undecided, 3 failed" in said
     assert "no answer from critical values: M is not positive definite" in said
     assert (tmp_path / "chart.nc").exists()
+
+
+LQR = {"name": "lqr", "kind": "periodic-lqr", "state_weight": [1.0] * 4, "input_weight": [1.0]}
+SCENES = {
+    "single-link": {"links.0.modes": 1, "designs": [LQR]},
+    "spinning-link": {"effects.gravity.acceleration": 10.0, "motion.joints.0.rate": 3.9, "accuracy.tol": 1e-7},
+}
+"""A stable one with a design, and one that is unstable by parametric resonance."""
+RANGES = {"single-link": {"motion.frequency": (0.3, 0.6)}, "spinning-link": {"motion.joints.0.rate": (3.7, 4.1)}}
+NONE = re.compile(
+    r"[Nn]o design is better|nothing else compared|keeps its verdict[^;<]*|nothing has to be done|does not change inside"
+    r"|are the same|agree to the error|the linear model holds for this motion|needed: none|may be dropped: none"
+)
+"""What a page says of things that are not there, or that make no difference."""
+
+
+def exhaust(scene: str, folder: Path, monkeypatch: pytest.MonkeyPatch, exhausted: str = "") -> tuple[str, list[str]]:
+    """The page, and the names of the stages, of which one is given no time."""
+    stage = Clock.stage
+
+    def hurried(self, name, accuracy, work, *rest, **options):
+        def late():
+            raise TimeLimit(f"{name}: stopped at the time limit")
+
+        return stage(self, name, accuracy, late if name == exhausted else work, *rest, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Clock, "stage", hurried)
+        analysis, paths = write_report(fl.load_scene(scene, SCENES[scene]), folder, margins=RANGES[scene])
+    names = [step.name for step in getattr(analysis, "steps", ())]
+    return re.sub(r"\s+", " ", paths[0].read_text(encoding="utf-8")), names
+
+
+NOTED = {
+    "forced response: lqr": "tip error, peak torque and peak power could not be compared",
+    "critical values of motion.frequency": "was not searched to the end over motion frequency, of which nothing is said",
+    "cause of the instability": "What is behind it was not found: cause of the instability: stopped at the time limit",
+}
+"""Of stages what is said where they met their limit."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", SCENES)
+def test_no_stage_that_met_its_limit_is_read_as_none(scene, tmp_path, monkeypatch):
+    full, stages = exhaust(scene, tmp_path, monkeypatch)
+    said = set(NONE.findall(full))
+    tried = [name for name in stages if not name.startswith(("load", "figures"))]
+    assert len(tried) > 6
+    assert len(NOTED.keys() & {*tried}) == (2 if scene == "single-link" else 1)
+    for name in tried:
+        page, _ = exhaust(scene, tmp_path, monkeypatch, name)
+        assert "stopped at the time limit" in page, name
+        assert NOTED.get(name, "") in page
+        assert set(NONE.findall(page)) <= said, name
+
+
+COMMANDS = {
+    "report": ["single-link", "--sensitivity", "--loop-margins", "--set", "links.0.modes=1", "designs=[]"],
+    "chart": ["single-link", "--over", "motion.frequency=0.3:3:9", "effects.payload.mass=0.01:0.5:9"],
+    "chart line": ["spinning-link", "--over", "motion.joints.0.rate=2:4:9"],
+    "tune": ["single-link", "--gain", "control.feedback.kp.0=1:9", "--vary", "effects.payload.mass=0.01:0.1"],
+    "cost": ["single-link", "--set", "links.0.modes=0", "designs=[]"],
+    "effects": ["single-link", "--set", "links.0.modes=0", "designs=[]"],
+    "design": ["single-link"],
+    "respond": ["single-link", "--push", "tip 1 N 20 ms"],
+}
+NEEDED = "equations of motion", "linearization", "coefficients over a period", "exponents of all values", "figures"
+"""Stages without which there is no page."""
+WHOLE = NONE.pattern.replace("[^;<]*", "")
+SAID = re.compile(rf"{WHOLE}|noticed with the figures tried: none|(?:is|are) (?:stable|unstable|undecided)")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", COMMANDS)
+def test_what_is_made_in_a_hurry_says_nothing_that_the_full_answer_does_not(command, tmp_path, monkeypatch, capsys):
+    allow, arguments = Budget.allow, [command.split()[0], *COMMANDS[command], "--out"]
+
+    def hurried(self, name, *rest, **options):
+        allowed = allow(self, name, *rest, **options)
+        return allowed if name in NEEDED else replace(allowed, seconds=min(allowed.seconds, 0.05))
+
+    def statements(folder: Path) -> set[str]:
+        main([*arguments, str(folder)])
+        pages = [path.read_text(encoding="utf-8") for path in folder.rglob("*.html")]
+        text = re.sub(r"\s+", " ", " ".join([*capsys.readouterr(), *pages]))
+        return {re.sub(r"[\d.]+", "#", said) for said in SAID.findall(text)}
+
+    full = statements(tmp_path / "full")
+    monkeypatch.setattr(Budget, "allow", hurried)
+    assert statements(tmp_path / "hurried") <= full

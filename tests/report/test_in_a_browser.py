@@ -77,20 +77,6 @@ def test_nothing_is_cut_at_any_width(pages, page):
         assert len(set(found["feet"])) == ("chart" in page)  # the bar of colours stands beside the map
 
 
-@pytest.mark.slow
-def test_the_measure_sees_what_is_cut(tmp_path):
-    page = tmp_path / "page.html"
-    fits, cut = "<p style='width: 300px'>fits</p>", "<p style='white-space: nowrap; overflow: hidden'>"
-    page.write_text(f"<body>{fits}{cut}{'long ' * 200}")
-    assert all(len(found["cut"]) == 1 for found in measure(page))
-    page.write_text("<body style='margin: 0'><div style='width: 1000px'>wide</div>")
-    assert {found["width"]: found["wide"] > found["room"] for found in measure(page)} == {
-        390: True,
-        768: True,
-        1280: False,
-    }
-
-
 TURN = """<script>
 running = false;
 const there = () => place(...data.centre.map((value, i) => value + (i == 0 ? 1 : 0))), first = there();

@@ -38,23 +38,11 @@ def page_of(a: Analysis) -> str:
     return render_page(a, record(a), list(draw_pictures(a)), "flexlin report single-link")
 
 
-@pytest.fixture(scope="module")
-def html(single_link: Analysis) -> str:
-    return page_of(single_link)
-
-
-def test_the_page_fetches_nothing(html: str) -> None:
+def test_the_page_fetches_nothing_and_its_verdict_comes_before_the_figures(single_link: Analysis) -> None:
+    html = page_of(single_link)
     Links().feed(html)
     assert not re.search(r"@import|url\((?!#)|<script", html)
-
-
-def test_the_verdict_comes_before_the_figures(html: str) -> None:
     assert html.index("Stable") < html.index("What to do next") < html.index("<svg")
-
-
-def test_every_parameter_and_version_is_on_the_page(html: str, single_link: Analysis) -> None:
-    for word in ("effects.payload", "mass = ", "0.03", "bending_stiffness = ", "3.6866", "casadi", "numpy"):
-        assert word in html
 
 
 def test_each_figure_is_well_formed_and_takes_its_colours_from_the_page(single_link: Analysis) -> None:
@@ -129,16 +117,16 @@ def test_a_scene_without_dimensions_names_no_unit_of_length_or_time(report, tmp_
         fl.load_scene("spinning-link", {"units": "furlongs"})
 
 
-@pytest.mark.parametrize(
-    ("text", "written"),
-    [
-        ("0.0665 ± 1e-05 rad in q1", "0.0665 ±\u00a01×10⁻⁵\u00a0rad in q1"),
-        ("up to 3.22e+03 1/s", "up to 3220\u00a01/s"),
-        ("−4.5e+07 of 12 mN m, 3 %", "−4.5×10⁷ of 12\u00a0mN\u00a0m, 3\u00a0%"),
-        ("0.06 kg m^2 of 3 s and 2 links", "0.06\u00a0kg m² of 3\u00a0s and 2 links"),
-        ("file1e-05.toml, x1e+03, 5 measures", "file1e-05.toml, x1e+03, 5 measures"),
-    ],
-)
+WRITTEN = [
+    ("0.0665 ± 1e-05 rad in q1", "0.0665 ±\u00a01×10⁻⁵\u00a0rad in q1"),
+    ("up to 3.22e+03 1/s", "up to 3220\u00a01/s"),
+    ("−4.5e+07 of 12 mN m, 3 %", "−4.5×10⁷ of 12\u00a0mN\u00a0m, 3\u00a0%"),
+    ("0.06 kg m^2 of 3 s and 2 links", "0.06\u00a0kg m² of 3\u00a0s and 2 links"),
+    ("file1e-05.toml, x1e+03, 5 measures", "file1e-05.toml, x1e+03, 5 measures"),
+]
+
+
+@pytest.mark.parametrize(("text", "written"), WRITTEN)
 def test_numbers_stand_as_on_paper_and_keep_their_units(text: str, written: str) -> None:
     assert typeset(text) == written
 
@@ -147,12 +135,7 @@ def test_what_went_in_has_the_units_of_its_tables(single_link: Analysis) -> None
     """Of every table; none beside a text that bears its own; TOML's true and false."""
     shown = re.sub(r"<[^>]+>", "", page_of(single_link)).replace("\u00a0", " ")
     shown = shown[shown.index("Everything that went in") :]
-    for said in (
-        "length = 0.96 m,",
-        "bending_stiffness = 3.6866 N m²",
-        "frequency = 0.5 Hz",
-        "kp = 3 N m/rad,",
-        "passive = false",
-    ):
+    numbers = "length = 0.96 m,", "bending_stiffness = 3.6866 N m²", "frequency = 0.5 Hz", "kp = 3 N m/rad,"
+    for said in (*numbers, "passive = false", "casadi", "numpy"):
         assert said in shown, said
     assert "name = ," not in shown

@@ -15,20 +15,12 @@ from flexlin.report import draw_pictures, figures
 from flexlin.report.figures import choose_colour
 from flexlin.report.figures.chart import follow_lines
 from flexlin.report.figures.over_period import choose_shown, shift_from_mean
+from tests.closed_arm import control_loop
+from tests.mechanics.scenes import plain_scene
 
 LINK = {"length": 0.3, "mass_per_length": 0.5, "bending_stiffness": 20.0, "modes": 1}
-FIVE = {
-    "schema": 1,
-    "title": "an arm of five joints",
-    "links": [LINK] * 5,
-    "motion": {
-        "kind": "fourier",
-        "period": 1.0,
-        "joints": [{"mean": 0.2 * k, "sin": [0.1 * k + 0.1]} for k in range(5)],
-    },
-    "effects": {"gravity": {}},
-    "control": {"feedback": {"kind": "pd", "kp": [40.0] * 5, "kd": [4.0] * 5}},
-}
+TURNING = [{"mean": 0.2 * k, "sin": [0.1 * k + 0.1]} for k in range(5)]
+PD = {"feedback": {"kind": "pd", "kp": [40.0] * 5, "kd": [4.0] * 5}}
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +31,10 @@ def two_loops() -> Analysis:
 @pytest.fixture(scope="module")
 def large() -> Analysis:
     """An arm of five joints and five elastic coordinates."""
-    scene = fl.parse_scene(FIVE)
-    arm = fl.build_manipulator(scene)
-    plant, closed = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
+    motion = {"kind": "fourier", "period": 1.0, "joints": TURNING}
+    scene = plain_scene([LINK] * 5, motion, effects={"gravity": {}}, control=PD)
+    closed = control_loop(scene)
+    plant = fl.linearize(closed.arm, scene.motion)
     t = np.linspace(0.0, plant.period, 129)
     own, open_loop = (Loop(name, kind, None, "not asked") for name, kind in (("PD", "pd"), ("open loop", "open")))
     response = find_response(closed, closed.periodic_system(), t, 1e-6)
@@ -168,9 +161,8 @@ def test_words_stay_inside_their_axes() -> None:
         svg = draw([panel])
         frame = re.search(r'd="M([\d.]+),([\d.]+)V([\d.]+)H([\d.]+)"', svg)
         left, top, bottom, right = (float(number) for number in frame.groups())
-        ((x, y, anchor),) = re.findall(
-            r'<text x="([\d.]+)" y="([\d.]+)" style="[^"]*text-anchor:(\w+)[^"]*">principal', svg
-        )
+        written = r'<text x="([\d.]+)" y="([\d.]+)" style="[^"]*text-anchor:(\w+)[^"]*">principal'
+        ((x, y, anchor),) = re.findall(written, svg)
         assert anchor == asked
         width = measure_text("principal, order 2", SMALL_FONT)
         start = float(x) - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * width

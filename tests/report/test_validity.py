@@ -35,20 +35,18 @@ def test_a_meaningless_result_is_not_green(report) -> None:
     assert "0.968 m" in ran.out
 
 
-@pytest.mark.parametrize(
-    ("required", "verdict", "model", "met"),
-    [
-        ("stable", "stable", "invalid", False),
-        ("stable", "stable", "unknown", True),
-        ("stable", "stable", "valid", True),
-        ("valid", "stable", "unknown", False),
-        ("valid", "stable", "valid", True),
-        ("valid", "unstable", "valid", False),
-        ("linear-stable", "stable", "invalid", True),
-        ("linear-stable", "undecided", "valid", False),
-        (None, "unstable", "invalid", True),
-    ],
-)
+ASKED = [
+    ("stable", "stable", "invalid", False),
+    ("stable", "stable", "unknown", True),
+    ("valid", "stable", "unknown", False),
+    ("valid", "unstable", "valid", False),
+    ("linear-stable", "stable", "invalid", True),
+    ("linear-stable", "undecided", "valid", False),
+    (None, "unstable", "invalid", True),
+]
+
+
+@pytest.mark.parametrize(("required", "verdict", "model", "met"), ASKED)
 def test_what_each_requirement_asks(required: str | None, verdict: str, model: str, met: bool) -> None:
     assert meets(required, verdict, model) is met
 
@@ -90,9 +88,7 @@ def test_two_answers_apart_speak_against_the_model_where_it_matters() -> None:
 
 
 @pytest.mark.parametrize(("left", "verdict"), [(True, "invalid"), (False, "unknown")])
-def test_an_end_of_the_simulation_counts_where_the_arm_left_the_equations(
-    single_link: Analysis, left: bool, verdict: str
-) -> None:
+def test_an_end_of_the_simulation_counts_where_the_arm_left_the_equations(single_link, left, verdict) -> None:
     end = SimulationStopped("the nonlinear simulation stopped at t = 0.1 s", t=0.1, left_range=left)
     a = replace(single_link, simulation=None, stopped=end, problems={"simulation": str(end)})
     found = a.validity(a.own)

@@ -12,6 +12,7 @@ import flexlin as fl
 from flexlin.analyses import analyse
 from flexlin.cli import main
 from flexlin.report import advise, draw_sensitivity, record, to_json
+from tests.closed_arm import closed
 
 
 @pytest.mark.slow
@@ -76,10 +77,9 @@ EXACT = {"links.0.modes": 1, "control.feedforward": "tip-exact", "accuracy.tol":
 
 @pytest.mark.slow
 def test_the_report_follows_the_elastic_motion():
-    scene = fl.load_scene("single-link", EXACT)
-    found, plain = analyse(scene), analyse(fl.load_scene("single-link", {**EXACT, "control.feedforward": "rigid"}))
-    closed = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    forward = fl.control.feedforward(closed, "tip-exact", tol=1e-8)
+    rigid = {**EXACT, "control.feedforward": "rigid"}
+    found, plain = (analyse(fl.load_scene("single-link", changes)) for changes in (EXACT, rigid))
+    forward = fl.control.feedforward(found.closed, "tip-exact", tol=1e-8)
     assert found.response.tip_error.max() == pytest.approx(forward.tip_error, rel=1e-3)
     assert found.response.tip_error.max() < 0.05 * plain.response.tip_error.max()
     assert found.simulation.tip_error == pytest.approx(forward.tip_error, rel=0.05)
@@ -90,9 +90,8 @@ def test_the_report_follows_the_elastic_motion():
 
 
 def test_simulate_takes_the_scenes_feedforward_unless_another_is_given():
-    scene = fl.load_scene("single-link", EXACT)
-    closed = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    own, rigid = (fl.simulate(closed, 0.5, tol=1e-6, law=law) for law in (None, closed.law))
+    lin = closed("single-link", EXACT)
+    own, rigid = (fl.simulate(lin, 0.5, tol=1e-6, law=law) for law in (None, lin.law))
     assert own.tip_error < 0.05 * rigid.tip_error
 
 
@@ -116,11 +115,11 @@ def test_an_arm_that_swings_in_another_plane_is_the_same_arm(extra, tmp_path):
         assert [str(axis) for axis in data["axis"].values] == ["x", "y", "z"]
 
 
-DESIGN = '{name="end", kind="KIND", weights={joints="1 deg", rates="30 deg/s", deflection="10 mm", deflection_rates=1.0, input="1 N m"}}'
+WEIGHTS = 'weights={joints="1 deg", rates="30 deg/s", deflection="10 mm", deflection_rates=1.0, input="1 N m"}'
+DESIGNS = f'designs=[{{name="end", kind="finite-horizon-lqr", {WEIGHTS}}}]'
 MOTION = (
-    'motion={kind="point-to-point", move_time=0.5, dwell_time=0.2, course="one-way", joints=[{waypoints=[0.0, 0.8]}]}'
+    "motion={kind='point-to-point', move_time=0.5, dwell_time=0.2, course='one-way', joints=[{waypoints=[0, 0.8]}]}"
 )
-DESIGNS = "designs=[" + DESIGN.replace("KIND", "finite-horizon-lqr") + "]"
 SETS = ["--set", "links.0.modes=1", MOTION, DESIGNS, "--tol", "1e-5"]
 
 

@@ -53,9 +53,8 @@ def test_the_table_counts_what_the_judge_found(study):
         module.Outcome(2, 1e-9, crash="ValueError: no", seconds=0.4),
     ]
     row = module.summed("some", found)
-    assert (row.cases, row.answered, row.refused, row.crashed, row.wrong) == (4, 2, 1, 1, 1)
+    assert (row.cases, row.answered, row.refused, row.crashed, row.wrong, row.undecided) == (4, 2, 1, 1, 1, 1)
     assert (row.exponents, row.missed, row.missed3, row.worst, row.overestimate) == (3, 2, 1, 4.0, 6.0)
-    assert row.undecided == 1
     lines = module.findings("some", 1, found)
     assert len(lines) == 3
     assert "1000001: n = 2" in lines[1]

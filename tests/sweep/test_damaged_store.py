@@ -76,31 +76,19 @@ def assert_same(found, whole):
             assert np.array_equal(np.signbit(found[name].values.imag), np.signbit(whole[name].values.imag))
 
 
-def sweep_over(store, kept):
-    """A sweep over a damaged store gives what the whole one held, or is refused by the store's name."""
-    _, whole = kept
+@pytest.mark.parametrize("kind", [*KINDS, "several"])
+@pytest.mark.parametrize("seed", thin(range(6), 4))
+def test_damage_is_computed_again_or_refused(store, kept, kind, seed, capfd):
+    """A sweep over a damaged store gives what the whole one held, or is refused by the store's name; no library prints anything."""
+    rng, (_, whole) = np.random.default_rng(1000 * seed + len(kind)), kept
+    for one in rng.choice(KINDS, int(rng.integers(2, 7))) if kind == "several" else [kind]:
+        damage(store, one, rng)
     try:
         found, message = sweep_into(store), ""
     except (OutputError, ArgumentError) as error:
         found, message = whole, str(error)
     assert_same(found, whole)
     assert not message or str(store) in message
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", thin(range(6), 4))
-def test_damage_is_computed_again_or_refused(store, kept, kind, seed):
-    damage(store, kind, np.random.default_rng(1000 * seed + len(kind)))
-    sweep_over(store, kept)
-
-
-@pytest.mark.parametrize("seed", thin(range(6), 2))
-def test_several_damages_at_once_too(store, kept, seed, capfd):
-    """And nothing is printed by the libraries that meet them."""
-    rng = np.random.default_rng(seed)
-    for kind in rng.choice(KINDS, int(rng.integers(2, 7))):
-        damage(store, kind, rng)
-    sweep_over(store, kept)
     assert capfd.readouterr() == ("", "")
 
 

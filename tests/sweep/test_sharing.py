@@ -2,8 +2,6 @@
 
 import os
 import signal
-import subprocess
-import sys
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -107,18 +105,6 @@ def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, t
             break
     assert len(left) > 4
     assert left == sorted(left, reverse=True)
-    assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path), whole)
-
-
-def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
-    path = tmp_path / "chart"
-    script = (
-        "from tests.sweep.test_sharing import *;"
-        f"job = make_job(); keep_in({str(path)!r}, job);"
-        "job.watchers.append(lambda start, block: os.kill(os.getpid(), 9) if start > 200 else None); job.run(compute_here)"
-    )
-    done = subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[2], check=False)
-    assert done.returncode == -signal.SIGKILL
     assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path), whole)
 
 

@@ -144,9 +144,7 @@ def test_needs_are_learnt_from_values_all_over_the_plane():
     rng = np.random.default_rng(3)
     points = np.stack([np.exp(rng.uniform(-3, 2, 5000)), rng.uniform(-1, 4, 5000)], axis=1)
 
-    def need(p):
-        return 30.0 * p[:, 0] ** -0.4 * np.exp(0.1 * p[:, 1])
-
+    need = lambda p: 30.0 * p[:, 0] ** -0.4 * np.exp(0.1 * p[:, 1])  # noqa: E731
     kernel = MadeUp(need)
     needs = learn_needs(kernel, points, np.ones(2), TOL)
     found = needs.predict(points)
@@ -160,11 +158,8 @@ def test_needs_are_learnt_from_values_all_over_the_plane():
 def test_values_without_a_need_do_not_cost_the_others():
     """Half of the plane never meets tol: given up soon, and the other half is as well known."""
 
-    def need(p):
-        return np.where(p[:, 0] > 0, 20.0, np.inf)
-
     points = np.random.default_rng(1).uniform(-1, 1, (400, 1))
-    kernel = MadeUp(need)
+    kernel = MadeUp(lambda p: np.where(p[:, 0] > 0, 20.0, np.inf))
     needs = learn_needs(kernel, points, np.ones(2), TOL)
     assert np.all(SEGMENT_NUMBERS[needs.predict(points)] <= 23)
     assert needs.spread == 0.0
