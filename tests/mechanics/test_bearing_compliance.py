@@ -7,7 +7,7 @@ import pytest
 import flexlin as fl
 from flexlin.mechanics import directions_across, unit
 
-from .scenes import arm_of, held, linear, matrices_at_rest, plain_scene, swinging, value
+from .scenes import arm_of, held, linear, plain_scene, value
 from .spatial import scene_table
 
 
@@ -32,23 +32,6 @@ def test_a_rotor_on_a_soft_bearing_whirls(spin):
     expected = np.concatenate([whirl, whirl.conj()])
     apart = np.abs(found[:, None] - expected)
     assert max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-9 * np.abs(expected).max()
-
-
-def test_an_arm_on_a_soft_turret_droops_and_a_carriage_swings_across_its_rail():
-    """m g l = k beta; k - m g h holds a mass above its bearing; omega^2 = k / m across the rail."""
-    mass, reach, k = 2.0, 0.7, 400.0
-    links = [{"body": {"mass": mass, "centre": [reach, 0.0, 0.1], "inertia": {"xx": 0.1, "yy": 0.1, "zz": 0.1}}}]
-    links.append({"joint": "prismatic", "axis": [0, 1, 0], "body": {"mass": 3.0}})
-    effects = {"gravity": {"direction": [0, 0, -1]}, "bearing_compliance": {"stiffness": [k, 75.0]}}
-    arm = fl.build_manipulator(plain_scene(links, swinging(*[{"amplitude": 0.0}] * 2), effects=effects))
-    assert arm.names == ("q1", "q2", "beta11", "beta12", "beta21", "beta22")
-    g = value(arm, "g", np.zeros(6))[:, 0]
-    np.testing.assert_allclose(g[:4], [0, 0, 0, -mass * 9.81 * reach], atol=1e-12)
-    M, slope = matrices_at_rest(arm)
-    np.testing.assert_allclose(np.diag(slope)[2:4], k - mass * 9.81 * 0.1, rtol=1e-6)
-    np.testing.assert_allclose(slope[4:, 4:], 75.0 * np.eye(2), atol=1e-12)
-    np.testing.assert_allclose(M[4:, 4:], 3.0 * np.eye(2), atol=1e-12)
-    assert M[3, 3] == pytest.approx(0.1 + mass * (reach**2 + 0.1**2))
 
 
 def test_a_bearing_that_does_not_give_has_no_coordinates():

@@ -3,13 +3,12 @@
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.linalg import eigh, expm
 from scipy.optimize import brentq
 
 import flexlin as fl
 
-from .scenes import LINK, arm_of, clamped_mode, held, linear, matrices_at_rest, plain_scene
+from .scenes import arm_of, held, linear, matrices_at_rest, plain_scene
 
 BEAM = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0}
 
@@ -78,31 +77,6 @@ def test_a_flat_blade_turns_back_into_the_plane_of_rotation():
     found = lowest_frequency(turning(link, {"rotary_inertia": {"radius_of_gyration": radius}}, rate))
     expected = (np.pi / 2) ** 2 * 3.0 / polar + rate**2 * (2 * radius**2 - polar) / polar
     assert found**2 == pytest.approx(expected, rel=3e-6)  # the root is to 1e-6
-
-
-@pytest.mark.parametrize("radius", [0.0, 0.08])
-@pytest.mark.parametrize("angle", [0.0, 0.9])
-def test_stiffness_of_a_turning_link(radius, angle):
-    """K_L(2, 2) = EI k11 + q'^2 (G + r H - Bw) - g sin(q) H, with G, H by adaptive quadrature of a closed-form mode.
-
-    S = m_E int X'^2, G = 1/2 rhoA int (l^2 - x^2) X'^2 + l S, H = rhoA int (l - x) X'^2 + S. Source: Simo, Vu-Quoc (1987).
-    """
-    length, density, stiffness = LINK["length"], LINK["mass_per_length"], LINK["bending_stiffness"]
-    payload, rate, g, beta = 0.07, 4.0, 9.81, 1.8751040687119612
-
-    def integral(f):
-        rule = quad(lambda x: f(x) * (clamped_mode(x / length, 1) / length) ** 2, 0, length, epsabs=1e-13, epsrel=1e-13)
-        return rule[0]
-
-    S = payload * integral(lambda x: 1.0)
-    G = density / 2 * integral(lambda x: length**2 - x**2) + length * S
-    H = density * integral(lambda x: length - x) + S
-    Bw = density * length + 4 * payload
-    effects = {"gravity": {}, "payload": {"mass": payload}, "hub": {"radius": radius}, "geometric_stiffening": {}}
-    arm = arm_of({"modes": 1}, effects=effects)
-    K = ca.Function("K", [arm.s, arm.s_dot, arm.s_ddot], [ca.jacobian(arm.residual, arm.s)[1, 1]])
-    expected = stiffness / length**3 * beta**4 + rate**2 * (G + radius * H - Bw) - g * np.sin(angle) * H
-    assert float(K([angle, 0], [rate, 0], [0, 0])) == pytest.approx(expected, rel=1e-10)
 
 
 OMEGA_0 = np.sqrt(1.0 / (0.2 * 0.5**4))  # sqrt(EI / (rho A l^4)) of the tests' link

@@ -4,7 +4,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import eigh
-from scipy.spatial.transform import Rotation
 
 import flexlin as fl
 from flexlin.mechanics import Coordinate, Ends, bending_shapes, make_shapes
@@ -15,20 +14,6 @@ from .spatial import random_chain, scene_table
 
 CARRIAGE = {"length": 0.0, "mass_per_length": 0.0, "modes": 0, "joint": "prismatic"}
 ROD = {"length": 0.6, "mass_per_length": 0.5, "modes": 0}
-
-
-def test_pendulum_on_a_cart():
-    """Cart mass m_c on a rail, rod of mass m, length l: the textbook's equations."""
-    arm = arm_of(CARRIAGE, ROD, effects={"gravity": {}, "hub": {"mass": [0.7, 0.0]}})
-    m, length, g = 0.3, 0.6, 9.81
-    for seed in range(3):
-        (x, q), (_, rate), (a, b) = random_state(arm, seed)
-        expected = [
-            (0.7 + m) * a - m * length / 2 * (np.sin(q) * b + np.cos(q) * rate**2),
-            m * length**2 / 3 * b - m * length / 2 * np.sin(q) * a + m * g * length / 2 * np.cos(q),
-        ]
-        got = value(arm, "residual", np.array([x, q]), np.array([1.3, rate]), np.array([a, b]))[:, 0]
-        np.testing.assert_allclose(got, expected, rtol=1e-12)
 
 
 def test_moving_base_is_a_prescribed_carriage():
@@ -167,31 +152,6 @@ def test_a_model_of_ones_own_has_joints_where_the_motion_is_and_elastic_coordina
     assert build("wrist", "q", "walk").coordinates == (joints[0], Coordinate("elastic", "q", "m", None), joints[1])
     with pytest.raises(fl.errors.ModelError, match="2 names"):
         build("a", "b")
-
-
-LINK = {"length": 0.6, "mass_per_length": 0.5, "bending_stiffness": 9.0, "modes": 2}
-EFFECTS = {"payload": {"mass": 0.2, "inertia": 0.01}, "geometric_stiffening": {}, "modal_damping": {"ratio": 0.01}}
-
-
-def test_turning_and_moving_a_whole_scene_changes_nothing():
-    """Gravity with it: the same exponents, gains and all. A planar arm is then one in space."""
-    control = {"feedback": {"kind": "pd", "kp": [30.0, 10.0], "kd": [3.0, 1.0]}}
-    link = {**LINK, "modes": 1, "joint": "revolute"}
-    raw = scene_table([link, {**link, "mount_angle": 0.4}], **EFFECTS)
-    raw |= {"control": control, "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}] * 2}}
-    turn = Rotation.from_rotvec([0.3, -1.1, 0.7])
-
-    def exponents(links, direction):
-        table = {**raw, "links": links, "effects": raw["effects"] | {"gravity": {"direction": list(direction)}}}
-        scene = fl.parse_scene(table)
-        lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-        return fl.floquet(lin.periodic_system(), 1e-10).exponents
-
-    base = {"xyz": [0.4, 2.0, -0.7], "rpy": turn.as_euler("xyz").tolist()}
-    plain = exponents(raw["links"], [0.0, -1.0, 0.0])
-    turned = exponents([{**raw["links"][0], "mount": base}, raw["links"][1]], turn.apply([0.0, -1.0, 0.0]))
-    distance = np.abs(plain[:, None] - turned).min(axis=1)
-    assert distance.max() <= 1e-9 * np.abs(plain).max()
 
 
 def test_the_axis_may_stay_a_symbol():

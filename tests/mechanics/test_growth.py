@@ -38,12 +38,8 @@ def test_a_planar_arm_costs_what_a_planar_code_costs(name):
     assert arm.points.shape[0] == 2
 
 
-CURVED = {
-    1: 800,
-    2: 1200,
-    4: 2300,
-    6: 4300,
-}  # the same of the residual at any deflection, by modes: some ten for each pair of places
+CURVED = {1: 800, 2: 1200, 4: 2300, 6: 4300}
+"""The same of the residual at any deflection, by modes: some ten for each pair of places."""
 
 
 @pytest.mark.parametrize("modes", CURVED)

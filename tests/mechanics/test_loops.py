@@ -1,5 +1,6 @@
 """Loops of a scene's own links: positions against closed forms, equations against multipliers, refusals with their time."""
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import casadi as ca
@@ -7,29 +8,30 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 import flexlin as fl
+from flexlin.checks import Array
 from flexlin.mechanics import close_loop
 from flexlin.scene import revise_scene
-from tests.mechanics.loop_scenes import ENDS, Arms, Z, accelerations, nearest, random_rssr, raw, rssr_angles
 from tests.thinned import thin
 
 from .scenes import arm_of, linear, plain_scene, swinging, value
 
+ENDS = {"five-bar": [2], "spatial-four-bar": [2], "delta": [2, 7, 12]}
+"""Which drawn points of the tree without loops are the ends that loops hold to the last link."""
 
-@pytest.mark.parametrize("seed", thin(range(6), 2))
-def test_a_random_rssr_is_where_the_closed_form_has_it(seed):
-    """Positions by the input-output equation."""
-    table, bars, length, angle, at = random_rssr(np.random.default_rng(20 + seed))
-    arm, ways = fl.build_manipulator(fl.parse_scene(table)), 0
-    for crank in angle + np.linspace(0, 0.6, 13):
-        both = rssr_angles(bars, length, crank)
-        if not np.all(np.isfinite(both)) or np.ptp(np.cos(both)) + np.ptp(np.sin(both)) < 0.3:
-            break  # near a dead point
-        at = nearest(both, at)
-        assert_allclose(value(arm, "followers", [crank])[-1, 0], at, rtol=0, atol=1e-12)
-        ways += 1
-    assert ways > 0
+
+def raw(name, **changes):
+    """A shipped scene as plain data."""
+    table = fl.load_scene(name).model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
+    return {**table, **changes}
+
+
+def accelerations(arm, u, u_dot, torque):
+    M, B = (np.array(x) for x in ca.Function("f", [arm.s], [arm.M, arm.B])(u))
+    rest = np.array(arm.functions["residual"](u, u_dot, np.zeros(arm.n), []))[:, 0]
+    return np.linalg.solve(M, B @ torque - rest)
 
 
 @pytest.mark.parametrize("name", thin(["five-bar", "spatial-four-bar", "delta"]))
@@ -106,14 +108,54 @@ def test_free_numbers_move_the_closure(flexible):
     assert_allclose(found.full(), value(built, "residual", *state), rtol=1e-9)
 
 
+@dataclass(frozen=True)
+class Arms:
+    """Bars that turn about fixed axes: bases (k, 3), directions at zero (k, 3), axes (k, 3), lengths (k,)."""
+
+    bases: Array
+    along: Array
+    axes: Array
+    lengths: Array
+
+    def ends(self, q: Array) -> Array:
+        """Their ends (k, 3)."""
+        turned = Rotation.from_rotvec(self.axes * q[:, None]).apply(self.along)
+        return self.bases + self.lengths[:, None] * turned
+
+
+def rssr_angles(arms: Arms, coupler: float, crank: float) -> Array:
+    """Both rocker angles for a crank angle, by |a - b| = l; nan out of reach.
+
+    With b = b0 + r (n cos phi + (e x n) sin phi): A cos phi + B sin phi = C. Source: Hartenberg, Denavit (1964), chapter 12.
+    """
+    a = arms.ends(np.array([crank, 0.0]))[0]
+    n, across, r = arms.along[1], np.cross(arms.axes[1], arms.along[1]), arms.lengths[1]
+    d = arms.bases[1] - a
+    A, B, C = 2 * r * d @ n, 2 * r * d @ across, coupler**2 - d @ d - r**2
+    with np.errstate(invalid="ignore"):
+        return np.arctan2(B, A) + np.array([1.0, -1.0]) * np.arccos(C / np.hypot(A, B))
+
+
+def nearest(angles, to):
+    """The angle nearest to another, whole turns apart."""
+    shifted = to + (angles - to + np.pi) % (2 * np.pi) - np.pi
+    return shifted[np.argmin(np.abs(shifted - to))]
+
+
+def four_bar(crank):
+    """Crank and rocker of the shipped four-bar with a crank of this length; its coupler is 0.9 m long."""
+    along = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    return Arms(
+        np.array([[0.0, 0, 0], [0.1, 0.9, 0]]), along, np.array([[0, 0, 1.0], [1.0, 0, 0]]), np.array([crank, 0.5])
+    )
+
+
 def test_a_crank_goes_round_and_round():
     """A full turn of the shipped four-bar's crank against the input-output equation, and a verdict of that motion."""
     motion = {"kind": "rotation", "joints": [{"rate": 6.0}]}
     scene = fl.load_scene("spatial-four-bar", {"motion": motion, "links.2.modes": 0, "designs": []})
     arm = fl.build_manipulator(scene)
-    along = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    bars = Arms(np.array([[0.0, 0, 0], [0.1, 0.9, 0]]), along, np.array([Z, [1.0, 0, 0]]), np.array([0.2, 0.5]))
-    at = scene.links[3].posture
+    bars, at = four_bar(0.2), scene.links[3].posture
     for crank in np.linspace(0, 4 * np.pi, 97):
         at = nearest(rssr_angles(bars, 0.9, crank), at)
         found = np.array(arm.functions["followers"]([crank], []))[-1, 0]
@@ -123,24 +165,18 @@ def test_a_crank_goes_round_and_round():
 
 
 def test_a_dead_point_is_refused_with_its_time():
-    """The crank leaves the range in which the rocker follows: the time is a root of the input-output equation."""
-    table, bars, length, angle, _ = random_rssr(np.random.default_rng(1))
-    table["motion"]["joints"] = [{"mean": angle, "amplitude": 3.1}]
+    """A crank as long leaves the range in which the rocker follows: the time is a root of the input-output equation."""
+    bars = four_bar(0.6)
 
-    def room(crank):
-        a = bars.ends(np.array([crank, 0.0]))[0]
-        d, r = bars.bases[1] - a, bars.lengths[1]
-        flat = d - (d @ bars.axes[1]) * bars.axes[1]
-        return (2 * r) ** 2 * flat @ flat - (length**2 - d @ d - r**2) ** 2
+    def room(t):
+        d = bars.bases[1] - bars.ends(np.array([3.1 * np.sin(2 * np.pi * t), 0.0]))[0]
+        r, flat = bars.lengths[1], d - (d @ bars.axes[1]) * bars.axes[1]
+        return (2 * r) ** 2 * flat @ flat - (0.9**2 - d @ d - r**2) ** 2
 
-    def swing(t):
-        return angle + 3.1 * np.sin(2 * np.pi * t)
-
-    t = np.linspace(0, 0.25, 400)
-    first = next((a, b) for a, b in pairwise(t) if room(swing(b)) < 0)
-    dead = brentq(lambda t: room(swing(t)), *first)
+    dead = brentq(room, *next(ends for ends in pairwise(np.linspace(0, 0.25, 400)) if room(ends[1]) < 0))
+    longer = {"links.0.length": 0.6, "links.2.modes": 0, "motion": swinging({"amplitude": 3.1}), "designs": []}
     with pytest.raises(fl.errors.SingularClosure, match=rf"dead point.*t = {dead:.5f}"):
-        linear(fl.parse_scene(table))
+        linear(fl.load_scene("spatial-four-bar", longer))
 
 
 @pytest.mark.slow
