@@ -10,7 +10,11 @@ from numpy.testing import assert_allclose
 
 import flexlin.kronecker as kr
 from flexlin.errors import ArgumentError
-from tests.series.test_explicit import slope
+
+
+def slope(errors, steps):
+    """The observed order."""
+    return np.polyfit(np.log(steps), np.log(errors), 1)[0]
 
 
 def normal(*shape, seed=0):
