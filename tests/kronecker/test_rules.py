@@ -107,27 +107,6 @@ def model():
     return x, y, A
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (3, 1), (3, 2)])
-@pytest.mark.parametrize("order", range(5))
-def test_remainder_of_taylor_sum_falls_with_order(model, shape, order):
-    x, _, A = model
-    A = ca.substitute(A, model[1], ca.DM([0.3, -0.2]))[: shape[0], : shape[1]]
-    x0, angles = np.array([[0.5], [0.3]]), np.linspace(0, np.pi, 7)
-    jets = [kr.derivative(A, x, k) for k in range(order + 1)]
-    derivatives = [d.full() for d in ca.Function("jets", [x], jets).call([x0])]
-    exact = ca.Function("A", [x], [A])
-
-    def error(delta):
-        return np.linalg.norm(kr.taylor_sum(derivatives, delta) - exact(x0 + delta).full())
-
-    d = np.array([[0.05], [-0.11]])
-    in_symbols = ca.Function("s", [x], [kr.taylor_sum(jets, ca.DM(d))])
-    assert_allclose(in_symbols(x0).full(), kr.taylor_sum(derivatives, d), rtol=1e-13)
-    steps = np.geomspace(0.01, 0.05, 5)
-    errors = [max(error(h * np.array([[np.cos(a)], [np.sin(a)]])) for a in angles) for h in steps]
-    assert abs(slope(errors, steps) - (order + 1)) < 0.25
-
-
 def test_linearization_of_two_vectors_49_50(model):
     x, y, A = model
     x0, y0 = np.array([[0.2], [-0.4]]), np.array([[0.5], [0.1]])

@@ -1,7 +1,5 @@
 """Families of systems from expressions: against Mathieu's functions, `floquet` at each value, SciPy; what does not fit."""
 
-import pickle
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -108,16 +106,6 @@ def test_values_with_no_answer_do_not_disturb_the_others():
     found = fl.sweep(family, {"a": [1.0, -1.0, 1.0, 0.5], "q": [0.2, 0.2, 1.0, 0.3]})
     assert found.verdict.values[1:3].tolist() == ["failed", "failed"]
     assert np.isfinite(found.error.values[[0, 3]]).all()
-
-
-def test_families_pickle_and_say_what_they_are():
-    family = random_family(3, 1)
-    again = pickle.loads(pickle.dumps(family))
-    point, times = {"a": 0.3, "q": 1.0}, np.linspace(0, 2, 7)
-    assert np.array_equal(again.at(point).A(times), family.at(point).A(times))
-    assert "paths=('a', 'q')" in repr(family)
-    assert len(repr(family).splitlines()) <= 12
-    assert (family.n, family.paths) == (3, ("a", "q"))
 
 
 SQUARE = ca.SX.eye(2)

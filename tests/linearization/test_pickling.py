@@ -15,7 +15,6 @@ import pytest
 import flexlin as fl
 from flexlin import series, simulation
 from flexlin.errors import FlexlinError
-from flexlin.linearization import parametric_loop
 from tests import public_results as made_of
 from tests.closed_arm import both, closed
 
@@ -124,12 +123,6 @@ def test_an_arm_that_came_back_is_linearized_as_before():
     scene, _, lin = both("de-luca-siciliano-1991", {})
     again = fl.linearize(pickle.loads(pickle.dumps(lin.arm)), scene.motion, scene.control)
     assert_same(numbers(lin, T), numbers(again, T))
-
-
-def test_free_numbers_stay_free(tmp_path):
-    paths = ["effects.payload.mass", "motion.frequency", "control.feedback.kp.0"]
-    loop = parametric_loop(fl.load_scene("single-link"), paths)
-    check({"loop": loop, "linearization": loop.linearization, "at": loop.at(1.2 * loop.nominal)}, tmp_path, fresh=False)
 
 
 @pytest.mark.slow

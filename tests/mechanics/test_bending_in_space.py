@@ -70,15 +70,6 @@ def test_lateral_buckling():
     assert 9.81 * brentq(lowest, 0.9 * load / 9.81, 1.1 * load / 9.81) == pytest.approx(load, rel=1e-3)
 
 
-def test_a_flat_blade_turns_back_into_the_plane_of_rotation():
-    """The propeller moment: omega^2 = omega_0^2 + Omega^2 (J_z - J_y) / J_x for the twist of a blade."""
-    polar, radius, rate = 0.02, 0.12, 5.0
-    link = {**BEAM, "modes": {"torsion": 4}, "torsional_stiffness": 3.0, "polar_inertia": polar}
-    found = lowest_frequency(turning(link, {"rotary_inertia": {"radius_of_gyration": radius}}, rate))
-    expected = (np.pi / 2) ** 2 * 3.0 / polar + rate**2 * (2 * radius**2 - polar) / polar
-    assert found**2 == pytest.approx(expected, rel=3e-6)  # the root is to 1e-6
-
-
 OMEGA_0 = np.sqrt(1.0 / (0.2 * 0.5**4))  # sqrt(EI / (rho A l^4)) of the tests' link
 
 

@@ -1,4 +1,4 @@
-"""The chain: joints, bases, shapes and tapers, names and kinds of coordinates, and whole scenes turned and moved."""
+"""The chain: shapes and tapers, names and kinds of coordinates, what tables contradict, and how many instructions the equations have."""
 
 import casadi as ca
 import numpy as np
@@ -7,25 +7,12 @@ from scipy.linalg import eigh
 
 import flexlin as fl
 from flexlin.mechanics import Coordinate, Ends, bending_shapes, make_shapes
+from flexlin.scene import builtin_scenes
+from studies.scaling import scene_of as chain_of
 from tests.thinned import thin
 
-from .scenes import arm_of, linear, matrices_at_rest, plain_scene, random_state, scene_of, swinging, value
+from .scenes import arm_of, linear, matrices_at_rest, random_state, scene_of, swinging, value
 from .spatial import random_chain, scene_table
-
-CARRIAGE = {"length": 0.0, "mass_per_length": 0.0, "modes": 0, "joint": "prismatic"}
-ROD = {"length": 0.6, "mass_per_length": 0.5, "modes": 0}
-
-
-def test_moving_base_is_a_prescribed_carriage():
-    """A base that shakes sideways with x = a cos wt turns gravity's direction: K = -m l/2 (sin q g + cos q x'') about q."""
-    joints = [{"amplitude": 0.05, "drive": "prescribed"}, {"mean": 0.4, "amplitude": 0.0}]
-    lin = linear(plain_scene([CARRIAGE, ROD], swinging(*joints, frequency=2.0), effects={"gravity": {}}))
-    t = np.linspace(0, 0.5, 7)
-    acceleration = lin.motion.sample(t)[2][:, 0]
-    np.testing.assert_allclose(np.abs(acceleration).max(), 0.05 * (2 * np.pi * 2.0) ** 2, rtol=0.2)
-    expected = -0.3 * 0.6 / 2 * (np.cos(0.4) * acceleration + np.sin(0.4) * 9.81)
-    assert lin.names == ("q2",)
-    np.testing.assert_allclose(lin.K(t)[:, 0, 0], expected, rtol=1e-10, atol=1e-12)
 
 
 def free_frequencies(shapes, modes, hub=0.03):
@@ -174,3 +161,42 @@ def test_the_puma_is_the_published_one():
     np.testing.assert_allclose(M[0], [3.6594, -0.4044, 0.1006, -0.0025, 0, 0], atol=6e-5)
     np.testing.assert_allclose(np.diag(M), [3.6594, 4.4137, 0.9378, 0.1925, 0.1713, 0.1941], atol=1.1e-4)
     np.testing.assert_allclose(value(arm, "g", q)[:, 0], [0, 31.6399, 6.0351, 0, 0.0283, 0], atol=6e-5)
+
+
+PLANAR = {  # instructions of the residual and of (M, D, K, h) when frames and moments knew the plane only
+    (1, 2): (498, 272),
+    (2, 2): (1200, 1877),
+    (3, 3): (3186, 7707),
+    (6, 1): (2184, 12444),
+    "de-luca-siciliano-1991": (1123, 1739),
+    "pick-and-place": (973, 1893),
+    "quanser-flexible-link": (150, 92),
+    "rigid-flexible-forearm": (419, 472),
+    "rotating-beam": (1112, 242),
+    "single-link": (499, 271),
+    "three-link": (1088, 2993),
+}
+
+
+@pytest.mark.parametrize("name", PLANAR, ids=str)
+def test_a_planar_arm_costs_what_a_planar_code_costs(name):
+    """Frames and moments are spatial; what never leaves the plane has no entries, and so no instructions."""
+    scene = fl.load_scene(builtin_scenes()[name]) if isinstance(name, str) else chain_of(*name)
+    arm = fl.build_manipulator(scene)
+    lin = fl.linearize(arm, scene.motion, scene.control)
+    counts = arm.near.functions["residual"].n_instructions(), lin.coefficients.n_instructions()
+    assert counts[0] <= 1.05 * PLANAR[name][0]
+    assert counts[1] <= 1.05 * PLANAR[name][1]
+    assert arm.points.shape[0] == 2
+
+
+CURVED = {1: 800, 2: 1200, 4: 2300, 6: 4300}
+"""The same of the residual at any deflection, by modes: some ten for each pair of places."""
+
+
+@pytest.mark.parametrize("modes", CURVED)
+def test_a_curve_costs_the_square_of_its_places(modes):
+    """2 n + 6 places: fewer instructions than the second order of many modes with its Coriolis terms, and square in n."""
+    effects = {"gravity": {}, "payload": {"mass": 0.1}, "geometric_stiffening": {}, "modal_damping": {"ratio": 0.01}}
+    arm = fl.build_manipulator(scene_of({"modes": modes}, effects=effects))
+    assert arm.functions["residual"].n_instructions() < CURVED[modes]
