@@ -45,18 +45,6 @@ def test_rules_against_casadi_derivatives(m, p, s, n):
         assert_allclose(symbolic, expected, rtol=1e-12, atol=1e-13)
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_constant_factors_columns_and_rows_21_to_25(order):
-    x, C, E = ca.SX.sym("x", 3), normal(2, 4), np.eye(2)
-    A = polynomial_matrix(x, 2, 2, 40)
-    parts = [A, A @ C, A[:, 0], A[:, 1], A[0, :], A[1, :]]
-    whole, product, *parts = numbers(x, normal(3, 1), *[kr.derivative(part, x, order) for part in parts])
-    assert_allclose(whole @ np.kron(C, kr.kronecker_power(np.eye(3), order)), product, rtol=1e-12, atol=1e-12)  # (21)
-    joined = sum(c @ np.kron(E[[i]], np.eye(3**order)) for i, c in enumerate(parts[:2]))
-    assert_allclose(joined, whole, rtol=1e-13)  # (25)
-    assert_allclose(sum(E[:, [i]] @ r for i, r in enumerate(parts[2:])), whole, rtol=1e-13)  # (23), row by row
-
-
 def test_chain_and_inverse_rules():
     c, b = ca.SX.sym("c", 2), ca.SX.sym("b", 3)
     A = polynomial_matrix(b, 3, 3, 50) + 5 * ca.DM.eye(3)

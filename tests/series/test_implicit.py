@@ -22,12 +22,6 @@ def planar_tip(base, lengths, angles):
     return x
 
 
-def four_bar():
-    """Crank, coupler relative to the crank, rocker."""
-    s = ca.SX.sym("s", 3)
-    return Closure(planar_tip([0, 0], (0.2, 0.5), (s[0], s[1])) - planar_tip([0.4, 0], (0.35,), (s[2],)), s)
-
-
 def rssr():
     """Crank about z; coupler by azimuth s0 + s1 and elevation -s2 turned by s0 + s1; rocker about x through (0.2, 0.3, 0.1)."""
     s = ca.SX.sym("s", 4)
@@ -42,8 +36,6 @@ LOOPS = {
     "5-bar inverse": (five_bar(BASE, LEFT, RIGHT), POSE, (4, 5)),
     "5-bar forward": (five_bar(BASE, LEFT, RIGHT), POSE, (0, 2)),
     "5-bar mixed": (five_bar(BASE, LEFT, RIGHT), POSE, (0, 5)),
-    "4-bar": (four_bar(), [0.9, -0.8, 1.3], (0,)),
-    "4-bar from its rocker": (four_bar(), [0.9, -0.8, 1.3], (2,)),
     "RSSR": (rssr(), [0.7, 0.6, -0.3, 2.8], (0,)),
 }
 
