@@ -28,7 +28,7 @@ STIFFENED = {"geometric_stiffening": {}}
 THIN = {"length": 1.0, "mass_per_length": 0.162, "bending_stiffness": 1.4}
 
 
-def light_arm(seed, **more):
+def light_arm(seed, **besides):
     """A thin link without a hub, on any axis in space or in the plane, that carries another; sections up to a fifth as high as long.
 
     From 12 on, odd ones are coupled by twist without being shortened.
@@ -48,7 +48,7 @@ def light_arm(seed, **more):
         modes["torsion"] = max(modes["torsion"], 1)
         del effects["geometric_stiffening"]
     first = {**THIN, "modes": modes, **({**more, "axis": axis} if space else {})}
-    return arm_of(first, {**THIN, "modes": 2}, effects=effects | more), rng
+    return arm_of(first, {**THIN, "modes": 2}, effects=effects | besides), rng
 
 
 @pytest.mark.slow

@@ -86,20 +86,6 @@ def test_branches_and_the_chosen_chain(tmp_path):
             fl.scene_from_urdf(path, **ends)
 
 
-def test_a_joint_that_follows_another(tmp_path):
-    """q3 = 2 q2 + 0.1 is no coordinate; its forces act on q2 twice."""
-    links = random_chain(np.random.default_rng(3), 3, fixed=0.0)
-    links[2]["joint"] = "revolute"
-    mimic = '<mimic joint="j2" multiplier="2" offset="0.1"/><parent link="l2"'
-    scene = fl.scene_from_urdf(put(tmp_path, xml_of(links).replace('<parent link="l2"', mimic)))
-    assert sum(link.moves for link in scene.links) == 2
-    q, rate, acceleration = np.random.default_rng(1).normal(size=(3, 2))
-    full = [np.append(x, 2 * x[1] + extra) for x, extra in ((q, 0.1), (rate, 0.0), (acceleration, 0.0))]
-    forces = inverse_dynamics(links, *full)
-    expected = forces[:2] + np.array([0, 2 * forces[2]])
-    np.testing.assert_allclose(residual(scene, q, rate, acceleration), expected, rtol=1e-10)
-
-
 def test_springs_and_gears_of_the_r3():
     """Published springs on the motor's side, c gear^2: 474075, 352800, 208800 N m/rad; axes 4 to 6 are stiff."""
     scene = fl.load_scene("manutec-r3")
