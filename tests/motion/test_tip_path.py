@@ -13,6 +13,7 @@ from flexlin.errors import MotionError, SceneError, ToleranceNotReached
 from flexlin.mechanics import five_bar
 from flexlin.motion.closed_loop import through_loop
 from tests.mechanics.scenes import plain_scene, swinging, value
+from tests.mechanics.spatial import random_chain
 
 BAR = {"mass_per_length": 1.0}
 T = 2.0
@@ -59,33 +60,18 @@ def spectral_rates(motion, count=128):
     return t, *(np.fft.ifft(k**order * waves, axis=0).real for order in (1, 2))
 
 
-def chain_pose(links, q):
-    """The last link's frame of a chain of turning joints: rotation and position."""
-    R, p = np.eye(3), np.zeros(3)
-    for link, angle in zip(links, q, strict=True):
-        p = p + R @ link["mount"]["xyz"]
-        R = R @ Rotation.from_euler("xyz", link["mount"]["rpy"]).as_matrix()
-        axis = np.array(link["axis"]) / np.linalg.norm(link["axis"])
-        R = R @ Rotation.from_rotvec(axis * angle).as_matrix()
-    return R, p
-
-
-def random_links(rng, joints):
-    body, links = {"mass": 1.0, "inertia": {"xx": 0.1, "yy": 0.1, "zz": 0.1}}, []
-    for _ in range(joints):
-        axis, xyz = rng.normal(size=(2, 3)).tolist()
-        links.append({"body": body, "axis": axis, "mount": {"xyz": xyz, "rpy": rng.uniform(-3, 3, 3).tolist()}})
-    return links
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_random_arms_follow_random_circles(seed):
     """Joints that are just enough, and more than that, with and without orientation; the path begins where some posture has the tip."""
     rng = np.random.default_rng(seed)
     joints = int(rng.integers(4, 8))  # the last one only turns the tip
-    links, q0 = random_links(rng, joints), rng.uniform(-2, 2, joints)
-    R, p = chain_pose(links, q0)
+    links = [link | {"joint": "revolute"} for link in random_chain(rng, joints, fixed=0.0)]
+    arm, q0 = (
+        fl.build_manipulator(plain_scene(links, swinging(*[{"amplitude": 0.0}] * joints))),
+        rng.uniform(-2, 2, joints),
+    )
+    R, p = value(arm, "rotation", q0), value(arm, "points", q0)[:, -1]
     turned = bool(joints >= 6 and rng.random() < 0.7)
     more = {"rpy": Rotation.from_matrix(R).as_euler("xyz").tolist()} if turned else {}
     normal = rng.normal(size=3)
@@ -93,12 +79,11 @@ def test_random_arms_follow_random_circles(seed):
     motion, _, _ = lead(links, path, postures(*q0 + rng.normal(size=joints) * 0.05))
     t, rate, second = spectral_rates(motion)
     q, q1, q2 = motion.sample(t)
-    poses = [chain_pose(links, row) for row in q]
-    away = np.array([place for _, place in poses]) - p
+    away = np.array([value(arm, "points", row)[:, -1] for row in q]) - p
     assert_allclose(np.linalg.norm(away, axis=1), 0.02, rtol=0, atol=1e-12)
     assert_allclose(away @ normal, 0, atol=1e-12)
     if turned:
-        assert_allclose(np.array([rotation for rotation, _ in poses]), np.broadcast_to(R, (len(t), 3, 3)), atol=1e-10)
+        assert_allclose([value(arm, "rotation", row) for row in q], np.broadcast_to(R, (len(t), 3, 3)), atol=1e-10)
     assert_allclose(q1, rate, atol=1e-9 * max(np.abs(rate).max(), 1))
     assert_allclose(q2, second, atol=1e-8 * max(np.abs(second).max(), 1))
     assert_allclose(motion.sample(np.array([0.0, T, 7 * T]))[0], np.tile(q[0], (3, 1)), atol=1e-12)
