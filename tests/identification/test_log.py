@@ -65,29 +65,22 @@ def test_parts_and_every_tenth_row():
     assert sorted(log.to_xarray()) == ["q1", "q1_input"]
 
 
-def spoiled(**columns):
-    return {**COLUMNS, **columns}
-
-
-def late(row):
-    time = 1000 * T
-    time[row] = time[row - 1]
-    return time
-
-
 @pytest.mark.parametrize(
     ("columns", "said"),
     [
-        (spoiled(ms=late(7)), "do not increase; got 0.03 s before 0.03 s in rows 7 and 8"),
+        (
+            COLUMNS | {"ms": 1000 * np.r_[T[:7], T[6], T[8:]]},
+            "do not increase; got 0.03 s before 0.03 s in rows 7 and 8",
+        ),
         ({"ms": T, "current_A": T}, "lacks columns.*expected angle_rad"),
         ({k: v[:10] for k, v in COLUMNS.items()}, "too short; got 10 samples, expected 20"),
-        (spoiled(angle_rad=np.full(200, np.nan)), "q1 has no reading"),
-        (spoiled(angle_rad=np.array([*"ab"] * 100)), "angle_rad is not numeric; got 'a' in row 1"),
-        (spoiled(current_A=np.where(T[3] == T, np.inf, T)), "current_A is not numeric; got .inf. in row 4"),
-        (spoiled(angle_rad=1e160 * T), r"angle_rad is not numeric; got '5\.0*4?e.157' in row 2"),
-        (spoiled(ms=np.where(T[3] == T, np.nan, T)), "time is not finite"),
-        (spoiled(angle_rad=T[:-1]), "wrong shape"),
-        (spoiled(angle_rad=T + 1j), r"angle_rad is not numeric; got '1j' in row 1"),
+        (COLUMNS | {"angle_rad": np.full(200, np.nan)}, "q1 has no reading"),
+        (COLUMNS | {"angle_rad": np.array([*"ab"] * 100)}, "angle_rad is not numeric; got 'a' in row 1"),
+        (COLUMNS | {"current_A": np.where(T[3] == T, np.inf, T)}, "current_A is not numeric; got .inf. in row 4"),
+        (COLUMNS | {"angle_rad": 1e160 * T}, r"angle_rad is not numeric; got '5\.0*4?e.157' in row 2"),
+        (COLUMNS | {"ms": np.where(T[3] == T, np.nan, T)}, "time is not finite"),
+        (COLUMNS | {"angle_rad": T[:-1]}, "wrong shape"),
+        (COLUMNS | {"angle_rad": T + 1j}, r"angle_rad is not numeric; got '1j' in row 1"),
         (None, "this is no log; got None, expected the name of a file, or columns by name"),
     ],
 )

@@ -78,11 +78,6 @@ def each(value, i, single=True):
     return (value[i] if i < len(value) else 0.0) if isinstance(value, tuple) else value if single else 0.0
 
 
-def tensor(table):
-    """An inertia (3, 3) from its table."""
-    return np.array([[table.xx, table.xy, table.xz], [table.xy, table.yy, table.yz], [table.xz, table.yz, table.zz]])
-
-
 class Elastic:
     """The shapes of a link in one direction at Gauss nodes of pieces."""
 
@@ -202,7 +197,7 @@ class Jury:
                 inertia = each(bearing.inertia, i) * (np.eye(3) - np.outer(axis, axis))
                 found.append((p, before, 0.0, np.zeros(3), inertia))
             if link.body:
-                found.append((p, R, link.body.mass, np.array(link.body.centre), tensor(link.body.inertia)))
+                found.append((p, R, link.body.mass, np.array(link.body.centre), np.array(link.body.inertia.rows())))
             of_link, tip = self.bend(i, link, R, p, pick)
             found += of_link
             tips.append(tip)
@@ -211,7 +206,7 @@ class Jury:
                 mass, inertia, offset = (each(getattr(payload, key), i, last) for key in ("mass", "inertia", "offset"))
                 centre, J = np.array([offset, 0.0, 0.0]), np.diag([0.0, 0.0, inertia])
                 if last:
-                    centre, J = centre + payload.centre, J + tensor(payload.tensor)
+                    centre, J = centre + payload.centre, J + np.array(payload.tensor.rows())
                 found.append((tip[1], tip[0], mass, centre, J))
         return found, tips[-1]
 
