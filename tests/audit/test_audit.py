@@ -73,11 +73,7 @@ def test_figures_that_a_scene_does_not_bear_are_not_called_its_fault():
 def figures_from_scratch(**overrides):
     """Margin, slower frequency, tip error and instructions of a scene read anew, by none of the audit's own code."""
     lin = control_loop(quanser(**overrides))
-    system, times, t = (
-        lin.periodic_system(),
-        lin.period * np.arange(9) / 9,
-        np.linspace(0, lin.period, 256, endpoint=False),
-    )
+    system, times, t = lin.periodic_system(), lin.period * np.arange(9) / 9, lin.period * np.arange(256) / 256
     slower = [np.sqrt(np.abs(eigvals(K, M)).min()) for K, M in zip(lin.K(times), lin.M(times), strict=True)]
     states = fl.forced_response(system, lin.forcing)(t)
     away = np.linalg.norm(tip_positions(lin, t, states) - tip_positions(lin, t, 0 * states), axis=1)

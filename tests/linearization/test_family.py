@@ -116,8 +116,6 @@ BAD = {
     "a stranger in the period": lambda: fl.PeriodicFamily(SQUARE * a, t, [a], q),
     "a period of the time": lambda: fl.PeriodicFamily(SQUARE * a, t, [a], 1 + t),
     "no period": lambda: fl.PeriodicFamily(SQUARE * a, t, [a], 0.0),
-    "a negative period": lambda: fl.PeriodicFamily(SQUARE * a, t, [a], -1.0),
-    "a period that is no number": lambda: fl.PeriodicFamily(SQUARE * a, t, [a], np.nan),
     "numbers that are none": lambda: fl.PeriodicFamily(np.array([[np.nan]]), t, [a], 1.0),
     "no parameters": lambda: fl.PeriodicFamily(SQUARE, t, [], 1.0),
     "a parameter twice": lambda: fl.PeriodicFamily(SQUARE * a, t, [a, a], 1.0),

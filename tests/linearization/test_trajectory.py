@@ -87,10 +87,7 @@ def test_a_finite_trajectory_is_a_horizon():
         ({"u": 0}, r"does not solve x' = f.*in x\[1\]"),
         ({"x": ca.DM([0, 0, 0])}, r"f does not fit the trajectory.*\(3, 1\)"),
         ({"u": ca.DM([0, 0])}, r"f does not fit the trajectory"),
-        (
-            {"u": None},
-            r"f does not fit the trajectory.*give fl\.Trajectory\(x, u, \.\.\.\) all states x and all inputs u",
-        ),
+        ({"u": None}, r"f does not fit the trajectory.*give fl\.Trajectory\(x, u.*all states x and all inputs u"),
         ({"t": None}, r"x holds symbols that are not known.*got t"),
         ({"x": ca.DM([[0, 0]])}, r"x is no column"),
         ({"breaks": (3.0,)}, r"a break lies outside the trajectory"),
@@ -155,7 +152,6 @@ def test_a_dict_is_a_motion_table():
     ("table", "match"),
     [
         ({}, "motion.kind"),
-        ({"kind": "harmonics"}, "motion.kind"),
         ({**MOTION, "frequncy": 1.0}, "frequncy"),
         ({**MOTION, "frequency": -1.0}, "frequency"),
         ({**MOTION, "frequency": 10**400}, "frequency"),
@@ -170,8 +166,6 @@ def test_a_wrong_table_is_refused_key_by_key(table, match):
     "given",
     [
         {"B": ca.DM([[1], [0]]), "joints": [0, 1]},
-        {"B": ca.DM([[1], [-1]]), "joints": None},
-        {"B": ca.DM([[1, 0], [0, 1]]), "joints": [0]},
         {"B": ca.DM([[0, 0], [1, 1]]), "joints": [0, 1]},
         {"B": ca.DM([[1, 1], [1, 1]]), "joints": [0, 1]},
         {"B": ca.DM([[0], [1]]), "joints": [0]},

@@ -99,14 +99,6 @@ def test_a_model_must_stay_finite_along_the_motion():
 PAYLOAD = "effects.payload.mass"
 
 
-def falling(angle: float = -1.2, payload: float = 0.03) -> tuple[fl.Scene, fl.Linearization]:
-    """The single link at rest, without control: it falls."""
-    joints = [{"mean": angle, "amplitude": 0.0}]
-    free = {"motion.joints": joints, "control.feedforward": "none", "control.feedback": {"kind": "none"}}
-    scene = fl.load_scene("single-link", {"designs": [], **free, "effects.payload.mass": payload})
-    return scene, fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-
-
 def test_names():
     flexible = {"joint_flexibility": {"stiffness": [50.0, 0.0], "motor_inertia": 0.05}}
     plant = arm_of({}, {"modes": 0}, effects=flexible).to_control("plant")
@@ -130,12 +122,11 @@ def test_its_rates_solve_the_equations():
 
 
 def test_free_parameters_are_those_of_the_system():
-    scene, _ = falling()
-    arm = fl.build_manipulator(scene, [PAYLOAD])
-    plant, x, u = arm.to_control(), np.array([-1.0, 0.01, 0.0, 0.2, 0.0, 0.1]), np.zeros(1)
-    assert plant.params == {PAYLOAD: scene.effects.payload.mass}
-    heavy, found = falling(payload=0.3)[1].arm.to_control(), plant.dynamics(0.0, x, u, params={PAYLOAD: 0.3})
-    np.testing.assert_allclose(found, heavy.dynamics(0.0, x, u), rtol=1e-10)
+    plain, heavy = (fl.load_scene("single-link", {"designs": []} | more) for more in ({}, {PAYLOAD: 0.3}))
+    plant, x, u = fl.build_manipulator(plain, [PAYLOAD]).to_control(), [-1.0, 0.01, 0.0, 0.2, 0.0, 0.1], np.zeros(1)
+    assert plant.params == {PAYLOAD: plain.effects.payload.mass}
+    expected = fl.build_manipulator(heavy).to_control().dynamics(0.0, x, u)
+    np.testing.assert_allclose(plant.dynamics(0.0, x, u, params={PAYLOAD: 0.3}), expected, rtol=1e-10)
 
 
 def test_a_periodic_load_needs_the_period():

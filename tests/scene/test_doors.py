@@ -76,12 +76,6 @@ def test_what_an_arm_can_have_is_let_in(door, tmp_path):
     assert knock(door, "0.0" if door in list(DOORS)[1:3] else "0.25", tmp_path) == 0
 
 
-@pytest.mark.parametrize("wrong", ["", "x", "1" * (LONGEST_NUMBER + 1), "1e31", "nan", "-inf", "1,5"])
-def test_read_number_refuses(wrong):
-    with pytest.raises(ValueError, match=r"a number from -1e\+30 to 1e\+30"):
-        read_number(wrong)
-
-
 def test_read_number_reads_to_its_bounds():
     read = [read_number(text) for text in (" 1e30", "-1E30 ", ".5", "0" * (LONGEST_NUMBER - 1) + "7")]
     assert read == [LARGEST_NUMBER, -LARGEST_NUMBER, 0.5, 7.0]
