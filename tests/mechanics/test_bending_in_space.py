@@ -7,7 +7,6 @@ from scipy.linalg import eigh, expm
 from scipy.optimize import brentq
 
 import flexlin as fl
-from flexlin.mechanics import directions_across, unit
 
 from .scenes import arm_of, held, linear, matrices_at_rest, plain_scene
 from .spatial import scene_table
@@ -100,15 +99,6 @@ def test_timoshenko_against_the_exact_solution():
     exact = timoshenko_cantilever(3, gyration, shear) * OMEGA_0
     np.testing.assert_allclose(cantilever(effects), exact, rtol=1e-9)
     assert np.all(cantilever({"shear": effects["shear"]}) > exact * 1.0001)  # rotary inertia slows every mode
-
-
-def test_the_two_directions_across_any_axis():
-    rng = np.random.default_rng(1)
-    for axis in (*np.eye(3), *-np.eye(3), *rng.normal(size=(20, 3)), np.array([1e-9, 0, -1.0])):
-        across = np.array(ca.DM(ca.densify(directions_across(unit(axis)))))
-        E = np.column_stack([across, axis / np.linalg.norm(axis)])
-        np.testing.assert_allclose(E.T @ E, np.eye(3), atol=1e-12)
-        assert np.linalg.det(E) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("spin", [0.0, 3.0, 40.0])

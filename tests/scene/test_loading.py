@@ -159,9 +159,7 @@ WRITTEN = {
     "links.0.length": ("960 mm", 0.96),
     "links.0.bending_stiffness": ("3.6866e6 N mm^2", 3.6866),
     "links.0.mass_per_length": ("1.6486 g/cm", 0.16486),
-    "effects.payload.mass": ("30 g", 0.03),
     "effects.hub.inertia": ("5859.8 g cm^2", 5.8598e-4),
-    "effects.gravity.acceleration": ("981 cm/s^2", 9.81),
     "motion.frequency": ("500 mHz", 0.5),
     "accuracy.memory": ("500 MB", 5e8),  # refused, though the JSON schema allowed such a text
     "motion.joints.0.amplitude": ("30 deg", math.pi / 6),
