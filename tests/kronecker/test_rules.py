@@ -105,17 +105,13 @@ def test_linearization_of_two_vectors_49_50(model):
 
 
 def test_linearized_product_52_is_the_jacobian(model):
+    """Of numbers and of symbols."""
     x, y, A = model
-    point = [np.array([0.2, -0.4]), np.array([0.5, 0.1])]
-    product = A @ y
-    by_y, by_x = ca.Function("J", [x, y], [ca.jacobian(product, y), ca.jacobian(product, x)]).call(point)
-    D = ca.Function("D", [x, y], [A, kr.derivative(A, y), kr.derivative(A, x), product])
-    A0, DyA, DxA, value = (d.full() for d in D.call(point))
+    point, by_y, by_x = [np.array([0.2, -0.4]), np.array([0.5, 0.1])], kr.derivative(A, y), kr.derivative(A, x)
+    symbolic, product = kr.linearized_product(A, y, by_y, by_x), A @ y
+    parts = [A, by_y, by_x, *symbolic, product, ca.jacobian(product, y), ca.jacobian(product, x)]
+    A0, DyA, DxA, *found = (part.full() for part in ca.Function("D", [x, y], parts).call(point))
     result = kr.linearized_product(A0, point[1][:, None], DyA, DxA)
-    assert_allclose(result.value, value, rtol=1e-14)
-    assert_allclose(result.by_y, by_y.full(), rtol=1e-13)
-    assert_allclose(result.by_x, by_x.full(), rtol=1e-13)
-
-    symbolic = kr.linearized_product(A, y, kr.derivative(A, y), kr.derivative(A, x))
-    for ours, numeric in zip(ca.Function("s", [x, y], list(symbolic)).call(point), result, strict=True):
-        assert_allclose(ours.full(), numeric, rtol=1e-13)
+    for numeric, of_symbols, judge in zip((result.value, result.by_y, result.by_x), found[:3], found[3:], strict=True):
+        assert_allclose(numeric, judge, rtol=1e-13)
+        assert_allclose(of_symbols, judge, rtol=1e-13)
