@@ -21,6 +21,7 @@ from flexlin.mechanics import bending_shapes
 from flexlin.scene import builtin_scenes
 from tests.thinned import thin
 
+from .jury import skew
 from .scenes import LINK, arm_of, scene_of
 from .test_jury import random_scene
 
@@ -133,11 +134,6 @@ def cross(v, w):
     return v[..., [1, 2, 0]] * w[..., [2, 0, 1]] - v[..., [2, 0, 1]] * w[..., [1, 2, 0]]
 
 
-def skew(v):
-    """v~ of vectors (..., 3)."""
-    return cross(v[..., None, :], np.eye(3)).swapaxes(-1, -2)
-
-
 def segment_form(length, mass, payload):
     """a (n, n) with T = 1/2 sum a_ij e_i'.e_j' of rigid segments: the lever l_i times (m_j / 2 + all beyond j) l_j."""
     beyond = np.append(np.cumsum(mass[::-1])[::-1][1:], 0.0) + payload
@@ -176,7 +172,7 @@ def swing_segments(across, up, count, t, beside):
         theta = np.stack([between[:, j, i] - between[:, i, j] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1) / 2
         sine = np.linalg.norm(theta, axis=1, keepdims=True) + 1e-300
         theta = theta * np.arcsin(sine) / sine
-        K = skew(theta)
+        K = skew(theta[:, :, None])
         moment = (E - K / 2 + K @ K / 12) @ (
             springs @ theta[:, :, None]
         )  # in the axes of the segment behind; to the fourth order
@@ -185,7 +181,7 @@ def swing_segments(across, up, count, t, beside):
         force[:-1] += moment
         found = np.zeros(3 * bodies)
         found[free] = np.linalg.solve(M.reshape(3 * bodies, -1)[np.ix_(free, free)], force.ravel()[free])
-        return np.r_[(skew(w) @ R).ravel(), found]
+        return np.r_[(skew(w[:, :, None]) @ R).ravel(), found]
 
     run = solve_ivp(rates, (0.0, t[-1]), np.r_[start.ravel(), np.zeros(3 * bodies)], "DOP853", t, rtol=1e-7, atol=1e-8)
     assert run.success
