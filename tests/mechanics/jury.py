@@ -163,9 +163,8 @@ class Jury:
             R, p = tips[self.parents[i]] if self.parents[i] >= 0 else ground
             p = p + R @ Series.of(np.array(link.mount.xyz)[:, None])
             roll, pitch, yaw = link.mount.rpy
-            for axis, angle in zip(np.eye(3)[::-1], (yaw, pitch, roll), strict=True):
-                R = R @ turn_about(axis, Series.of(np.full((1, 1, 1), angle)))
-            R = R @ turn_about([0, 0, 1], Series.of(np.full((1, 1, 1), link.mount_angle)))
+            for axis, angle in zip("zyxz", (yaw, pitch, roll, link.mount_angle), strict=True):
+                R = R @ turn_about(np.eye(3)["xyz".index(axis)], Series.of(np.full((1, 1, 1), angle)))
             axis = np.array(link.axis or ((1.0, 0, 0) if link.joint == "prismatic" else (0, 0, 1.0)), float)
             axis = axis / np.linalg.norm(axis)
             place = self.moving.index(i) if i in self.moving else None
