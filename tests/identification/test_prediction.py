@@ -74,12 +74,6 @@ def test_gain_offset_delay_and_sensors_are_taken_into_account():
     assert min(found.fit.values()) > 99.5
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("wrong", [{"gain": -1.0}, {"gain": 0.8}, {"delay": 0.06}])
-def test_a_wrong_sign_gain_or_delay_of_the_torque_is_seen(wrong):
-    assert fl.predict(load(wrong, {"q1": {"column": "q"}}), log_of()[0]).fit["q1"] < 97
-
-
 def test_columns_that_say_so_add_up_at_their_joint():
     """One reading loses a share of another: u = 0.7 u + 0.3 u. Two columns that name one joint by chance are refused."""
     log, outputs = log_of()[0], {"q1": {"column": "q"}}

@@ -32,6 +32,7 @@ def test_what_a_link_is_said_to_carry_shapes_it():
         ({}, {"tip_force": {"frame": "base"}}, "effects.tip_force.frame: got 'base'"),
         ({}, {"tip_force": {"phase": 0.4}}, "harmonic of at least 1 beside phase"),
         ({}, {"motor": {"torque_constant": 1.0}}, "resistance"),
+        ({}, {"coulomb_friction": {"torque": 0.1, "static": 0.2, "at": "motor"}}, "only joints stick"),
         ({"modes": {"torsion": 1}, "polar_inertia": 1.0}, {}, "links.0.torsional_stiffness"),
         ({"modes": {"torsion": 1}, "torsional_stiffness": 1.0}, {}, "links.0.polar_inertia"),
         ({"modes": {"z": 1}, "bending_stiffness": None}, {}, "links.0.bending_stiffness"),

@@ -29,13 +29,6 @@ NEUTRAL = {
 }
 
 
-def test_motor_input_is_the_voltage():
-    """N k / R on each joint."""
-    motor = {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": [50.0, 30.0]}
-    volts = np.diag([50.0 * 0.05 / 2, 30.0 * 0.05 / 2, *[0.0] * 4])[:, :2]
-    np.testing.assert_allclose(ca.DM(arm_of({}, {}, effects={"motor": motor}).B).full(), volts, rtol=1e-14)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", known_effects())
 def test_an_effect_adds_its_own_coordinates_and_instructions_only(name):
@@ -99,9 +92,3 @@ def test_grease_resists_by_a_power_of_the_rate(at):
     expected = {"joint": [0.7 * 0.4**0.4, 0.0], "motor": [0.0, -0.7 * 0.5**0.4]}[at]
     assert arm.names == ("q1", "theta1")
     assert found[1] - found[0] == pytest.approx(expected, rel=1e-5)
-
-
-def test_motors_do_not_stick():
-    table = {"torque": 0.1, "static": 0.2, "at": "motor"}
-    with pytest.raises(fl.errors.SceneError, match="only joints stick"):
-        fl.load_scene("single-link", FLEXIBLE | {"effects.coulomb_friction": table})
