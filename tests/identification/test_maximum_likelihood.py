@@ -25,8 +25,6 @@ NOISE = {"q1": 1e-3, "tip.x": 5e-4, "tip.y": 5e-4}
 
 SCENE = fl.load_scene("single-link", RUBBING)
 TORQUE = 0.3 * swing(TIME)[0]
-OFF = 3.5
-"""How many of its errors a number may be off."""
 
 
 @cache
@@ -53,8 +51,8 @@ def fit(scene, log=None, free=FREE, **more):
 
 
 def is_near(found, scene=SCENE):
-    """Whether all numbers are as near to their true ones as their errors say."""
-    return all(abs(value - get_value(scene, path)) < OFF * found.errors[path] for path, value in found.values.items())
+    """Whether all numbers are as near to their true ones as three and a half of their errors."""
+    return all(abs(value - get_value(scene, path)) < 3.5 * found.errors[path] for path, value in found.values.items())
 
 
 def beside(scene, paths, seed=0):

@@ -113,7 +113,6 @@ BAD = {
     "a break that is a matrix": lambda: fl.PeriodicFamily(SQUARE * a, t, [a], 1.0, breaks=[SQUARE]),
     "shapes that differ": lambda: fl.PeriodicFamily.from_second_order(SQUARE, SQUARE, ca.SX.eye(3), t, [a], 1.0),
     "a missing value": lambda: mathieu().at({"a": 1.0}),
-    "another name": lambda: mathieu().at({"a": 1.0, "b": 1.0}),
     "a value that is no number": lambda: mathieu().at([1.0, np.nan]),
     "a period that vanishes": lambda: fl.PeriodicFamily(SQUARE * a, t, [a], a).at([0.0]),
     "a break outside": lambda: fl.PeriodicFamily(SQUARE * a, t, [a], 1.0, breaks=[a]).at([2.0]),

@@ -143,7 +143,6 @@ PLANAR = {  # instructions of the residual and of (M, D, K, h) when frames and m
     (2, 2): (1200, 1877),
     (6, 1): (2184, 12444),
     "pick-and-place": (973, 1893),
-    "rotating-beam": (1112, 242),
     "single-link": (499, 271),
     "three-link": (1088, 2993),
 }

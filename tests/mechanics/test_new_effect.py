@@ -57,16 +57,9 @@ SCENE, RIGID = (["single-link", "--set", f"links.0.modes={modes}", "designs=[]"]
 ON = [*SCENE, "effects.bearing_springs={stiffness=[2.5]}"]
 
 
-def test_check_knows_it(capsys):
-    for words, known in ((ON, True), (SCENE, False)):
-        assert main(["check", *words]) == 0
-        assert ("bearing_springs" in capsys.readouterr().out) == known
-
-
 WRONG = {
     "effects.bearing_springs={stiffness=-1.0}": ("effects.bearing_springs.stiffness", "greater than 0"),
     "effects.bearing_springs={stiffness=[1.0, 2.0]}": ("effects.bearing_springs.stiffness", "1, one for each link"),
-    "effects.bearing_springs={stifness=1.0}": ("effects.bearing_springs.stifness", "did you mean 'stiffness'"),
     "effects.bearing_spring={stiffness=1.0}": ("effects.bearing_spring:", "did you mean 'bearing_springs'"),
 }
 

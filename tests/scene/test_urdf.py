@@ -189,16 +189,14 @@ def test_what_resists_a_joint_that_follows_resists_its_leader(tmp_path):
     assert scene.effects.coulomb_friction.torque == pytest.approx((0, 1.0, 0, 0.75, 0))
 
 
-BODY = '<inertial><mass value="0.3"/><inertia ixx="{0}" iyy="{0}" izz="{0}"/></inertial>'
-
-
 @pytest.mark.parametrize(("parent", "kind"), [("base", "fixed"), ("link_2", "revolute")])
 def test_a_negative_inertia_beside_the_chain_is_not_judged(parent, kind, tmp_path):
     """On what stands still, and behind a joint that is left out: as the antennas of TIAGo and the legs of Romeo."""
     tip = fl.scene_from_urdf(R3).links[-1].name.replace("axis", "link")
 
     def scene_with(parent, kind):
-        antenna = f'<link name="antenna">{BODY.format("-3e-3")}</link>'
+        body = '<inertial><mass value="0.3"/><inertia ixx="-3e-3" iyy="-3e-3" izz="-3e-3"/></inertial>'
+        antenna = f'<link name="antenna">{body}</link>'
         joint = f'<joint name="a" type="{kind}"><parent link="{parent}"/><child link="antenna"/></joint></robot>'
         return fl.scene_from_urdf(put(tmp_path, TEXT.replace("</robot>", antenna + joint)), tip=tip)
 
