@@ -2,14 +2,13 @@
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
 from flexlin.errors import OutputError
-from flexlin.files import replacing, results
+from flexlin.files import results
 from flexlin.files import sets as switching
 from tests.files.reader import contents, interrupt, leftovers, standing
 from tests.thinned import thin
@@ -186,39 +185,4 @@ def test_a_folder_in_the_place_of_a_file_is_refused_before_anything_moves(tmp_pa
     (folder / "c-cost").write_text("a file")
     with pytest.raises(OutputError, match="c-cost cannot be written; got a file, expected a folder"):
         write(folder, "new", "cost")
-    assert leftovers(folder) == []
-
-
-def test_many_writers_on_one_place(tmp_path):
-    """Eight threads; a reader that holds on to the folder, or to the manifest, never sees parts of two sets."""
-    folder, single, seen, digits = tmp_path / "out", tmp_path / "single.txt", [], []
-    write(folder, "first")
-
-    def work(number: int) -> None:
-        for turn in range(6):
-            write(folder, f"{number}.{turn}", more=(f"c-export/only-{number}.c",))
-            with replacing(single) as temporary:
-                temporary.write_text(f"{number}" * 5000)
-
-    with ThreadPoolExecutor(8) as pool:
-        works = [pool.submit(work, number) for number in range(8)]
-        while not all(one.done() for one in works):
-            handle = os.open(folder, os.O_RDONLY)
-            with suppress(FileNotFoundError):  # the folder that is held is an old one, which is being taken away
-                parts = set()
-                for path in ("export.html", "export.json", "c-export/gain.c", "c-export/main.c"):
-                    part = os.open(path, os.O_RDONLY, dir_fd=handle)
-                    parts.add(os.read(part, 100).decode().partition(" ")[0])
-                    os.close(part)
-                seen.append(parts)
-            os.close(handle)
-            if single.exists():
-                digits.append(set(single.read_text()))
-    assert [one.result() for one in works] == [None] * 8
-    assert len(seen) > 10
-    assert all(len(found) == 1 for found in (*seen, *digits))
-    last = mark_of(folder)
-    assert last is not None
-    assert last.endswith(".5")
-    assert sorted(path.name for path in folder.glob("c-export/only-*")) == [f"only-{last[0]}.c"]
     assert leftovers(folder) == []

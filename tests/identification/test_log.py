@@ -1,5 +1,6 @@
 """Logs: what is read, what is said of what is missing, and broken ones."""
 
+import io
 import json
 
 import numpy as np
@@ -23,35 +24,33 @@ STIFF = fl.load_scene("single-link", {"links.0.modes": 0, "designs": []})
 COLUMNS = {"ms": 1000 * T, "current_A": np.sin(T), "angle_rad": np.cos(T), "other": T}
 
 
-def write_csv(path):
-    path.write_text(pandas.DataFrame(COLUMNS).to_csv(index=False))
-    return path
+FRAME, DATASET = pandas.DataFrame(COLUMNS), xarray.Dataset({k: ("row", v) for k, v in COLUMNS.items()})
 
 
-def write_npz(path):
-    np.savez(path.with_suffix(".npz"), **COLUMNS)
-    return path.with_suffix(".npz")
+def pack(columns):
+    """The bytes of an .npz."""
+    made = io.BytesIO()
+    np.savez(made, **columns, allow_pickle=True)
+    return made.getvalue()
 
 
-def write_netcdf(path):
-    made = xarray.Dataset({k: ("row", v) for k, v in COLUMNS.items()})
-    made.to_netcdf(path.with_suffix(".nc"), engine="scipy")
-    return path.with_suffix(".nc")
+KINDS = {
+    "log.csv": FRAME.to_csv(index=False).encode(),
+    "log.npz": pack(COLUMNS),
+    "log.nc": bytes(DATASET.to_netcdf(engine="scipy")),
+    "frame": FRAME,
+    "dataset": DATASET,
+    "columns": COLUMNS,
+}
 
 
-@pytest.mark.parametrize(
-    "given",
-    [
-        write_csv,
-        write_npz,
-        write_netcdf,
-        lambda path: pandas.DataFrame(COLUMNS),
-        lambda path: xarray.Dataset({k: ("row", v) for k, v in COLUMNS.items()}),
-        lambda path: COLUMNS,
-    ],
-)
-def test_every_kind_of_file_and_table_is_read_alike(given, tmp_path):
-    log = fl.read_log(given(tmp_path / "log.csv"), SCENE)
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_file_and_table_is_read_alike(kind, tmp_path):
+    given = KINDS[kind]
+    if isinstance(given, bytes):
+        (tmp_path / kind).write_bytes(given)
+        given = tmp_path / kind
+    log = fl.read_log(given, SCENE)
     assert np.allclose(log.time, T)
     assert log.step == pytest.approx(0.005)
     assert np.allclose(log.inputs["q1"], np.sin(T))
@@ -66,29 +65,22 @@ def test_parts_and_every_tenth_row():
     assert sorted(log.to_xarray()) == ["q1", "q1_input"]
 
 
-def spoiled(**columns):
-    return {**COLUMNS, **columns}
-
-
-def late(row):
-    time = 1000 * T
-    time[row] = time[row - 1]
-    return time
-
-
 @pytest.mark.parametrize(
     ("columns", "said"),
     [
-        (spoiled(ms=late(7)), "do not increase; got 0.03 s before 0.03 s in rows 7 and 8"),
+        (
+            COLUMNS | {"ms": 1000 * np.r_[T[:7], T[6], T[8:]]},
+            "do not increase; got 0.03 s before 0.03 s in rows 7 and 8",
+        ),
         ({"ms": T, "current_A": T}, "lacks columns.*expected angle_rad"),
         ({k: v[:10] for k, v in COLUMNS.items()}, "too short; got 10 samples, expected 20"),
-        (spoiled(angle_rad=np.full(200, np.nan)), "q1 has no reading"),
-        (spoiled(angle_rad=np.array([*"ab"] * 100)), "angle_rad is not numeric; got 'a' in row 1"),
-        (spoiled(current_A=np.where(T[3] == T, np.inf, T)), "current_A is not numeric; got .inf. in row 4"),
-        (spoiled(angle_rad=1e160 * T), r"angle_rad is not numeric; got '5\.0*4?e.157' in row 2"),
-        (spoiled(ms=np.where(T[3] == T, np.nan, T)), "time is not finite"),
-        (spoiled(angle_rad=T[:-1]), "wrong shape"),
-        (spoiled(angle_rad=T + 1j), r"angle_rad is not numeric; got '1j' in row 1"),
+        (COLUMNS | {"angle_rad": np.full(200, np.nan)}, "q1 has no reading"),
+        (COLUMNS | {"angle_rad": np.array([*"ab"] * 100)}, "angle_rad is not numeric; got 'a' in row 1"),
+        (COLUMNS | {"current_A": np.where(T[3] == T, np.inf, T)}, "current_A is not numeric; got .inf. in row 4"),
+        (COLUMNS | {"angle_rad": 1e160 * T}, r"angle_rad is not numeric; got '5\.0*4?e.157' in row 2"),
+        (COLUMNS | {"ms": np.where(T[3] == T, np.nan, T)}, "time is not finite"),
+        (COLUMNS | {"angle_rad": T[:-1]}, "wrong shape"),
+        (COLUMNS | {"angle_rad": T + 1j}, r"angle_rad is not numeric; got '1j' in row 1"),
         (None, "this is no log; got None, expected the name of a file, or columns by name"),
     ],
 )
@@ -97,38 +89,36 @@ def test_broken_logs_are_refused_in_words(columns, said):
         fl.read_log(columns, SCENE)
 
 
-def test_a_log_of_endless_columns_and_one_that_boasts_are_refused(tmp_path):
-    """Pandas takes time by the square of columns of one name; NumPy asks for the memory that the head of an array states."""
-    (tmp_path / "wide.csv").write_text("ms" + ",q" * 50_000 + "\n" + "0," * 50_000 + "0\n")
-    (tmp_path / "boast.npz").write_bytes(boast(10**12, ("ms", "current_A", "angle_rad")))
-    np.savez(
-        tmp_path / "objects.npz", **COLUMNS | {"current_A": np.array([{}] * len(T), dtype=object)}, allow_pickle=True
-    )
-    for name, said in (("wide.csv", "50000 columns"), ("boast.npz", "less than it says"), ("objects.npz", "objects")):
-        with pytest.raises(fl.errors.ArgumentError, match=f"cannot be read.*{said}"):
-            fl.read_log(tmp_path / name, SCENE)
-
-
-LINES = pandas.DataFrame(COLUMNS).to_csv(index=False).splitlines()
+LINES = FRAME.to_csv(index=False).splitlines()
 TWICE = LINES[0].replace("other", "angle_rad")
+ORDER = "parted by semicolons or tabs, not by commas"
+FILES = [
+    ([TWICE, *LINES[1:]], "cannot be read.*several columns named angle_rad"),
+    (["", "# a note", TWICE.replace(",", ", "), *LINES[1:]], "cannot be read.*several columns named angle_rad"),
+    ([LINES[0], *(line + ",7" for line in LINES[1:])], "cannot be read.*header"),
+    ([*LINES[:50], LINES[50] + ",7", *LINES[51:]], "cannot be read.*Expected 4 fields in line 51, saw 5"),
+    ([line.replace(",", ";") for line in LINES], f"cannot be read.*{ORDER}"),
+    ([line.replace(",", "\t") for line in LINES], f"cannot be read.*{ORDER}"),
+    (["ms" + ",q" * 50_000, "0," * 50_000 + "0"], "cannot be read.*50000 columns"),
+    ([""], "No columns"),
+    (["ms,current_A,angle_rad"], "too short; got 0 samples"),
+    (["ms,current_A,angle_rad", "s,A,rad"], "ms is not numeric; got 's' in row 1"),
+    ("ms,current_A,angle_rad\n".encode("utf-16"), "expected a CSV file in UTF-8"),
+    (boast(10**12, ("ms", "current_A", "angle_rad")), "cannot be read.*less than it says"),
+    (pack(COLUMNS | {"current_A": np.array([{}] * len(T), dtype=object)}), "cannot be read.*objects"),
+]
 
 
-@pytest.mark.parametrize(
-    ("lines", "said"),
-    [
-        ([TWICE, *LINES[1:]], "several columns named angle_rad"),
-        (["", "# a note", TWICE.replace(",", ", "), *LINES[1:]], "several columns named angle_rad"),
-        ([LINES[0], *(line + ",7" for line in LINES[1:])], "header"),
-        ([*LINES[:50], LINES[50] + ",7", *LINES[51:]], "Expected 4 fields in line 51, saw 5"),
-        ([line.replace(",", ";") for line in LINES], "parted by semicolons or tabs, not by commas"),
-        ([line.replace(",", "\t") for line in LINES], "parted by semicolons or tabs, not by commas"),
-    ],
-)
-def test_cells_that_could_be_of_another_column_are_refused(lines, said, tmp_path):
-    """Pandas takes the first of two columns, and the first cell of longer rows for their name: all others shift."""
-    (tmp_path / "log.csv").write_text("\n".join(lines))
-    with pytest.raises(fl.errors.ArgumentError, match=f"cannot be read.*{said}"):
-        fl.read_log(tmp_path / "log.csv", SCENE)
+@pytest.mark.parametrize(("content", "said"), FILES)
+def test_files_that_hold_no_log_are_refused(content, said, tmp_path):
+    """Pandas takes the first of two columns, and the first cell of longer rows for their name: all others shift; it takes time by the
+    square of columns of one name. NumPy asks for the memory that the head of an array states.
+    """
+    data = content if isinstance(content, bytes) else "\n".join(content).encode()
+    path = tmp_path / ("log.npz" if data.startswith(b"PK") else "log.csv")
+    path.write_bytes(data)
+    with pytest.raises(fl.errors.ArgumentError, match=said):
+        fl.read_log(path, SCENE)
 
 
 def test_rows_that_end_in_a_comma_are_read(tmp_path):
@@ -187,21 +177,6 @@ def test_what_is_fitted_over_all_of_a_window_is_no_prediction():
     assert "nothing is predicted" not in fl.predict(STIFF, log).status
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (b"", "No columns"),
-        (b"ms,current_A,angle_rad", "too short; got 0 samples"),
-        ("ms,current_A,angle_rad\n".encode("utf-16"), "expected a CSV file in UTF-8"),
-        (b"ms,current_A,angle_rad\ns,A,rad\n", "ms is not numeric; got 's' in row 1"),
-    ],
-)
-def test_files_without_rows_or_in_other_codes_are_refused(content, said, tmp_path):
-    (tmp_path / "log.csv").write_bytes(content)
-    with pytest.raises(fl.errors.ArgumentError, match=said):
-        fl.read_log(tmp_path / "log.csv", SCENE)
-
-
 def test_ten_million_samples_are_refused_before_anything_is_done():
     time = np.arange(10**7, dtype=float)
     with pytest.raises(fl.errors.TooLarge, match="too many samples; got 10000000, expected 2000000"):
@@ -250,21 +225,11 @@ def test_files_that_are_none_and_scenes_without_a_table(tmp_path):
 
 @pytest.mark.slow
 def test_the_command_writes_the_fit_of_each_column(tmp_path, capsys):
-    path = write_csv(tmp_path / "log.csv")
-    table = '{time="ms",second=0.001,inputs={q1={column="current_A"}},outputs={q1={column="angle_rad"}}}'
-    out = tmp_path / "out"
-    words = [
-        "predict",
-        "single-link",
-        "--set",
-        f"log={table}",
-        "links.0.modes=1",
-        "--log",
-        str(path),
-        "--out",
-        str(out),
-    ]
-    assert main([*words, "--window", "0.5"]) == 0
+    path, out = tmp_path / "log.csv", tmp_path / "out"
+    FRAME.to_csv(path, index=False)
+    table = 'log={time="ms",second=0.001,inputs={q1={column="current_A"}},outputs={q1={column="angle_rad"}}}'
+    words = ["single-link", "--set", table, "links.0.modes=1", "--log", str(path), "--window", "0.5"]
+    assert main(["predict", *words, "--out", str(out)]) == 0
     found = json.loads((out / "predict.json").read_text())
     assert list(found["fit"]) == ["angle_rad"]
     assert len(found["starts"]) == 2

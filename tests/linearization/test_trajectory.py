@@ -7,47 +7,32 @@ import pytest
 import flexlin as fl
 
 T = 2.0
-SEEDS = range(12)
 
 
 def draw_problem(seed):
-    """x' = f(t, x, u) with a trajectory that solves it, as NumPy functions and as CasADi expressions.
+    """x' = f(t, x, u) with a trajectory that solves it, in expressions: f (t, x, u), and x*(t), u*(t).
 
     Of a free field g(x) and a chosen path x*(t) the field f = g(x) + B(x) u + x*'(t) - g(x*(t)) - B(x*(t)) u*(t) has it as its solution.
     """
     rng = np.random.default_rng(seed)
     n, m = int(rng.integers(1, 13)), int(rng.integers(0, 4))
-    W, c, V = rng.normal(size=(n, n)), rng.normal(size=n), rng.normal(size=(n, n))
-    G, means = rng.normal(size=(n, max(m, 1)))[:, :m], rng.normal(size=n)
-    w = 2 * np.pi / T
+    W, c, V, means, G = (rng.normal(size=shape) for shape in ((n, n), n, (n, n), n, (n, m)))
+    t, x, u = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("u", m)
+    path = means + 0.5 * ca.vertcat(*[ca.sin(2 * np.pi / T * (1 + i % 3) * t + i) for i in range(n)])
+    led = ca.vertcat(ca.SX(0, 1), *[ca.cos(2 * np.pi / T * t + j) for j in range(m)])
 
-    def write(of, t):
-        path = [means[i] + 0.5 * of.sin(w * (1 + i % 3) * t + i) for i in range(n)]
-        rate = [0.5 * w * (1 + i % 3) * of.cos(w * (1 + i % 3) * t + i) for i in range(n)]
-        return path, rate, [of.cos(w * t + j) for j in range(m)]
+    def field(x, u):
+        return V @ ca.sin(W @ x + c) + (2 + ca.sin(x)) * (G @ u)
 
-    def field(of, x):
-        inner = [sum(W[i, j] * x[j] for j in range(n)) + c[i] for i in range(n)]
-        return [sum(V[i, j] * of.sin(inner[j]) for j in range(n)) for i in range(n)]
-
-    def gains(of, x):
-        return [[G[i, j] * (2 + of.sin(x[i])) for j in range(m)] for i in range(n)]
-
-    def f(of, t, x, u):
-        path, rate, led = write(of, t)
-        here, there, now, then = field(of, x), field(of, path), gains(of, x), gains(of, path)
-        push = [sum(now[i][j] * u[j] - then[i][j] * led[j] for j in range(m)) for i in range(n)]
-        return [here[i] - there[i] + push[i] + rate[i] for i in range(n)]
-
-    return n, m, write, f
+    return (t, x, u), field(x, u) - field(path, led) + ca.jacobian(path, t), path, led
 
 
 def slopes(f, t, x, u):
-    """df/dx and df/du by central differences with Richardson's extrapolation, in NumPy alone."""
+    """df/dx and df/du by central differences with Richardson's extrapolation."""
     both, n = np.concatenate([x, u]), len(x)
 
     def central(step):
-        high, low = (np.array(f(np, t, *np.split(both + sign * step, [n]))) for sign in (1, -1))
+        high, low = (f(t, *np.split(both + sign * step, [n])).full()[:, 0] for sign in (1, -1))
         return (high - low) / (2 * np.abs(step).max())
 
     columns = [(64 * central(5e-3 * e) - 20 * central(1e-2 * e) + central(2e-2 * e)) / 45 for e in np.eye(len(both))]
@@ -55,28 +40,23 @@ def slopes(f, t, x, u):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", range(12))
 def test_of_random_functions_the_jacobians_are_those_of_differences(seed):
-    n, m, write, f = draw_problem(seed)
-    t, x, u = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("u", m)
-    inputs = [t, x, u] if m else [t, x]
-    own = ca.Function("own", inputs, [ca.vertcat(*f(ca, t, ca.vertsplit(x), ca.vertsplit(u)))])
-    path, _, led = write(ca, t)
-    by_expression = fl.Trajectory(ca.vertcat(*path), ca.vertcat(*led) if m else None, period=T, t=t)
-
-    def sampled(which):
-        return lambda times: np.stack(np.broadcast_arrays(*write(np, times)[which]), axis=1)
-
-    by_numbers = fl.Trajectory(sampled(0), sampled(2) if m else None, period=T)
-    systems = [fl.linearize(own, one) for one in (by_expression, by_numbers)]
-    for at in (0.0, 0.37, 1.9):
-        path, _, led = write(np, at)
-        A, B = slopes(f, at, np.array(path), np.array(led))
+    (t, x, u), f, path, led = draw_problem(seed)
+    own = ca.Function("own", [t, x, u][: 2 + (u.numel() > 0)], [f])
+    at_times = [ca.Function("at", [t], [part]) for part in (path, led)]
+    sampled = [lambda times, of=of: of(np.reshape(times, (1, -1))).full().T for of in at_times]
+    given = (path, led, {"t": t}), (*sampled, {})
+    trajectories = [fl.Trajectory(x, u if led.numel() else None, period=T, **more) for x, u, more in given]
+    systems = [fl.linearize(own, one) for one in trajectories]
+    for time in (0.0, 0.37, 1.9):
+        here = [of(time).full()[:, 0] for of in at_times]
+        A, B = slopes(ca.Function("f", [t, x, u], [f]), time, *here)
         for system in systems:
-            np.testing.assert_allclose(system.A(at), A, atol=1e-10 * np.abs(A).max())
-            if m:
-                np.testing.assert_allclose(system.B(np.array([at]))[0], B, atol=1e-10 * np.abs(B).max())
-    assert (systems[0].n, systems[0].m) == (n, m)
+            np.testing.assert_allclose(system.A(time), A, atol=1e-10 * np.abs(A).max())
+            if system.m:
+                np.testing.assert_allclose(system.B(np.array([time]))[0], B, atol=1e-10 * np.abs(B).max())
+    assert (systems[0].n, systems[0].m) == (x.numel(), u.numel())
 
 
 def pendulum():
@@ -107,10 +87,7 @@ def test_a_finite_trajectory_is_a_horizon():
         ({"u": 0}, r"does not solve x' = f.*in x\[1\]"),
         ({"x": ca.DM([0, 0, 0])}, r"f does not fit the trajectory.*\(3, 1\)"),
         ({"u": ca.DM([0, 0])}, r"f does not fit the trajectory"),
-        (
-            {"u": None},
-            r"f does not fit the trajectory.*give fl\.Trajectory\(x, u, \.\.\.\) all states x and all inputs u",
-        ),
+        ({"u": None}, r"f does not fit the trajectory.*give fl\.Trajectory\(x, u.*all states x and all inputs u"),
         ({"t": None}, r"x holds symbols that are not known.*got t"),
         ({"x": ca.DM([[0, 0]])}, r"x is no column"),
         ({"breaks": (3.0,)}, r"a break lies outside the trajectory"),
@@ -175,7 +152,6 @@ def test_a_dict_is_a_motion_table():
     ("table", "match"),
     [
         ({}, "motion.kind"),
-        ({"kind": "harmonics"}, "motion.kind"),
         ({**MOTION, "frequncy": 1.0}, "frequncy"),
         ({**MOTION, "frequency": -1.0}, "frequency"),
         ({**MOTION, "frequency": 10**400}, "frequency"),
@@ -190,8 +166,6 @@ def test_a_wrong_table_is_refused_key_by_key(table, match):
     "given",
     [
         {"B": ca.DM([[1], [0]]), "joints": [0, 1]},
-        {"B": ca.DM([[1], [-1]]), "joints": None},
-        {"B": ca.DM([[1, 0], [0, 1]]), "joints": [0]},
         {"B": ca.DM([[0, 0], [1, 1]]), "joints": [0, 1]},
         {"B": ca.DM([[1, 1], [1, 1]]), "joints": [0, 1]},
         {"B": ca.DM([[0], [1]]), "joints": [0]},

@@ -78,11 +78,6 @@ def each(value, i, single=True):
     return (value[i] if i < len(value) else 0.0) if isinstance(value, tuple) else value if single else 0.0
 
 
-def tensor(table):
-    """An inertia (3, 3) from its table."""
-    return np.array([[table.xx, table.xy, table.xz], [table.xy, table.yy, table.yz], [table.xz, table.yz, table.zz]])
-
-
 class Elastic:
     """The shapes of a link in one direction at Gauss nodes of pieces."""
 
@@ -168,9 +163,8 @@ class Jury:
             R, p = tips[self.parents[i]] if self.parents[i] >= 0 else ground
             p = p + R @ Series.of(np.array(link.mount.xyz)[:, None])
             roll, pitch, yaw = link.mount.rpy
-            for axis, angle in zip(np.eye(3)[::-1], (yaw, pitch, roll), strict=True):
-                R = R @ turn_about(axis, Series.of(np.full((1, 1, 1), angle)))
-            R = R @ turn_about([0, 0, 1], Series.of(np.full((1, 1, 1), link.mount_angle)))
+            for axis, angle in zip("zyxz", (yaw, pitch, roll, link.mount_angle), strict=True):
+                R = R @ turn_about(np.eye(3)["xyz".index(axis)], Series.of(np.full((1, 1, 1), angle)))
             axis = np.array(link.axis or ((1.0, 0, 0) if link.joint == "prismatic" else (0, 0, 1.0)), float)
             axis = axis / np.linalg.norm(axis)
             place = self.moving.index(i) if i in self.moving else None
@@ -202,7 +196,7 @@ class Jury:
                 inertia = each(bearing.inertia, i) * (np.eye(3) - np.outer(axis, axis))
                 found.append((p, before, 0.0, np.zeros(3), inertia))
             if link.body:
-                found.append((p, R, link.body.mass, np.array(link.body.centre), tensor(link.body.inertia)))
+                found.append((p, R, link.body.mass, np.array(link.body.centre), np.array(link.body.inertia.rows())))
             of_link, tip = self.bend(i, link, R, p, pick)
             found += of_link
             tips.append(tip)
@@ -211,7 +205,7 @@ class Jury:
                 mass, inertia, offset = (each(getattr(payload, key), i, last) for key in ("mass", "inertia", "offset"))
                 centre, J = np.array([offset, 0.0, 0.0]), np.diag([0.0, 0.0, inertia])
                 if last:
-                    centre, J = centre + payload.centre, J + tensor(payload.tensor)
+                    centre, J = centre + payload.centre, J + np.array(payload.tensor.rows())
                 found.append((tip[1], tip[0], mass, centre, J))
         return found, tips[-1]
 

@@ -1,9 +1,8 @@
-"""Random rigid chains in space, and their equations by Newton and Euler, with finite rotations and no code of flexlin."""
+"""Random rigid chains in space."""
 
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from flexlin.checks import Array
 
@@ -43,43 +42,3 @@ def scene_table(links: list[dict[str, Any]], **effects: Any) -> dict[str, Any]:
     gravity = {"acceleration": float(np.linalg.norm(GRAVITY)), "direction": GRAVITY.tolist()}
     motion = {"kind": "harmonic", "frequency": 1.0, "joints": joints}
     return {"schema": 1, "title": "chain", "links": links, "effects": {"gravity": gravity, **effects}, "motion": motion}
-
-
-def mount_of(link: dict[str, Any]) -> tuple[Array, Array]:
-    """Rotation and place of a link's joint in the frame before it."""
-    return Rotation.from_euler("xyz", link["mount"]["rpy"]).as_matrix(), np.array(link["mount"]["xyz"])
-
-
-def inverse_dynamics(links: list[dict[str, Any]], q: Array, rate: Array, acceleration: Array) -> Array:
-    """The joints' forces by Newton's and Euler's laws in world axes, outwards for motion, inwards for forces."""
-    R, p, w, dw, a = np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), -GRAVITY
-    found, joint = [], 0
-    for link in links:
-        turn, xyz = mount_of(link)
-        arm = R @ xyz
-        p, a, R = p + arm, a + np.cross(dw, arm) + np.cross(w, np.cross(w, arm)), R @ turn
-        axis = np.zeros(3)
-        if link["joint"] != "fixed":
-            own = np.array(link["axis"]) / np.linalg.norm(link["axis"])
-            axis, x, v, b = R @ own, q[joint], rate[joint], acceleration[joint]
-            joint += 1
-            if link["joint"] == "revolute":
-                dw = dw + axis * b + np.cross(w, axis * v)
-                w, R = w + axis * v, R @ Rotation.from_rotvec(own * x).as_matrix()
-            else:
-                slide = axis * x
-                a = a + np.cross(dw, slide) + np.cross(w, np.cross(w, slide)) + 2 * np.cross(w, axis * v) + axis * b
-                p = p + slide
-        body = link["body"]
-        J = np.array([[body["inertia"]["".join(sorted(i + j))] for j in "xyz"] for i in "xyz"])
-        c, J = R @ np.array(body["centre"]), R @ J @ R.T
-        force = body["mass"] * (a + np.cross(dw, c) + np.cross(w, np.cross(w, c)))
-        moment = J @ dw + np.cross(w, J @ w)
-        found.append((link["joint"], axis, p, p + c, force, moment))
-    torques = []
-    for k, (kind, axis, place, *_) in enumerate(found):
-        if kind == "prismatic":
-            torques.append(axis @ sum(force for *_, force, _ in found[k:]))
-        elif kind == "revolute":
-            torques.append(axis @ sum(m + np.cross(c - place, f) for *_, c, f, m in found[k:]))
-    return np.array(torques)

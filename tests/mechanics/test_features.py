@@ -1,4 +1,4 @@
-"""Where friction changes fast: times and half-widths against closed form, and against zeros found by other means."""
+"""Narrow features, of friction and of loops near their dead points: times and widths by closed form, and no verdict steps over one."""
 
 import pickle
 from dataclasses import replace
@@ -11,17 +11,26 @@ from flexlin.linearization import parametric_loop
 from flexlin.mechanics import CoulombFriction
 from flexlin.motion import build_motion, read_table_motion
 from flexlin.scene import TableMotion
-from tests.closed_arm import opened
+from tests.closed_arm import control_loop, opened
+from tests.thinned import thin
 
-from .scenes import swinging
+from .scenes import linear, plain_scene, swinging
 
-RIGID = {
-    "links": [{"length": 0.5, "mass_per_length": 0.4, "modes": 0}],
-    "effects": {"coulomb_friction": {"torque": 0.02, "rate": 0.001}},
-    "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}]},
-    "control": {"feedback": {"kind": "pd", "kp": [0.2], "kd": [0.001]}},
-    "designs": [],
-}
+J, TORQUE, DAMPING, AMPLITUDE = 0.4 * 0.5**3 / 3, 0.02, 0.001, 0.5
+
+
+def scene(frequency: float, phase: float, rate: float):
+    """A rigid link of 0.5 m and 0.4 kg/m under a PD loop, with friction in its joint."""
+    joints, feedback = [{"amplitude": AMPLITUDE, "phase": phase}], {"kind": "pd", "kp": [0.2], "kd": [DAMPING]}
+    changes = {
+        "links": [{"length": 0.5, "mass_per_length": 0.4, "modes": 0}],
+        "effects": {"coulomb_friction": {"torque": TORQUE, "rate": rate}},
+        "motion": {"kind": "harmonic", "frequency": frequency, "joints": joints},
+        "control": {"feedback": feedback},
+    }
+    return fl.load_scene("single-link", {**changes, "designs": []})
+
+
 FRICTION = CoulombFriction(torque=0.02, rate=1e-4)
 
 
@@ -103,13 +112,13 @@ def test_motions_that_never_turn_or_never_move_have_none():
 
 
 def test_the_linearization_says_it_and_the_present_values_count():
-    scene = fl.load_scene("single-link", RIGID)
-    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    own = scene(1.0, 0.0, 1e-3)
+    lin = control_loop(own)
     width = 0.001 / (0.5 * (2 * np.pi) ** 2)
     assert np.array(lin.features) == pytest.approx(np.array([(0.25, width), (0.75, width)]), rel=1e-5)
     assert lin.complete
     assert pickle.loads(pickle.dumps(lin)).features == lin.features
-    loop = parametric_loop(scene, ["effects.coulomb_friction.rate", "motion.frequency"])
+    loop = parametric_loop(own, ["effects.coulomb_friction.rate", "motion.frequency"])
     times, widths = np.array(loop.at(np.array([0.01, 2.0])).features).T
     assert widths == pytest.approx(0.01 / (0.5 * (4 * np.pi) ** 2), rel=1e-3)
     assert times == pytest.approx([0.125, 0.375])
@@ -118,7 +127,7 @@ def test_the_linearization_says_it_and_the_present_values_count():
 def test_a_motion_is_kept_only_while_none_of_its_own_numbers_changes():
     """Else features of one amplitude would be taken for another's; and a scan of torques would find them anew at each."""
     paths = "effects.coulomb_friction.torque", "motion.joints.0.amplitude"
-    loop = parametric_loop(fl.load_scene("single-link", RIGID), paths)
+    loop = parametric_loop(scene(1.0, 0.0, 1e-3), paths)
     own, rough, wide = (loop.at(loop.nominal * np.array(factors)) for factors in ((1, 1), (2, 1), (1, 2)))
     assert rough.motion is own.motion
     assert rough.features == own.features
@@ -162,3 +171,62 @@ def test_close_rows_of_a_table_are_features(tmp_path):
         assert motion.complete is complete
         known = [(0.51, 1e-4), (0.5101, 1e-4)] if name == "few" else ()
         assert np.array(motion.features) == pytest.approx(np.array(known), rel=1e-6)
+
+
+def limit(frequency: float) -> float:
+    """Growth rate as the rate goes to zero: half the mean damping over J, friction adding 4 c/(|q''| T) in two turn-arounds."""
+    return -(DAMPING + 4 * TORQUE * frequency / (AMPLITUDE * (2 * np.pi * frequency) ** 2)) / (2 * J)
+
+
+def growth(frequency: float, phase: float, rate: float) -> float:
+    lin = control_loop(scene(frequency, phase, rate))
+    return float(fl.floquet(lin.periodic_system()).exponents[0].real)
+
+
+def test_the_known_answer_of_a_slow_motion():
+    assert growth(1.0, 0.0, 1e-3) == pytest.approx(-0.15158543, abs=2e-8)
+
+
+@pytest.mark.parametrize("rate", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize(("frequency", "phase"), [(1.0, 0.3), (20.0, 0.3), (20.0, 0.0)])
+def test_pulses_of_any_width_are_met(frequency, phase, rate):
+    """An integrator that steps over them finds -0.03 instead."""
+    assert growth(frequency, phase, rate) == pytest.approx(limit(frequency), rel=2e-3)
+
+
+def test_a_sweep_meets_them_too():
+    rates = np.array([1e-2, 1e-4])
+    data = fl.sweep(scene(20.0, 0.3, 0.01), {"effects.coulomb_friction.rate": rates}, 1e-6)
+    assert data["exponents"].values.real.max(axis=1) == pytest.approx(limit(20.0), rel=2e-3)
+
+
+def stretched(gap):
+    """A five-bar whose distal links come within `gap` of being stretched, at half the period; the rigid motion turns both bases alike.
+
+    The distance of the elbows is base + 0.4 cos x, x = 0.9 sin(2 pi t / T); the dead point at 0.6 lies at x = i sqrt(5 gap).
+    """
+    base = {"parent": "base", "mount": {"xyz": [0.2 - gap, 0.0, 0.0]}}
+    more = [{}, {"passive": True, "name": "left"}, base, {"passive": True, "name": "right"}]
+    posture = [np.pi - 0.15, -2.87, 0.15, 2.87]
+    bars = [{"length": 0.2 + 0.1 * (k % 2), "mass_per_length": 0.1, "posture": posture[k], **more[k]} for k in range(4)]
+    motion = swinging({"mean": np.pi, "amplitude": 0.9, "phase": np.pi}, {"mean": 0.0, "amplitude": 0.9})
+    return linear(plain_scene(bars, motion, loops=[{"link": "left", "to": "right"}]))
+
+
+@pytest.mark.parametrize("gap", thin([0.02, 1e-4, 3e-4]))
+def test_what_is_complete_is_right_between_its_samples(gap):
+    lin = stretched(gap)
+    width = np.arcsinh(np.sqrt(5 * gap) / 0.9) / (2 * np.pi)  # of the dead point from real times, in periods
+    assert lin.complete == (width > 1 / 100)
+    resolved = lin.periodic_system().resolved
+    t = lin.period * np.concatenate([np.random.default_rng(1).random(2000), 0.5 + 1e-3 * np.linspace(-1, 1, 201)])
+    exact = np.concatenate(lin.equations(t), axis=2)
+    assert np.all(np.abs(resolved.series(t) - exact) <= 2 * resolved.error + 1e-15 * np.abs(exact).max(axis=0))
+
+
+@pytest.mark.parametrize(("path", "followed"), [("motion.frequency", True), ("motion.joints.0.mean", False)])
+def test_a_number_that_moves_no_follower_leaves_the_dead_points_where_they_are(path, followed):
+    loop = parametric_loop(fl.load_scene("spatial-four-bar"), [path])
+    moved = loop.at(1.01 * loop.nominal)
+    assert moved.clear is (True if followed else None)
+    assert moved.complete

@@ -1,76 +1,19 @@
 """Rigid chains, and robots from outside, against Pinocchio: the same equations and their derivatives along a motion."""
 
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.scene import parse_scene, read_robot, scene_tables
+from flexlin.scene import read_robot, scene_tables
+from tests.scene.test_urdf import ROBOTS, put, xml_of
 
-from .scenes import random_state, value
-from .spatial import GRAVITY, mount_of, random_chain, scene_table
+from .scenes import value
+from .spatial import random_chain
 
 pin = pytest.importorskip("pinocchio", reason="flexlin[peers]")
 pytestmark = pytest.mark.peers
-
-
-def spatial_model(links):
-    """The same links from Pinocchio's own parts; bodies on fixed joints go to the joint before them."""
-    model, parent, place = pin.Model(), 0, pin.SE3.Identity()
-    model.gravity.linear = GRAVITY
-    kinds = {"revolute": pin.JointModelRevoluteUnaligned, "prismatic": pin.JointModelPrismaticUnaligned}
-    for i, link in enumerate(links):
-        rotation, xyz = mount_of(link)
-        place = place * pin.SE3(rotation, xyz)
-        if link["joint"] != "fixed":
-            axis = np.array(link["axis"]) / np.linalg.norm(link["axis"])
-            parent = model.addJoint(parent, kinds[link["joint"]](axis), place, f"joint{i}")
-            place = pin.SE3.Identity()
-        body = link["body"]
-        J = np.array([[body["inertia"]["".join(sorted(a + b))] for b in "xyz"] for a in "xyz"])
-        model.appendBodyToJoint(parent, pin.Inertia(body["mass"], np.array(body["centre"]), J), place)
-    return model
-
-
-@pytest.mark.parametrize("joints", range(1, 8))
-def test_spatial_chains(joints):
-    """M, forces and gravity of 56 random chains with any axes and mounts, and K and D along a motion, to 1e-10."""
-    for seed in range(8):
-        links = random_chain(np.random.default_rng(1000 * joints + seed), joints)
-        scene = parse_scene(scene_table(links))
-        arm = fl.build_manipulator(scene)
-        model = spatial_model(links)
-        data = model.createData()
-        lin = fl.linearize(arm, scene.motion)
-        q, rate, acceleration = (part[0] for part in lin.motion.sample(np.array([0.3])))
-        cases = [(q, rate, acceleration, lin.K(0.3), lin.D(0.3), lin.M(0.3))]
-        state = [arm.s, arm.s_dot, arm.s_ddot]
-        jacobians = ca.Function("J", state, [ca.densify(ca.jacobian(arm.residual, x)) for x in state])
-        random = random_state(arm, seed)
-        cases.append((*random, *(np.array(part) for part in jacobians(*random))))
-        for *at, K, D, M in cases:
-            torque = pin.rnea(model, data, *at)
-            np.testing.assert_allclose(
-                value(arm, "residual", *at)[:, 0], torque, rtol=0, atol=1e-10 * abs(torque).max()
-            )
-            expected = pin.computeRNEADerivatives(model, data, *at)
-            mass = np.triu(expected[2]) + np.triu(expected[2], 1).T
-            for got, want in zip((K, D, M), (expected[0], expected[1], mass), strict=True):
-                np.testing.assert_allclose(got, want, rtol=0, atol=1e-10 * np.abs(want).max() + 1e-14)
-
-
-ROBOTS = Path(__file__).parents[1] / "robots"
-CHAINS = [
-    ("panda", "panda_hand_tcp"),
-    ("panda", "panda_rightfinger"),
-    ("baxter", "left_hand_camera_link"),
-    ("baxter", "r_gripper_r_finger_tip"),
-    ("baxter", "display"),
-    ("alexander", "LEFT_FOOT_IMU_LINK"),
-]
 
 
 class Outside:
@@ -107,14 +50,13 @@ class Outside:
         return forces, K, D + self.damping, np.triu(M) + np.triu(M, 1).T
 
 
-@pytest.mark.parametrize(("name", "tip"), CHAINS)
-def test_the_same_equations_along_a_motion(name, tip):
-    path = ROBOTS / f"{name}.urdf"
+def compare(path, tip, rng):
+    """Forces, weight, K, D, M and the tip's place, at three times of a random motion."""
     raw = scene_tables(read_robot(path), tip=tip)
     raw["effects"].pop("coulomb_friction", None)
-    rng, n = np.random.default_rng(len(tip)), len(raw["motion"]["joints"])
-    swings = [{"mean": float(m), "amplitude": 0.7, "phase": float(p)} for m, p in rng.uniform(-2, 2, (n, 2))]
-    scene = fl.parse_scene({**raw, "motion": {"kind": "harmonic", "frequency": 0.7, "joints": swings}})
+    swings = rng.uniform(-2, 2, (len(raw["motion"]["joints"]), 2)).tolist()
+    joints = [{"mean": mean, "amplitude": 0.7, "phase": phase} for mean, phase in swings]
+    scene = fl.parse_scene({**raw, "motion": {"kind": "harmonic", "frequency": 0.7, "joints": joints}})
     arm = fl.build_manipulator(scene)
     lin = fl.linearize(arm, scene.motion)
     outside = Outside(path, [link.name for link in scene.links if link.joint != "fixed"])
@@ -133,3 +75,28 @@ def test_the_same_equations_along_a_motion(name, tip):
         ]
         for got, want in pairs:
             np.testing.assert_allclose(got, want, rtol=0, atol=1e-10 * np.abs(want).max() + 1e-13)
+
+
+CHAINS = [
+    ("panda", "panda_hand_tcp"),
+    ("panda", "panda_rightfinger"),
+    ("baxter", "left_hand_camera_link"),
+    ("baxter", "r_gripper_r_finger_tip"),
+    ("baxter", "display"),
+    ("alexander", "LEFT_FOOT_IMU_LINK"),
+]
+
+
+@pytest.mark.parametrize(("name", "tip"), CHAINS)
+def test_robots_from_outside(name, tip):
+    compare(ROBOTS / f"{name}.urdf", tip, np.random.default_rng(len(tip)))
+
+
+@pytest.mark.parametrize("joints", range(1, 8))
+def test_random_chains(joints, tmp_path):
+    """56 of them, with any axes and mounts."""
+    for seed in range(8):
+        rng = np.random.default_rng(1000 * joints + seed)
+        links = random_chain(rng, joints)
+        limited = xml_of(links).replace("<axis", '<limit lower="-99" upper="99" effort="99" velocity="99"/><axis')
+        compare(put(tmp_path, limited), f"l{len(links)}", rng)

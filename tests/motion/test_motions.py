@@ -195,10 +195,8 @@ def test_a_noisy_table_is_refused_beside_the_acceleration_of_its_smooth_part(tmp
     for k, q in enumerate((smooth, kinked)):
         q = q + noise * rng.standard_normal(len(t))
         q[-1] = q[0]
-        np.savetxt(tmp_path / f"{k}.csv", np.c_[t, q], delimiter=",")
-        table = TableMotion(kind="table", file=str(tmp_path / f"{k}.csv"))
         if noise < 1e-3:
-            assert fl.build_motion(table, 1).period == pytest.approx(3.7)
+            assert read(tmp_path / f"{k}.csv", t, q).period == pytest.approx(3.7)
             continue
         with pytest.raises(fl.errors.MotionError, match=r"is noisy; got a peak acceleration of .*e.03 .* smooth part"):
-            fl.build_motion(table, 1)
+            read(tmp_path / f"{k}.csv", t, q)

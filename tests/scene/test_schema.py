@@ -133,13 +133,8 @@ def test_show_prints_the_file(capsys):
     assert json.loads(capsys.readouterr().out) == scene_schema()
 
 
-@pytest.mark.parametrize(
-    "data",
-    [
-        {"a": 1e-300, "b": -0.0, "c": True, "d": 'q"uo\\te\n\t\x7f', "e": [1, [2.5, "x"], {"k": 1}], "f": {}, "g": []},
-        {"with space": {"a.b": 1, "": 2}, "deep": {"er": {"est": [{"x": [{"y": 1}]}, {}]}}},
-    ],
-)
-def test_what_is_written_reads_back(data):
+def test_what_is_written_reads_back():
+    texts = {"c": True, "d": 'q"uo\\te\n\t\x7f', "with space": {"a.b": 1, "": 2}, "f": {}, "g": []}
+    data = texts | {"a": 1e-300, "b": -0.0, "e": [1, [2.5, "x"], {"k": 1}], "deep": {"er": [{"x": [{"y": 1}]}, {}]}}
     assert tomllib.loads(write_toml(data)) == data
     assert tomllib.loads(write_toml(data, lambda path: "note")) == data

@@ -80,7 +80,10 @@ def make_line(chance: random.Random, command: str) -> list[str]:
     raw = BUILT_IN[name]
     words = [command, name, *extras(chance, command, raw)]
     words += ["--limit-seconds", f"{SECONDS:g}"]
-    changes = [change for _ in range(chance.randrange(3)) for change in draw_change(chance, raw)]
+    changes = []
+    for _ in range(chance.randrange(3)):
+        path, value = chance.choice(list(numbers(raw)))
+        changes.append(f"{dotted(path)}={type(value)(value * chance.choice(FACTORS))!r}")
     changes += [LOG] if "--log" in words else []
     return [*words, *(["--set", *changes] if changes else [])]
 
@@ -101,13 +104,6 @@ def extras(chance: random.Random, command: str, raw: Raw) -> list[str]:
     if command == "report":
         return chance.choice(([], [], ["--effects"], ["--sensitivity"], ["--loop-margins"]))
     return []
-
-
-def draw_change(chance: random.Random, raw: Raw) -> list[str]:
-    """A number of the scene times a random factor."""
-    path, value = chance.choice(list(numbers(raw)))
-    changed = type(value)(value * chance.choice(FACTORS))
-    return [f"{dotted(path)}={changed!r}"]
 
 
 def numbers(raw: Raw) -> Iterator[tuple[tuple, Any]]:

@@ -65,26 +65,27 @@ def changed(chance: random.Random, raw: Any, path: tuple) -> Any:
     return raw
 
 
+def put(chance: random.Random, path: Path, data: bytes) -> Path:
+    """Write damaged data."""
+    path.write_bytes(damaged(chance, data))
+    return path
+
+
 def scene_text(chance: random.Random, folder: Path) -> Callable[[], Any]:
     """The bytes of a scene file."""
     name = chance.choice(sorted(BUILT_IN))
-    path = folder / "scene.toml"
-    path.write_bytes(damaged(chance, to_toml(BUILT_IN[name]).encode()))
-    return partial(fl.load_scene, path)
+    return partial(fl.load_scene, put(chance, folder / "scene.toml", to_toml(BUILT_IN[name]).encode()))
 
 
 def robot(chance: random.Random, folder: Path) -> Callable[[], Any]:
     """The bytes of a URDF file."""
-    path = folder / "robot.urdf"
-    path.write_bytes(damaged(chance, scenes.URDF.encode()))
-    return partial(fl.scene_from_urdf, path)
+    return partial(fl.scene_from_urdf, put(chance, folder / "robot.urdf", scenes.URDF.encode()))
 
 
 def table(chance: random.Random, folder: Path) -> Callable[[], Any]:
     """The bytes of a table of a motion."""
-    (folder / "cycle.csv").write_bytes(damaged(chance, scenes.sampled_cycle(chance.choice((8, 64))).encode()))
-    motion = {"kind": "table", "file": "cycle.csv"}
-    raw = {**BUILT_IN["single-link"], "motion": motion}
+    put(chance, folder / "cycle.csv", scenes.sampled_cycle(chance.choice((8, 64))).encode())
+    raw = {**BUILT_IN["single-link"], "motion": {"kind": "table", "file": "cycle.csv"}}
     return lambda: build_motion(fl.parse_scene(raw, folder=folder).motion, 1)
 
 
@@ -109,8 +110,7 @@ def plain_data(chance: random.Random, folder: Path) -> Callable[[], Any]:
 def log(chance: random.Random, folder: Path) -> Callable[[], Any]:
     """The bytes of a log: CSV, npz, netCDF."""
     suffix = chance.choice(("csv", "npz", "nc", "h5"))
-    path = folder / f"log.{suffix}"
-    path.write_bytes(damaged(chance, chance.choice(log_files()[suffix])))
+    path = put(chance, folder / f"log.{suffix}", chance.choice(log_files()[suffix]))
     scene = fl.load_scene("single-link", {"log": LOG})
     return partial(fl.read_log, path, scene)
 
@@ -163,7 +163,7 @@ def bomb() -> bytes:
 def results_list(chance: random.Random, folder: Path) -> Callable[[], Any]:
     """The list of results in a folder."""
     text = json.dumps({"format": 1, "sets": {"report": {"sha256": {"report.html": "0" * 64, "../x": "1"}}}})
-    (folder / "flexlin-results.json").write_bytes(damaged(chance, text.encode()))
+    put(chance, folder / "flexlin-results.json", text.encode())
     return partial(read_manifest, folder)
 
 

@@ -71,11 +71,6 @@ def run(arguments: Sequence[str], stop_after: Callable[[int], None] | None = Non
     return Trial(None if code < 0 else code, words, taken, 1024 * usage.ru_maxrss, cpu)
 
 
-def resident(which: int = 1) -> int:
-    """Bytes that this process has in memory (1) or in its address space (0)."""
-    return int(Path("/proc/self/statm").read_text().split()[which]) * os.sysconf("SC_PAGE_SIZE")
-
-
 def begin(arguments: Sequence[str], writer: int, space: int | None) -> None:
     """The child's part: it never returns."""
     code = 99
@@ -87,7 +82,8 @@ def begin(arguments: Sequence[str], writer: int, space: int | None) -> None:
         from flexlin.cli import entry, program
 
         if space is not None:
-            resource.setrlimit(resource.RLIMIT_AS, (resident(0) + space, resident(0) + space))
+            used = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+            resource.setrlimit(resource.RLIMIT_AS, (used + space, used + space))
         sys.argv = ["flexlin", *arguments]
         try:
             if WATCHED:
