@@ -10,8 +10,8 @@ import pydantic_core
 
 import flexlin
 from flexlin.analyses.analysis import Analysis
+from flexlin.analyses.boundary import Margin
 from flexlin.analyses.clock import Step
-from flexlin.analyses.critical_values import Margin
 from flexlin.analyses.judging import Loop
 from flexlin.checks import Array
 from flexlin.periodic.margins import Margins
@@ -22,7 +22,7 @@ from flexlin.scene.scene import Scene
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.analyses.audit.judging import Audit
+    from flexlin.analyses.audit import Audit
     from flexlin.analyses.nearest import NearestInstability
 
 PACKAGES = ("casadi", "control", "numpy", "pydantic", "scipy")

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexlin.analyses.analysis import Analysis
+from flexlin.analyses.boundary import CriticalValue, Margin
 from flexlin.analyses.clock import Step
-from flexlin.analyses.critical_values import CriticalValue, Margin
 from flexlin.analyses.judging import Loop, ModelEvidence, ModelValidity
 from flexlin.checks import Array
 from flexlin.errors import counted

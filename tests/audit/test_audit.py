@@ -10,8 +10,7 @@ from scipy.linalg import eigvals
 
 import flexlin as fl
 from flexlin.analyses import Judge, find_reach, read_scale
-from flexlin.analyses.audit import audit, figures, versions
-from flexlin.analyses.audit.judging import again
+from flexlin.analyses.audit import again, audit, figures, versions
 from flexlin.cli import main
 from flexlin.errors import TimeLimit
 from flexlin.periodic.floquet.exponents import floquet

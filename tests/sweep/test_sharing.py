@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import compute_here, keep_in, prepare_job, share_among_processes, share_on_cluster
+from flexlin.analyses import Store, compute_here, prepare_job, share_among_processes, share_on_cluster
 from flexlin.errors import ArgumentError
 from flexlin.scene import revise_scene
 from tests.sweep.test_damaged_store import assert_same
@@ -93,7 +93,7 @@ def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, t
     path, rng, left = tmp_path / "chart", np.random.default_rng(3), []
     for _ in range(20):
         job = make_job()
-        keep_in(path, job)
+        Store(path, job)
         left.append(len(job.blocks))
         countdown = iter(range(int(rng.integers(0, 3)), -1, -1))
 
@@ -114,7 +114,7 @@ def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
     path = tmp_path / "chart"
     script = (
         "from tests.sweep.test_sharing import *;"
-        f"job = make_job(); keep_in({str(path)!r}, job);"
+        f"job = make_job(); Store({str(path)!r}, job);"
         "job.watchers.append(lambda start, block: os.kill(os.getpid(), 9) if start > 200 else None); job.run(compute_here)"
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[2], check=False)

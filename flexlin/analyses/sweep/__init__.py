@@ -6,7 +6,6 @@ __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {
         "analyses.sweep.found": "worst_error",
-        "analyses.sweep.job": "check_values",
-        "analyses.sweep.run": "sweep",
+        "analyses.sweep.job": "check_values sweep",
     },
 )
