@@ -190,21 +190,14 @@ class SymbolicFamily(Family):
         if few or self.together is None or not len(points):
             return super().rough(points)
         placed, (logs, errors) = self.place(points), blank(len(points), self.together.kernel.model.states)
-        tried, used, missed = np.zeros((3, len(points)))
 
-        def enter(which: Array, found: "Logs", segments: int) -> Array:
+        def enter(which: Array, found: "Logs") -> Array:
             logs[which], errors[which] = found.logs, found.errors
-            misses = found.misses(self.coarsest)
-            tried[which], used[which], missed[which] = tried[which] + 1, segments, misses
-            return np.where(serves(found, self.coarsest), 0.0, misses)
+            return np.where(serves(found, self.coarsest), 0.0, found.misses(self.coarsest))
 
         narrow = self.together.find_narrow(placed)
-        left = np.sort(
-            np.concatenate([self.together.solve(placed, np.flatnonzero(~narrow), enter), np.flatnonzero(narrow)])
-        )
-        again = np.setdiff1d(np.flatnonzero(tried > 1), left)
-        if len(again):  # what is asked for next lies near
-            self.together.needs.learn(placed[again], used[again], missed[again], logs[again])
+        missed = self.together.solve(placed, np.flatnonzero(~narrow), enter)
+        left = np.sort(np.concatenate([missed, np.flatnonzero(narrow)]))
         self.evaluations += len(points) - len(left)
         if len(left):
             alone = super().rough(points[left])
