@@ -127,7 +127,6 @@ class Analysis(Stages):
     open_loop: Loop = field(kw_only=True)
     elastic: Loop | None = None
     resonances: tuple[Resonance, ...] = ()
-    response: Response | None = None
     simulation: Simulation | None = None
     stopped: SimulationStopped | None = None
     linear_range: Validity | None = None
@@ -150,11 +149,24 @@ class Analysis(Stages):
         simulated = None if run is None or run.is_unresolved else (*run.apart[1:], run.unit.strip())
         ended = None if end is None or not end.left_range else (end.t, SIMULATED_PERIODS * self.plant.period)
         curved = self.plant.arm.near is not self.plant.arm and "geometric_stiffening" in self.scene.effects.on()
-        return judge_model(self.length, replace(loop, response=self.response).steady, simulated, ended, curved)
+        return judge_model(self.length, loop.steady, simulated, ended, curved)
 
     def load(self, loop: Loop) -> DriveLoad | None:
         """What the drives have to do in the steady motion that a loop keeps, where that is known."""
-        return load_of(self, replace(loop, response=self.response) if loop is self.own else loop)
+        response, plant = loop.response, self.plant
+        if response is None or loop.verdict in ("unstable", "failed") or not plant.about.m:
+            return None
+        law = response.law or self.closed.law
+        if loop.design is not None:
+            law = law.with_gain(loop.design.K, loop.design.controller)
+        elif loop.kind == "open":
+            law = law.with_gain(np.zeros((plant.about.m, 2 * plant.n)))
+        return drive_load(plant, self.t[:-1], response.states[:-1], law, self.scene.drives)
+
+    @property
+    def response(self) -> Response | None:
+        """The periodic response of the scene's own loop, where it has one."""
+        return self.own.response
 
     @property
     def length(self) -> float:
@@ -215,7 +227,7 @@ def judge_period(a: Analysis) -> None:
     find_causes(a)
     system = a.closed.periodic_system()
     work = partial(find_response, a.closed, system, a.t, a.asked.tol)
-    a.response = a.attempt("response", "forced response", work, response_error)
+    a.own = replace(a.own, response=a.attempt("response", "forced response", work, response_error))
     follow_nonlinear(a)
     find_range(a)
     if 0 < len(a.plant.driven) <= 2 and a.plant.n != len(a.plant.driven) and a.plant.arm.points is not None:
@@ -223,7 +235,7 @@ def judge_period(a: Analysis) -> None:
     a.designs = judge_designs(a)
     a.sampled = judge_sampled_loops(a, (a.own, *a.designs))
     a.estimated = judge_estimated_loops(a, a.designs)
-    bare = replace(a.own, name="open loop", response=a.response)
+    bare = replace(a.own, name="open loop")
     a.open_loop = bare if a.own.kind == "open" else with_response(a, a.open_loop, a.plant.periodic_system())
 
 
@@ -352,19 +364,6 @@ def judge_estimated_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
         else:
             found.append(judge_loop(a, name, "lqg", f"Floquet: {name}", output_feedback(made, estimator)))
     return tuple(found)
-
-
-def load_of(a: Stages, loop: Loop) -> DriveLoad | None:
-    """What the drives have to do in the steady motion of a loop."""
-    response, plant = loop.response, a.plant
-    if response is None or loop.verdict in ("unstable", "failed") or not plant.about.m:
-        return None
-    law = response.law or a.closed.law
-    if loop.design is not None:
-        law = law.with_gain(loop.design.K, loop.design.controller)
-    elif loop.kind == "open":
-        law = law.with_gain(np.zeros((plant.about.m, 2 * plant.n)))
-    return drive_load(plant, a.t[:-1], response.states[:-1], law, a.scene.drives)
 
 
 def exponent_error(result: FloquetResult) -> float:

@@ -1,5 +1,6 @@
 """report.html: one self-contained page, which asks no other file or host for anything."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any
@@ -10,10 +11,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 import flexlin
 from flexlin.analyses.analysis import Analysis
 from flexlin.analyses.clock import Step
-from flexlin.analyses.judging import Loop
 from flexlin.errors import ArgumentError
-from flexlin.report import wording
-from flexlin.report.advice import advise, drive_cells, name_condition
+from flexlin.report import advice, wording
 from flexlin.report.figures import Picture
 from flexlin.report.figures.exponents import draw_exponents, draw_modes, draw_multipliers
 from flexlin.report.figures.over_period import (
@@ -37,7 +36,7 @@ TEMPLATES = Environment(
     lstrip_blocks=True,
     finalize=wording.typeset,
 )
-TEMPLATES.filters |= {"power": wording.format_power, "prefixed": wording.format_with_prefix}
+TEMPLATES.globals |= {"wording": wording, "advice": advice, "math": math, "zip": zip}
 """Those of reports; a name in one that has no value is an error."""
 
 
@@ -71,30 +70,15 @@ def draw_pictures(analysis: Analysis) -> Iterator[Picture]:
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
     """Fill the page's template: verdict first, then what to do, figures, and everything that went in."""
     with wording.units_of(analysis):
-        model = analysis.validity(analysis.own)
-        return TEMPLATES.get_template("page.html.j2").render(
-            analysis=analysis,
-            own=analysis.own,
-            under=name_condition(analysis.own),
-            doubt=wording.doubt(analysis.own, analysis.plant.period, model),
-            reason=wording.reason(model),
-            pace=wording.describe_pace(analysis.own, analysis.plant.period),
-            facts=list_facts(analysis),
-            margins=wording.describe_margins(analysis.scene, analysis.margins, analysis.problems),
-            nearest=wording.describe_nearest(analysis.scene, analysis.nearest),
-            steps=advise(analysis),
-            loops=[describe_loop(analysis, loop) for loop in analysis.loops],
-            endured=bool(analysis.endured),
-            exponents=[list_exponents(loop) for loop in analysis.loops if loop.floquet is not None],
-            pictures=pictures,
-            dimensionless=wording.is_dimensionless(),
-            constants=list_constants(analysis),
-            inputs=list_inputs(analysis.scene, data["scene"]),
-            effects=data["effects"],
-            versions=data["versions"],
-            command=command,
-            took=[*analysis.steps, Step("together", *wording.took(analysis.steps))],
+        facts, constants, inputs = (
+            list_facts(analysis),
+            list_constants(analysis),
+            list_inputs(analysis.scene, data["scene"]),
         )
+        took = [*analysis.steps, Step("together", *wording.took(analysis.steps))]
+        given = {"analysis": analysis, "data": data, "pictures": pictures, "command": command}
+        page = TEMPLATES.get_template("page.html.j2")
+        return page.render(given, facts=facts, constants=constants, inputs=inputs, took=took)
 
 
 def picture_page(
@@ -117,51 +101,6 @@ def list_facts(a: Analysis) -> list[tuple[str, str]]:
     if a.simulation is not None and not a.simulation.is_unresolved and np.isfinite(a.simulation.difference):
         said.append(("linear against nonlinear", wording.format_quantity(a.simulation.difference, "m")))
     return said
-
-
-def describe_loop(a: Analysis, loop: Loop) -> dict[str, str]:
-    """One row of the comparison of loops."""
-    (growth, error), period, model = loop.growth, a.plant.period, a.validity(loop)
-    return {
-        "name": loop.name,
-        "verdict": loop.verdict,
-        "colour": wording.colour(loop, period, model),
-        "doubt": wording.doubt(loop, period, model),
-        "tip": steady_tip(a, loop),
-        "rate": wording.format_rate(growth, error) if loop.floquet is not None else "–",
-        "multiplier": wording.format_largest_multiplier(loop),
-        "settled": wording.format_duration(np.log(50) / -growth) if loop.verdict == "stable" else "–",
-        "status": wording.without_units(loop.problem or (loop.floquet.status if loop.floquet else "")),
-        "design": loop.design.status if loop.design is not None else "",
-        "controller": wording.describe_controller(a.scene.control) if loop is a.own and loop.kind != "open" else "",
-        "endured": wording.describe_endured(a.endured.get(loop.name)),
-        **drive_cells(a, loop),
-    }
-
-
-def steady_tip(a: Analysis, loop: Loop) -> str:
-    """How far the tip stays from its rigid path in the steady motion that the loop keeps, if that is known."""
-    response = a.response if loop is a.own else loop.response
-    if response is None or loop.verdict == "unstable" or not np.all(np.isfinite(response.tip)):
-        return "–"
-    return wording.format_quantity(response.sizes[1], "m")
-
-
-def list_exponents(loop: Loop) -> dict[str, Any]:
-    """The exponents of a loop: growth rate, error, frequency, modulus of the multiplier; of modes that are only bounded no error."""
-    assert loop.floquet is not None
-    result = loop.floquet
-    rows = [
-        (
-            wording.format_decimal(value.real, 6),
-            wording.format_power(error) if np.isfinite(error) else "–",
-            f"{abs(value.imag) / (2 * np.pi):.4g}",
-            wording.format_modulus(float(log.real)),
-        )
-        for value, error, log in zip(result.exponents, result.errors, result.log_multipliers, strict=True)
-        if value.imag >= -error
-    ]
-    return {"name": loop.name, "rows": rows}
 
 
 def list_constants(a: Analysis) -> list[tuple[str, str, str]]:

@@ -204,13 +204,25 @@ def caution(loop: Loop, period: float) -> str:
     if abs(growth) * period < MARGINAL_GROWTH:
         return "practically marginal"
     if loop.verdict == "stable" and np.log(50) / -growth > UNFELT_PERIODS * period:
-        return f"but it takes {format_duration(np.log(50) / -growth)} to settle"
+        return f"but it takes {describe_settling(loop)} to settle"
     return ""
 
 
 def format_duration(seconds: float) -> str:
     """A time in s, or ms, µs ... below one; without unit where the scene has no dimensions."""
     return format_quantity(seconds, "s") if seconds < 1000 else with_unit(format_decimal(seconds, 3), "s")
+
+
+def describe_settling(loop: Loop) -> str:
+    """How long a stable loop takes to settle to 2 %; a dash where it does not."""
+    return format_duration(math.log(50) / -loop.growth[0]) if loop.verdict == "stable" else "–"
+
+
+def describe_tip(loop: Loop) -> str:
+    """How far the tip stays from its rigid path in the steady motion that the loop keeps; a dash where that is not known."""
+    if loop.response is None or loop.verdict == "unstable" or not np.all(np.isfinite(loop.response.tip)):
+        return "–"
+    return format_quantity(loop.response.sizes[1], "m")
 
 
 def format_largest_multiplier(loop: Loop) -> str:

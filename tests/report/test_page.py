@@ -93,7 +93,7 @@ def test_deflections_are_said_in_one_unit(single_link: Analysis, factor: float, 
     nonlinear, linear = (s.tip_rigid + factor * (tip - s.tip_rigid) for tip in (s.tip, s.tip_linear))
     run = replace(s, tip=nonlinear, tip_linear=linear, peaks=None)
     tip = replace(r, tip=factor * r.tip, tip_by_bending=factor * r.tip_by_bending)
-    page = page_of(replace(single_link, response=tip, simulation=run))
+    page = page_of(replace(single_link, own=replace(single_link.own, response=tip), simulation=run))
     text = re.sub(r"<[^>]+>", " ", page[: page.index("Everything that went in")])
     found = set(re.findall(r"[0-9][ \u00a0](nm|µm|mm|m)\b(?! of)(?!/)", text))
     assert found == {unit}
