@@ -55,6 +55,8 @@ if TYPE_CHECKING:
     from flexlin.analyses.nearest import NearestInstability
 
 Answer = TypeVar("Answer")
+Measure = Callable[[Answer], float] | None
+"""The error of an answer, where it has one."""
 
 SIMULATED_PERIODS = 3.0
 SIMULATED_DURATIONS = 1.5
@@ -89,26 +91,16 @@ class Stages:
         return self.scene.accuracy
 
     def attempt(
-        self,
-        key: str,
-        name: str,
-        work: Callable[[], Answer],
-        error_of: Callable[[Answer], float] | None = None,
-        asked: Accuracy | None = None,
-        at_most: float = inf,
+        self, key: str, name: str, work: Callable[[], Answer], error_of: "Measure[Answer]" = None, at_most: float = inf
     ) -> Answer | None:
         """Do the work of a stage; where it has no trustworthy answer, `problems` says why under `key`."""
-        return self.clock.attempt(self.problems, key, name, asked or self.asked, work, error_of, at_most=at_most)
+        return self.clock.attempt(self.problems, key, name, self.asked, work, error_of, at_most=at_most)
 
     def attempt_alone(
-        self,
-        name: str,
-        work: Callable[[], Answer],
-        error_of: Callable[[Answer], float] | None = None,
-        at_most: float = inf,
+        self, name: str, work: Callable[[], Answer], error_of: "Measure[Answer]" = None, at_most: float = inf
     ) -> tuple[Answer | None, str]:
         """The answer of a stage about one loop, or why it has none."""
-        return self.attempt(name, name, work, error_of, at_most=at_most), self.problems.pop(name, "")
+        return self.attempt(name, name, work, error_of, at_most), self.problems.pop(name, "")
 
 
 @dataclass
@@ -389,7 +381,8 @@ def follow_nonlinear(a: Analysis) -> None:
     asked, periodic = a.asked.of_comparison, a.plant.motion.periodic
     span, of = (SIMULATED_PERIODS, "periods") if periodic else (SIMULATED_DURATIONS, "durations")
     work = partial(simulate, a.closed, span, tol=asked.tol)
-    a.simulation = a.attempt("simulation", f"nonlinear simulation of {span:g} {of}", work, simulation_error, asked)
+    name = f"nonlinear simulation of {span:g} {of}"
+    a.simulation = a.clock.attempt(a.problems, "simulation", name, asked, work, simulation_error)
     failure = a.clock.failures.get("simulation")
     a.stopped = failure if isinstance(failure, SimulationStopped) else None
 

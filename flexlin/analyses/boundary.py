@@ -139,25 +139,18 @@ def critical_values(
     >>> [(one.kind, round(one.value, 6)) for one in found]
     [('onset', 0.795124), ('recovery', 1.194874)]
     """
-    low, high = check_limits(path, limits)
-    family = make_family(source, {path: (low, high)}, loop)
-    return search_family(family, path, low, high, positive("tol", tol), whole("samples", samples, 3))
+    limits = check_limits(path, limits)
+    family = make_family(source, {path: limits}, loop)
+    return search_family(family, path, limits, positive("tol", tol), whole("samples", samples, 3), Effort())
 
 
 def search_family(
-    family: Family,
-    path: str,
-    low: float,
-    high: float,
-    tol: float,
-    samples: int = SCAN_VALUES,
-    effort: Effort | None = None,
+    family: Family, path: str, limits: tuple[float, float], tol: float, samples: int, effort: Effort
 ) -> list[CriticalValue]:
     """The critical values of the one number of a family; effort: ends the search, with what is known by then."""
-    effort = effort or Effort()
     rough, fine = (lambda values, find=find: find(values[:, None]) for find in (family.rough, family.fine))
-    tongues = not family.is_constant(np.array([(low + high) / 2]))
-    found = find_crossings(rough, fine, low, high, tol, samples, tongues, effort)
+    tongues = not family.is_constant(np.array([sum(limits) / 2]))
+    found = find_crossings(rough, fine, *limits, tol, samples, tongues, effort)
     nearest_first = sorted(found, key=lambda one: abs(one.value - float(np.nan_to_num(family.own[0]))))
     described = [describe_crossing(path, crossing, family, effort) for crossing in nearest_first]
     return sorted(described, key=lambda one: (one.value, one.kind != "onset"))
@@ -262,7 +255,7 @@ def find_margin(
     kept = known if known is not None and path in known.arm.parameters.paths else None
     family = make_family(scene, {path: (low, high)}, loop, kept)
     family.finest = 1e-9  # it moves a value by less than is printed
-    found = search_family(family, path, low, high, 1e-6 * (high - low), effort=effort)
+    found = search_family(family, path, (low, high), 1e-6 * (high - low), SCAN_VALUES, effort)
     searched = max(low, effort.searched[0]), min(high, effort.searched[1])
     return Margin(path, low, high, own, effort.values, tuple(found), effort.gap, searched)
 
@@ -271,8 +264,7 @@ def choose_margins(scene: Scene) -> dict[str, tuple[float, float]]:
     """The numbers that engineers ask for first, speed and payload, from a quarter to eight times the scene's own values."""
     motion = ("motion.frequency", "motion.move_time", "motion.joints.0.rate")
     known = dict(find_number(scene, path) for path in (*motion, "effects.payload.mass", "parameters.payload_mass"))
-    ends = {path: sorted((own / 4, 8 * own)) for path, own in known.items() if own}
-    return {path: (low, high) for path, (low, high) in ends.items()}
+    return {path: (min(own / 4, 8 * own), max(own / 4, 8 * own)) for path, own in known.items() if own}
 
 
 def find_number(scene: Scene, path: str) -> tuple[str, float]:

@@ -123,8 +123,16 @@ CASES = [
     (lambda a: replace(a, simulation=None, problems={"simulation": "lost"}), "disturbances of up to", True),
     (lambda a: a, "no answer", False),
     # a loop without verdict is not called unstable
-    (lambda a: replace(a, own=replace(a.own, name="my PD", floquet=None, problem="ended")), "There is no verdict under the my PD: ended.", True),
-    (lambda a: replace(a, own=replace(a.own, name="my PD", floquet=None, problem="ended")), "unstable along this motion", False),
+    (
+        lambda a: replace(a, own=replace(a.own, name="my PD", floquet=None, problem="ended")),
+        "There is no verdict under the my PD: ended.",
+        True,
+    ),
+    (
+        lambda a: replace(a, own=replace(a.own, name="my PD", floquet=None, problem="ended")),
+        "unstable along this motion",
+        False,
+    ),
     (lambda a: a, "There is no verdict", False),
     (lambda a: replace(a, own=growing(a, 0.0)), "cannot be distinguished from zero", True),
     (lambda a: a, "cannot be distinguished from zero", False),

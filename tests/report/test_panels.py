@@ -44,7 +44,10 @@ def large() -> Analysis:
     plant, closed = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
     t = np.linspace(0.0, plant.period, 129)
     response = find_response(closed, closed.periodic_system(), t, 1e-6)
-    own, open_loop = Loop("PD", "pd", None, "not asked", response=response), Loop("open loop", "open", None, "not asked")
+    own, open_loop = (
+        Loop("PD", "pd", None, "not asked", response=response),
+        Loop("open loop", "open", None, "not asked"),
+    )
     found = {"coefficients": plant.sample(t), "own": own, "open_loop": open_loop}
     return Analysis(scene, Clock(), plant, closed, t, **found)
 

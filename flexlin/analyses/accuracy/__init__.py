@@ -290,7 +290,7 @@ def cost(scene: Scene, *, peers: bool = True, seconds: float | None = None) -> C
         with part(done / len(stages), (done + 1) / len(stages)):
             found, note = measure_stage(name, stage, (end - perf_counter()) / (len(stages) - done))
         rows, notes = [*rows, *found], [*notes, *note]
-    return CostResult(scene.title, tuple(rows), floor, tuple(notes)).marked()
+    return CostResult(scene.title, tuple(rows), floor, tuple(notes))
 
 
 def measure_stage(name: str, stage: Callable[[], Trials], most: float) -> tuple[list[Row], list[str]]:
