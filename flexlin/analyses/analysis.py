@@ -1,6 +1,6 @@
 """All numbers of a report, from one scene."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -127,7 +127,7 @@ class Analysis(Stages):
     sampled: tuple[Loop, ...] = ()
     estimated: tuple[Loop, ...] = ()
     margins: tuple[Margin, ...] = ()
-    endured: Mapping[str, Margins] = field(default_factory=dict)
+    endured: dict[str, Margins] = field(default_factory=dict)
     nearest: "NearestInstability | None" = None
     audit: "Audit | None" = None
     sensitivity: "xarray.Dataset | None" = None
@@ -164,11 +164,6 @@ class Analysis(Stages):
     def length(self) -> float:
         """The length of the arm, in m; not a number where it has no points."""
         return arm_length(self.plant)
-
-    @property
-    def arm(self) -> Manipulator:
-        """The manipulator."""
-        return self.plant.arm
 
     @property
     def loops(self) -> tuple[Loop, ...]:
@@ -403,7 +398,6 @@ def simulation_error(found: Simulation) -> float:
 
 def find_loop_margins(a: Analysis) -> None:
     """What each stable loop with a feedback endures, broken where the torque enters the arm."""
-    endured: dict[str, Margins] = {}
     plant = a.plant.periodic_system() if a.plant.motion.periodic and a.plant.about.m else None
     for loop in (a.own, *a.designs):
         law = a.closed.law if loop.design is None else loop.design.law
@@ -416,5 +410,4 @@ def find_loop_margins(a: Analysis) -> None:
         one = a.attempt(name, name, partial(margins, broken, law.gain))
         if one is not None and one.reason:
             a.problems[name] = f"some of the {name}: {one.reason}"
-        endured |= {} if one is None else {loop.name: one}
-    a.endured = endured
+        a.endured |= {} if one is None else {loop.name: one}

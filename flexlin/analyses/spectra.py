@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -62,11 +62,8 @@ class Family:
     evaluations: int = 0
     finest: float = REPORTED_ERROR
     coarsest: float = SCAN_ERROR
-
-    @property
-    def loop(self) -> ParametricLoop | None:
-        """The loop on a scene's arm that keeps the numbers as symbols, where it is one."""
-        return None
+    loop: ParametricLoop | None = None
+    """The loop on a scene's arm that keeps the numbers as symbols, where it is one."""
 
     @property
     def batched(self) -> bool:
@@ -151,10 +148,6 @@ class SymbolicFamily(Family):
     box: Array = field(kw_only=True)
     places: list[int] = field(kw_only=True)
     nominal: Array = field(kw_only=True)
-
-    @property
-    def loop(self) -> ParametricLoop | None:
-        return self.source if isinstance(self.source, ParametricLoop) else None
 
     @property
     def batched(self) -> bool:
@@ -319,16 +312,13 @@ def make_family(
         if not isinstance(chosen, ParametricLoop):
             return Family(chosen.system_at, own, coarsest=coarsest)
         places = [chosen.paths.index(path) for path in ranges] if known is not None else list(range(len(own)))
-        return SymbolicFamily(
-            chosen.system_at, own, coarsest=coarsest, source=chosen, box=box, places=places, nominal=chosen.nominal
-        )
+        given: dict[str, Any] = {"source": chosen, "box": box, "places": places, "nominal": chosen.nominal}
+        return SymbolicFamily(chosen.system_at, own, coarsest=coarsest, loop=chosen, **given)
     unknown = np.full(len(ranges), np.nan)
     if isinstance(source, PeriodicFamily):
         order = source.find_places(ranges, loop)
-        places = [order.index(k) for k in range(len(order))]
-        kept = SymbolicFamily(
-            source.system_at, unknown, coarsest=coarsest, source=source, box=box, places=places, nominal=unknown
-        )
+        given = {"source": source, "box": box, "places": np.argsort(order).tolist(), "nominal": unknown}
+        kept = SymbolicFamily(source.system_at, unknown, coarsest=coarsest, **given)
         return (
             kept if kept.together is not None else FunctionFamily(kept.system_at, unknown, coarsest=coarsest, box=box)
         )

@@ -10,9 +10,9 @@ from flexlin.plots.panel import LINE_HEIGHT, Panel
 from flexlin.plots.scales import Linear, Logarithmic, Named
 from flexlin.report.figures import WIDTH, Picture, make_picture
 from flexlin.report.wording import format_figures, format_quantity, format_rate, in_unit
+from flexlin.scene.json_schema import write_toml
 from flexlin.scene.loading import parse_scene
 from flexlin.scene.scene import Scene
-from flexlin.scene.toml import write_toml
 
 if TYPE_CHECKING:
     import xarray

@@ -148,22 +148,17 @@ OWN = "c-own"
 FORMATS = (".npz", ".mat", ".nc")
 
 
-def name_folder(name: str, position: int) -> str:
-    """Return the folder of a design's C source: its name in small Latin letters and digits, else its number among the designs."""
-    words = re.sub(r"[^a-z0-9]+", "-", name.lower())[:60].strip("-")
-    readable = words and (name.isascii() or re.search("[a-z]", words))
-    return f"c-{words if readable else f'design-{position}'}"
-
-
 def design_folders(names: Sequence[str]) -> dict[str, str]:
-    """Return the folder of each design by its name.
+    """Return the folder of each design by its name: that in small Latin letters and digits, else its number among the designs.
 
     Parameters: names: of all designs of a scene, in their order (a design that failed keeps its number).
     Raises: InputError when two names lead to one folder, where the second gain would replace the first, or the scene's own feedback.
     """
     owners: dict[str, str] = {OWN: "the scene's own feedback"}
     for position, name in enumerate(names, start=1):
-        folder = name_folder(name, position)
+        words = re.sub(r"[^a-z0-9]+", "-", name.lower())[:60].strip("-")
+        readable = words and (name.isascii() or re.search("[a-z]", words))
+        folder = f"c-{words if readable else f'design-{position}'}"
         if folder in owners:
             got, expected = f"{owners[folder]!r} and {name!r}, both {folder}", "names that differ in letters or digits"
             wrong = "two designs would be written into one folder"

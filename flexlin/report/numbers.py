@@ -63,11 +63,18 @@ def record(a: Analysis) -> dict[str, Any]:
 
 def record_scene(scene: Scene, steps: Sequence[Step]) -> dict[str, Any]:
     """What was asked, and what each stage of the work took."""
+    on = scene.effects.on()
+    effects = {
+        "on": list(on),
+        "off": [name for name in known_effects() if name not in on],
+        "meaning": {name: effect.summary() for name, effect in on.items()},
+        "units": {name: effect.units() for name, effect in on.items()},
+    }
     return {
         "schema": 1,
         "title": scene.title,
         "scene": record_tables(scene),
-        "effects": effects(scene),
+        "effects": effects,
         "versions": list_versions(),
         "accuracy": scene.accuracy.model_dump(mode="json"),
         "steps": [step_block(step) for step in steps],
@@ -107,17 +114,6 @@ def write_json(value: Any) -> str:
 def list_numbers(array: Array) -> Any:
     """An array as nested lists, complex numbers as [re, im]."""
     return (np.stack([array.real, array.imag], axis=-1) if np.iscomplexobj(array) else array).tolist()
-
-
-def effects(scene: Scene) -> dict[str, Any]:
-    """Which effects are on, and which are off; what those that are on mean, and the units of their figures."""
-    on = scene.effects.on()
-    return {
-        "on": list(on),
-        "off": [name for name in known_effects() if name not in on],
-        "meaning": {name: effect.summary() for name, effect in on.items()},
-        "units": {name: effect.units() for name, effect in on.items()},
-    }
 
 
 def record_loop(loop: Loop) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from flexlin.analyses.analysis import Analysis
 from flexlin.analyses.clock import Step
 from flexlin.errors import ArgumentError
 from flexlin.report import advice, wording
+from flexlin.report.audit import draw_effects, draw_sensitivity
 from flexlin.report.figures import Picture
 from flexlin.report.figures.exponents import draw_exponents, draw_modes, draw_multipliers
 from flexlin.report.figures.over_period import (
@@ -50,6 +51,8 @@ FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
     draw_modes,
     draw_coefficients,
     draw_gains,
+    lambda a: None if a.sensitivity is None else draw_sensitivity(a.sensitivity),
+    lambda a: None if a.audit is None else draw_effects(a.audit),
 )
 
 
@@ -57,14 +60,6 @@ def draw_pictures(analysis: Analysis) -> Iterator[Picture]:
     """All figures that this analysis has numbers for, in the order of the page."""
     with wording.units_of(analysis):
         yield from (picture for draw in FIGURES if (picture := draw(analysis)) is not None)
-        if analysis.sensitivity is not None:
-            from flexlin.report.audit import draw_sensitivity
-
-            yield draw_sensitivity(analysis.sensitivity)
-        if analysis.audit is not None:
-            from flexlin.report.audit import draw_effects
-
-            yield draw_effects(analysis.audit)
 
 
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:

@@ -124,11 +124,6 @@ def choose_prefix(value: float) -> int:
     return min(max(3 * math.floor(math.log10(abs(value)) / 3), -9), 9)
 
 
-def name_joint_unit(analysis: Analysis, joint: int) -> str:
-    """rad, or m for a joint that slides."""
-    return analysis.arm.coordinates[analysis.arm.drives[joint]].unit
-
-
 def name_coordinate_unit(analysis: Analysis, index: int) -> str:
     """The unit of a coordinate of the linear equations."""
     return analysis.plant.coordinates[index].unit

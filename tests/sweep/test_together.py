@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import Found, Together, choose_crew, choose_loop, make_family, prepare_job, share_among_threads
+from flexlin.analyses import Found, Together, choose_crew, choose_loop, prepare_job, share_among_threads
 from flexlin.analyses.sweep.found import MISSING
 from flexlin.analyses.sweep.together import MOST_SEGMENTS, PILOT_VALUES, SEGMENT_NUMBERS, learn_needs
-from flexlin.periodic import Kernel, measure_distances
+from flexlin.periodic import measure_distances
 from flexlin.periodic.many import WIDTH, Logs
 from tests.control.test_c_controllers import FILTERS, PID
 from tests.sweep.test_sweep import MOVES

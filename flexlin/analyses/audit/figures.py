@@ -134,7 +134,9 @@ def measure(scene: Scene, tol: float = 1e-4) -> Measure:
     worst = join_parts(parts)
     path, away, demands = _follow(lin, scene.drives, problems)
     figures = worst.margin, worst.error, worst.verdict, worst.frequencies, away
-    size = lin.n, lin.coefficients.n_instructions(), _time_evaluation(lin)
+    t = np.linspace(0, lin.period, SAMPLES + 1)
+    microseconds = 1e6 * min(repeat(lambda: lin.sample(t), number=1)) / SAMPLES
+    size = lin.n, lin.coefficients.n_instructions(), microseconds
     return Measure(*figures, *size, tuple(problems), path, demands, parts)
 
 
@@ -227,11 +229,6 @@ def _follow(
     path, rigid = (tip_positions(lin, t, x) for x in (states, np.zeros_like(states)))
     away = float(np.linalg.norm(path - rigid, axis=1).max())
     return np.pad(path, ((0, 0), (0, 3 - path.shape[1]))), away, demands
-
-
-def _time_evaluation(lin: Linearization) -> float:
-    t = np.linspace(0, lin.period, SAMPLES + 1)
-    return 1e6 * min(repeat(lambda: lin.sample(t), number=1)) / SAMPLES
 
 
 def second_order_with_states(lin: Linearization, t: Array) -> tuple[Array, Array, Array, Array]:

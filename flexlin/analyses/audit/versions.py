@@ -131,8 +131,11 @@ def list_model_versions(scene: Scene) -> Iterator[Version]:
     """
     if scene.model is None:
         return
-    schema = registered_model(scene.model).schema
-    for version in (*list_switches(scene, schema), *list_mode_steps(scene)):
+    schema, versions = registered_model(scene.model).schema, list[Version]()
+    for path, modes in find_modes(scene.parameters, PARAMETERS):  # the key means what it means in a scene
+        where = path.removeprefix(f"{PARAMETERS}.").removesuffix(".modes")
+        versions += step_modes(modes, f"{where} with {{}}", where, partial(with_more, path=path))
+    for version in (*list_switches(scene, schema), *versions):
         with suppress(ValidationError):
             schema.model_validate(version.make(scene).parameters)
             yield version
@@ -151,13 +154,6 @@ def list_switches(scene: Scene, schema: type[BaseModel]) -> Iterator[Version]:
 def without_parameter(scene: Scene, name: str) -> Scene:
     """The scene with zero for a number of the model's table."""
     return scene.model_copy(update={"parameters": {**scene.parameters, name: 0.0}})
-
-
-def list_mode_steps(scene: Scene) -> Iterator[Version]:
-    """Each number of modes in the model's table, where the key means what it means in a scene, one less and one more."""
-    for path, modes in find_modes(scene.parameters, PARAMETERS):
-        where = path.removeprefix(f"{PARAMETERS}.").removesuffix(".modes")
-        yield from step_modes(modes, f"{where} with {{}}", where, partial(with_more, path=path))
 
 
 def find_modes(node: Any, path: str) -> Iterator[tuple[str, int]]:

@@ -134,7 +134,7 @@ SWING_SHARE = 0.15
 
 def draw_modes(a: Analysis) -> Picture | None:
     """A panel for each mode of the scene's own loop at t = 0, slowest oscillation first; modes that do not oscillate come last."""
-    if a.arm.near.points is None:
+    if a.plant.arm.near.points is None:
         return None
     values, vectors = np.linalg.eig(a.closed.A(np.zeros(1))[0])
     turns = np.abs(values.imag) > ROOT_EPS * np.abs(values)

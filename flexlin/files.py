@@ -1,8 +1,8 @@
-"""The doors for results: a set of files, or a single one, appears whole or not at all.
+"""The one door to the disk for results: a set of files, or a single one, appears whole or not at all.
 
 A staged set takes the place of the old one in one rename where the folder is flexlin's own, else file by file. A move that was cut off is
 gone on with by whoever comes next; folders that a killed program left are taken away. `flexlin-results.json` says which files belong to
-which set, with their checksums.
+which set, with their checksums. `docs/results.md` says what a reader may rely on.
 """
 
 import ctypes
