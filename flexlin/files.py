@@ -110,13 +110,6 @@ def sync(path: Path) -> None:
         os.close(handle)
 
 
-def sync_all(folder: Path) -> None:
-    """Have a folder with all that is in it on the disk."""
-    for path in folder.rglob("*"):
-        sync(path)
-    sync(folder)
-
-
 def exchange(one: Path, other: Path) -> bool:
     """Let two folders change their names in one step; False where the system or the file system has no such step.
 
@@ -237,7 +230,8 @@ def switch(stage: Path, target: Path, name: str) -> None:
     Raises: OutputError where a folder stands in the place of a file; OSError.
     """
     files = {path: digest_of(file) for path, file in files_below(stage).items()}
-    sync_all(stage)
+    for path in (*stage.rglob("*"), stage):
+        sync(path)
     with alone(target.parent):
         finish(target)
         refuse_clashes(files, target)

@@ -65,15 +65,11 @@ def draw_pictures(analysis: Analysis) -> Iterator[Picture]:
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
     """Fill the page's template: verdict first, then what to do, figures, and everything that went in."""
     with wording.units_of(analysis):
-        facts, constants, inputs = (
-            list_facts(analysis),
-            list_constants(analysis),
-            list_inputs(analysis.scene, data["scene"]),
-        )
+        constants, inputs = list_constants(analysis), list_inputs(analysis.scene, data["scene"])
         took = [*analysis.steps, Step("together", *wording.took(analysis.steps))]
         given = {"analysis": analysis, "data": data, "pictures": pictures, "command": command}
         page = TEMPLATES.get_template("page.html.j2")
-        return page.render(given, facts=facts, constants=constants, inputs=inputs, took=took)
+        return page.render(given, constants=constants, inputs=inputs, took=took)
 
 
 def picture_page(
@@ -82,20 +78,6 @@ def picture_page(
     """A page of one picture, with what is to be said before it, and of other pictures below it."""
     page = {"title": title, "picture": picture, "more": more, "said": said}
     return TEMPLATES.get_template("picture.html.j2").render(command=command, version=flexlin.__version__, **page)
-
-
-def list_facts(a: Analysis) -> list[tuple[str, str]]:
-    """The figures of merit, as name and value."""
-    said = []
-    if a.own.floquet is not None:
-        said.append(("growth rate", wording.format_rate(*a.own.growth)))
-        said.append(("largest multiplier", f"|µ| = {wording.format_largest_multiplier(a.own)}"))
-    said.append(("period" if a.plant.motion.periodic else "duration", wording.format_quantity(a.plant.period, "s", 5)))
-    if a.response is not None and np.all(np.isfinite(a.response.tip)):
-        said.append(("largest tip error", wording.format_quantity(float(a.response.tip_error.max()), "m")))
-    if a.simulation is not None and not a.simulation.is_unresolved and np.isfinite(a.simulation.difference):
-        said.append(("linear against nonlinear", wording.format_quantity(a.simulation.difference, "m")))
-    return said
 
 
 def list_constants(a: Analysis) -> list[tuple[str, str, str]]:

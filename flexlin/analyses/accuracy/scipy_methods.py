@@ -21,20 +21,6 @@ Rate = Callable[[float, Array], Array]
 """(phase, columns of X one after another (n n,)) -> the columns of T A X."""
 
 
-def try_scipy(
-    lin: Linearization,
-    derive: Callable[[Linearization], ca.Function],
-    run: Callable[[Rate, int, str, float], Array],
-    tols: Sequence[float],
-) -> Iterator[Trial]:
-    """Every method at each tolerance, where the right-hand side is one expression: a symbolic motion, a law without states."""
-    if isinstance(lin.motion, SymbolicMotion) and lin.controller is None:
-        rate = FastRate(derive(lin), lin.arm.parameters.values)
-        for method, tol in product(METHODS, tols):
-            work = partial(run, rate, 2 * lin.n, method, tol)
-            yield Trial(f"SciPy {method}", f"tol {tol:.0e}", work, outside=True)
-
-
 def derive_loop_rate(lin: Linearization) -> ca.Function:
     """(phase, [y; y'], p) -> T [y'; y''] of the nonlinear loop under the scene's law."""
     about, law = lin.about, lin.law
@@ -144,3 +130,25 @@ class FastRate:
         self._x[:] = x
         self._trigger()
         return self._out.copy()
+
+
+Run = Callable[[Rate, int, str, float], Array]
+"""(rate, number of states, method, tol) -> what is compared."""
+
+
+def try_scipy(
+    lin: Linearization, tols: Sequence[float], derive: Callable[[Linearization], ca.Function], run: Run
+) -> Iterator[Trial]:
+    """Every method at each tolerance, where the right-hand side is one expression: a symbolic motion, a law without states."""
+    if isinstance(lin.motion, SymbolicMotion) and lin.controller is None:
+        rate = FastRate(derive(lin), lin.arm.parameters.values)
+        for method, tol in product(METHODS, tols):
+            work = partial(run, rate, 2 * lin.n, method, tol)
+            yield Trial(f"SciPy {method}", f"tol {tol:.0e}", work, outside=True)
+
+
+scipy_transitions = partial(try_scipy, derive=derive_transition_rate, run=multiply_up)
+scipy_simulations = partial(try_scipy, derive=derive_loop_rate, run=integrate_loop)
+scipy_responses = partial(try_scipy, derive=derive_response_rate, run=respond_periodically)
+scipy_riccati = partial(try_scipy, derive=derive_riccati_rate, run=forget_start)
+"""What SciPy needs for each of the answers that are compared."""

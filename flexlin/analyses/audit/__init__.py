@@ -8,14 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from flexlin.analyses.audit.figures import Measure, Part, join_parts, measure
-from flexlin.analyses.audit.versions import (
-    Version,
-    list_effect_versions,
-    list_mode_versions,
-    list_model_versions,
-    read_scale,
-)
+from flexlin.analyses.audit import versions
+from flexlin.analyses.audit.versions import Measure, Part, Version, join_parts, list_mode_versions, measure
 from flexlin.analyses.judging import SMALL_SHARE, arm_length
 from flexlin.arguments import checked
 from flexlin.checks import positive, try_to
@@ -469,14 +463,14 @@ def audit(
 def try_versions(judge: Judge) -> tuple[list[tuple[Version, Row]], str]:
     """All single changes, as far as time allows, and what was left out."""
     tried: list[tuple[Version, Row]] = []
-    versions = list_versions(judge.scene)
+    planned = list_versions(judge.scene)
     try:
-        for done, version in enumerate(versions):
+        for done, version in enumerate(planned):
             judge.report(version.change)
-            advance(done / len(versions))
+            advance(done / len(planned))
             tried.append((version, judge.row(version)))
     except TimeLimit as error:
-        left = ", ".join(version.change for version in versions[len(tried) :])
+        left = ", ".join(version.change for version in planned[len(tried) :])
         return tried, f"not tried in the time: {left}, pairs of effects, the minimal scene; {error.todo}"
     return tried, ""
 
@@ -498,8 +492,8 @@ def look_further(judge: Judge, tried: list[tuple[Version, Row]]) -> tuple[tuple[
 def list_versions(scene: Scene) -> list[Version]:
     """All single changes that are tried."""
     if scene.model is not None:
-        return list(list_model_versions(scene))
-    return [*list_effect_versions(scene, read_scale(scene)), *list_mode_versions(scene)]
+        return list(versions.list_model_versions(scene))
+    return [*versions.list_effect_versions(scene, versions.read_scale(scene)), *list_mode_versions(scene)]
 
 
 def find_reach(scene: Scene) -> float:

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from flexlin.analyses.clock import Clock
-from flexlin.analyses.disturbed.stated import Directions, Disturbance, Kind, disturbing, state_disturbance
+from flexlin.analyses.disturbed.stated import Directions, Disturbance, Kind, disturb, state_disturbance
 from flexlin.analyses.judging import LEAST_TOL
 from flexlin.analyses.loops import need_continuous
 from flexlin.checks import SAMPLES, Array, check_size, positive
@@ -234,7 +235,7 @@ def respond(
     found = floquet(loop, tol)
     if found.verdict != "stable":
         raise ArgumentError("the loop keeps no steady motion", got=f"{found.verdict}", expected="a stable loop")
-    enters, T = OfPlant(disturbing(closed, stated), 2 * closed.n, loop.n), closed.period
+    enters, T = OfPlant(partial(disturb, closed, stated), 2 * closed.n, loop.n), closed.period
     count = steps_of(float(found.exponents[0].real), T, periods)
     size = 8 * len(PHASES) * count * (2 * loop.n + 4)
     check_size(f"an answer over {count / SAMPLES:.3g} periods", size, "ask for fewer periods")
