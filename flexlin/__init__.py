@@ -20,7 +20,7 @@ __getattr__, _, __all__ = load_lazily(
         "analyses.boundary": "critical_values stability_boundary",
         "analyses.nearest": "nearest_instability",
         "analyses.sensitivity": "sensitivity",
-        "analyses.sweep": "sweep",
+        "analyses.sweep.job": "sweep",
         "analyses.tuning": "tune",
         "control": "periodic_lqr",
         "control.output_lqr": "output_lqr",
