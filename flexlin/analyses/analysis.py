@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf, pi
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from flexlin.analyses.nearest import NearestInstability
 
 Answer = TypeVar("Answer")
-Measure = Callable[[Answer], float] | None
+Measure = Callable[[Any], float] | None
 """The error of an answer, where it has one."""
 
 SIMULATED_PERIODS = 3.0
@@ -91,13 +91,13 @@ class Stages:
         return self.scene.accuracy
 
     def attempt(
-        self, key: str, name: str, work: Callable[[], Answer], error_of: "Measure[Answer]" = None, at_most: float = inf
+        self, key: str, name: str, work: Callable[[], Answer], error_of: Measure = None, at_most: float = inf
     ) -> Answer | None:
         """Do the work of a stage; where it has no trustworthy answer, `problems` says why under `key`."""
         return self.clock.attempt(self.problems, key, name, self.asked, work, error_of, at_most=at_most)
 
     def attempt_alone(
-        self, name: str, work: Callable[[], Answer], error_of: "Measure[Answer]" = None, at_most: float = inf
+        self, name: str, work: Callable[[], Answer], error_of: Measure = None, at_most: float = inf
     ) -> tuple[Answer | None, str]:
         """The answer of a stage about one loop, or why it has none."""
         return self.attempt(name, name, work, error_of, at_most), self.problems.pop(name, "")
@@ -272,8 +272,7 @@ def describe_end(plant: Linearization) -> str:
 def judge_elastic_loop(a: Stages) -> Loop:
     """The scene's own loop, linearized about the periodic motion of the elastic arm in the place of the rigid one."""
     name, work = "about elastic motion", partial(periodic_motion, a.closed, tol=a.asked.tol)
-    found = a.attempt_alone("periodic motion of the elastic arm", work, lambda made: made.error)
-    motion, problem = found
+    motion, problem = a.attempt_alone("periodic motion of the elastic arm", work, lambda made: made.error)
     if motion is None:
         return Loop(name, "elastic", None, problem)
     return judge_loop(a, name, "elastic", "Floquet: about the elastic motion", linearize_about(motion))
@@ -281,8 +280,7 @@ def judge_elastic_loop(a: Stages) -> Loop:
 
 def judge_loop(a: Stages, name: str, kind: str, step: str, system: PeriodicSystem, made: Design | None = None) -> Loop:
     """Floquet's verdict on a loop, or why there is none."""
-    found = a.attempt_alone(step, lambda: floquet(system, a.asked.tol), exponent_error)
-    result, problem = found
+    result, problem = a.attempt_alone(step, lambda: floquet(system, a.asked.tol), exponent_error)
     loop = Loop(name, kind, result, problem, made)
     if result is None or loop.verdict != "stable" or -loop.growth[0] <= WORTH_PROOF * 2 * pi / result.period:
         return loop
@@ -344,8 +342,7 @@ def judge_estimated_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
             continue
         name = f"{loop.name}, estimated"
         work = partial(scene_sensors(a.scene, a.plant, table).filter, a.plant, a.asked.tol)
-        filtered = a.attempt_alone(f"estimator: {loop.name}", work, lambda known: known.error)
-        estimator, problem = filtered
+        estimator, problem = a.attempt_alone(f"estimator: {loop.name}", work, lambda known: known.error)
         if estimator is None:
             found.append(Loop(name, "lqg", None, problem))
         else:
@@ -376,8 +373,8 @@ def follow_nonlinear(a: Analysis) -> None:
     asked, periodic = a.asked.of_comparison, a.plant.motion.periodic
     span, of = (SIMULATED_PERIODS, "periods") if periodic else (SIMULATED_DURATIONS, "durations")
     work = partial(simulate, a.closed, span, tol=asked.tol)
-    name = f"nonlinear simulation of {span:g} {of}"
-    a.simulation = a.clock.attempt(a.problems, "simulation", name, asked, work, simulation_error)
+    name, error_of = f"nonlinear simulation of {span:g} {of}", lambda found: max(found.error, found.linear_error)
+    a.simulation = a.clock.attempt(a.problems, "simulation", name, asked, work, error_of)
     failure = a.clock.failures.get("simulation")
     a.stopped = failure if isinstance(failure, SimulationStopped) else None
 
@@ -389,11 +386,6 @@ def find_range(a: Analysis) -> None:
         return
     work = partial(linear_range, a.closed, result=a.own.floquet, tol=max(RANGE_TOL, a.asked.tol), plant=a.plant)
     a.linear_range = a.attempt("linear range", "range of the linear equations", work)
-
-
-def simulation_error(found: Simulation) -> float:
-    """The larger error of the nonlinear and the linear states, relative to the largest, absolute below 1."""
-    return max(found.error, found.linear_error)
 
 
 def find_loop_margins(a: Analysis) -> None:

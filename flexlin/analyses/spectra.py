@@ -1,4 +1,4 @@
-"""Floquet spectra as functions of scene numbers: many values at once and cheap, or one by one and as accurate as can be."""
+"""Floquet spectra as functions of scene numbers: many at once and cheap, or one by one and exact; a Campbell diagram's frequencies."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -16,7 +16,7 @@ from flexlin.linearization.free import ParametricLoop, loop_of
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.boundary.together import Interpolant, Products, find_together
-from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.circle import assign, measure_distances, wrap_angle
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
@@ -29,6 +29,8 @@ from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from flexlin.analyses.sweep.together import Together
     from flexlin.periodic.floquet.resonance import Resonance
     from flexlin.periodic.many import Logs
@@ -328,3 +330,63 @@ def make_family(
     if loop != "own":
         raise ArgumentError("a function has one loop", got=repr(loop), expected="own")
     return FunctionFamily(lambda point: source(*map(float, point)), unknown, coarsest=coarsest, box=box)
+
+
+def unfold_frequencies(scene: Scene, path: str, data: "xr.Dataset", loop: str = "own") -> "xr.Dataset | None":
+    """Add to the exponents of a sweep over one number whole multiples of the motion's frequency, so that each lies near a mode.
+
+        omega = Im lambda + k 2 pi / T,   k such that omega is nearest to the frequency of a mode of the averaged equations
+
+    Modes and exponents are paired one to one, least distance in all, and again with the averaged modes moved by the median of what they
+    were off at 25 neighbouring values. Where two modes are nearer to each other than half the motion's
+    frequency modulo that frequency, which is which may be exchanged.
+
+    Parameters: data: of `sweep` over this number alone. Returns: frequency (value, mode) in rad/s, not negative, growth (value, mode), and
+    motion (value), the motion's frequency; None for loops whose equations are not known as expressions.
+    """
+    import xarray as xr
+    from scipy.ndimage import median_filter
+
+    chosen = choose_loop(scene, (path,), loop)
+    if not isinstance(chosen, ParametricLoop):
+        return None
+    values = data[path].to_numpy()
+    exponents, turn = data["exponents"].to_numpy(), 2 * np.pi / data["period"].to_numpy()
+    averaged = find_averaged(chosen, values)
+    known = np.flatnonzero(np.isfinite(exponents).all(axis=1) & np.isfinite(averaged).all(axis=1))
+    frequency, shift = np.full(exponents.shape, np.nan), np.zeros(exponents.shape)
+    for _ in range(2):
+        for k in known:
+            frequency[k], shift[k] = unfold(exponents[k], averaged[k], float(turn[k]))
+        averaged = averaged + 1j * median_filter(shift, size=(25, 1), mode="nearest")
+    return xr.Dataset(
+        {
+            "frequency": (("value", "mode"), np.abs(frequency), {"units": "rad/s"}),
+            "growth": (("value", "mode"), exponents.real, {"units": "1/s"}),
+            "motion": ("value", turn, {"units": "rad/s"}),
+        },
+        coords={"value": values},
+    )
+
+
+def find_averaged(loop: ParametricLoop, values: Array) -> Array:
+    """Eigenvalues (V, n) of the state matrix averaged over a period."""
+    phases = np.arange(64) / 64
+    M, D, K = loop.sample(phases, values[:, None])
+    n, states = loop.coordinates - loop.memory, loop.states
+    blocks = np.linalg.solve(M, np.concatenate([K[:, :, :n], D], axis=2)).reshape(len(phases), len(values), -1, states)
+    A = np.zeros((len(values), states, states))
+    A[:, :n, n : 2 * n], A[:, n:] = np.eye(n), -blocks.mean(axis=0)
+    found = np.linalg.eigvals(A)
+    order = np.lexsort((found.real, found.imag), axis=1)
+    return np.take_along_axis(found, order, axis=1)
+
+
+def unfold(exponents: Array, averaged: Array, turn: float) -> tuple[Array, Array]:
+    """The imaginary parts (n,) nearest to those of the averaged modes, modulo `turn`, and how far off each averaged mode (n,) was."""
+    apart = exponents[:, None] - averaged
+    around = wrap_angle(apart.imag * 2 * np.pi / turn) * turn / (2 * np.pi)
+    rows, columns = np.arange(len(exponents)), assign(np.hypot(apart.real, around))
+    shift = np.empty(len(exponents))
+    shift[columns] = around[rows, columns]
+    return averaged.imag[columns] + shift[columns], shift

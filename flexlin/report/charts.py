@@ -13,9 +13,9 @@ import numpy as np
 import xarray
 
 from flexlin.analyses.boundary import BoundaryCurve, CriticalValue, find_margin, search_boundary
-from flexlin.analyses.campbell import unfold_frequencies
 from flexlin.analyses.clock import Clock
 from flexlin.analyses.judging import SMALL_SHARE, find_bending
+from flexlin.analyses.spectra import unfold_frequencies
 from flexlin.analyses.sweep.found import VERDICTS, Found, worst_error
 from flexlin.analyses.sweep.job import Job, Store, choose_crew, prepare_job
 from flexlin.checks import Array
