@@ -13,7 +13,6 @@ import flexlin
 from flexlin.analyses.judging import Loop
 from flexlin.checks import check_size, memory_limit
 from flexlin.control.designed_loop import Design, scene_feedback
-from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_controller import write_estimator, write_gain
 from flexlin.control.export.c_linearization import write_linearization
 from flexlin.control.export.files import matlab_script, write_system
@@ -177,7 +176,9 @@ def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points
     folders = design_folders([loop.name for loop in loops])
     system = plant.periodic_system() if plant.motion.periodic else horizon_system(plant)
     designs = tuple(loop.design for loop in loops if loop.design is not None)
-    estimators = estimators_of(scene, plant, [found.name for found in designs])
+    tables = {
+        table.name: table.estimator for table in scene.designs if plant.motion.periodic
+    }  # else there is no filter
     names = [f"system{ending}" for ending in FORMATS]
     with results(folder, "export") as made:
         for name in names:
@@ -195,19 +196,8 @@ def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points
         for found in designs:
             write_gain(found, plant.period, made / folders[found.name], plant)
             names.append(folders[found.name])
-            if found.name in estimators:
-                estimator, seen = estimators[found.name]
-                write_estimator(estimator, made / folders[found.name], plant, seen)
+            if (table := tables.get(found.name)) is not None:
+                sensors = scene_sensors(scene, plant, table)
+                estimator = sensors.filter(plant, scene.accuracy.tol)
+                write_estimator(estimator, made / folders[found.name], plant, sensors.names)
     return made.placed(*names)
-
-
-def estimators_of(
-    scene: Scene, plant: Linearization, names: Sequence[str]
-) -> dict[str, tuple[Estimator, tuple[str, ...]]]:
-    """The filters of the designs that name sensors, and what they measure; a motion that ends has none."""
-    found = {}
-    for table in scene.designs if plant.motion.periodic else ():
-        if table.estimator is not None and table.name in names:
-            sensors = scene_sensors(scene, plant, table.estimator)
-            found[table.name] = sensors.filter(plant, scene.accuracy.tol), sensors.names
-    return found

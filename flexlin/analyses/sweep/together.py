@@ -122,11 +122,10 @@ BLOCK_VALUES = 65536
 class Together:
     """The computation of blocks of values by the kernel; `scale` balances the states; `needs` says on how many segments.
 
-    `source`: the system, for values that are computed one by one; `may_be_narrow`: whether its coefficients may have narrow features.
+    `source`: the system, for values that are computed one by one.
     """
 
     source: "ParametricLoop | PeriodicFamily"
-    may_be_narrow: bool
     tol: float
     kernel: Kernel
     scale: Array
@@ -150,7 +149,7 @@ class Together:
             return None
         scale = kernel.balance(points[spread_over(len(points), 3 * WIDTH)])
         needs = learn_needs(kernel, points, scale, tol)
-        made = cls(source, source.may_be_narrow, tol, kernel, scale, needs, len(points))
+        made = cls(source, tol, kernel, scale, needs, len(points))
         if needs.usual >= MOST_SEGMENTS or not (source.is_smooth or made.is_confirmed(points)):
             return None
         return made
@@ -171,7 +170,7 @@ class Together:
     @property
     def threaded(self) -> bool:
         """All values are computed by the kernel, which lets other threads work meanwhile."""
-        return not self.may_be_narrow
+        return not self.source.may_be_narrow
 
     @property
     def block(self) -> int:
@@ -218,7 +217,7 @@ class Together:
 
     def find_narrow(self, points: Array) -> Array:
         """Which values have coefficients with narrow features, which the kernel would step over, (V,)."""
-        if not self.may_be_narrow:
+        if not self.source.may_be_narrow:
             return np.zeros(len(points), dtype=bool)
         return np.array([self.source.is_narrow(point) for point in points], dtype=bool)
 
