@@ -16,7 +16,6 @@ from flexlin.periodic.boundary.crossings import CELLS, SCAN_VALUES, Crossing, fi
 from flexlin.periodic.boundary.curves import Curve, find_curves, find_lost_ends
 from flexlin.periodic.boundary.spectra import Effort
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.resonance import Resonance
 from flexlin.precision import MINOR
 from flexlin.scene.parameters import get_value, need_numbers
 from flexlin.scene.scene import Scene
@@ -195,16 +194,13 @@ def add_slope(found: CriticalValue, family: Family) -> CriticalValue:
 
 def describe_causes(family: Family, point: Array) -> str:
     """What makes a system unstable at a point (P,), in words."""
-    causes = family.resonances(point)
-    return describe_cause(causes[0]) if causes else "its growth is too slow to name a resonance"
-
-
-def describe_cause(cause: Resonance) -> str:
-    """The resonance condition in words."""
-    if cause.kind == "average":
-        still = abs(cause.exponent.imag) <= abs(cause.exponent) * 1e-6
-        return "divergence" if still else cause.own_cause
-    return f"{cause.kind} resonance of order {cause.order}: {cause.condition}"
+    cause = next(iter(family.resonances(point)), None)
+    if cause is None:
+        return "its growth is too slow to name a resonance"
+    if cause.kind != "average":
+        return f"{cause.kind} resonance of order {cause.order}: {cause.condition}"
+    still = abs(cause.exponent.imag) <= abs(cause.exponent) * 1e-6
+    return "divergence" if still else cause.own_cause
 
 
 UNASKED_SECONDS = 1.25

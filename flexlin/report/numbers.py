@@ -88,12 +88,9 @@ def record_tables(scene: Scene) -> dict[str, Any]:
 
 def step_block(step: Step) -> dict[str, Any]:
     """What one stage took; the error that was asked and the one that was reached, what libraries warned of, why it has no answer."""
-    block: dict[str, Any] = {"name": step.name, "seconds": round(step.seconds, 4)}
-    block["cpu_seconds"] = round(step.cpu_seconds, 4)
-    if step.asked is not None:
-        block |= record_fields(step, "asked reached")
-    block |= {"notes": step.notes} if step.notes else {}
-    return block | ({"problem": step.problem} if step.problem else {})
+    took = {"name": step.name, "seconds": round(step.seconds, 4), "cpu_seconds": round(step.cpu_seconds, 4)}
+    errors = {} if step.asked is None else record_fields(step, "asked reached")
+    return took | errors | {name: said for name, said in record_fields(step, "notes problem").items() if said}
 
 
 def to_json(data: dict[str, Any]) -> str:

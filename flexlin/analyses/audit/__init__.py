@@ -525,10 +525,8 @@ def find_interplay(judge: Judge, tried: Sequence[tuple[Version, Row]]) -> tuple[
         advance(done / len(pairs))
         row = judge.row(both, two.make(one.make(judge.scene)))
         alone, together = first.significance > judge.tolerance, row.significance > judge.tolerance
-        if np.isfinite(row.significance) and row.judged and alone != together:
+        if alone != together and (row.judged or row.significance == np.inf):
             found.append(replace(row, advice=CANCEL if alone else NEED))
-        elif not alone and row.significance == np.inf:
-            found.append(replace(row, advice=NEED))
     return tuple(sorted(found, key=lambda row: -row.significance))
 
 
