@@ -1,13 +1,12 @@
 """Where a loop becomes unstable or stable again: values of one number, how far the scene's own is from them, and curves in two numbers."""
 
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
 
-from flexlin.analyses.spectra import LOOSE_LOG_ERROR, SCAN_ERROR, Family, Source, make_family
+from flexlin.analyses.spectra import LOOSE_LOG_ERROR, SCAN_ERROR, Family, Ranges, Source, make_family
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError, counted
@@ -324,7 +323,7 @@ class BoundaryCurve:
 @checked
 def stability_boundary(
     source: Source,
-    ranges: Mapping[str, tuple[float, float]],
+    ranges: Ranges,
     tol: float = 1e-6,
     *,
     loop: str = "own",
@@ -392,7 +391,7 @@ def stability_boundary(
 
 
 def search_boundary(
-    source: Source, ranges: Mapping[str, tuple[float, float]], tol: float, loop: str, cells: int, effort: Effort
+    source: Source, ranges: Ranges, tol: float, loop: str, cells: int, effort: Effort
 ) -> list[BoundaryCurve]:
     """The curves of `stability_boundary`; effort: ends the search for tongues' tips, and knows whether it did."""
     limits = np.array([check_limits(path, limits) for path, limits in ranges.items()])

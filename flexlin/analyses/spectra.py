@@ -1,6 +1,6 @@
 """Floquet spectra as functions of scene numbers: many at once and cheap, or one by one and exact; a Campbell diagram's frequencies."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -52,6 +52,8 @@ BREAK_EVEN = 1000
 
 Source = Scene | PeriodicFamily | Callable[..., PeriodicSystem]
 """A scene, a family, or a function of one number for each parameter that returns a system."""
+Ranges = Mapping[str, tuple[float, float]]
+"""The least and the largest value of each number, by its path or name."""
 
 
 @dataclass
@@ -295,11 +297,7 @@ def blank(values: int, states: int) -> tuple[Array, Array]:
 
 
 def make_family(
-    source: Source,
-    ranges: dict[str, tuple[float, float]],
-    loop: str,
-    known: Linearization | None = None,
-    coarsest: float = SCAN_ERROR,
+    source: Source, ranges: Ranges, loop: str, known: Linearization | None = None, coarsest: float = SCAN_ERROR
 ) -> Family:
     """The systems that a scene's loop, or a function, makes of numbers in ranges; `known`: the loop whose equations keep these free.
 

@@ -153,7 +153,7 @@ def draw_modes(a: Analysis) -> Picture | None:
         "moves most, by its share of the kinetic energy, and how fast the mode decays. A mode without frequency creeps back, or grows."
     )
     shown, others = panels[:8], panels[8:]
-    return make_picture("modes", "Mode shapes", caption, shown, (), others, "other modes")
+    return make_picture("modes", "Mode shapes", caption, shown, (), ("other modes", others))
 
 
 def draw_mode(a: Analysis, value: complex, leading: int, rest: list[Array], swing: list[Array]) -> Panel:

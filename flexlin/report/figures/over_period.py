@@ -191,8 +191,8 @@ def draw_coefficients(a: Analysis) -> Picture:
     shown, folded = choose_shown(np.array([entry.weight for entry in varying]), joints)
     panels = [draw_entry(a, varying[k]) for k in shown]
     under = [draw_entry(a, varying[k], FOLDED_STRIDE) for k in folded]
-    caption, heading = describe_shown(len(varying), len(shown), len(folded)), "other entries that vary"
-    return make_picture("coefficients", "The coefficients over a period", caption, panels, (), under, heading)
+    caption, rest = describe_shown(len(varying), len(shown), len(folded)), ("other entries that vary", under)
+    return make_picture("coefficients", "The coefficients over a period", caption, panels, (), rest)
 
 
 def list_joints(a: Analysis) -> list[int]:
@@ -288,7 +288,7 @@ def draw_gains(a: Analysis) -> Picture | None:
         caption += " What a controller's integrals and filters add is not drawn."
     if under:
         caption += " Shown are those that act most on deflections of equal energy, one of each input at the least; others are folded below."
-    return make_picture("gains", "Gains over a period", caption, above, legend, under, "other entries")
+    return make_picture("gains", "Gains over a period", caption, above, legend, ("other entries", under))
 
 
 def name_gain(a: Analysis, i: int, j: int) -> str:
@@ -313,8 +313,8 @@ def draw_response(a: Analysis) -> Picture | None:
         "Steady deviations from the rigid motion under the scene's loop: q of joints, w of bending, phi of twist, theta of motors; and "
         "what each joint is given." + " Further coordinates are folded below." * bool(rest)
     )
-    folded = [draw_deviation(a, i) for i in rest]
-    return make_picture("response", "Forced periodic response", caption, panels, legend, folded, "other coordinates")
+    folded = "other coordinates", [draw_deviation(a, i) for i in rest]
+    return make_picture("response", "Forced periodic response", caption, panels, legend, folded)
 
 
 def draw_deviation(a: Analysis, i: int) -> Panel:
