@@ -53,11 +53,14 @@ def derive_linear(lin: Linearization) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX
     return phase, p, rows[:, : 2 * n], rows[:, 2 * n], rows[:, 2 * n + 1 :]
 
 
-def derive_transition_rate(lin: Linearization) -> ca.Function:
-    """(phase, columns of X, p) -> those of T A X, zeros of A left out of the product."""
-    phase, p, A, _, _ = derive_linear(lin)
-    X = ca.SX.sym("X", 2 * lin.n, 2 * lin.n)
-    return ca.Function("transition_rate", [phase, ca.vec(X), p], [ca.densify(ca.vec(ca.sparsify(A) @ X))])
+def derive_transition_rate(lin: Linearization, forced: bool = False) -> ca.Function:
+    """(phase, columns of X, p) -> those of T A X, zeros of A left out of the product; `forced`: of [X, x] those of T [A X, A x + b]."""
+    phase, p, A, b, _ = derive_linear(lin)
+    X = ca.SX.sym("X", 2 * lin.n, 2 * lin.n + forced)
+    rate = ca.sparsify(A) @ X
+    if forced:
+        rate[:, -1] += b
+    return ca.Function("transition_rate", [phase, ca.vec(X), p], [ca.densify(ca.vec(rate))])
 
 
 def multiply_up(rate: Rate, states: int, method: str, tol: float) -> Array:
@@ -65,13 +68,7 @@ def multiply_up(rate: Rate, states: int, method: str, tol: float) -> Array:
     return integrate(rate, np.eye(states).ravel(), np.array([0.0, 1.0]), method, tol)[-1].reshape(states, states).T
 
 
-def derive_response_rate(lin: Linearization) -> ca.Function:
-    """(phase, columns of [X, x], p) -> those of T [A X, A x + b]: the transition matrix, and a motion."""
-    phase, p, A, b, _ = derive_linear(lin)
-    X = ca.SX.sym("X", 2 * lin.n, 2 * lin.n + 1)
-    rate = A @ X
-    rate[:, -1] += b
-    return ca.Function("response_rate", [phase, ca.vec(X), p], [ca.densify(ca.vec(rate))])
+derive_response_rate = partial(derive_transition_rate, forced=True)
 
 
 def respond_periodically(rate: Rate, states: int, method: str, tol: float) -> Array:
