@@ -27,6 +27,7 @@ from flexlin.report.figures.over_period import (
     name_entry,
 )
 from flexlin.scene.names import name_unit
+from flexlin.scene.parameters import list_children
 from flexlin.scene.scene import Scene
 
 TEMPLATES = Environment(
@@ -106,13 +107,10 @@ def flatten_table(node: Any, path: str = "") -> list[tuple[str, Any]]:
     """Every value below a table by its dotted path; a list of numbers is one value."""
     if node in ([], {}, ""):
         return []
-    if isinstance(node, dict):
-        children = list(node.items())
-    elif isinstance(node, list) and any(isinstance(child, dict) for child in node):
-        children = list(enumerate(node))
-    else:
+    if not (isinstance(node, dict) or (isinstance(node, list) and any(isinstance(child, dict) for child in node))):
         return [(path, node)]
-    return [leaf for name, child in children for leaf in flatten_table(child, f"{path}.{name}" if path else str(name))]
+    inside = list_children(node).items()
+    return [leaf for name, child in inside for leaf in flatten_table(child, f"{path}.{name}" if path else name)]
 
 
 def format_input(value: object) -> str:

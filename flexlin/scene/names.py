@@ -18,15 +18,11 @@ def name_number(path: str) -> str:
     steps = path.split(".")
     if steps[0] == "motion" and len(steps) == 2:
         return f"motion {steps[1].replace('_', ' ')}"
-    place = "".join(f" of {'link' if table == 'links' else 'joint'} {int(index) + 1}" for table, index in placed(steps))
+    placed = [(table, index) for table, index in pairwise(steps) if table in ("links", "joints") and index.isdigit()]
+    place = "".join(f" of {'link' if table == 'links' else 'joint'} {int(index) + 1}" for table, index in placed)
     kept = [WORDS.get(step, step.replace("_", " ")) for step in steps if step not in TABLES and not step.isdigit()]
     alone = steps[-1].isdigit() and not place
     return " ".join(kept or [path]) + place + (f" of joint {int(steps[-1]) + 1}" if alone else "")
-
-
-def placed(steps: list[str]) -> list[tuple[str, str]]:
-    """The lists of a path with the places in them."""
-    return [(table, index) for table, index in pairwise(steps) if table in ("links", "joints") and index.isdigit()]
 
 
 def name_unit(scene: Scene, path: str) -> str:
