@@ -7,10 +7,14 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
+from flexlin.scene.base import Unit
 from flexlin.scene.effects import effects_table, known_effects
-from flexlin.scene.library import shipped_models
+from flexlin.scene.library import registered_model, shipped_models
 from flexlin.scene.links import ASKED
+from flexlin.scene.parameters import PARAMETERS
+from flexlin.scene.problems import list_tables
 from flexlin.scene.scene import FlexibleTable, JointTable, RobotTable, Scene
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -36,8 +40,6 @@ def scene_schema() -> dict[str, Any]:
     schema = Scene.model_json_schema(ref_template=PLACE)
     definitions = schema["$defs"]
     definitions["Effects"] = add_table(definitions, effects_table())
-    for name, effect in known_effects().items():
-        definitions["Effects"]["properties"][name]["description"] = effect.summary()
     needed = {"required": definitions["Link"].pop("required")}
     sufficient = ({"required": ["length", "section"]}, {"required": ["body"]})  # a rigid body alone is a link too
     definitions["Link"]["anyOf"] = [needed, *sufficient]
@@ -89,46 +91,27 @@ def write_units(node: Any) -> None:
             write_units(child)
 
 
-ANY = "*"
-"""Stands for the keys of a table that names things of the user's."""
-
-
 def commented_scene(data: dict[str, Any]) -> str:
     """The scene as TOML: beside each key what it means and its unit, and below it the effects that could be turned on."""
-    schema = scene_schema()
-    on, effects = data.get("effects", {}), schema["$defs"]["Effects"]["properties"]
-    more = [f"# [effects.{name}]  {effects[name]['description']}" for name in effects if name not in on]
-    text = write_toml(data, lambda path: note(schema, data, path))
-    if data.get("model") is not None:
+    on, model = data.get("effects", {}), data.get("model")
+    more = [f"# [effects.{name}]  {effect.summary()}" for name, effect in known_effects().items() if name not in on]
+    text = write_toml(data, lambda path: note(path, model))
+    if model is not None:
         return text
     return text + "\n# Effects that are off; each table turns one on:\n" + "\n".join(more) + "\n"
 
 
-def note(schema: dict[str, Any], data: dict[str, Any], path: tuple[str, ...]) -> str:
-    """What is said of a key in a comment: its description; nothing where the schema knows none."""
-    nodes = [schema]
-    if path[:1] == ("parameters",):
-        chosen = [
-            rule["then"] for rule in schema["allOf"] if rule["if"]["properties"]["model"]["const"] == data.get("model")
-        ]
-        nodes = [*chosen, schema]
+def note(path: tuple[str, ...], model: str | None) -> str:
+    """What is said of a key in a comment: its description and unit; nothing where no table knows it."""
+    tables: list[type[BaseModel]] = [Scene]
+    fields = list[FieldInfo]()
     for step in path:
-        tables = [found for node in nodes for found in keys_of(schema, node)]
-        nodes = [found[name] for found in tables for name in (step, ANY) if name in found]
-    described = [node["description"] for node in nodes if "description" in node]
-    return described[0].partition("\n")[0] if described else ""
-
-
-def keys_of(schema: dict[str, Any], node: dict[str, Any]) -> list[dict[str, Any]]:
-    """The keys of all tables that a node allows, through references, unions and lists: no table holds itself."""
-    if "$ref" in node:
-        return keys_of(schema, schema["$defs"][node["$ref"].rpartition("/")[2]])
-    found = [node["properties"]] if "properties" in node else []
-    if isinstance(node.get("additionalProperties"), dict):
-        found.append({ANY: node["additionalProperties"]})
-    items = [node["items"]] if isinstance(node.get("items"), dict) else []
-    inner = [*node.get("anyOf", []), *node.get("oneOf", []), *items]
-    return found + [keys for child in inner for keys in keys_of(schema, child)]
+        fields = [one for table in tables for name, one in table.model_fields.items() if step in (name, one.alias)]
+        of_model = [registered_model(model).schema] if step == PARAMETERS and model else tables
+        tables = [table for one in fields for table in list_tables(one.annotation)] or of_model
+    described = next((one for one in fields if one.description), FieldInfo(description=""))
+    unit = "".join(f" [{mark.name}]" for mark in described.metadata if isinstance(mark, Unit) and mark.name)
+    return str(described.description).partition("\n")[0] + unit
 
 
 Note = Callable[[tuple[str, ...]], str]

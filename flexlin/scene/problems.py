@@ -115,7 +115,7 @@ class Place:
     @property
     def models(self) -> tuple[type[BaseModel], ...]:
         """The tables that it may hold."""
-        return tuple(model for annotation in self.annotations for model in _models(annotation))
+        return tuple(model for annotation in self.annotations for model in list_tables(annotation))
 
     @property
     def kinds(self) -> list[str]:
@@ -151,12 +151,12 @@ def _kinds_of(table: type[BaseModel]) -> tuple[Any, ...]:
     return get_args(table.model_fields["kind"].annotation) if "kind" in table.model_fields else ()
 
 
-def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+def list_tables(annotation: Any) -> Iterator[type[BaseModel]]:
     """The tables that an annotation allows, inside lists and unions too."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield effects_table() if annotation is Effects else annotation
     for part in get_args(annotation):
-        yield from _models(part)
+        yield from list_tables(part)
 
 
 def _problem(schema: type[BaseModel], entry: Any) -> Problem:
