@@ -62,7 +62,6 @@ def scene_schema() -> dict[str, Any]:
         }
         for name, table in of_models.items()
     ]
-    write_units(schema)
     return {"$schema": DIALECT, **schema}
 
 
@@ -75,20 +74,6 @@ def add_table(definitions: dict[str, Any], table: type[BaseModel]) -> dict[str, 
     for name, found in made.pop("$defs", {}).items():
         definitions.setdefault(name, found)
     return made
-
-
-def write_units(node: Any) -> None:
-    """Let every description end with the unit, which editors show."""
-    if isinstance(node, list):
-        for child in node:
-            write_units(child)
-    elif isinstance(node, dict):
-        inner = [child.get("unit") for child in node.get("anyOf", ()) if isinstance(child, dict)]
-        unit = node.get("unit") or next(filter(None, inner), None)
-        if isinstance(unit, str) and isinstance(node.get("description"), str):
-            node["description"] = f"{node['description']} [{unit}]"
-        for child in node.values():
-            write_units(child)
 
 
 def commented_scene(data: dict[str, Any]) -> str:

@@ -113,11 +113,14 @@ def describe_choices(rows: list[Row]) -> str:
     missed = any(describe_miss(row) for row in rows)
     dearest = max(rows, key=lambda row: row.seconds)
     if others and not missed and dearest.seconds < 1.25 * min(row.seconds for row in rows):
-        return f"every tol from {first.chosen} to {others[-1].chosen} costs about {format_with_prefix(dearest.seconds, 's', 2)}"
-    said = [f"{row.chosen} {format_with_prefix(row.seconds, 's', 2)}{describe_miss(row)}" for row in others]
-    return ", ".join(
-        [f"tol {first.chosen} costs {format_with_prefix(first.seconds, 's', 2)}{describe_miss(first)}", *said]
-    )
+        return f"every tol from {first.chosen} to {others[-1].chosen} costs about {describe_time(dearest.seconds)}"
+    said = [f"{row.chosen} {describe_time(row.seconds)}{describe_miss(row)}" for row in others]
+    return ", ".join([f"tol {first.chosen} costs {describe_time(first.seconds)}{describe_miss(first)}", *said])
+
+
+def describe_time(seconds: float) -> str:
+    """A time with two digits and its unit."""
+    return format_with_prefix(float(f"{seconds:.2g}"), "s")
 
 
 def describe_miss(row: Row) -> str:
