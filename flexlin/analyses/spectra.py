@@ -47,8 +47,6 @@ MANY_STATES = 8
 """A scan one by one of systems with so many states or more leaves out what it can."""
 PILOT_POINTS = 64
 """Points of the ranges at which it is learnt on how many segments spectra are computed together."""
-BREAK_EVEN = 1000
-"""Instructions of a loop's matrices for each spectrum that takes alone as long as it takes to prepare the kernel: delta has 58,000."""
 
 Source = Scene | PeriodicFamily | Callable[..., PeriodicSystem]
 """A scene, a family, or a function of one number for each parameter that returns a system."""
@@ -181,10 +179,8 @@ class SymbolicFamily(Family):
         return super().periods(points) if self.loop is None else self.loop.periods(self.place(points))
 
     def rough(self, points: Array) -> Spectra:
-        """Together, as a sweep computes them, where that is accurate enough; else one by one, and while there are few."""
-        reached = BREAK_EVEN * (self.evaluations + len(points))
-        few = self.loop is not None and reached < self.loop.matrices.n_instructions()
-        if few or self.together is None or not len(points):
+        """Together, as a sweep computes them, where that is accurate enough; else one by one."""
+        if self.together is None or not len(points):
             return super().rough(points)
         placed, (logs, errors) = self.place(points), blank(len(points), self.together.kernel.model.states)
 

@@ -131,12 +131,7 @@ def storable(data: xarray.Dataset) -> xarray.Dataset:
 def write_dataset(data: xarray.Dataset, made: Results, stem: str) -> list[Path]:
     """Write `stem`.nc and `stem`.npz into a set of results; returns where they will stand."""
     names = f"{stem}.nc", f"{stem}.npz"
-    texts = {
-        name: (part.dims, np.char.encode(part.values, "utf-8"), part.attrs | {"_Encoding": "utf-8"})
-        for name, part in data.data_vars.items()
-        if part.dtype.kind == "U"
-    }  # all at once: xarray would do it one by one
-    (made / names[0]).write_bytes(data.assign(texts).to_netcdf(engine="scipy"))
+    (made / names[0]).write_bytes(data.to_netcdf(engine="scipy"))
     arrays: dict[str, Any] = {str(name): np.asarray(data[name].values) for name in data.variables}
     np.savez(made / names[1], **arrays)
     return made.placed(*names)
