@@ -161,9 +161,7 @@ class SymbolicFamily(Family):
         from flexlin.analyses.sweep.together import Together
 
         low, high = self.box
-        shares = np.arange(1, PILOT_POINTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
-        if len(low) > shares.shape[1]:
-            shares = np.random.default_rng(0).random((PILOT_POINTS, len(low)))
+        shares = np.random.default_rng(0).random((PILOT_POINTS, len(low)))
         return Together.prepare(self.source, self.place(low + (high - low) * shares), self.coarsest)
 
     def place(self, points: Array) -> Array:
