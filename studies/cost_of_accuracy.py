@@ -23,9 +23,9 @@ from outside.scipy_ode import prepare_scipy
 from shared.running import least_time, run_study
 
 import flexlin as fl
+from flexlin import sweep
 from flexlin.analyses.accuracy.result import compare_exponents
 from flexlin.analyses.accuracy.scipy_methods import FastRate
-from flexlin.analyses.sweep import sweep
 from flexlin.checks import Array
 from flexlin.linearization.free import ParametricLoop, parametric_loop
 from flexlin.periodic.transition.choose_segments import Setting, factor_period

@@ -1,58 +1,62 @@
 """All numbers of a report, from one scene."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from math import inf, pi
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from flexlin.analyses.boundary import Margin
 from flexlin.analyses.clock import Clock, Step
-from flexlin.analyses.critical_values import Margin
 from flexlin.analyses.judging import (
+    LEAST_TOL,
     Loop,
     ModelValidity,
     Response,
-    Stages,
     arm_length,
-    describe_end,
     find_response,
-    judge_designs,
-    judge_elastic_loop,
-    judge_estimated_loops,
     judge_model,
-    judge_own_loops,
-    judge_sampled_loops,
-    load_of,
     response_error,
-    with_response,
 )
 from flexlin.analyses.loops import SAMPLED, TIMES
-from flexlin.checks import SAMPLES
+from flexlin.checks import SAMPLES, Array
+from flexlin.control.catalogue import design, pose_design
+from flexlin.control.designed_loop import Design
 from flexlin.control.drives import DriveLoad, drive_load
-from flexlin.control.sensors import tip_zeros
+from flexlin.control.estimator import output_feedback
+from flexlin.control.sensors import scene_sensors, tip_zeros
 from flexlin.control.validity import Validity, linear_range
 from flexlin.errors import InputError, SimulationStopped
 from flexlin.linearization.linear import Coefficients, linearize, with_control
 from flexlin.linearization.linearization import Linearization
+from flexlin.linearization.periodic_motion import linearize_about, periodic_motion
 from flexlin.mechanics import Manipulator, build_manipulator
+from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import floquet_modes
+from flexlin.periodic.floquet.resonance import Resonance, find_resonances
+from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.margins import Margins, margins
-from flexlin.periodic.system import extend_system
+from flexlin.periodic.sampled import sampled_floquet
+from flexlin.periodic.system import PeriodicSystem, extend_system
 from flexlin.periodic.zeros import InvariantZeros
+from flexlin.scene.control import DesignTable
 from flexlin.scene.parameters import PARAMETERS
-from flexlin.scene.scene import Scene
+from flexlin.scene.scene import Accuracy, Scene
 from flexlin.simulation.result import Simulation
 from flexlin.simulation.run import simulate
 
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.analyses.audit.judging import Audit
+    from flexlin.analyses.audit import Audit
     from flexlin.analyses.nearest import NearestInstability
-    from flexlin.periodic.floquet.resonance import Resonance
 
+Answer = TypeVar("Answer")
+Measure = Callable[[Any], float] | None
+"""The error of an answer, where it has one."""
 
 SIMULATED_PERIODS = 3.0
 SIMULATED_DURATIONS = 1.5
@@ -61,6 +65,42 @@ RANGE_TOL = 1e-4
 """Relative width to which the range of the linear equations is found: three digits are printed, and times are sampled."""
 ZEROS_TOL = 1e-6
 """Wanted error of the zeros of tip control, in 1/s up to 1/s and relative beyond: three digits are printed, and the sign counts."""
+BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
+"""Designs whose gain has an error that can be asked for."""
+WORTH_PROOF = 1e-6
+"""Decay per basic frequency from which a report tries to prove it: a slower one takes 10^5 periods to show, and most drown in rounding."""
+CERTIFICATE_SECONDS = 5.0
+"""Seconds of a report's 60 that a loop's certificate may take; `FloquetResult.certificate` takes what it needs."""
+
+
+@dataclass
+class Stages:
+    """What all stages of an analysis share: the arm alone and with the scene's own loop, times of a period with both ends, and the clock
+    that keeps each stage within its limits; `problems` says what is missing."""
+
+    scene: Scene
+    clock: Clock
+    plant: Linearization
+    closed: Linearization
+    t: Array
+    problems: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def asked(self) -> Accuracy:
+        """How accurate the answers should be, and what they may cost."""
+        return self.scene.accuracy
+
+    def attempt(
+        self, key: str, name: str, work: Callable[[], Answer], error_of: Measure = None, at_most: float = inf
+    ) -> Answer | None:
+        """Do the work of a stage; where it has no trustworthy answer, `problems` says why under `key`."""
+        return self.clock.attempt(self.problems, key, name, self.asked, work, error_of, at_most=at_most)
+
+    def attempt_alone(
+        self, name: str, work: Callable[[], Answer], error_of: Measure = None, at_most: float = inf
+    ) -> tuple[Answer | None, str]:
+        """The answer of a stage about one loop, or why it has none."""
+        return self.attempt(name, name, work, error_of, at_most), self.problems.pop(name, "")
 
 
 @dataclass
@@ -78,8 +118,7 @@ class Analysis(Stages):
     own: Loop = field(kw_only=True)
     open_loop: Loop = field(kw_only=True)
     elastic: Loop | None = None
-    resonances: "tuple[Resonance, ...]" = ()
-    response: Response | None = None
+    resonances: tuple[Resonance, ...] = ()
     simulation: Simulation | None = None
     stopped: SimulationStopped | None = None
     linear_range: Validity | None = None
@@ -88,7 +127,7 @@ class Analysis(Stages):
     sampled: tuple[Loop, ...] = ()
     estimated: tuple[Loop, ...] = ()
     margins: tuple[Margin, ...] = ()
-    endured: "Mapping[str, Margins]" = field(default_factory=dict)
+    endured: dict[str, Margins] = field(default_factory=dict)
     nearest: "NearestInstability | None" = None
     audit: "Audit | None" = None
     sensitivity: "xarray.Dataset | None" = None
@@ -102,21 +141,29 @@ class Analysis(Stages):
         simulated = None if run is None or run.is_unresolved else (*run.apart[1:], run.unit.strip())
         ended = None if end is None or not end.left_range else (end.t, SIMULATED_PERIODS * self.plant.period)
         curved = self.plant.arm.near is not self.plant.arm and "geometric_stiffening" in self.scene.effects.on()
-        return judge_model(self.length, replace(loop, response=self.response).steady, simulated, ended, curved)
+        return judge_model(self.length, loop.steady, simulated, ended, curved)
 
     def load(self, loop: Loop) -> DriveLoad | None:
         """What the drives have to do in the steady motion that a loop keeps, where that is known."""
-        return load_of(self, replace(loop, response=self.response) if loop is self.own else loop)
+        response, plant = loop.response, self.plant
+        if response is None or loop.verdict in ("unstable", "failed") or not plant.about.m:
+            return None
+        law = response.law or self.closed.law
+        if loop.design is not None:
+            law = law.with_gain(loop.design.K, loop.design.controller)
+        elif loop.kind == "open":
+            law = law.with_gain(np.zeros((plant.about.m, 2 * plant.n)))
+        return drive_load(plant, self.t[:-1], response.states[:-1], law, self.scene.drives)
+
+    @property
+    def response(self) -> Response | None:
+        """The periodic response of the scene's own loop, where it has one."""
+        return self.own.response
 
     @property
     def length(self) -> float:
         """The length of the arm, in m; not a number where it has no points."""
         return arm_length(self.plant)
-
-    @property
-    def arm(self) -> Manipulator:
-        """The manipulator."""
-        return self.plant.arm
 
     @property
     def loops(self) -> tuple[Loop, ...]:
@@ -167,7 +214,7 @@ def judge_period(a: Analysis) -> None:
     find_causes(a)
     system = a.closed.periodic_system()
     work = partial(find_response, a.closed, system, a.t, a.asked.tol)
-    a.response = a.attempt("response", "forced response", work, response_error)
+    a.own = replace(a.own, response=a.attempt("response", "forced response", work, response_error))
     follow_nonlinear(a)
     find_range(a)
     if 0 < len(a.plant.driven) <= 2 and a.plant.n != len(a.plant.driven) and a.plant.arm.points is not None:
@@ -175,7 +222,7 @@ def judge_period(a: Analysis) -> None:
     a.designs = judge_designs(a)
     a.sampled = judge_sampled_loops(a, (a.own, *a.designs))
     a.estimated = judge_estimated_loops(a, a.designs)
-    bare = replace(a.own, name="open loop", response=a.response)
+    bare = replace(a.own, name="open loop")
     a.open_loop = bare if a.own.kind == "open" else with_response(a, a.open_loop, a.plant.periodic_system())
 
 
@@ -187,11 +234,8 @@ def derive_equations(scene: Scene, clock: Clock, free: Sequence[str] = ()) -> St
         plant = linearize(arm, scene.motion)
         closed = with_control(plant, scene.control)
         drive_load(plant, np.zeros(1), np.zeros((1, 2 * plant.n)), plant.law, scene.drives)
-        if scene.designs:
-            from flexlin.control.catalogue import pose_design
-
-            for table in scene.designs:
-                pose_design(plant, table)
+        for table in scene.designs:
+            pose_design(plant, table)
         return plant, closed
 
     plant, closed = clock.stage("linearization", scene.accuracy, work)
@@ -206,24 +250,131 @@ def plant_and_designs(scene: Scene, clock: Clock) -> tuple[Linearization, tuple[
     return shared.plant, judge_designs(shared)
 
 
+def judge_own_loops(a: Stages) -> tuple[Loop, Loop]:
+    """The scene's own loop and the open loop; one result for both where the scene has no feedback; a motion that ends has no verdict."""
+    feedback = a.scene.control.feedback
+    name, kind = ("no feedback", "open") if feedback is None else (f"scene's {feedback.kind.upper()}", feedback.kind)
+    if not a.plant.motion.periodic:
+        bare = Loop("open loop", "open", None, describe_end(a.plant), ends=True)
+        return replace(bare, name=name, kind=kind), bare
+    step = "open loop" if feedback is None else "the scene's loop"
+    own = judge_loop(a, name, kind, f"Floquet: {step}", a.closed.periodic_system())
+    if feedback is None:
+        return own, replace(own, name="open loop")
+    return own, judge_loop(a, "open loop", "open", "Floquet: open loop", a.plant.periodic_system())
+
+
+def describe_end(plant: Linearization) -> str:
+    """Why the loops of a one-way motion have no verdict."""
+    return f"the motion ends after {plant.period:g} s, so there are no exponents; the simulation shows what is left at its end"
+
+
+def judge_elastic_loop(a: Stages) -> Loop:
+    """The scene's own loop, linearized about the periodic motion of the elastic arm in the place of the rigid one."""
+    name, work = "about elastic motion", partial(periodic_motion, a.closed, tol=a.asked.tol)
+    motion, problem = a.attempt_alone("periodic motion of the elastic arm", work, lambda made: made.error)
+    if motion is None:
+        return Loop(name, "elastic", None, problem)
+    return judge_loop(a, name, "elastic", "Floquet: about the elastic motion", linearize_about(motion))
+
+
+def judge_loop(a: Stages, name: str, kind: str, step: str, system: PeriodicSystem, made: Design | None = None) -> Loop:
+    """Floquet's verdict on a loop, or why there is none."""
+    result, problem = a.attempt_alone(step, lambda: floquet(system, a.asked.tol), exponent_error)
+    loop = Loop(name, kind, result, problem, made)
+    if result is None or loop.verdict != "stable" or -loop.growth[0] <= WORTH_PROOF * 2 * pi / result.period:
+        return loop
+    proof, _ = a.attempt_alone(f"certificate: {name}", result.certificate, at_most=CERTIFICATE_SECONDS)
+    return replace(loop, certificate=proof)
+
+
+def judge_designs(a: Stages) -> tuple[Loop, ...]:
+    """The scene's designs with their verdicts and the steady motions that they keep."""
+    return tuple(with_response(a, judge_design(a, table)) for table in a.scene.designs)
+
+
+def judge_design(a: Stages, table: DesignTable) -> Loop:
+    """A designed controller with the verdict on its closed loop."""
+    error_of = (lambda made: float(made.error)) if table.kind in BY_TOL else None
+    made, problem = a.attempt_alone(f"design: {table.name}", partial(design, a.plant, table, a.asked.tol), error_of)
+    if made is None:
+        return Loop(table.name, table.kind, None, problem)
+    if not a.plant.motion.periodic:
+        return Loop(table.name, table.kind, None, describe_end(a.plant), made, ends=True)
+    if made.sample_time is not None:
+        judged = a.attempt_alone(f"Floquet: {table.name}", partial(made.floquet, max(a.asked.tol, LEAST_TOL)))
+        return Loop(table.name, made.kind, *judged, made)
+    return judge_loop(a, table.name, table.kind, f"Floquet: {table.name}", made.closed_loop, made)
+
+
+def with_response(a: Stages, loop: Loop, system: PeriodicSystem | None = None) -> Loop:
+    """The loop with its periodic response to what the feedforward leaves over, where it keeps one and its states are the arm's."""
+    known = loop.design.closed_loop if loop.design is not None else system
+    sampled = loop.design is not None and loop.design.sample_time is not None
+    if known is None or sampled or loop.verdict not in ("stable", "undecided"):
+        return loop
+    work = partial(find_response, a.closed, known, a.t, a.asked.tol)
+    return replace(loop, response=a.attempt_alone(f"forced response: {loop.name}", work, response_error)[0])
+
+
+def judge_sampled_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
+    """The loops with a feedback on the arm's own states once more, their torque sampled, held and late as the scene says."""
+    sampling, found = a.scene.control.sampling, list[Loop]()
+    if sampling is None:
+        return ()
+    for loop in loops:
+        law = a.closed.law if loop.design is None else loop.design.law
+        if loop.floquet is None or loop.kind == "open" or (loop.design is not None and loop.design.sample_time):
+            continue
+        rates = None if law.controller is None else law.controller.rates
+        given = law.gain, sampling.period, sampling.delay, max(a.asked.tol, LEAST_TOL), rates
+        name, work = f"{loop.name}, sampled", partial(sampled_floquet, a.plant.periodic_system(), *given)
+        found.append(Loop(name, "sampled", *a.attempt_alone(f"Floquet: {name}", work)))
+    return tuple(found)
+
+
+def judge_estimated_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
+    """The designs that name sensors once more, their states estimated by a Kalman filter."""
+    tables, found = {table.name: table.estimator for table in a.scene.designs}, list[Loop]()
+    for loop in loops:
+        table, made = tables[loop.name], loop.design
+        if table is None or made is None or not a.plant.motion.periodic:
+            continue
+        name = f"{loop.name}, estimated"
+        work = partial(scene_sensors(a.scene, a.plant, table).filter, a.plant, a.asked.tol)
+        estimator, problem = a.attempt_alone(f"estimator: {loop.name}", work, lambda known: known.error)
+        if estimator is None:
+            found.append(Loop(name, "lqg", None, problem))
+        else:
+            found.append(judge_loop(a, name, "lqg", f"Floquet: {name}", output_feedback(made, estimator)))
+    return tuple(found)
+
+
+def exponent_error(result: FloquetResult) -> float:
+    """The largest error of a resolved exponent, in 1/s up to |exponent| = 1/s and relative beyond, as it is asked for."""
+    known = np.isfinite(result.errors)
+    return float((result.errors / np.maximum(1.0, np.abs(result.exponents)))[known].max(initial=0.0))
+
+
 def find_causes(a: Analysis) -> None:
     """The parametric resonances behind an unstable own loop."""
     result = a.own.floquet
     if result is None or a.own.verdict != "unstable":
         return
-    from flexlin.periodic.floquet.resonance import find_resonances
-
     system = a.closed.periodic_system()
-    work = lambda: find_resonances(system, floquet_modes(system, result))  # noqa: E731
-    a.resonances = tuple(a.attempt("resonances", "cause of the instability", work) or ())
+    found = a.attempt(
+        "resonances", "cause of the instability", lambda: find_resonances(system, floquet_modes(system, result))
+    )
+    a.resonances = tuple(found or ())
 
 
 def follow_nonlinear(a: Analysis) -> None:
     """The nonlinear equations beside the linear ones: over some periods, or to the end of a motion and beyond."""
     asked, periodic = a.asked.of_comparison, a.plant.motion.periodic
     span, of = (SIMULATED_PERIODS, "periods") if periodic else (SIMULATED_DURATIONS, "durations")
-    work = lambda: simulate(a.closed, span, tol=asked.tol)  # noqa: E731
-    a.simulation = a.attempt("simulation", f"nonlinear simulation of {span:g} {of}", work, simulation_error, asked)
+    work = partial(simulate, a.closed, span, tol=asked.tol)
+    name, error_of = f"nonlinear simulation of {span:g} {of}", lambda found: max(found.error, found.linear_error)
+    a.simulation = a.clock.attempt(a.problems, "simulation", name, asked, work, error_of)
     failure = a.clock.failures.get("simulation")
     a.stopped = failure if isinstance(failure, SimulationStopped) else None
 
@@ -237,14 +388,8 @@ def find_range(a: Analysis) -> None:
     a.linear_range = a.attempt("linear range", "range of the linear equations", work)
 
 
-def simulation_error(found: Simulation) -> float:
-    """The larger error of the nonlinear and the linear states, relative to the largest, absolute below 1."""
-    return max(found.error, found.linear_error)
-
-
 def find_loop_margins(a: Analysis) -> None:
     """What each stable loop with a feedback endures, broken where the torque enters the arm."""
-    endured: dict[str, Margins] = {}
     plant = a.plant.periodic_system() if a.plant.motion.periodic and a.plant.about.m else None
     for loop in (a.own, *a.designs):
         law = a.closed.law if loop.design is None else loop.design.law
@@ -257,5 +402,4 @@ def find_loop_margins(a: Analysis) -> None:
         one = a.attempt(name, name, partial(margins, broken, law.gain))
         if one is not None and one.reason:
             a.problems[name] = f"some of the {name}: {one.reason}"
-        endured |= {} if one is None else {loop.name: one}
-    a.endured = endured
+        a.endured |= {} if one is None else {loop.name: one}

@@ -89,6 +89,8 @@ class Problem:
     scenarios: Array
     best: tuple[float, Array] = field(default=(np.inf, np.zeros(0)))
     """The best growth rate and x of all searches with these scenarios."""
+    names: tuple[str, ...] = ()
+    """Of the gains, then of the scenario's numbers."""
     until: float = np.inf
     """Seconds of work in which the verification must be done."""
     watch: Stopwatch = field(default_factory=Stopwatch)

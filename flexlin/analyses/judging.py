@@ -1,42 +1,29 @@
-"""One loop on the arm: Floquet's verdict, the steady motion it keeps, what drives do for it, and whether the linear model holds there."""
+"""A loop with its verdict and steady motion, whether the linear model holds there, and how links bend with the joints held."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
-from math import inf, pi
-from typing import TYPE_CHECKING, Literal, TypeVar
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
-from flexlin.analyses.clock import Clock
-from flexlin.checks import Array
-from flexlin.control.drives import DriveLoad, drive_load
+from flexlin.checks import SAMPLES, SUM_ROUNDING, Array
+from flexlin.control.designed_loop import Design
 from flexlin.control.tracking import scene_feedforward, tip_positions
+from flexlin.errors import InputError
 from flexlin.linearization.law import Law
+from flexlin.linearization.linear import linearize
 from flexlin.linearization.linearization import Linearization
+from flexlin.mechanics import build_manipulator
+from flexlin.mechanics.links import COLUMNS
+from flexlin.motion import SampledMotion
 from flexlin.periodic.certificate import Certificate
-from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import OfPlant, PeriodicSystem
-from flexlin.scene.control import DesignTable
-from flexlin.scene.scene import Accuracy, Scene
+from flexlin.scene.scene import Scene
 
-if TYPE_CHECKING:
-    from flexlin.control.designed_loop import Design
-
-Answer = TypeVar("Answer")
-
-BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
-"""Designs whose gain has an error that can be asked for."""
 LEAST_TOL = 1e-8
 """The smallest error that is asked for of sampled loops, whose time may never fit the period, and of disturbances, of which plots show
 three digits."""
-
-WORTH_PROOF = 1e-6
-"""Decay per basic frequency from which a report tries to prove it: a slower one takes 10^5 periods to show, and most drown in rounding."""
-CERTIFICATE_SECONDS = 5.0
-"""Seconds of a report's 60 that a loop's certificate may take; `FloquetResult.certificate` takes what it needs."""
 
 
 @dataclass(frozen=True)
@@ -199,7 +186,7 @@ class Loop:
     kind: str
     floquet: FloquetResult | None
     problem: str = ""
-    design: "Design | None" = None
+    design: Design | None = None
     response: Response | None = None
     certificate: Certificate | None = None
     ends: bool = False
@@ -224,175 +211,81 @@ class Loop:
         return float(self.floquet.exponents[0].real), float(self.floquet.errors[0])
 
 
-@dataclass
-class Stages:
-    """What all stages of an analysis share: the arm alone and with the scene's own loop, times of a period with both ends, and the clock
-    that keeps each stage within its limits; `problems` says what is missing."""
+@dataclass(frozen=True)
+class Bending:
+    """The largest deflections of the links' tips, (links,) in m: at rest in each posture, and along the motion; `lengths` of the links."""
 
-    scene: Scene
-    clock: Clock
-    plant: Linearization
-    closed: Linearization
-    t: Array
-    problems: dict[str, str] = field(default_factory=dict)
+    lengths: Array
+    at_rest: Array
+    moving: Array
 
     @property
-    def asked(self) -> Accuracy:
-        """How accurate the answers should be, and what they may cost."""
-        return self.scene.accuracy
-
-    def attempt(
-        self,
-        key: str,
-        name: str,
-        work: Callable[[], Answer],
-        error_of: Callable[[Answer], float] | None = None,
-        asked: Accuracy | None = None,
-        at_most: float = inf,
-    ) -> Answer | None:
-        """Do the work of a stage; where it has no trustworthy answer, `problems` says why under `key`."""
-        return self.clock.attempt(self.problems, key, name, asked or self.asked, work, error_of, at_most=at_most)
-
-    def attempt_alone(
-        self,
-        name: str,
-        work: Callable[[], Answer],
-        error_of: Callable[[Answer], float] | None = None,
-        at_most: float = inf,
-    ) -> tuple[Answer | None, str]:
-        """The answer of a stage about one loop, or why it has none."""
-        return self.attempt(name, name, work, error_of, at_most=at_most), self.problems.pop(name, "")
+    def largest(self) -> Array:
+        """The larger of both against the links' lengths, (links,)."""
+        return np.maximum(self.at_rest, self.moving) / np.where(self.lengths > 0, self.lengths, np.inf)
 
 
-def judge_own_loops(a: Stages) -> tuple[Loop, Loop]:
-    """The scene's own loop and the open loop; one result for both where the scene has no feedback; a motion that ends has no verdict."""
-    feedback = a.scene.control.feedback
-    name, kind = ("no feedback", "open") if feedback is None else (f"scene's {feedback.kind.upper()}", feedback.kind)
-    if not a.plant.motion.periodic:
-        bare = Loop("open loop", "open", None, describe_end(a.plant), ends=True)
-        return replace(bare, name=name, kind=kind), bare
-    step = "open loop" if feedback is None else "the scene's loop"
-    own = judge_loop(a, name, kind, f"Floquet: {step}", a.closed.periodic_system())
-    if feedback is None:
-        return own, replace(own, name="open loop")
-    return own, judge_loop(a, "open loop", "open", "Floquet: open loop", a.plant.periodic_system())
+@dataclass(frozen=True)
+class AtRest:
+    """Natural frequencies in Hz with the joints held as the motion begins, rising; `gives_way`: it buckles or flutters there."""
+
+    frequencies: Array
+    gives_way: bool
+    bending: Bending | None
 
 
-def describe_end(plant: Linearization) -> str:
-    """Why the loops of a one-way motion have no verdict."""
-    return f"the motion ends after {plant.period:g} s, so there are no exponents; the simulation shows what is left at its end"
+def examine(plant: Linearization, lengths: Array) -> AtRest | None:
+    """Natural frequencies with the motors held, and the links' quasi-static deflections: K y = h at rest in each posture, and in motion.
 
+    Returns: None for an arm of which nothing moves then.
+    """
+    arm, motion = plant.arm, plant.motion
+    held = replace(motion, prescribed=(True,) * motion.joints)
 
-def judge_elastic_loop(a: Stages) -> Loop:
-    """The scene's own loop, linearized about the periodic motion of the elastic arm in the place of the rigid one."""
-    from flexlin.linearization.periodic_motion import linearize_about, periodic_motion
+    def still(t: Array) -> tuple[Array, Array, Array]:
+        q = motion.sample(t)[0]
+        return q, np.zeros_like(q), np.zeros_like(q)
 
-    name, work = "about elastic motion", partial(periodic_motion, a.closed, tol=a.asked.tol)
-    found = a.attempt_alone("periodic motion of the elastic arm", work, lambda made: made.error)
-    motion, problem = found
-    if motion is None:
-        return Loop(name, "elastic", None, problem)
-    return judge_loop(a, name, "elastic", "Floquet: about the elastic motion", linearize_about(motion))
-
-
-def judge_loop(
-    a: Stages, name: str, kind: str, step: str, system: PeriodicSystem, made: "Design | None" = None
-) -> Loop:
-    """Floquet's verdict on a loop, or why there is none."""
-    found = a.attempt_alone(step, lambda: floquet(system, a.asked.tol), exponent_error)
-    result, problem = found
-    loop = Loop(name, kind, result, problem, made)
-    if result is None or loop.verdict != "stable" or -loop.growth[0] <= WORTH_PROOF * 2 * pi / result.period:
-        return loop
-    return replace(
-        loop, certificate=a.attempt_alone(f"certificate: {name}", result.certificate, at_most=CERTIFICATE_SECONDS)[0]
+    resting = SampledMotion(
+        motion.joints, motion.period, held.prescribed, motion.breaks, motion.periodic, sampler=still
     )
-
-
-def judge_designs(a: Stages) -> tuple[Loop, ...]:
-    """The scene's designs with their verdicts and the steady motions that they keep."""
-    return tuple(with_response(a, judge_design(a, table)) for table in a.scene.designs)
-
-
-def judge_design(a: Stages, table: DesignTable) -> Loop:
-    """A designed controller with the verdict on its closed loop."""
-    from flexlin.control.catalogue import design
-
-    error_of = (lambda made: float(made.error)) if table.kind in BY_TOL else None
-    made, problem = a.attempt_alone(f"design: {table.name}", partial(design, a.plant, table, a.asked.tol), error_of)
-    if made is None:
-        return Loop(table.name, table.kind, None, problem)
-    if not a.plant.motion.periodic:
-        return Loop(table.name, table.kind, None, describe_end(a.plant), made, ends=True)
-    if made.sample_time is not None:
-        judged = a.attempt_alone(f"Floquet: {table.name}", partial(made.floquet, max(a.asked.tol, LEAST_TOL)))
-        return Loop(table.name, made.kind, *judged, made)
-    return judge_loop(a, table.name, table.kind, f"Floquet: {table.name}", made.closed_loop, made)
-
-
-def with_response(a: Stages, loop: Loop, system: PeriodicSystem | None = None) -> Loop:
-    """The loop with its periodic response to what the feedforward leaves over, where it keeps one and its states are the arm's."""
-    known = loop.design.closed_loop if loop.design is not None else system
-    sampled = loop.design is not None and loop.design.sample_time is not None
-    if known is None or sampled or loop.verdict not in ("stable", "undecided"):
-        return loop
-    work = partial(find_response, a.closed, known, a.t, a.asked.tol)
-    return replace(loop, response=a.attempt_alone(f"forced response: {loop.name}", work, response_error)[0])
-
-
-def judge_sampled_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
-    """The loops with a feedback on the arm's own states once more, their torque sampled, held and late as the scene says."""
-    sampling, found = a.scene.control.sampling, list[Loop]()
-    if sampling is None:
-        return ()
-    from flexlin.periodic.sampled import sampled_floquet
-
-    for loop in loops:
-        law = a.closed.law if loop.design is None else loop.design.law
-        if loop.floquet is None or loop.kind == "open" or (loop.design is not None and loop.design.sample_time):
-            continue
-        rates = None if law.controller is None else law.controller.rates
-        given = law.gain, sampling.period, sampling.delay, max(a.asked.tol, LEAST_TOL), rates
-        name, work = f"{loop.name}, sampled", partial(sampled_floquet, a.plant.periodic_system(), *given)
-        found.append(Loop(name, "sampled", *a.attempt_alone(f"Floquet: {name}", work)))
-    return tuple(found)
-
-
-def judge_estimated_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
-    """The designs that name sensors once more, their states estimated by a Kalman filter."""
-    tables, found = {table.name: table.estimator for table in a.scene.designs}, list[Loop]()
-    for loop in loops:
-        table, made = tables[loop.name], loop.design
-        if table is None or made is None or not a.plant.motion.periodic:
-            continue
-        from flexlin.control.estimator import output_feedback
-        from flexlin.control.sensors import scene_sensors
-
-        name = f"{loop.name}, estimated"
-        work = partial(scene_sensors(a.scene, a.plant, table).filter, a.plant, a.asked.tol)
-        filtered = a.attempt_alone(f"estimator: {loop.name}", work, lambda known: known.error)
-        estimator, problem = filtered
-        if estimator is None:
-            found.append(Loop(name, "lqg", None, problem))
-        else:
-            found.append(judge_loop(a, name, "lqg", f"Floquet: {name}", output_feedback(made, estimator)))
-    return tuple(found)
-
-
-def load_of(a: Stages, loop: Loop) -> DriveLoad | None:
-    """What the drives have to do in the steady motion of a loop."""
-    response, plant = loop.response, a.plant
-    if response is None or loop.verdict in ("unstable", "failed") or not plant.about.m:
+    try:
+        loads = [linearize(arm, one) for one in (resting, held)]
+    except InputError:
         return None
-    law = response.law or a.closed.law
-    if loop.design is not None:
-        law = law.with_gain(loop.design.K, loop.design.controller)
-    elif loop.kind == "open":
-        law = law.with_gain(np.zeros((plant.about.m, 2 * plant.n)))
-    return drive_load(plant, a.t[:-1], response.states[:-1], law, a.scene.drives)
+    squares = np.linalg.eigvals(np.linalg.solve(loads[0].M(0.0), loads[0].K(0.0)))
+    squares = squares[np.argsort(squares.real)]
+    rounding = SUM_ROUNDING * np.abs(squares).max()
+    if squares[0].real <= rounding or np.abs(squares.imag).max() > rounding:
+        return AtRest(np.zeros(0), True, None)
+    known = None if arm.axes is None else Bending(lengths, *(bend(lin, lengths) for lin in loads))
+    return AtRest(np.sqrt(squares.real) / (2 * np.pi), False, known)
 
 
-def exponent_error(result: FloquetResult) -> float:
-    """The largest error of a resolved exponent, in 1/s up to |exponent| = 1/s and relative beyond, as it is asked for."""
-    known = np.isfinite(result.errors)
-    return float((result.errors / np.maximum(1.0, np.abs(result.exponents)))[known].max(initial=0.0))
+def find_bending(scene: Scene) -> float:
+    """By which share of its length a link of a scene bends at most along the motion; 0 where none does, inf where the arm gives way."""
+    if not any(any(link.counts.by_direction().values()) for link in scene.links):
+        return 0.0
+    plant = linearize(build_manipulator(scene), scene.motion)
+    found = examine(plant, np.array([link.length for link in scene.links]))
+    if found is None or (found.bending is None and not found.gives_way):
+        return 0.0
+    return np.inf if found.bending is None else float(found.bending.largest.max())
+
+
+def bend(lin: Linearization, lengths: Array) -> Array:
+    """The largest deflection of each link's tip (links,) against its own base, K y = h at each posture; infinite where K is singular,
+    0 where it is rounding."""
+    t = lin.period * np.arange(SAMPLES) / SAMPLES
+    c = lin.sample(t)
+    try:
+        y = np.linalg.solve(c.K, c.h[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        return np.full(len(lengths), np.inf)
+    straight = lin.about.near.of_arm("axes", t, np.zeros_like(y))
+    found = np.zeros(len(lengths))
+    for i in range(len(lengths)):
+        own = y * [one.kind == "elastic" and one.link == i and one.mode is not None for one in lin.coordinates]
+        end = COLUMNS * (i + 1) - 1
+        found[i] = np.linalg.norm(lin.about.near.of_arm("axes", t, own)[:, :, end] - straight[:, :, end], axis=1).max()
+    return np.where(found > SUM_ROUNDING * lengths, found, 0.0)

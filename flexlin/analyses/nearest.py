@@ -1,6 +1,6 @@
 """How much of its uncertainty a loop endures: the smallest change of its numbers that makes it unstable."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise, product
@@ -8,7 +8,7 @@ from itertools import pairwise, product
 import numpy as np
 from scipy.optimize import brentq, minimize
 
-from flexlin.analyses.spectra import Family, Source, make_family
+from flexlin.analyses.spectra import Family, Ranges, Source, make_family
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError, InputError, NotStable
@@ -24,8 +24,6 @@ FURTHEST_CHANGE = 4.0
 DIFFERENCE_STEP = 1e-5
 """Distance of places beside one: of the differences that stand for exact slopes where a loop is a function, and, as a share of the change,
 of those that confirm a crossing, where its error is not larger."""
-
-Ranges = Mapping[str, tuple[float, float]]
 
 
 @dataclass

@@ -100,7 +100,9 @@ def choose_paths(scene: Scene) -> tuple[str, ...]:
 
 def integrate_derivatives(loop: ParametricLoop, modes: FloquetModes) -> Array:
     """The derivatives (P, n), the mean over the period taken chunk by chunk of its nodes; -lambda T'/T enters once."""
-    stretch, states = differentiate_duration(loop), len(modes.exponents)
+    p, states = loop.duration.sx_in()[0], len(modes.exponents)
+    slope_of_duration = ca.Function("slope", [p], [ca.densify(ca.jacobian(loop.duration(p), p))])
+    stretch = symbolic.evaluate(slope_of_duration, loop.nominal[None])[0][0, 0]
     used = np.flatnonzero(modes.weights)
     size = max(1, CHUNK_BYTES // (8 * (len(loop.paths) + 1) * 3 * states**2))
     total = -modes.exponents * stretch[:, None] / modes.period
@@ -136,10 +138,3 @@ def unfold_slopes(J: Array, block: Array) -> Array:
     """Derivatives (P, N, rows, columns) of a block (N, rows, columns) from its Jacobian (N, rows columns, P), column by column."""
     count, rows, columns = block.shape
     return np.moveaxis(J.reshape(count, columns, rows, J.shape[-1]), (3, 0, 2, 1), (0, 1, 2, 3))
-
-
-def differentiate_duration(loop: ParametricLoop) -> Array:
-    """dT/dp, (P,)."""
-    p = loop.duration.sx_in()[0]
-    slope = ca.Function("slope", [p], [ca.densify(ca.jacobian(loop.duration(p), p))])
-    return symbolic.evaluate(slope, loop.nominal[None])[0][0, 0]

@@ -1,9 +1,9 @@
-"""Floquet spectra as functions of scene numbers: many values at once and cheap, or one by one and as accurate as can be."""
+"""Floquet spectra as functions of scene numbers: many at once and cheap, or one by one and exact; a Campbell diagram's frequencies."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from flexlin.linearization.free import ParametricLoop, loop_of
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.boundary.together import Interpolant, Products, find_together
-from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.circle import assign, measure_distances, wrap_angle
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
@@ -29,6 +29,8 @@ from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from flexlin.analyses.sweep.together import Together
     from flexlin.periodic.floquet.resonance import Resonance
     from flexlin.periodic.many import Logs
@@ -45,11 +47,11 @@ MANY_STATES = 8
 """A scan one by one of systems with so many states or more leaves out what it can."""
 PILOT_POINTS = 64
 """Points of the ranges at which it is learnt on how many segments spectra are computed together."""
-BREAK_EVEN = 1000
-"""Instructions of a loop's matrices for each spectrum that takes alone as long as it takes to prepare the kernel: delta has 58,000."""
 
 Source = Scene | PeriodicFamily | Callable[..., PeriodicSystem]
 """A scene, a family, or a function of one number for each parameter that returns a system."""
+Ranges = Mapping[str, tuple[float, float]]
+"""The least and the largest value of each number, by its path or name."""
 
 
 @dataclass
@@ -62,11 +64,8 @@ class Family:
     evaluations: int = 0
     finest: float = REPORTED_ERROR
     coarsest: float = SCAN_ERROR
-
-    @property
-    def loop(self) -> ParametricLoop | None:
-        """The loop on a scene's arm that keeps the numbers as symbols, where it is one."""
-        return None
+    loop: ParametricLoop | None = None
+    """The loop on a scene's arm that keeps the numbers as symbols, where it is one."""
 
     @property
     def batched(self) -> bool:
@@ -153,10 +152,6 @@ class SymbolicFamily(Family):
     nominal: Array = field(kw_only=True)
 
     @property
-    def loop(self) -> ParametricLoop | None:
-        return self.source if isinstance(self.source, ParametricLoop) else None
-
-    @property
     def batched(self) -> bool:
         return self.loop is not None and self.together is not None
 
@@ -166,9 +161,7 @@ class SymbolicFamily(Family):
         from flexlin.analyses.sweep.together import Together
 
         low, high = self.box
-        shares = np.arange(1, PILOT_POINTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
-        if len(low) > shares.shape[1]:
-            shares = np.random.default_rng(0).random((PILOT_POINTS, len(low)))
+        shares = np.random.default_rng(0).random((PILOT_POINTS, len(low)))
         return Together.prepare(self.source, self.place(low + (high - low) * shares), self.coarsest)
 
     def place(self, points: Array) -> Array:
@@ -184,27 +177,18 @@ class SymbolicFamily(Family):
         return super().periods(points) if self.loop is None else self.loop.periods(self.place(points))
 
     def rough(self, points: Array) -> Spectra:
-        """Together, as a sweep computes them, where that is accurate enough; else one by one, and while there are few."""
-        reached = BREAK_EVEN * (self.evaluations + len(points))
-        few = self.loop is not None and reached < self.loop.matrices.n_instructions()
-        if few or self.together is None or not len(points):
+        """Together, as a sweep computes them, where that is accurate enough; else one by one."""
+        if self.together is None or not len(points):
             return super().rough(points)
         placed, (logs, errors) = self.place(points), blank(len(points), self.together.kernel.model.states)
-        tried, used, missed = np.zeros((3, len(points)))
 
-        def enter(which: Array, found: "Logs", segments: int) -> Array:
+        def enter(which: Array, found: "Logs") -> Array:
             logs[which], errors[which] = found.logs, found.errors
-            misses = found.misses(self.coarsest)
-            tried[which], used[which], missed[which] = tried[which] + 1, segments, misses
-            return np.where(serves(found, self.coarsest), 0.0, misses)
+            return np.where(serves(found, self.coarsest), 0.0, found.misses(self.coarsest))
 
         narrow = self.together.find_narrow(placed)
-        left = np.sort(
-            np.concatenate([self.together.solve(placed, np.flatnonzero(~narrow), enter), np.flatnonzero(narrow)])
-        )
-        again = np.setdiff1d(np.flatnonzero(tried > 1), left)
-        if len(again):  # what is asked for next lies near
-            self.together.needs.learn(placed[again], used[again], missed[again], logs[again])
+        missed = self.together.solve(placed, np.flatnonzero(~narrow), enter)
+        left = np.sort(np.concatenate([missed, np.flatnonzero(narrow)]))
         self.evaluations += len(points) - len(left)
         if len(left):
             alone = super().rough(points[left])
@@ -307,11 +291,7 @@ def blank(values: int, states: int) -> tuple[Array, Array]:
 
 
 def make_family(
-    source: Source,
-    ranges: dict[str, tuple[float, float]],
-    loop: str,
-    known: Linearization | None = None,
-    coarsest: float = SCAN_ERROR,
+    source: Source, ranges: Ranges, loop: str, known: Linearization | None = None, coarsest: float = SCAN_ERROR
 ) -> Family:
     """The systems that a scene's loop, or a function, makes of numbers in ranges; `known`: the loop whose equations keep these free.
 
@@ -326,16 +306,13 @@ def make_family(
         if not isinstance(chosen, ParametricLoop):
             return Family(chosen.system_at, own, coarsest=coarsest)
         places = [chosen.paths.index(path) for path in ranges] if known is not None else list(range(len(own)))
-        return SymbolicFamily(
-            chosen.system_at, own, coarsest=coarsest, source=chosen, box=box, places=places, nominal=chosen.nominal
-        )
+        given: dict[str, Any] = {"source": chosen, "box": box, "places": places, "nominal": chosen.nominal}
+        return SymbolicFamily(chosen.system_at, own, coarsest=coarsest, loop=chosen, **given)
     unknown = np.full(len(ranges), np.nan)
     if isinstance(source, PeriodicFamily):
         order = source.find_places(ranges, loop)
-        places = [order.index(k) for k in range(len(order))]
-        kept = SymbolicFamily(
-            source.system_at, unknown, coarsest=coarsest, source=source, box=box, places=places, nominal=unknown
-        )
+        given = {"source": source, "box": box, "places": np.argsort(order).tolist(), "nominal": unknown}
+        kept = SymbolicFamily(source.system_at, unknown, coarsest=coarsest, **given)
         return (
             kept if kept.together is not None else FunctionFamily(kept.system_at, unknown, coarsest=coarsest, box=box)
         )
@@ -345,3 +322,63 @@ def make_family(
     if loop != "own":
         raise ArgumentError("a function has one loop", got=repr(loop), expected="own")
     return FunctionFamily(lambda point: source(*map(float, point)), unknown, coarsest=coarsest, box=box)
+
+
+def unfold_frequencies(scene: Scene, path: str, data: "xr.Dataset", loop: str = "own") -> "xr.Dataset | None":
+    """Add to the exponents of a sweep over one number whole multiples of the motion's frequency, so that each lies near a mode.
+
+        omega = Im lambda + k 2 pi / T,   k such that omega is nearest to the frequency of a mode of the averaged equations
+
+    Modes and exponents are paired one to one, least distance in all, and again with the averaged modes moved by the median of what they
+    were off at 25 neighbouring values. Where two modes are nearer to each other than half the motion's
+    frequency modulo that frequency, which is which may be exchanged.
+
+    Parameters: data: of `sweep` over this number alone. Returns: frequency (value, mode) in rad/s, not negative, growth (value, mode), and
+    motion (value), the motion's frequency; None for loops whose equations are not known as expressions.
+    """
+    import xarray as xr
+    from scipy.ndimage import median_filter
+
+    chosen = choose_loop(scene, (path,), loop)
+    if not isinstance(chosen, ParametricLoop):
+        return None
+    values = data[path].to_numpy()
+    exponents, turn = data["exponents"].to_numpy(), 2 * np.pi / data["period"].to_numpy()
+    averaged = find_averaged(chosen, values)
+    known = np.flatnonzero(np.isfinite(exponents).all(axis=1) & np.isfinite(averaged).all(axis=1))
+    frequency, shift = np.full(exponents.shape, np.nan), np.zeros(exponents.shape)
+    for _ in range(2):
+        for k in known:
+            frequency[k], shift[k] = unfold(exponents[k], averaged[k], float(turn[k]))
+        averaged = averaged + 1j * median_filter(shift, size=(25, 1), mode="nearest")
+    return xr.Dataset(
+        {
+            "frequency": (("value", "mode"), np.abs(frequency), {"units": "rad/s"}),
+            "growth": (("value", "mode"), exponents.real, {"units": "1/s"}),
+            "motion": ("value", turn, {"units": "rad/s"}),
+        },
+        coords={"value": values},
+    )
+
+
+def find_averaged(loop: ParametricLoop, values: Array) -> Array:
+    """Eigenvalues (V, n) of the state matrix averaged over a period."""
+    phases = np.arange(64) / 64
+    M, D, K = loop.sample(phases, values[:, None])
+    n, states = loop.coordinates - loop.memory, loop.states
+    blocks = np.linalg.solve(M, np.concatenate([K[:, :, :n], D], axis=2)).reshape(len(phases), len(values), -1, states)
+    A = np.zeros((len(values), states, states))
+    A[:, :n, n : 2 * n], A[:, n:] = np.eye(n), -blocks.mean(axis=0)
+    found = np.linalg.eigvals(A)
+    order = np.lexsort((found.real, found.imag), axis=1)
+    return np.take_along_axis(found, order, axis=1)
+
+
+def unfold(exponents: Array, averaged: Array, turn: float) -> tuple[Array, Array]:
+    """The imaginary parts (n,) nearest to those of the averaged modes, modulo `turn`, and how far off each averaged mode (n,) was."""
+    apart = exponents[:, None] - averaged
+    around = wrap_angle(apart.imag * 2 * np.pi / turn) * turn / (2 * np.pi)
+    rows, columns = np.arange(len(exponents)), assign(np.hypot(apart.real, around))
+    shift = np.empty(len(exponents))
+    shift[columns] = around[rows, columns]
+    return averaged.imag[columns] + shift[columns], shift

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from flexlin.analyses.boundary import check_limits
 from flexlin.analyses.gain_search import Problem, lay_scenarios, search
 from flexlin.analyses.judging import find_response
 from flexlin.analyses.spectra import SCAN_ERROR, Source, make_family
 from flexlin.arguments import checked
-from flexlin.checks import SAMPLES, Array, positive, real_array, whole
+from flexlin.checks import SAMPLES, Array, positive, whole
 from flexlin.control.drives import drive_load
 from flexlin.errors import ArgumentError, NotStable, counted
 from flexlin.linearization.linear import linearize
@@ -158,11 +159,12 @@ def tune(
     ranges = np.array(list(vary.values()), dtype=float).reshape(-1, 2)
     spans = {path: (float(a), float(b)) for path, (a, b) in zip(own, bounds, strict=True)}
     family = replace(make_family(source, {**spans, **vary}, "own"), finest=SCAN_ERROR)
-    problem = Problem(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, 3), until=until)
+    names = (*own, *vary)
+    problem = Problem(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, 3), names=names, until=until)
     started = np.array(list(own.values()))
     x, fine = search(problem, started, ranges, whole("starts", starts), whole("steps", steps), seed)
-    tuned, capped = keep_torque(source, tuple(own), tuple(vary), started, x, fine, problem, limits)
-    return report_tuning(source, problem, tuple(own), tuple(vary), started, tuned, fine, capped, tol)
+    tuned, capped = keep_torque(source, problem, started, x, fine, limits)
+    return report_tuning(source, problem, started, tuned, fine, capped, tol)
 
 
 def first_gains(source: Source, gains: Sequence[str] | Mapping[str, float] | None) -> dict[str, float]:
@@ -181,20 +183,15 @@ def first_gains(source: Source, gains: Sequence[str] | Mapping[str, float] | Non
 def gain_bounds(path: str, value: float, limits: Mapping[str, Any]) -> tuple[float, float]:
     """The limits of one gain, by default a tenth and ten times its own value."""
     if path in limits:
-        low, high = map(float, real_array(f"the limits of {path}", limits[path], (2,)))
-    elif value > 0:
-        low, high = 0.1 * value, 10.0 * value
-    else:
+        return check_limits(path, limits[path])
+    if not value > 0:
         raise ArgumentError("a gain that is not positive needs limits", got=f"{path} = {value}", expected="(low, high)")
-    if not low < high:
-        raise ArgumentError(f"the limits of {path} leave nothing", got=(low, high), expected="low below high")
-    return low, high
+    return 0.1 * value, 10.0 * value
 
 
 def keep_torque(
-    source: Source, gains: tuple[str, ...], vary: tuple[str, ...], own: Array, tuned: Array, fine: Array, problem: Problem,
-    limits: Mapping[str, Any],
-) -> tuple[Array, str]:  # fmt: skip
+    source: Source, problem: Problem, own: Array, tuned: Array, fine: Array, limits: Mapping[str, Any]
+) -> tuple[Array, str]:
     """The gains, or those on the way to them from the scene's own that keep the torque's limit, and what that says."""
     limit = torque_limit(source, limits)
     if limit is None or not isinstance(source, Scene):
@@ -203,8 +200,8 @@ def keep_torque(
     corners = np.concatenate([fine[fine.argmax(axis=0)], worst]) if fine.shape[1] else fine
 
     def keeps(numbers: Array) -> bool:
-        revised = revise_scene(source, named(gains, numbers))
-        return all(peak_torque(revise_scene(revised, named(vary, one))) <= limit for one in corners)
+        points = (named(problem.names, np.concatenate([numbers, one])) for one in corners)
+        return all(peak_torque(revise_scene(source, point)) <= limit for point in points)
 
     if keeps(tuned):
         return tuned, ""
@@ -220,14 +217,14 @@ def keep_torque(
 
 
 def report_tuning(
-    source: Source, problem: Problem, gains: tuple[str, ...], vary: tuple[str, ...], own: Array, tuned: Array, fine: Array,
-    capped: str, tol: float,
-) -> Tuning:  # fmt: skip
+    source: Source, problem: Problem, own: Array, tuned: Array, fine: Array, capped: str, tol: float
+) -> Tuning:
     """Confirm the result by `floquet` where it is worst, and say what it brings and what limits it.
 
     Raises: NotStable where a scenario is not stable.
     """
     every = np.array(list(dict.fromkeys(map(tuple, np.concatenate([problem.scenarios, fine]).tolist()))))
+    gains, vary = problem.names[: len(own)], problem.names[len(own) :]
     growth = problem.growths(tuned, every)
     active = []
     for k in np.argsort(-growth)[:CONFIRMED_SCENARIOS]:

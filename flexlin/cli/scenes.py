@@ -17,7 +17,7 @@ from flexlin.errors import ArgumentError, FlexlinError, NumericalError, TooLarge
 
 if TYPE_CHECKING:
     from flexlin.analyses.analysis import Analysis
-    from flexlin.analyses.at_rest import AtRest
+    from flexlin.analyses.judging import AtRest
     from flexlin.checks import Array
     from flexlin.report.figures import Picture
     from flexlin.scene.links import Link

@@ -40,6 +40,9 @@ UNQUOTED = ("scene", "out", "require", "workers", "scheduler")
 """Options that change where results go and who computes them, but not what they are; the scene is said first."""
 
 
+Named = Mapping[str, Any]
+
+
 def count(text: str) -> int:
     """Read a whole number from 2 on."""
     number = int(text) if text.strip().isdecimal() else 0
@@ -309,9 +312,9 @@ class Work:
         self,
         name: str,
         pictures: "Sequence[Picture]",
-        record: Mapping[str, Any],
+        record: Named,
         said: Sequence[str] = (),
-        more: Mapping[str, str] | None = None,
+        more: Named | None = None,
     ) -> int:
         """Write NAME.html with the pictures, NAME.json with the numbers, and more files of text; done."""
         data = report.to_json({"schema": 1, "title": self.scene.title, **record})

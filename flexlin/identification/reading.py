@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from flexlin.arguments import checked
-from flexlin.bounds import LARGEST_LOG, MOST_COLUMNS, hint_at, printable
+from flexlin.bounds import LARGEST_LOG, MOST_COLUMNS, hint_at, printable, refuse_odd
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TooLarge
-from flexlin.files import refuse_odd
 from flexlin.identification.log import FEWEST_SAMPLES, MOST_SAMPLES, Log, as_numbers
 from flexlin.scene.scene import Scene
 

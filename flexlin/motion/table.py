@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlin.bounds import IN_RANGE, LARGEST_TABLE, MOST_ROWS, printable, read_number
+from flexlin.bounds import IN_RANGE, LARGEST_TABLE, MOST_ROWS, printable, read_number, read_text
 from flexlin.checks import Array
 from flexlin.errors import MotionError, counted
-from flexlin.files import read_text
 from flexlin.motion.base import MOST_HARMONICS, Angles, SampledMotion
 from flexlin.periodic.circle import count_turns
 from flexlin.precision import MINOR

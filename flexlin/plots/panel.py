@@ -95,11 +95,9 @@ class Panel:
     def hatch(self, x: ArrayLike, y: ArrayLike, colour: str) -> "Panel":
         """Hatch rectangles from low to high ends, (2, N) on each axis."""
         line = f'<path d="M0,6L6,0" style="stroke:var(--{colour});stroke-opacity:.45;stroke-width:1"/>'
-        pattern = (
-            f'<defs><pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse">{line}</pattern></defs>'
-        )
+        tile = f'<pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse">{line}</pattern>'
         ends = _points(np.ravel(x), np.ravel(y))
-        return self._add(Mark("cells", *ends, "fill:url(#hatch);stroke:none", shape=pattern))
+        return self._add(Mark("cells", *ends, "fill:url(#hatch);stroke:none", shape=f"<defs>{tile}</defs>"))
 
     def probe(self, data: str) -> "Panel":
         """Lay a sheet without colour over the axes, which bears data (JSON) for a script that reads the pointer's place."""

@@ -1,7 +1,7 @@
 """The advice of a report: what a control engineer should do with the result."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -124,7 +124,7 @@ def weigh_design(a: Analysis, loop: Loop) -> Trade:
     pace = a.own.growth[0] / loop.growth[0]
     settling = f"settles {1 / pace:.3g} times as fast" if pace <= 1 else f"takes {pace:.3g} times as long to settle"
     figures = [(pace, f"it {settling}")]
-    before, after = largest_figures(a, replace(a.own, response=a.response)), largest_figures(a, loop)
+    before, after = largest_figures(a, a.own), largest_figures(a, loop)
     for (what, unit), own in before.items():
         design = after.get((what, unit), float("nan"))
         if np.isfinite(own) and np.isfinite(design) and max(own, design) > 0:

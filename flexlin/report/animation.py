@@ -23,6 +23,9 @@ MAGNIFIED = (1, 5, 20)
 MOST_FRAMES = 600
 """Pictures at the most: a longer simulation is shown in wider steps."""
 
+BODIES = {"payload": "payload_mass", "hub": "hub_inertia"}
+"""Rigid bodies that an arm may carry: the effect, and the number of a registered model."""
+
 Frames = tuple[list[list[Array]], Array]
 """The arm at some times: curves of the links [time][link] (d, k), points (N, d, k) of joints and tip, from the base on; d = 2 or 3."""
 
@@ -46,14 +49,6 @@ def list_grounds(points: Array) -> list[int]:
         if all(np.ptp(points[0][:, [i, j]], axis=1).max() > near for j in kept):
             kept.append(i)
     return kept
-
-
-def bodies(scene: Scene) -> dict[str, bool]:
-    """Which rigid bodies the arm carries, of the scene's own effects or of its registered model's numbers."""
-    tables = scene.effects.on()
-    mass = scene.parameters.get("payload_mass", 0.0)
-    inertia = scene.parameters.get("hub_inertia", 0.0)
-    return {"payload": "payload" in tables or bool(mass), "hub": "hub" in tables or bool(inertia)}
 
 
 def scale_length(reach: float) -> float:
@@ -135,6 +130,8 @@ def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[st
         size = np.full(2, 2 * np.linalg.norm(corners - (low + high) / 2, axis=1).max())
     plays = [play("simulation", lin, t, states, digits)]
     plays += [play(name, lin, times, x, digits) for name, times, x in mode_states(lin)]
+    # of the scene's own effects, or of its registered model's numbers
+    bodies = {name: name in scene.effects.on() or bool(scene.parameters.get(key)) for name, key in BODIES.items()}
     away = np.linalg.norm(run.tip - run.tip_rigid, axis=1)[::every]
     return {
         "trail": max(1, int(lin.period / 2 / (t[1] - t[0]))),
@@ -142,7 +139,7 @@ def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[st
         "width": float(size[0]),
         "height": float(size[1]),
         "scale": scale_length(reach),
-        "bodies": bodies(scene),
+        "bodies": bodies,
         "ground": [rounded(points[0][:, i], digits) for i in list_grounds(points)],
         "plays": plays,
         "tip": rounded(run.tip[::every], digits),

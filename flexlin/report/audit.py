@@ -4,20 +4,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlin.analyses.audit.judging import Audit, Minimal, Row
+from flexlin.analyses.audit import Audit, Measure, Minimal, Row
 from flexlin.errors import SceneError, counted
 from flexlin.plots.panel import LINE_HEIGHT, Panel
 from flexlin.plots.scales import Linear, Logarithmic, Named
 from flexlin.report.figures import WIDTH, Picture, make_picture
 from flexlin.report.wording import format_figures, format_quantity, format_rate, in_unit
+from flexlin.scene.json_schema import write_toml
 from flexlin.scene.loading import parse_scene
 from flexlin.scene.scene import Scene
-from flexlin.scene.toml import write_toml
 
 if TYPE_CHECKING:
     import xarray
-
-    from flexlin.analyses.audit.figures import Measure
 
 
 def draw_effects(audit: Audit) -> Picture:
@@ -109,7 +107,7 @@ def audit_lines(audit: Audit) -> list[str]:
     return [head, *map(format_audit_row, rows), describe_base(audit.base), *figures, *pairs, *minimal_lines(audit)]
 
 
-def describe_base(base: "Measure") -> str:
+def describe_base(base: Measure) -> str:
     """The scene's own figures."""
     frequencies = ", ".join(f"{value / (2 * np.pi):.3g}" for value in base.frequencies[:4])
     tip = "" if np.isnan(base.tip_error) else f", tip error {format_quantity(base.tip_error, 'm')}"

@@ -12,16 +12,12 @@ from pathlib import Path
 import numpy as np
 import xarray
 
-from flexlin.analyses.at_rest import find_bending
-from flexlin.analyses.campbell import unfold_frequencies
+from flexlin.analyses.boundary import BoundaryCurve, CriticalValue, find_margin, search_boundary
 from flexlin.analyses.clock import Clock
-from flexlin.analyses.critical_values import CriticalValue, find_margin
-from flexlin.analyses.judging import SMALL_SHARE
-from flexlin.analyses.stability_boundary import BoundaryCurve, search_boundary
-from flexlin.analyses.sweep import worst_error
-from flexlin.analyses.sweep.found import VERDICTS, Found
-from flexlin.analyses.sweep.job import Job, prepare_job
-from flexlin.analyses.sweep.run import choose_crew, keep_in
+from flexlin.analyses.judging import SMALL_SHARE, find_bending
+from flexlin.analyses.spectra import unfold_frequencies
+from flexlin.analyses.sweep.found import VERDICTS, Found, worst_error
+from flexlin.analyses.sweep.job import Job, Store, choose_crew, prepare_job
 from flexlin.checks import Array
 from flexlin.errors import InputError, TimeLimit
 from flexlin.periodic.boundary.crossings import CELLS
@@ -172,7 +168,7 @@ def compute_chart(
         job = prepare_job(scene, axes, accuracy.tol, grid=len(axes) > 1, loop=loop)
         jobs.append(job)
         if store is not None:
-            keep_in(store, job)
+            Store(store, job)
         job.watchers.append(count_values(job, show))
         job.run(choose_crew(job, workers, scheduler))
         return job.dataset()

@@ -13,7 +13,6 @@ import flexlin
 from flexlin.analyses.judging import Loop
 from flexlin.checks import check_size, memory_limit
 from flexlin.control.designed_loop import Design, scene_feedback
-from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_controller import write_estimator, write_gain
 from flexlin.control.export.c_linearization import write_linearization
 from flexlin.control.export.files import matlab_script, write_system
@@ -132,12 +131,7 @@ def storable(data: xarray.Dataset) -> xarray.Dataset:
 def write_dataset(data: xarray.Dataset, made: Results, stem: str) -> list[Path]:
     """Write `stem`.nc and `stem`.npz into a set of results; returns where they will stand."""
     names = f"{stem}.nc", f"{stem}.npz"
-    texts = {
-        name: (part.dims, np.char.encode(part.values, "utf-8"), part.attrs | {"_Encoding": "utf-8"})
-        for name, part in data.data_vars.items()
-        if part.dtype.kind == "U"
-    }  # all at once: xarray would do it one by one
-    (made / names[0]).write_bytes(data.assign(texts).to_netcdf(engine="scipy"))
+    (made / names[0]).write_bytes(data.to_netcdf(engine="scipy"))
     arrays: dict[str, Any] = {str(name): np.asarray(data[name].values) for name in data.variables}
     np.savez(made / names[1], **arrays)
     return made.placed(*names)
@@ -148,22 +142,17 @@ OWN = "c-own"
 FORMATS = (".npz", ".mat", ".nc")
 
 
-def name_folder(name: str, position: int) -> str:
-    """Return the folder of a design's C source: its name in small Latin letters and digits, else its number among the designs."""
-    words = re.sub(r"[^a-z0-9]+", "-", name.lower())[:60].strip("-")
-    readable = words and (name.isascii() or re.search("[a-z]", words))
-    return f"c-{words if readable else f'design-{position}'}"
-
-
 def design_folders(names: Sequence[str]) -> dict[str, str]:
-    """Return the folder of each design by its name.
+    """Return the folder of each design by its name: that in small Latin letters and digits, else its number among the designs.
 
     Parameters: names: of all designs of a scene, in their order (a design that failed keeps its number).
     Raises: InputError when two names lead to one folder, where the second gain would replace the first, or the scene's own feedback.
     """
     owners: dict[str, str] = {OWN: "the scene's own feedback"}
     for position, name in enumerate(names, start=1):
-        folder = name_folder(name, position)
+        words = re.sub(r"[^a-z0-9]+", "-", name.lower())[:60].strip("-")
+        readable = words and (name.isascii() or re.search("[a-z]", words))
+        folder = f"c-{words if readable else f'design-{position}'}"
         if folder in owners:
             got, expected = f"{owners[folder]!r} and {name!r}, both {folder}", "names that differ in letters or digits"
             wrong = "two designs would be written into one folder"
@@ -182,7 +171,9 @@ def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points
     folders = design_folders([loop.name for loop in loops])
     system = plant.periodic_system() if plant.motion.periodic else horizon_system(plant)
     designs = tuple(loop.design for loop in loops if loop.design is not None)
-    estimators = estimators_of(scene, plant, [found.name for found in designs])
+    tables = {
+        table.name: table.estimator for table in scene.designs if plant.motion.periodic
+    }  # else there is no filter
     names = [f"system{ending}" for ending in FORMATS]
     with results(folder, "export") as made:
         for name in names:
@@ -200,19 +191,8 @@ def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points
         for found in designs:
             write_gain(found, plant.period, made / folders[found.name], plant)
             names.append(folders[found.name])
-            if found.name in estimators:
-                estimator, seen = estimators[found.name]
-                write_estimator(estimator, made / folders[found.name], plant, seen)
+            if (table := tables.get(found.name)) is not None:
+                sensors = scene_sensors(scene, plant, table)
+                estimator = sensors.filter(plant, scene.accuracy.tol)
+                write_estimator(estimator, made / folders[found.name], plant, sensors.names)
     return made.placed(*names)
-
-
-def estimators_of(
-    scene: Scene, plant: Linearization, names: Sequence[str]
-) -> dict[str, tuple[Estimator, tuple[str, ...]]]:
-    """The filters of the designs that name sensors, and what they measure; a motion that ends has none."""
-    found = {}
-    for table in scene.designs if plant.motion.periodic else ():
-        if table.estimator is not None and table.name in names:
-            sensors = scene_sensors(scene, plant, table.estimator)
-            found[table.name] = sensors.filter(plant, scene.accuracy.tol), sensors.names
-    return found

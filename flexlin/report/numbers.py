@@ -10,8 +10,8 @@ import pydantic_core
 
 import flexlin
 from flexlin.analyses.analysis import Analysis
+from flexlin.analyses.boundary import Margin
 from flexlin.analyses.clock import Step
-from flexlin.analyses.critical_values import Margin
 from flexlin.analyses.judging import Loop
 from flexlin.checks import Array
 from flexlin.periodic.margins import Margins
@@ -22,7 +22,7 @@ from flexlin.scene.scene import Scene
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.analyses.audit.judging import Audit
+    from flexlin.analyses.audit import Audit
     from flexlin.analyses.nearest import NearestInstability
 
 PACKAGES = ("casadi", "control", "numpy", "pydantic", "scipy")
@@ -63,11 +63,18 @@ def record(a: Analysis) -> dict[str, Any]:
 
 def record_scene(scene: Scene, steps: Sequence[Step]) -> dict[str, Any]:
     """What was asked, and what each stage of the work took."""
+    on = scene.effects.on()
+    effects = {
+        "on": list(on),
+        "off": [name for name in known_effects() if name not in on],
+        "meaning": {name: effect.summary() for name, effect in on.items()},
+        "units": {name: effect.units() for name, effect in on.items()},
+    }
     return {
         "schema": 1,
         "title": scene.title,
         "scene": record_tables(scene),
-        "effects": effects(scene),
+        "effects": effects,
         "versions": list_versions(),
         "accuracy": scene.accuracy.model_dump(mode="json"),
         "steps": [step_block(step) for step in steps],
@@ -81,12 +88,9 @@ def record_tables(scene: Scene) -> dict[str, Any]:
 
 def step_block(step: Step) -> dict[str, Any]:
     """What one stage took; the error that was asked and the one that was reached, what libraries warned of, why it has no answer."""
-    block: dict[str, Any] = {"name": step.name, "seconds": round(step.seconds, 4)}
-    block["cpu_seconds"] = round(step.cpu_seconds, 4)
-    if step.asked is not None:
-        block |= record_fields(step, "asked reached")
-    block |= {"notes": step.notes} if step.notes else {}
-    return block | ({"problem": step.problem} if step.problem else {})
+    took = {"name": step.name, "seconds": round(step.seconds, 4), "cpu_seconds": round(step.cpu_seconds, 4)}
+    errors = {} if step.asked is None else record_fields(step, "asked reached")
+    return took | errors | {name: said for name, said in record_fields(step, "notes problem").items() if said}
 
 
 def to_json(data: dict[str, Any]) -> str:
@@ -107,17 +111,6 @@ def write_json(value: Any) -> str:
 def list_numbers(array: Array) -> Any:
     """An array as nested lists, complex numbers as [re, im]."""
     return (np.stack([array.real, array.imag], axis=-1) if np.iscomplexobj(array) else array).tolist()
-
-
-def effects(scene: Scene) -> dict[str, Any]:
-    """Which effects are on, and which are off; what those that are on mean, and the units of their figures."""
-    on = scene.effects.on()
-    return {
-        "on": list(on),
-        "off": [name for name in known_effects() if name not in on],
-        "meaning": {name: effect.summary() for name, effect in on.items()},
-        "units": {name: effect.units() for name, effect in on.items()},
-    }
 
 
 def record_loop(loop: Loop) -> dict[str, Any]:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexlin.analyses.analysis import Analysis
+from flexlin.analyses.boundary import CriticalValue, Margin
 from flexlin.analyses.clock import Step
-from flexlin.analyses.critical_values import CriticalValue, Margin
 from flexlin.analyses.judging import Loop, ModelEvidence, ModelValidity
 from flexlin.checks import Array
 from flexlin.errors import counted
@@ -124,11 +124,6 @@ def choose_prefix(value: float) -> int:
     return min(max(3 * math.floor(math.log10(abs(value)) / 3), -9), 9)
 
 
-def name_joint_unit(analysis: Analysis, joint: int) -> str:
-    """rad, or m for a joint that slides."""
-    return analysis.arm.coordinates[analysis.arm.drives[joint]].unit
-
-
 def name_coordinate_unit(analysis: Analysis, index: int) -> str:
     """The unit of a coordinate of the linear equations."""
     return analysis.plant.coordinates[index].unit
@@ -204,13 +199,25 @@ def caution(loop: Loop, period: float) -> str:
     if abs(growth) * period < MARGINAL_GROWTH:
         return "practically marginal"
     if loop.verdict == "stable" and np.log(50) / -growth > UNFELT_PERIODS * period:
-        return f"but it takes {format_duration(np.log(50) / -growth)} to settle"
+        return f"but it takes {describe_settling(loop)} to settle"
     return ""
 
 
 def format_duration(seconds: float) -> str:
     """A time in s, or ms, µs ... below one; without unit where the scene has no dimensions."""
     return format_quantity(seconds, "s") if seconds < 1000 else with_unit(format_decimal(seconds, 3), "s")
+
+
+def describe_settling(loop: Loop) -> str:
+    """How long a stable loop takes to settle to 2 %; a dash where it does not."""
+    return format_duration(math.log(50) / -loop.growth[0]) if loop.verdict == "stable" else "–"
+
+
+def describe_tip(loop: Loop) -> str:
+    """How far the tip stays from its rigid path in the steady motion that the loop keeps; a dash where that is not known."""
+    if loop.response is None or loop.verdict == "unstable" or not np.all(np.isfinite(loop.response.tip)):
+        return "–"
+    return format_quantity(loop.response.sizes[1], "m")
 
 
 def format_largest_multiplier(loop: Loop) -> str:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from flexlin.analyses.analysis import Analysis
-    from flexlin.analyses.critical_values import Margin
+    from flexlin.analyses.boundary import Margin
     from flexlin.report.figures import Picture
 
 

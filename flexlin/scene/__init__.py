@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "scene.scene": "Scene",
     },
     within={
-        "scene.json_schema": "commented_scene",
+        "scene.json_schema": "commented_scene write_toml",
         "scene.scene": "Accuracy",
         "scene.base": "NonNegative Positive Table Unit",
         "scene.control": "EstimatorTable Pd Weights",
@@ -23,7 +23,6 @@ __getattr__, __dir__, __all__ = load_lazily(
         "scene.names": "label_number name_unit",
         "scene.parameters": "apply_overrides get_value need_numbers numeric_paths parse_assignment replace_value",
         "scene.problems": "name_units",
-        "scene.toml": "write_toml",
         "scene.units": "dimension_of in_si in_unit",
         "scene.urdf.convert": "angles_of rotation_of scene_tables",
         "scene.urdf.robot": "read_robot",

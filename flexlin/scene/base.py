@@ -19,12 +19,21 @@ from flexlin.bounds import LARGEST_NUMBER, MOST_ITEMS, SMALLEST_NUMBER, steers
 from flexlin.scene.units import in_unit
 
 
+def _say_units(schema: dict[str, Any], table: Any) -> None:
+    """Let the descriptions in a JSON schema end with the unit, which editors show."""
+    for key, unit in table.units().items():
+        stated = schema["properties"].get(key, {})
+        if unit and "description" in stated:
+            stated["description"] += f" [{unit}]"
+
+
 class Table(BaseModel):
     """One table of a scene file."""
 
     model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="constants", use_attribute_docstrings=True
-    )
+        frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="constants", use_attribute_docstrings=True,
+        json_schema_extra=_say_units,
+    )  # fmt: skip
 
     @classmethod
     def units(cls) -> dict[str, str]:

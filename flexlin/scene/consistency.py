@@ -223,17 +223,12 @@ def _links(raw: dict[str, Any]) -> Iterator[Problem]:
         bodies = " or ".join(name for name, effect in known_effects().items() if effect.inertia_keys)
         expected = f"a positive number, or an effect that gives the last link inertia ({bodies})"
         yield Problem(f"links.{len(links) - 1}.mass_per_length", "0", expected)
-    arm = RawArm(links, _motion_joints(raw, links))
+    motion = _table(raw, "motion")
+    tables = iter([{"drive": motion.get("drive", "torque"), **joint} for joint in tables_in(motion.get("joints"))])
+    arm = RawArm(links, [next(tables, {}) if driven(link) else {} for link in links])
     yield from link_contradictions(arm)
     yield from loop_contradictions(links, tables_in(raw.get("loops")), model)
     yield from effect_contradictions(_table(raw, "effects"), arm)
-
-
-def _motion_joints(raw: dict[str, Any], links: list[dict[str, Any]]) -> list[Any]:
-    """The raw table of the motion of each link's joint, with the motion's default drive; empty for a fixed joint."""
-    motion = _table(raw, "motion")
-    tables = iter([{"drive": motion.get("drive", "torque"), **joint} for joint in tables_in(motion.get("joints"))])
-    return [next(tables, {}) if driven(link) else {} for link in links]
 
 
 def _has_mass(link: dict[str, Any], raw: dict[str, Any]) -> bool:

@@ -98,7 +98,9 @@ def effects_table() -> type[Effects]:
 
 @cache
 def _table_of(effects: tuple[tuple[str, type[EffectTable]], ...]) -> type[Effects]:
-    fields: dict[str, Any] = {name: (effect | None, None) for name, effect in effects}
+    fields: dict[str, Any] = {
+        name: (effect | None, Field(None, description=effect.summary())) for name, effect in effects
+    }
     return create_model("Effects", __base__=Effects, **fields)
 
 

@@ -1,14 +1,21 @@
-"""The JSON schema of a scene, the comments of its keys, and a file that shows them all."""
+"""The JSON schema of a scene, and scenes as TOML: plain data, or with a comment behind each key and the effects that are off."""
 
+import json
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
+from flexlin.scene.base import Unit
 from flexlin.scene.effects import effects_table, known_effects
-from flexlin.scene.library import shipped_models
+from flexlin.scene.library import registered_model, shipped_models
 from flexlin.scene.links import ASKED
+from flexlin.scene.parameters import PARAMETERS
+from flexlin.scene.problems import list_tables
 from flexlin.scene.scene import FlexibleTable, JointTable, RobotTable, Scene
-from flexlin.scene.toml import write_toml
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 PLACE = "#/$defs/{model}"
@@ -33,8 +40,6 @@ def scene_schema() -> dict[str, Any]:
     schema = Scene.model_json_schema(ref_template=PLACE)
     definitions = schema["$defs"]
     definitions["Effects"] = add_table(definitions, effects_table())
-    for name, effect in known_effects().items():
-        definitions["Effects"]["properties"][name]["description"] = effect.summary()
     needed = {"required": definitions["Link"].pop("required")}
     sufficient = ({"required": ["length", "section"]}, {"required": ["body"]})  # a rigid body alone is a link too
     definitions["Link"]["anyOf"] = [needed, *sufficient]
@@ -57,7 +62,6 @@ def scene_schema() -> dict[str, Any]:
         }
         for name, table in of_models.items()
     ]
-    write_units(schema)
     return {"$schema": DIALECT, **schema}
 
 
@@ -72,57 +76,86 @@ def add_table(definitions: dict[str, Any], table: type[BaseModel]) -> dict[str, 
     return made
 
 
-def write_units(node: Any) -> None:
-    """Let every description end with the unit, which editors show."""
-    if isinstance(node, list):
-        for child in node:
-            write_units(child)
-    elif isinstance(node, dict):
-        inner = [child.get("unit") for child in node.get("anyOf", ()) if isinstance(child, dict)]
-        unit = node.get("unit") or next(filter(None, inner), None)
-        if isinstance(unit, str) and isinstance(node.get("description"), str):
-            node["description"] = f"{node['description']} [{unit}]"
-        for child in node.values():
-            write_units(child)
-
-
-ANY = "*"
-"""Stands for the keys of a table that names things of the user's."""
-
-
 def commented_scene(data: dict[str, Any]) -> str:
     """The scene as TOML: beside each key what it means and its unit, and below it the effects that could be turned on."""
-    schema = scene_schema()
-    on, effects = data.get("effects", {}), schema["$defs"]["Effects"]["properties"]
-    more = [f"# [effects.{name}]  {effects[name]['description']}" for name in effects if name not in on]
-    text = write_toml(data, lambda path: note(schema, data, path))
-    if data.get("model") is not None:
+    on, model = data.get("effects", {}), data.get("model")
+    more = [f"# [effects.{name}]  {effect.summary()}" for name, effect in known_effects().items() if name not in on]
+    text = write_toml(data, lambda path: note(path, model))
+    if model is not None:
         return text
     return text + "\n# Effects that are off; each table turns one on:\n" + "\n".join(more) + "\n"
 
 
-def note(schema: dict[str, Any], data: dict[str, Any], path: tuple[str, ...]) -> str:
-    """What is said of a key in a comment: its description; nothing where the schema knows none."""
-    nodes = [schema]
-    if path[:1] == ("parameters",):
-        chosen = [
-            rule["then"] for rule in schema["allOf"] if rule["if"]["properties"]["model"]["const"] == data.get("model")
-        ]
-        nodes = [*chosen, schema]
+def note(path: tuple[str, ...], model: str | None) -> str:
+    """What is said of a key in a comment: its description and unit; nothing where no table knows it."""
+    tables: list[type[BaseModel]] = [Scene]
+    fields = list[FieldInfo]()
     for step in path:
-        tables = [found for node in nodes for found in keys_of(schema, node)]
-        nodes = [found[name] for found in tables for name in (step, ANY) if name in found]
-    described = [node["description"] for node in nodes if "description" in node]
-    return described[0].partition("\n")[0] if described else ""
+        fields = [one for table in tables for name, one in table.model_fields.items() if step in (name, one.alias)]
+        of_model = [registered_model(model).schema] if step == PARAMETERS and model else tables
+        tables = [table for one in fields for table in list_tables(one.annotation)] or of_model
+    described = next((one for one in fields if one.description), FieldInfo(description=""))
+    unit = "".join(f" [{mark.name}]" for mark in described.metadata if isinstance(mark, Unit) and mark.name)
+    return str(described.description).partition("\n")[0] + unit
 
 
-def keys_of(schema: dict[str, Any], node: dict[str, Any]) -> list[dict[str, Any]]:
-    """The keys of all tables that a node allows, through references, unions and lists: no table holds itself."""
-    if "$ref" in node:
-        return keys_of(schema, schema["$defs"][node["$ref"].rpartition("/")[2]])
-    found = [node["properties"]] if "properties" in node else []
-    if isinstance(node.get("additionalProperties"), dict):
-        found.append({ANY: node["additionalProperties"]})
-    items = [node["items"]] if isinstance(node.get("items"), dict) else []
-    inner = [*node.get("anyOf", []), *node.get("oneOf", []), *items]
-    return found + [keys for child in inner for keys in keys_of(schema, child)]
+Note = Callable[[tuple[str, ...]], str]
+BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def write_toml(data: Mapping[str, Any], note: Note = lambda path: "") -> str:
+    """Write plain data as TOML: tables below their headings, lists of tables as [[...]], all else on one line.
+
+    Holds texts, truth values, finite numbers, lists and tables; keys whose value is None are left out. What `note` says of a path of
+    keys stands behind it as a comment.
+    """
+    return "\n".join(list_lines(data, (), note)).strip() + "\n"
+
+
+def list_lines(table: Mapping[str, Any], path: tuple[str, ...], note: Note) -> Iterator[str]:
+    """The lines of one table: its values first, then the tables in it."""
+    given = {key: value for key, value in table.items() if value is not None}
+    below = {key: value for key, value in given.items() if isinstance(value, Mapping) or is_list_of_tables(value)}
+    for key, value in given.items():
+        if key not in below:
+            yield with_note(f"{write_key(key)} = {write_value(value)}", note((*path, key)))
+    for key, value in below.items():
+        name = ".".join(map(write_key, (*path, key)))
+        single = isinstance(value, Mapping)
+        for child in [value] if single else value:
+            yield ""
+            yield with_note(f"[{name}]" if single else f"[[{name}]]", note((*path, key)))
+            yield from list_lines(child, (*path, key), note)
+
+
+def with_note(line: str, note: str) -> str:
+    """A line with a comment behind it."""
+    return f"{line:<36} # {note}" if note else line
+
+
+def is_list_of_tables(value: Any) -> bool:
+    """Whether a value is a list of tables, which has headings of its own."""
+    return isinstance(value, list | tuple) and len(value) > 0 and all(isinstance(one, Mapping) for one in value)
+
+
+def write_key(key: str) -> str:
+    """A key, in quotes where it needs them."""
+    return key if BARE.fullmatch(key) else json.dumps(key)
+
+
+def write_value(value: Any) -> str:
+    """A value on one line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, float) and math.isfinite(value):
+        return repr(value)
+    if isinstance(value, Mapping):
+        inside = ", ".join(
+            f"{write_key(key)} = {write_value(child)}" for key, child in value.items() if child is not None
+        )
+        return f"{{ {inside} }}" if inside else "{}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(write_value, value))}]"
+    return str(value)

@@ -11,10 +11,18 @@ import numpy as np
 from pydantic import ValidationError
 
 from flexlin.arguments import checked, instance
-from flexlin.bounds import DEEPEST_NESTING, LARGEST_SCENE, SHALLOW, hint_at, list_excesses, parse_toml, printable
+from flexlin.bounds import (
+    DEEPEST_NESTING,
+    LARGEST_SCENE,
+    SHALLOW,
+    hint_at,
+    list_excesses,
+    parse_toml,
+    printable,
+    read_text,
+)
 from flexlin.checks import Array
 from flexlin.errors import Problem, SceneError
-from flexlin.files import read_text
 from flexlin.scene.base import Table
 from flexlin.scene.consistency import contradictions, tables_in
 from flexlin.scene.library import builtin_scenes, place_motion_file, registered_model

@@ -18,15 +18,11 @@ def name_number(path: str) -> str:
     steps = path.split(".")
     if steps[0] == "motion" and len(steps) == 2:
         return f"motion {steps[1].replace('_', ' ')}"
-    place = "".join(f" of {'link' if table == 'links' else 'joint'} {int(index) + 1}" for table, index in placed(steps))
+    placed = [(table, index) for table, index in pairwise(steps) if table in ("links", "joints") and index.isdigit()]
+    place = "".join(f" of {'link' if table == 'links' else 'joint'} {int(index) + 1}" for table, index in placed)
     kept = [WORDS.get(step, step.replace("_", " ")) for step in steps if step not in TABLES and not step.isdigit()]
     alone = steps[-1].isdigit() and not place
     return " ".join(kept or [path]) + place + (f" of joint {int(steps[-1]) + 1}" if alone else "")
-
-
-def placed(steps: list[str]) -> list[tuple[str, str]]:
-    """The lists of a path with the places in them."""
-    return [(table, index) for table, index in pairwise(steps) if table in ("links", "joints") and index.isdigit()]
 
 
 def name_unit(scene: Scene, path: str) -> str:
@@ -35,26 +31,17 @@ def name_unit(scene: Scene, path: str) -> str:
     Of `rad or m` the first: no scene says so where its joints slide.
     """
     steps, unit = path_in(scene, path).split("."), ""
-    checked = check_parameters(scene) if steps[0] == PARAMETERS else scene
+    checked = scene
+    if steps[0] == PARAMETERS:  # of a registered model's own table, whose keys know their units, not of the raw one
+        table = checked_table(registered_model(str(scene.model)).schema, scene.parameters, scene.title, PARAMETERS)
+        checked = scene.model_copy(update={PARAMETERS: table})
     node: object = checked
     for k, step in enumerate(steps):
         if isinstance(node, Table):
             unit = type(node).units().get(step, "")
         node = get_value(checked, ".".join(steps[: k + 1]))
-    return choose_unit(scene, unit)
-
-
-def choose_unit(scene: Scene, unit: str) -> str:
-    """What a stated unit is in a scene."""
-    slides = any(link.joint == "prismatic" for link in scene.links)
-    unit = unit if slides else unit.split(" or ")[0]
+    unit = unit if any(link.joint == "prismatic" for link in scene.links) else unit.split(" or ")[0]
     return unit if scene.unit_system != "dimensionless" or unit == "rad" else ""
-
-
-def check_parameters(scene: Scene) -> Scene:
-    """The scene with its registered model's own table, whose keys know their units, in the place of the raw one."""
-    table = checked_table(registered_model(str(scene.model)).schema, scene.parameters, scene.title, PARAMETERS)
-    return scene.model_copy(update={PARAMETERS: table})
 
 
 def label_number(scene: Scene, path: str) -> str:

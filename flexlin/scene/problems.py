@@ -16,16 +16,6 @@ from flexlin.scene.units import NAMES
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
-def suggest(kind: str, value: Any, unit: str | None) -> str:
-    """Words to stand behind what was expected: the units of a number, the brackets of tables in a list.
-
-    kind: pydantic's name of what is wrong; unit: of the key, where it states one.
-    """
-    if kind == "tuple_type" and isinstance(value, dict):
-        return ", each under a heading in two brackets, [[ ]]"
-    return name_units(unit) if kind in ("float_type", "int_type") and isinstance(value, str) and unit else ""
-
-
 def name_units(units: str) -> str:
     """In what a bare number is, and what may be written with a unit: in rad or m, or an angle such as 0.5 deg."""
     written = [NAMES[unit] for unit in re.split(r" or |, ", units) if unit in NAMES]
@@ -51,8 +41,8 @@ def schema_problems(schema: type[BaseModel], error: ValidationError) -> list[Pro
     merged: dict[str, Problem] = {}
     entries = error.errors(include_url=False)
     for entry in entries[:MOST_ITEMS]:  # each may ask for a search among all known keys
-        if follows_from_another(entry):
-            continue
+        if entry["type"] == "too_short" and len(entry["input"]) >= entry["ctx"]["min_length"]:
+            continue  # only because items in it are wrong
         problem = _problem(schema, entry)
         known = merged.get(problem.key)
         if known is None:
@@ -87,11 +77,6 @@ def checked_table(schema: type[AnyTable], raw: Mapping[str, Any], source: str, k
     if problems:
         raise SceneError(source, problems)
     return table
-
-
-def follows_from_another(entry: Any) -> bool:
-    """Whether a list counts as too short only because items in it are wrong."""
-    return entry["type"] == "too_short" and len(entry["input"]) >= entry["ctx"]["min_length"]
 
 
 @dataclass(frozen=True)
@@ -130,7 +115,7 @@ class Place:
     @property
     def models(self) -> tuple[type[BaseModel], ...]:
         """The tables that it may hold."""
-        return tuple(model for annotation in self.annotations for model in _models(annotation))
+        return tuple(model for annotation in self.annotations for model in list_tables(annotation))
 
     @property
     def kinds(self) -> list[str]:
@@ -166,12 +151,12 @@ def _kinds_of(table: type[BaseModel]) -> tuple[Any, ...]:
     return get_args(table.model_fields["kind"].annotation) if "kind" in table.model_fields else ()
 
 
-def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+def list_tables(annotation: Any) -> Iterator[type[BaseModel]]:
     """The tables that an annotation allows, inside lists and unions too."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield effects_table() if annotation is Effects else annotation
     for part in get_args(annotation):
-        yield from _models(part)
+        yield from list_tables(part)
 
 
 def _problem(schema: type[BaseModel], entry: Any) -> Problem:
@@ -189,8 +174,10 @@ def _problem(schema: type[BaseModel], entry: Any) -> Problem:
         hint = hint_at(str(context["tag"])[:LONGEST_SHOWN], re.findall(r"'([^']*)'", expected))
     elif kind == "literal_error":
         hint = hint_at(str(entry["input"])[:LONGEST_SHOWN], re.findall(r"'([^']*)'", context["expected"]))
-    else:
-        hint = suggest(kind, entry["input"], place.unit)
+    elif kind == "tuple_type" and isinstance(entry["input"], dict):
+        hint = ", each under a heading in two brackets, [[ ]]"
+    elif kind in ("float_type", "int_type") and isinstance(entry["input"], str) and place.unit:
+        hint = name_units(place.unit)
     return Problem(key, got[:LONGEST_SHOWN], expected + hint)
 
 

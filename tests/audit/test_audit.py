@@ -10,8 +10,7 @@ from scipy.linalg import eigvals
 
 import flexlin as fl
 from flexlin.analyses import Judge, find_reach, read_scale
-from flexlin.analyses.audit import audit, figures, versions
-from flexlin.analyses.audit.judging import again
+from flexlin.analyses.audit import again, audit, versions
 from flexlin.cli import main
 from flexlin.errors import TimeLimit
 from flexlin.periodic.floquet.exponents import floquet
@@ -128,7 +127,7 @@ def test_what_time_allows_is_handed_back_with_what_was_left_out(monkeypatch, tmp
             raise TimeLimit("audit: stopped at the time limit", todo="allow more time")
         return floquet(*given, **options)
 
-    monkeypatch.setattr(figures, "floquet", rings)
+    monkeypatch.setattr(versions, "floquet", rings)
     found = audit(fl.load_scene("khang-2019", {"designs": []}))
     assert len(found.effects) == 1
     assert (found.modes, found.pairs, found.minimal) == ((), (), None)

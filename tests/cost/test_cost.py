@@ -67,8 +67,6 @@ def test_recommendations_of_a_table_whose_answer_is_known():
     table = CostResult("by hand", (slow, fine, outside, coarse, elsewhere, middle), 1e-14)
     found = [(accuracy, row) for stage, accuracy, row in table.recommendations() if stage == "exponents"]
     assert found == [(1e-2, coarse), (pytest.approx(1e-3), middle), (pytest.approx(1e-5), fine)]
-    marked = {row.setting for row in table.marked().stage("exponents") if row.cheapest}
-    assert marked == {"coarse", "middle", "fine"}
     assert table.cheapest("exponents", 1e-10) is None
 
 
@@ -177,7 +175,7 @@ def test_command_writes_page_and_record(tmp_path, capsys, monkeypatch):
     trials = [Trial("gauss 8", f"{n} segments", lambda n=n: 0.1**n) for n in (1, 3, 5)]
     rows = [row for stage in ("exponents", "forced response") for row in measure_trials(stage, trials, abs)]
     chosen = [replace(row, chosen="1e-03") if row.setting == "3 segments" else row for row in rows]
-    short = CostResult("by hand", tuple(chosen), 1e-14).marked()
+    short = CostResult("by hand", tuple(chosen), 1e-14)
     for found, code, said in ((short, 0, "cheapest"), (CostResult("t", (), 0.0, ("left out",)), 4, "left out")):
         monkeypatch.setattr("flexlin.analyses.accuracy.cost", lambda scene, seconds, found=found: found)
         assert main(["cost", "single-link", "--out", str(tmp_path / said)]) == code

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from flexlin import files as switching
 from flexlin.errors import OutputError
 from flexlin.files import results
-from flexlin.files import sets as switching
 from tests.files.reader import contents, interrupt, leftovers, standing
 from tests.thinned import thin
 

@@ -84,7 +84,7 @@ def test_numbers_left_free_move_no_answer():
     scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
     ranges = {"motion.frequency": (0.125, 4.0), "effects.payload.mass": (0.01, 0.2)}
     free, plain = analyse(scene, free=tuple(ranges)), analyse(scene)
-    assert free.arm.parameters.paths == tuple(ranges)
+    assert free.plant.arm.parameters.paths == tuple(ranges)
     np.testing.assert_allclose(free.own.floquet.exponents, plain.own.floquet.exponents, atol=1e-9)
     np.testing.assert_allclose(free.linear_range.amplitudes, plain.linear_range.amplitudes, rtol=1e-3)
     for path, limits in ranges.items():

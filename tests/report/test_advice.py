@@ -20,13 +20,23 @@ def growing(a: Analysis, rate: float, kind: str = "pd", error: float = 1e-16) ->
     found = a.own.floquet
     exponents = np.array([rate, -5.0, -6.0, -7.0], dtype=complex)
     verdict = "undecided" if abs(rate) <= error else "stable" if rate < 0 else "unstable"
-    return Loop("scene's PD", kind, replace(found, exponents=exponents, errors=np.full(4, error), verdict=verdict))
+    result = replace(found, exponents=exponents, errors=np.full(4, error), verdict=verdict)
+    return Loop("scene's PD", kind, result, response=a.own.response)
+
+
+def unjudged(a: Analysis) -> Loop:
+    """The loop without a verdict."""
+    return replace(a.own, name="my PD", floquet=None, problem="ended")
+
+
+def with_response(a: Analysis, response) -> Analysis:
+    return replace(a, own=replace(a.own, response=response))
 
 
 def with_tip(a: Analysis, metres: float, share_of_bending: float = 1.0) -> Analysis:
     """The tip stays so far from its path, so much of it by bending."""
     tip = np.full_like(a.response.tip, metres / np.sqrt(2))
-    return replace(a, response=replace(a.response, tip=tip, tip_by_bending=share_of_bending * tip))
+    return with_response(a, replace(a.response, tip=tip, tip_by_bending=share_of_bending * tip))
 
 
 def with_difference(a: Analysis, metres: float, largest: float, error: float = 1e-12) -> Analysis:
@@ -94,12 +104,16 @@ CASES = [
     (lambda a: replace(a, elastic=growing(a, 0.5, "elastic")), "verdict becomes unstable: believe this one", True),
     (lambda a: replace(a, elastic=Loop("e", "elastic", None, "none")), "elastic motion instead", False),
     # what is missing is said
-    (lambda a: replace(a, response=None, problems={"response": "resonant"}), "response was found: resonant.", True),
+    (
+        lambda a: replace(with_response(a, None), problems={"response": "resonant"}),
+        "response was found: resonant.",
+        True,
+    ),
     (lambda a: replace(a, simulation=None, problems={"simulation": "lost"}), "simulation has no answer: lost.", True),
     (lambda a: replace(a, simulation=None, problems={"simulation": "lost"}), "disturbances of up to", True),
     # a loop without verdict is not called unstable
-    (lambda a: replace(a, own=Loop("my PD", "pd", None, "ended")), "There is no verdict under the my PD: ended.", True),
-    (lambda a: replace(a, own=Loop("my PD", "pd", None, "ended")), "unstable along this motion", False),
+    (lambda a: replace(a, own=unjudged(a)), "There is no verdict under the my PD: ended.", True),
+    (lambda a: replace(a, own=unjudged(a)), "unstable along this motion", False),
     (lambda a: replace(a, own=growing(a, 0.0)), "cannot be distinguished from zero", True),
 ]
 

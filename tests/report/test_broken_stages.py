@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import Budget, Clock, judging
+from flexlin.analyses import Budget, Clock
 from flexlin.analyses import analysis as stages
 from flexlin.cli import main
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
@@ -50,8 +50,7 @@ ALL_BUT_THE_LOOP = {"simulate": "memory", "linear_range": "LAPACK", "find_respon
 def test_broken_stages_leave_the_rest(broken: dict[str, str], report, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first call to `floquet` is that of the scene's own loop."""
     for stage, kind in broken.items():
-        where = judging if stage == "floquet" else stages
-        monkeypatch.setattr(where, stage, first_call_fails(getattr(where, stage), BREAKS[kind]))
+        monkeypatch.setattr(stages, stage, first_call_fails(getattr(stages, stage), BREAKS[kind]))
     ran = report(*SCENE)
     assert ran.code == (4 if "floquet" in broken else 0)
     assert {name: loop["verdict"] for name, loop in ran.data["designs"].items()} == {"one": "stable", "two": "stable"}

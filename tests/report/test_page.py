@@ -47,7 +47,7 @@ def test_the_page_fetches_nothing_and_its_verdict_comes_before_the_figures(singl
 
 def test_each_figure_is_well_formed_and_takes_its_colours_from_the_page(single_link: Analysis) -> None:
     drawn = list(draw_pictures(single_link))
-    assert len(drawn) == len(FIGURES) - 1  # all but the gains: this scene asks for no design
+    assert len(drawn) == len(FIGURES) - 3  # neither gains, sensitivities nor effects: nobody asks for them
     for picture in drawn:
         root = ElementTree.fromstring(picture.svg)
         assert root.find(".//{*}svg") is not None
@@ -81,7 +81,7 @@ def test_deflections_are_said_in_one_unit(single_link: Analysis, factor: float, 
     nonlinear, linear = (s.tip_rigid + factor * (tip - s.tip_rigid) for tip in (s.tip, s.tip_linear))
     run = replace(s, tip=nonlinear, tip_linear=linear, peaks=None)
     tip = replace(r, tip=factor * r.tip, tip_by_bending=factor * r.tip_by_bending)
-    page = page_of(replace(single_link, response=tip, simulation=run))
+    page = page_of(replace(single_link, own=replace(single_link.own, response=tip), simulation=run))
     text = re.sub(r"<[^>]+>", " ", page[: page.index("Everything that went in")])
     found = set(re.findall(r"[0-9][ \u00a0](nm|µm|mm|m)\b(?! of)(?!/)", text))
     assert found == {unit}

@@ -36,9 +36,12 @@ def large() -> Analysis:
     closed = control_loop(scene)
     plant = fl.linearize(closed.arm, scene.motion)
     t = np.linspace(0.0, plant.period, 129)
-    own, open_loop = (Loop(name, kind, None, "not asked") for name, kind in (("PD", "pd"), ("open loop", "open")))
     response = find_response(closed, closed.periodic_system(), t, 1e-6)
-    found = {"coefficients": plant.sample(t), "own": own, "open_loop": open_loop, "response": response}
+    own, open_loop = (
+        Loop("PD", "pd", None, "not asked", response=response),
+        Loop("open loop", "open", None, "not asked"),
+    )
+    found = {"coefficients": plant.sample(t), "own": own, "open_loop": open_loop}
     return Analysis(scene, Clock(), plant, closed, t, **found)
 
 

@@ -115,7 +115,7 @@ def test_a_design_is_judged_by_its_own_steady_motion(single_link: Analysis) -> N
 
 def test_an_unstable_loop_is_recommended_no_design_that_the_model_does_not_hold_for(single_link: Analysis) -> None:
     own = single_link.own.floquet
-    unstable = Loop("scene's PD", "pd", replace(own, exponents=own.exponents + 10.0, verdict="unstable"))
+    unstable = replace(single_link.own, floquet=replace(own, exponents=own.exponents + 10.0, verdict="unstable"))
     far = Loop("far", "periodic-lqr", own, response=with_tip(single_link, 0.5).response)
     for design, said in ((far, False), (replace(far, response=None), True)):
         advice = advise(replace(single_link, own=unstable, designs=(design,)))

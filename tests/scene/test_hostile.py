@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.bounds import SMALLEST_NUMBER
+from flexlin.bounds import SMALLEST_NUMBER, read_text
 from flexlin.cli import BAD_INPUT, main
 from flexlin.errors import FlexlinError, MotionError, SceneError
-from flexlin.files import read_text
 from flexlin.scene import builtin_scenes, get_value, numeric_paths, parse_assignment
 from tests.closed_arm import closed
 from tests.mechanics.scenes import linear

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import compute_here, keep_in, prepare_job, share_among_processes, share_on_cluster
+from flexlin.analyses import Store, compute_here, prepare_job, share_among_processes, share_on_cluster
 from flexlin.errors import ArgumentError
 from flexlin.scene import revise_scene
 from tests.sweep.test_damaged_store import assert_same
@@ -91,7 +91,7 @@ def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, t
     path, rng, left = tmp_path / "chart", np.random.default_rng(3), []
     for _ in range(20):
         job = make_job()
-        keep_in(path, job)
+        Store(path, job)
         left.append(len(job.blocks))
         countdown = iter(range(int(rng.integers(0, 3)), -1, -1))
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import Found, Together, choose_crew, choose_loop, make_family, prepare_job, share_among_threads
+from flexlin.analyses import Found, Together, choose_crew, choose_loop, prepare_job, share_among_threads
 from flexlin.analyses.sweep.found import MISSING
 from flexlin.analyses.sweep.together import MOST_SEGMENTS, PILOT_VALUES, SEGMENT_NUMBERS, learn_needs
-from flexlin.periodic import Kernel, measure_distances
+from flexlin.periodic import measure_distances
 from flexlin.periodic.many import WIDTH, Logs
 from tests.control.test_c_controllers import FILTERS, PID
 from tests.sweep.test_sweep import MOVES
@@ -106,19 +106,6 @@ def test_threads_whose_blocks_nobody_waits_for_end_at_their_next_value(monkeypat
     with pytest.raises(KeyboardInterrupt):
         list(share_among_threads(job, 2))
     assert len(tried) < 20
-
-
-def test_a_search_learns_what_values_near_by_need(monkeypatch):
-    """Values slower than all pilots were computed three times each wherever a boundary was followed among them."""
-    family, calls = make_family(fl.load_scene("khang-2019"), {"motion.frequency": (0.1, 6.0)}, "own"), []
-    assert family.together is not None
-    find_logs = Kernel.find_logs
-    monkeypatch.setattr(Kernel, "find_logs", lambda *given: calls.append(given[2]) or find_logs(*given))
-    slow = family.rough(np.array([[0.1], [0.102]]))
-    first, calls[:] = len(calls), []
-    again = family.rough(np.array([[0.1], [0.104]]))
-    assert first > len(calls) == 1
-    np.testing.assert_allclose(np.sort(again.logs[0].real), np.sort(slow.logs[0].real), atol=1e-6)
 
 
 TOL, PERIOD = 1e-8, 3.0

@@ -21,7 +21,7 @@ import xarray
 import flexlin as fl
 from flexlin.analyses import time_limit
 from flexlin.errors import FlexlinError
-from flexlin.files.sets import read_manifest
+from flexlin.files import read_manifest
 from flexlin.motion import build_motion
 from flexlin.scene import parse_assignment
 from studies.check_certificate import holds

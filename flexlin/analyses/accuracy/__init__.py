@@ -23,15 +23,10 @@ from flexlin.analyses.accuracy.result import (
 )
 from flexlin.analyses.accuracy.scipy_methods import (
     COMPARED_TIMES,
-    derive_loop_rate,
-    derive_response_rate,
-    derive_riccati_rate,
-    derive_transition_rate,
-    forget_start,
-    integrate_loop,
-    multiply_up,
-    respond_periodically,
-    try_scipy,
+    scipy_responses,
+    scipy_riccati,
+    scipy_simulations,
+    scipy_transitions,
 )
 from flexlin.analyses.audit.versions import with_modes
 from flexlin.analyses.clock import time_limit
@@ -154,8 +149,7 @@ def try_riccati(plant: Linearization, tols: Sequence[float]) -> Trials:
     def run(tol: float) -> Array:
         return periodic_riccati(replace(plant).periodic_system(), Q, R, tol=tol).X(t)
 
-    outside = try_scipy(plant, derive_riccati_rate, forget_start, tols)
-    return against(run(REFERENCE_TOL), at_each_tol("periodic_riccati", run), outside)
+    return against(run(REFERENCE_TOL), at_each_tol("periodic_riccati", run), scipy_riccati(plant, tols))
 
 
 def try_forced_response(closed: Linearization, tols: Sequence[float]) -> Trials:
@@ -166,8 +160,7 @@ def try_forced_response(closed: Linearization, tols: Sequence[float]) -> Trials:
         system = replace(closed).periodic_system()
         return forced_response(system, OfPlant(closed.forcing, system.n, system.n), tol)(t)
 
-    outside = try_scipy(closed, derive_response_rate, respond_periodically, tols)
-    return against(run(REFERENCE_TOL), at_each_tol("forced_response", run), outside)
+    return against(run(REFERENCE_TOL), at_each_tol("forced_response", run), scipy_responses(closed, tols))
 
 
 def try_simulation(closed: Linearization, tols: Sequence[float]) -> Trials:
@@ -179,8 +172,7 @@ def try_simulation(closed: Linearization, tols: Sequence[float]) -> Trials:
     def run(tol: float) -> Array:
         return simulate(closed, 1.0, tol=tol, points_per_period=SAMPLES).nonlinear
 
-    outside = try_scipy(closed, derive_loop_rate, integrate_loop, tols)
-    return against(run(REFERENCE_TOL), at_each_tol("simulate", run), outside)
+    return against(run(REFERENCE_TOL), at_each_tol("simulate", run), scipy_simulations(closed, tols))
 
 
 def try_modes(scene: Scene) -> Trials:
@@ -268,8 +260,7 @@ def cost(scene: Scene, *, peers: bool = True, seconds: float | None = None) -> C
         nonlocal floor
         rough, exact = (multiply_period(system, choose_reference(system, order)) for order in (20, 24))
         floor = max(compare_arrays(rough, exact), 1e-15)
-        outside = try_scipy(closed, derive_transition_rate, multiply_up, tols)
-        return against(exact, try_transition_matrices(system), outside)
+        return against(exact, try_transition_matrices(system), scipy_transitions(closed, tols))
 
     stages: dict[str, Callable[[], Trials]] = {
         "exponents": partial(try_exponents, closed),
@@ -290,7 +281,7 @@ def cost(scene: Scene, *, peers: bool = True, seconds: float | None = None) -> C
         with part(done / len(stages), (done + 1) / len(stages)):
             found, note = measure_stage(name, stage, (end - perf_counter()) / (len(stages) - done))
         rows, notes = [*rows, *found], [*notes, *note]
-    return CostResult(scene.title, tuple(rows), floor, tuple(notes)).marked()
+    return CostResult(scene.title, tuple(rows), floor, tuple(notes))
 
 
 def measure_stage(name: str, stage: Callable[[], Trials], most: float) -> tuple[list[Row], list[str]]:

@@ -1,7 +1,7 @@
 """The table of accuracy against time, and the trials of settings that fill it."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from time import perf_counter, process_time
 from timeit import repeat
 from typing import Any
@@ -43,8 +43,6 @@ class Row:
         Tolerance at which the engine chooses this setting by itself.
     outside : bool
         Whether the method is another program's.
-    cheapest : bool
-        Whether nothing of flexlin's own in this stage is as accurate in less time.
 
     Examples
     --------
@@ -60,7 +58,6 @@ class Row:
     seconds: float
     chosen: str = ""
     outside: bool = False
-    cheapest: bool = False
 
 
 @dataclass(frozen=True)
@@ -141,24 +138,6 @@ class CostResult:
                 if row is not None and row != last:
                     yield stage, accuracy, row
                 last = row
-
-    def marked(self) -> "CostResult":
-        """Return the same rows with `cheapest` set on those that no own row beats in both error and time.
-
-        Returns
-        -------
-        CostResult
-            The marked rows.
-        """
-        rows = tuple(replace(row, cheapest=not row.outside and not self._beaten(row)) for row in self.rows)
-        return replace(self, rows=rows)
-
-    def _beaten(self, row: Row) -> bool:
-        return any(
-            other.seconds < row.seconds and max(other.error, self.floor) <= max(row.error, self.floor)
-            for other in self.stage(row.stage)
-            if not other.outside
-        )
 
     def record(self) -> dict[str, Any]:
         """Return everything as plain data, for JSON.

@@ -21,20 +21,6 @@ Rate = Callable[[float, Array], Array]
 """(phase, columns of X one after another (n n,)) -> the columns of T A X."""
 
 
-def try_scipy(
-    lin: Linearization,
-    derive: Callable[[Linearization], ca.Function],
-    run: Callable[[Rate, int, str, float], Array],
-    tols: Sequence[float],
-) -> Iterator[Trial]:
-    """Every method at each tolerance, where the right-hand side is one expression: a symbolic motion, a law without states."""
-    if isinstance(lin.motion, SymbolicMotion) and lin.controller is None:
-        rate = FastRate(derive(lin), lin.arm.parameters.values)
-        for method, tol in product(METHODS, tols):
-            work = partial(run, rate, 2 * lin.n, method, tol)
-            yield Trial(f"SciPy {method}", f"tol {tol:.0e}", work, outside=True)
-
-
 def derive_loop_rate(lin: Linearization) -> ca.Function:
     """(phase, [y; y'], p) -> T [y'; y''] of the nonlinear loop under the scene's law."""
     about, law = lin.about, lin.law
@@ -67,11 +53,14 @@ def derive_linear(lin: Linearization) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX
     return phase, p, rows[:, : 2 * n], rows[:, 2 * n], rows[:, 2 * n + 1 :]
 
 
-def derive_transition_rate(lin: Linearization) -> ca.Function:
-    """(phase, columns of X, p) -> those of T A X, zeros of A left out of the product."""
-    phase, p, A, _, _ = derive_linear(lin)
-    X = ca.SX.sym("X", 2 * lin.n, 2 * lin.n)
-    return ca.Function("transition_rate", [phase, ca.vec(X), p], [ca.densify(ca.vec(ca.sparsify(A) @ X))])
+def derive_transition_rate(lin: Linearization, forced: bool = False) -> ca.Function:
+    """(phase, columns of X, p) -> those of T A X, zeros of A left out of the product; `forced`: of [X, x] those of T [A X, A x + b]."""
+    phase, p, A, b, _ = derive_linear(lin)
+    X = ca.SX.sym("X", 2 * lin.n, 2 * lin.n + forced)
+    rate = ca.sparsify(A) @ X
+    if forced:
+        rate[:, -1] += b
+    return ca.Function("transition_rate", [phase, ca.vec(X), p], [ca.densify(ca.vec(rate))])
 
 
 def multiply_up(rate: Rate, states: int, method: str, tol: float) -> Array:
@@ -79,13 +68,7 @@ def multiply_up(rate: Rate, states: int, method: str, tol: float) -> Array:
     return integrate(rate, np.eye(states).ravel(), np.array([0.0, 1.0]), method, tol)[-1].reshape(states, states).T
 
 
-def derive_response_rate(lin: Linearization) -> ca.Function:
-    """(phase, columns of [X, x], p) -> those of T [A X, A x + b]: the transition matrix, and a motion."""
-    phase, p, A, b, _ = derive_linear(lin)
-    X = ca.SX.sym("X", 2 * lin.n, 2 * lin.n + 1)
-    rate = A @ X
-    rate[:, -1] += b
-    return ca.Function("response_rate", [phase, ca.vec(X), p], [ca.densify(ca.vec(rate))])
+derive_response_rate = partial(derive_transition_rate, forced=True)
 
 
 def respond_periodically(rate: Rate, states: int, method: str, tol: float) -> Array:
@@ -144,3 +127,25 @@ class FastRate:
         self._x[:] = x
         self._trigger()
         return self._out.copy()
+
+
+Run = Callable[[Rate, int, str, float], Array]
+"""(rate, number of states, method, tol) -> what is compared."""
+
+
+def try_scipy(
+    lin: Linearization, tols: Sequence[float], derive: Callable[[Linearization], ca.Function], run: Run
+) -> Iterator[Trial]:
+    """Every method at each tolerance, where the right-hand side is one expression: a symbolic motion, a law without states."""
+    if isinstance(lin.motion, SymbolicMotion) and lin.controller is None:
+        rate = FastRate(derive(lin), lin.arm.parameters.values)
+        for method, tol in product(METHODS, tols):
+            work = partial(run, rate, 2 * lin.n, method, tol)
+            yield Trial(f"SciPy {method}", f"tol {tol:.0e}", work, outside=True)
+
+
+scipy_transitions = partial(try_scipy, derive=derive_transition_rate, run=multiply_up)
+scipy_simulations = partial(try_scipy, derive=derive_loop_rate, run=integrate_loop)
+scipy_responses = partial(try_scipy, derive=derive_response_rate, run=respond_periodically)
+scipy_riccati = partial(try_scipy, derive=derive_riccati_rate, run=forget_start)
+"""What SciPy needs for each of the answers that are compared."""

@@ -1,26 +1,41 @@
-"""The versions of a scene that an audit tries: each effect switched on or off, each link a mode more or less, a model's own parameters."""
+"""The versions of a scene that an audit tries, each effect off or on, a mode more or less, and the figures by which two are compared."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
+from timeit import repeat
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from pydantic import BaseModel, ValidationError
+from scipy.sparse.csgraph import connected_components
 
+from flexlin.analyses.judging import find_response
+from flexlin.checks import SAMPLES, SUM_ROUNDING, Array, try_to
+from flexlin.control.drives import Demand, drive_load
+from flexlin.control.tracking import tip_positions
 from flexlin.errors import counted
+from flexlin.linearization.linear import linearize
+from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.effects import Effect, Scale
 from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.motion import build_motion
+from flexlin.periodic.coefficients import solve_mass
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.system import with_matrices
+from flexlin.precision import SLIGHT
 from flexlin.scene.base import Table
+from flexlin.scene.control import Drives
 from flexlin.scene.effects import known_effects
 from flexlin.scene.library import registered_model
 from flexlin.scene.links import Direction, Modes
 from flexlin.scene.parameters import PARAMETERS, get_value, list_children, replace_value
 from flexlin.scene.scene import Scene
+from flexlin.summary import represent
 
 MOST_MODES = 12
 """No link is given more modes than these."""
@@ -131,8 +146,11 @@ def list_model_versions(scene: Scene) -> Iterator[Version]:
     """
     if scene.model is None:
         return
-    schema = registered_model(scene.model).schema
-    for version in (*list_switches(scene, schema), *list_mode_steps(scene)):
+    schema, versions = registered_model(scene.model).schema, list[Version]()
+    for path, modes in find_modes(scene.parameters, PARAMETERS):  # the key means what it means in a scene
+        where = path.removeprefix(f"{PARAMETERS}.").removesuffix(".modes")
+        versions += step_modes(modes, f"{where} with {{}}", where, partial(with_more, path=path))
+    for version in (*list_switches(scene, schema), *versions):
         with suppress(ValidationError):
             schema.model_validate(version.make(scene).parameters)
             yield version
@@ -153,13 +171,6 @@ def without_parameter(scene: Scene, name: str) -> Scene:
     return scene.model_copy(update={"parameters": {**scene.parameters, name: 0.0}})
 
 
-def list_mode_steps(scene: Scene) -> Iterator[Version]:
-    """Each number of modes in the model's table, where the key means what it means in a scene, one less and one more."""
-    for path, modes in find_modes(scene.parameters, PARAMETERS):
-        where = path.removeprefix(f"{PARAMETERS}.").removesuffix(".modes")
-        yield from step_modes(modes, f"{where} with {{}}", where, partial(with_more, path=path))
-
-
 def find_modes(node: Any, path: str) -> Iterator[tuple[str, int]]:
     """Every whole number under a key `modes`, with its path."""
     for key, child in list_children(node).items():
@@ -173,3 +184,225 @@ def with_more(scene: Scene, path: str, step: int) -> Scene:
     """The scene with a number of the model's table changed by a step."""
     changed: Scene = replace_value(scene, path, get_value(scene, path) + step)
     return changed
+
+
+MOST_SEGMENTS = 4000
+"""A version that needs more segments than these for its margin is not judged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Coordinates and controller states that nothing couples to the others; `felt`: whether motors or motion reach any of them.
+
+    margin, error: the largest growth rate in 1/s; frequencies: natural ones of the frozen loop, averaged over the period, in rad/s.
+    """
+
+    names: tuple[str, ...]
+    felt: bool
+    margin: float
+    error: float
+    verdict: str
+    frequencies: Array
+
+    __repr__ = represent
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A scene's own loop in figures. A figure that is not known is not a number, and `problems` says why.
+
+    Attributes
+    ----------
+    margin : float
+        Largest real part of the Floquet exponents, in 1/s; negative is stable.
+    margin_error : float
+        Its error, in 1/s.
+    verdict : str
+        "stable", "unstable", "undecided" or "unknown".
+    frequencies : array, shape (k,)
+        Natural frequencies of the frozen loop, averaged over the period, ascending, in rad/s.
+    tip_error : float
+        Largest distance between the tip and its rigid motion in the periodic response, in m; not a number without points.
+    coordinates : int
+        Number of coordinates.
+    instructions : int
+        Instructions of all coefficients.
+    microseconds : float
+        Time to evaluate them at one time.
+    problems : tuple of str
+        Why figures are missing.
+    path : array, shape (N, 3), or None
+        The tip in the periodic response, at equally spaced times, in m, zeros without points; None where it is not known.
+    demands : tuple of Demand, or None
+        What the drives have to do for it; None where it is not known.
+    parts : tuple of Part
+        The parts that nothing couples, each with its own margin.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.analyses.audit import measure
+    >>> figures = measure(fl.load_scene("single-link", {"links.0.modes": 1, "designs": []}))
+    >>> figures.verdict, figures.coordinates, figures.problems
+    ('stable', 2, ())
+    """
+
+    margin: float
+    margin_error: float
+    verdict: str
+    frequencies: Array
+    tip_error: float
+    coordinates: int
+    instructions: int
+    microseconds: float
+    problems: tuple[str, ...] = ()
+    path: Array | None = None
+    demands: tuple[Demand, ...] | None = None
+    parts: tuple[Part, ...] = ()
+
+    __repr__ = represent
+
+
+def measure(scene: Scene, tol: float = 1e-4) -> Measure:
+    """Build, linearize and judge a scene's own loop.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    tol : float
+        Wanted error of the margin, in 1/s.
+
+    Returns
+    -------
+    Measure
+        Margin, frequencies, tip path and drives, and the size of the equations.
+
+    Raises
+    ------
+    InputError
+        When the scene cannot be built at all.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.analyses.audit import measure
+    >>> figures = measure(fl.load_scene("single-link", {"links.0.modes": 1, "designs": []}))
+    >>> figures.margin < -figures.margin_error
+    True
+    """
+    lin = linearize(build_manipulator(scene), scene.motion, scene.control)
+    problems: list[str] = []
+    parts = tuple(judge_parts(lin, tol, problems))
+    worst = join_parts(parts)
+    path, away, demands = _follow(lin, scene.drives, problems)
+    figures = worst.margin, worst.error, worst.verdict, worst.frequencies, away
+    t = np.linspace(0, lin.period, SAMPLES + 1)
+    microseconds = 1e6 * min(repeat(lambda: lin.sample(t), number=1)) / SAMPLES
+    size = lin.n, lin.coefficients.n_instructions(), microseconds
+    return Measure(*figures, *size, tuple(problems), path, demands, parts)
+
+
+def join_parts(parts: tuple[Part, ...]) -> Part:
+    """The verdict on parts together: that of the worst."""
+    order = ("stable", "undecided", "unstable", "unknown")
+    worst = max(parts, key=lambda part: (order.index(part.verdict), part.margin))
+    return Part(
+        tuple(name for part in parts for name in part.names),
+        any(part.felt for part in parts),
+        max(part.margin for part in parts),
+        max(part.error for part in parts),
+        worst.verdict,
+        np.sort(np.concatenate([part.frequencies for part in parts])),
+    )
+
+
+def judge_parts(lin: Linearization, tol: float, problems: list[str]) -> Iterator[Part]:
+    """Each part of the loop with its margin; all of it where it is one part."""
+    labels, felt = part_coordinates(lin)
+    names = (*lin.names, *(() if lin.controller is None else lin.controller.names))
+    t = np.linspace(0, lin.period, 9, endpoint=False)
+    coefficients = lin.sample(t)
+    for label in np.unique(labels):
+        places = np.flatnonzero(labels == label)
+        y = places[places < lin.n]
+        M, K = (matrix[:, y[:, None], y] for matrix in (coefficients.M, coefficients.K))
+        found = _judge_margin(lin, places if len(places) < len(labels) else None, tol, problems)
+        yield Part(tuple(names[i] for i in places), bool(felt[places].any()), *found, _average_frequencies(M, K, t))
+
+
+def part_coordinates(lin: Linearization) -> tuple[Array, Array]:
+    """Which part each of the n coordinates and k controller states belongs to, and whether motors or motion act on it, (n + k,) each.
+
+    With M, D, K, h, B of coordinates of unit inertia; where nothing acts on anything, all counts as reached.
+    """
+    t = lin.period * np.arange(SAMPLES) / SAMPLES
+    M, D, K, h = second_order_with_states(lin, t)
+    inertia = np.einsum("tii->ti", M).max(axis=0)
+    unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
+    coupled = np.zeros(M.shape[1:], dtype=bool)
+    for matrix in (M, D, K):
+        size = np.abs(matrix * unit[:, None] * unit).max(axis=0)
+        coupled |= size > SUM_ROUNDING * np.minimum(size.max(axis=1)[:, None], size.max(axis=1))
+    force = np.abs(h * unit).max(axis=0)
+    felt = force > SUM_ROUNDING * force.max()
+    felt[: lin.n] |= (np.abs(lin.sample(t).B) > 0).any(axis=(0, 2))
+    labels = connected_components(coupled, directed=False)[1]
+    return labels, felt if felt.any() else np.ones_like(felt)
+
+
+def _judge_margin(
+    lin: Linearization, places: Array | None, tol: float, problems: list[str]
+) -> tuple[float, float, str]:
+    """Floquet's margin of the coordinates and controller states at some places, or of all."""
+
+    def solve() -> FloquetResult:
+        system, n = lin.periodic_system(), lin.n
+        if places is not None:
+            states = np.concatenate([places[places < n], places[places < n] + n, places[places >= n] + n])
+            system = with_matrices(system, lambda t: lin.A(t)[:, states[:, None], states], None)
+        return floquet(system, tol, max_segments=MOST_SEGMENTS)
+
+    result = try_to(solve)
+    if isinstance(result, Exception):
+        problems.append(f"stability: {result}")
+        return float("nan"), float("nan"), "unknown"
+    return float(result.exponents[0].real), float(result.errors[0]), result.verdict
+
+
+def _average_frequencies(M: Array, K: Array, t: Array) -> Array:
+    """sqrt |eigenvalues of M^-1 K|, each averaged over phases of the motion. Raises: SingularMassMatrix."""
+    squares = np.linalg.eigvals(solve_mass(M, K, t))
+    return np.asarray(np.sort(np.sqrt(np.abs(squares)), axis=1).mean(axis=0))
+
+
+def _follow(
+    lin: Linearization, drives: Drives | None, problems: list[str]
+) -> tuple[Array | None, float, tuple[Demand, ...] | None]:
+    """The tip's path, its largest distance from the rigid motion, and what the drives do; not known where there is no response."""
+    t = lin.period * np.arange(SAMPLES) / SAMPLES
+    found = try_to(lambda: find_response(lin, lin.periodic_system(), t, SLIGHT))
+    if isinstance(found, Exception):
+        problems.append(f"periodic response: {found}")
+        return None, float("nan"), None
+    states, law = found.states, found.law or lin.law
+    demands = drive_load(lin, t, states, law, drives).demands if lin.about.m else ()
+    if lin.arm.near.points is None:
+        return np.zeros((len(t), 3)), float("nan"), demands
+    path, rigid = (tip_positions(lin, t, x) for x in (states, np.zeros_like(states)))
+    away = float(np.linalg.norm(path - rigid, axis=1).max())
+    return np.pad(path, ((0, 0), (0, 3 - path.shape[1]))), away, demands
+
+
+def second_order_with_states(lin: Linearization, t: Array) -> tuple[Array, Array, Array, Array]:
+    """M, D, K (N, n + k, n + k) and h (N, n + k) of [y; z]; the controller's rows, z' - rates [y; y'; z] = 0, have no mass."""
+    c, n, controller = lin.sample(t), lin.n, lin.controller
+    if controller is None:
+        return c.M, c.D, c.K, c.h
+    k, rates = controller.states, controller.rates
+    M, D, K = (np.zeros((len(t), n + k, n + k)) for _ in range(3))
+    M[:, :n, :n], D[:, :n, :n], K[:, :n, :n] = c.M, c.D, c.K
+    K[:, :n, n:] = c.B @ lin.closed_by.gain(t)[:, :, 2 * n :]
+    D[:, n:, :n], D[:, n:, n:] = -rates[:, n : 2 * n], np.eye(k)
+    K[:, n:, :n], K[:, n:, n:] = -rates[:, :n], -rates[:, 2 * n :]
+    return M, D, K, np.concatenate([c.h, np.zeros((len(t), k))], axis=1)

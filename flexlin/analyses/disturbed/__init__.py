@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from flexlin.analyses.clock import Clock
-from flexlin.analyses.disturbed.stated import Directions, Disturbance, Kind, disturbing, state_disturbance
+from flexlin.analyses.disturbed.stated import Directions, Disturbance, Kind, disturb, state_disturbance
 from flexlin.analyses.judging import LEAST_TOL
 from flexlin.analyses.loops import need_continuous
 from flexlin.checks import SAMPLES, Array, check_size, positive
@@ -32,60 +33,44 @@ from flexlin.simulation.equations import NonlinearEquations, Places
 from flexlin.simulation.loop import NonlinearLoop
 from flexlin.summary import represent
 
-BEGIN_PHASES = 16
-"""Phases at which the disturbance begins."""
+PHASES = np.arange(16) / 16
+"""At which the disturbance begins."""
 TIMES_IN_PUSH = 8
 """Times at which a push is looked at while it lasts."""
 SETTLING_BAND = 0.02
 """The answer has settled when it stays within this part of its largest size."""
 
 
-@dataclass(frozen=True, eq=False)
-class LinearAnswer:
-    """Deviations from the steady motion: phases (P,), t (S,) in s after the beginning, states (P, S, 2n)."""
-
-    phases: Array
-    t: Array
-    states: Array
-
-    def times(self, period: float) -> Array:
-        """The times of the motion, (P, S)."""
-        return self.phases[:, None] * period + self.t
-
-
 def answer_linearly(
-    loop: PeriodicSystem,
-    enters: MatrixFunction,
-    start: Array,
-    size: float,
-    duration: float,
-    count: int,
-    tol: float,
-) -> LinearAnswer:
-    """Follow x' = A x + enters(t) u from x = start, u = size for `duration` s (for ever when 0), over `count` steps of T / SAMPLES."""
-    T, n, phases = loop.period, loop.n, BEGIN_PHASES
+    loop: PeriodicSystem, enters: MatrixFunction, start: Array, stated: Disturbance, count: int, tol: float
+) -> tuple[Array, Array]:
+    """Follow x' = A x + enters(t) u from x = start, u its size as long as a push lasts, else for ever, over `count` steps of T / SAMPLES.
+
+    Returns: times t (S,) in s after the beginning, and deviations from the steady motion (P, S, n) for each of PHASES.
+    """
+    T, n, duration = loop.period, loop.n, stated.time if stated.kind == "push" else 0.0
     driven = PeriodicSystem(loop.A, T, enters, loop.breaks, loop.second_order, loop.features, loop.complete)
-    begin = np.arange(phases) / phases
-    z = np.empty((phases, n + 1))
-    z[:, :n], z[:, n] = start, size
+    z = np.empty((len(PHASES), n + 1))
+    z[:, :n], z[:, n] = start, stated.size
     kept, t = [z[:, :n].copy()], [0.0]
+
+    def go(transition: Array, time: float) -> None:
+        z[:] = np.einsum("pij,pj->pi", transition, z)
+        kept.append(z[:, :n].copy())
+        t.append(time)
+
     if duration:
-        edges = (begin[:, None] * T + duration * np.arange(TIMES_IN_PUSH) / TIMES_IN_PUSH).ravel()
-        inside = sections(driven, edges, edges + duration / TIMES_IN_PUSH, tol, STEP_STAGES).reshape(
-            phases, TIMES_IN_PUSH, n + 1, n + 1
-        )
-        for k in range(TIMES_IN_PUSH):
-            z = np.einsum("pij,pj->pi", inside[:, k], z)
-            kept.append(z[:, :n].copy())
-            t.append(duration * (k + 1) / TIMES_IN_PUSH)
+        length = duration / TIMES_IN_PUSH
+        edges = (PHASES[:, None] * T + length * np.arange(TIMES_IN_PUSH)).ravel()
+        inside = sections(driven, edges, edges + length, tol, STEP_STAGES)
+        for k, transition in enumerate(inside.reshape(len(PHASES), TIMES_IN_PUSH, n + 1, n + 1).swapaxes(0, 1)):
+            go(transition, duration * (k + 1) / TIMES_IN_PUSH)
         z[:, n] = 0.0
     grid = duration + T * np.arange(SAMPLES) / SAMPLES
-    steps, place = sections(driven, grid, grid + T / SAMPLES, tol, STEP_STAGES), np.arange(phases) * (SAMPLES // phases)
+    steps, place = sections(driven, grid, grid + T / SAMPLES, tol, STEP_STAGES), (SAMPLES * PHASES).astype(int)
     for k in range(count):
-        z = np.einsum("pij,pj->pi", steps[(place + k) % SAMPLES], z)
-        kept.append(z[:, :n].copy())
-        t.append(duration + T * (k + 1) / SAMPLES)
-    return LinearAnswer(begin, np.array(t), np.stack(kept, axis=1))
+        go(steps[(place + k) % SAMPLES], duration + T * (k + 1) / SAMPLES)
+    return np.array(t), np.stack(kept, axis=1)
 
 
 class PushedEquations(NonlinearEquations):
@@ -121,25 +106,25 @@ class PushedLoop(NonlinearLoop):
 
 
 def answer_nonlinearly(
-    lin: Linearization, law: Law, drive: Drive, stated: Disturbance, begin: float, t: Array, start: Array, tol: float
+    lin: Linearization, law: Law, stated: Disturbance, begin: float, t: Array, start: Array, tol: float
 ) -> tuple[Array, Array]:
     """States (S, 2n + k) with and without the disturbance at times t (S,) after `begin`, from the steady state `start` (2n + k,)."""
 
     def follow(loop: NonlinearLoop, times: Array, start: Array) -> Array:
         return loop.integrate(times, start, tol)[:, :-1]
 
-    moments, away = begin + t, np.zeros(len(start))
+    moments, drive = begin + t, scene_drive(lin)
     without = follow(NonlinearLoop(lin, law, drive), moments, start)
     if stated.kind == "push":
         until = int(np.searchsorted(t, stated.time * (1 + 1e-12), side="right"))
         pushed = follow(PushedLoop(lin, law, Directions(lin, stated.axis), stated.size), moments[:until], start)
         after = follow(NonlinearLoop(lin, law, drive), moments[until - 1 :], pushed[-1])
         return np.concatenate([pushed, after[1:]]), without
-    if stated.kind == "initial":
-        away[: len(stated.start)] = stated.start
-    else:
+    if stated.kind == "step":
         step, forward = stated.size * np.eye(lin.about.m)[stated.joint], law.forward
         law = replace(law, forward=lambda t: forward(t) + step)
+    away = np.zeros(len(start))
+    away[: len(stated.start)] = stated.start
     return follow(NonlinearLoop(lin, law, drive), moments, start + away), without
 
 
@@ -250,26 +235,33 @@ def respond(
     found = floquet(loop, tol)
     if found.verdict != "stable":
         raise ArgumentError("the loop keeps no steady motion", got=f"{found.verdict}", expected="a stable loop")
-    enters, T = OfPlant(disturbing(closed, stated), 2 * closed.n, loop.n), closed.period
+    enters, T = OfPlant(partial(disturb, closed, stated), 2 * closed.n, loop.n), closed.period
     count = steps_of(float(found.exponents[0].real), T, periods)
-    size = 8 * BEGIN_PHASES * count * (2 * loop.n + 4)
+    size = 8 * len(PHASES) * count * (2 * loop.n + 4)
     check_size(f"an answer over {count / SAMPLES:.3g} periods", size, "ask for fewer periods")
-    lasting = stated.time if stated.kind == "push" else 0.0
-    start = np.array(stated.start) if stated.start else np.zeros(2 * closed.n)
-    start = np.append(start, np.zeros(loop.n - len(start)))
-    linear = answer_linearly(loop, enters, start, stated.size, lasting, count, tol)
+    start = np.zeros(loop.n)
+    start[: len(stated.start)] = stated.start
+    t, states = answer_linearly(loop, enters, start, stated, count, tol)
     seen, what, unit = observe(closed, stated)
-    times = linear.times(T)
-    values = np.array([seen(row, states) for row, states in zip(times, linear.states, strict=True)])
+    times = PHASES[:, None] * T + t
+    values = np.array([seen(row, x) for row, x in zip(times, states, strict=True)])
     ends = np.zeros(values.shape)
     if stated.kind == "step":  # it ends in the periodic answer to what lasts
         steady = forced_response(loop, lambda t: stated.size * enters(t)[:, :, 0], tol)
         ends = np.array([seen(row, steady(row)) for row in times])
-    settling = np.array([settling_time(linear.t, row, end) for row, end in zip(values, ends, strict=True)])
+    settling = np.array([settling_time(t, row, end) for row, end in zip(values, ends, strict=True)])
     over = np.array([overshoot(row, end) for row, end in zip(values, ends, strict=True)])
     worst = int(np.lexsort((-over, -settling))[0])
-    nonlinear, problem, load = judge_nonlinear(closed, stated, law, loop, linear, worst, seen, tol, drives)
-    about = stated.words, what, unit, linear.phases, linear.t, values
+    nonlinear: Array | None = None
+    problem, load, begin = "", None, PHASES[worst] * T
+    try:
+        first = forced_response(loop, OfPlant(closed.forcing, 2 * closed.n, loop.n), tol)(np.array([begin]))[0]
+        disturbed, without = answer_nonlinearly(closed, law, stated, begin, t, first, max(tol, 1e-9))
+        nonlinear = seen(begin + t, disturbed - without)
+        load = drive_load(closed, np.mod(begin + t, T), disturbed, law, drives)
+    except NumericalError as error:
+        problem = str(error)
+    about = stated.words, what, unit, PHASES, t, values
     return DisturbanceAnswer(*about, settling, over, worst, nonlinear, problem, load)
 
 
@@ -304,31 +296,6 @@ def overshoot(values: Array, end: Array) -> float:
     side = np.sign(values[first]) or 1.0
     ahead, back = float((side * values).max()), float((-side * values).max())
     return max(0.0, back / ahead) if ahead > 0 else 0.0
-
-
-def judge_nonlinear(
-    closed: Linearization,
-    stated: Disturbance,
-    law: Law,
-    loop: PeriodicSystem,
-    linear: LinearAnswer,
-    worst: int,
-    seen: Seen,
-    tol: float,
-    drives: Drives | None,
-) -> tuple[Array | None, str, DriveLoad | None]:
-    """The nonlinear answer at the worst phase, or why there is none, and what the drives have to do in it."""
-    begin = linear.phases[worst] * closed.period
-    left_over = OfPlant(closed.forcing, 2 * closed.n, loop.n)
-    steady = forced_response(loop, left_over, tol)(np.array([begin]))[0]
-    beginning = begin, linear.t, steady, max(tol, 1e-9)
-    try:
-        disturbed, without = answer_nonlinearly(closed, law, scene_drive(closed), stated, *beginning)
-    except NumericalError as error:
-        return None, str(error), None
-    times = begin + linear.t
-    load = drive_load(closed, np.mod(times, closed.period), disturbed, law, drives)
-    return seen(times, disturbed - without), "", load
 
 
 @dataclass(frozen=True, eq=False)
@@ -400,8 +367,8 @@ def answer_in_scene(
     stated = state_disturbance(kind, words, closed)
     law, system = closed.law, closed.periodic_system()
     if loop != "own":
-        work = lambda: design(linearize(arm, scene.motion), tables[loop], asked.tol)  # noqa: E731
-        made = clock.stage(f"design: {loop}", asked, work)
+        plant = linearize(arm, scene.motion)
+        made = clock.stage(f"design: {loop}", asked, lambda: design(plant, tables[loop], asked.tol))
         law, system = law.with_gain(made.K, made.controller), made.closed_loop
     if kind == "noise":
         return clock.stage("covariance", asked, lambda: answer_noise(closed, stated, system, tol))

@@ -158,14 +158,10 @@ def across(points: Array) -> Array:
     return normal / np.where(size == 0, 1.0, size)
 
 
-def disturbing(lin: Linearization, stated: Disturbance) -> Callable[[Array], Array]:
+def disturb(lin: Linearization, stated: Disturbance, t: Array) -> Array:
     """How the disturbance of unit size enters x', times (N,) -> (N, 2n or more, 1)."""
-
-    def enters(t: Array) -> Array:
-        if stated.kind == "step":
-            return lin.input_matrix(t)[:, :, [stated.joint]]
-        if stated.kind == "push":
-            return build_input(lin.M(t), Directions(lin, stated.axis).force(t)[:, :, None], t)
-        return np.zeros((len(t), 2 * lin.n, 1))
-
-    return enters
+    if stated.kind == "step":
+        return lin.input_matrix(t)[:, :, [stated.joint]]
+    if stated.kind == "push":
+        return build_input(lin.M(t), Directions(lin, stated.axis).force(t)[:, :, None], t)
+    return np.zeros((len(t), 2 * lin.n, 1))

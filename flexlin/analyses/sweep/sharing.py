@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from itertools import islice
 from queue import SimpleQueue
 from threading import Event
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 from urllib.parse import urlsplit
 
 from flexlin.analyses.sweep.found import FAILED, Found
@@ -20,9 +20,8 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NumericalError
 from flexlin.resources import listening
 
-if TYPE_CHECKING:
-    from flexlin.analyses.sweep.job import Job
-
+Job = Any
+"""A `Job` of `sweep.job`, which asks for what is here: its points, its blocks that are not done, its work and what is found."""
 BLOCKS_AHEAD = 4
 """Blocks for each worker that are given out at once: on a cluster they wait where they are computed."""
 BLOCK_ATTEMPTS = 3
@@ -32,7 +31,7 @@ SCHEDULER_SECONDS = 10.0
 """Seconds in which a scheduler must answer."""
 
 
-def share(job: "Job", submit: Callable[[Array], "Future[Found]"], workers: int) -> Iterator[tuple[int, Found]]:
+def share(job: Job, submit: Callable[[Array], "Future[Found]"], workers: int) -> Iterator[tuple[int, Found]]:
     """Finished blocks, as they come. Raises: what a block raised."""
     blocks, pending = iter(job.blocks), dict[Future[Found], int]()
     try:
@@ -48,7 +47,7 @@ def share(job: "Job", submit: Callable[[Array], "Future[Found]"], workers: int) 
             future.cancel()
 
 
-def share_among_threads(job: "Job", workers: int) -> Iterator[tuple[int, Found]]:
+def share_among_threads(job: Job, workers: int) -> Iterator[tuple[int, Found]]:
     """For compiled work, which does not hold the interpreter's lock: nothing is started or copied, so it pays for short work too.
 
     What is still at work when nobody waits any more ends at its next value.
@@ -70,7 +69,7 @@ def share_among_threads(job: "Job", workers: int) -> Iterator[tuple[int, Found]]
             unwanted.set()
 
 
-def share_among_processes(job: "Job", workers: int) -> Iterator[tuple[int, Found]]:
+def share_among_processes(job: Job, workers: int) -> Iterator[tuple[int, Found]]:
     """Each thread has a process of this machine that works for it."""
     crew = Crew(pickle.dumps(job.work, protocol=pickle.HIGHEST_PROTOCOL), workers, job.found.exponents.shape[1])
     with ThreadPoolExecutor(workers) as pool:
@@ -80,7 +79,7 @@ def share_among_processes(job: "Job", workers: int) -> Iterator[tuple[int, Found
             crew.close()
 
 
-def share_on_cluster(job: "Job", client: Any) -> Iterator[tuple[int, Found]]:
+def share_on_cluster(job: Job, client: Any) -> Iterator[tuple[int, Found]]:
     """On an existing cluster, by a `distributed.Client` or its scheduler's address; a block whose worker dies goes to another one."""
     with connect(client) as known:
         from distributed import KilledWorker

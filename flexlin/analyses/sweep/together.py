@@ -52,14 +52,6 @@ class Needs:
             distances += (places[0][:, None] - places[1]) ** 2
         return np.asarray(self.rungs[np.argpartition(distances, near - 1, axis=1)[:, :near]].max(axis=1))
 
-    def learn(self, points: Array, segments: Array, misses: Array, logs: Array) -> None:
-        """Take one more pilot, the middle one of values (V, P) that met the tolerance on more segments (V,) than were predicted."""
-        needed = PILOT_MARGIN * segments * np.clip(misses ** (1 / LOG_ORDER), 1 / SEGMENT_FACTORS[1], 1.0)
-        middle = np.argsort(needed)[len(needed) // 2]
-        self.pilots = np.vstack([self.pilots, points[middle]])
-        self.rungs = np.append(self.rungs, find_rungs(needed[[middle]]))
-        self.spread = max(self.spread, measure_spread(logs))
-
     @property
     def usual(self) -> int:
         """The number of segments that a pilot needs in the middle."""
@@ -114,9 +106,8 @@ def try_pilots(kernel: Kernel, pilots: Array, scale: Array, tol: float) -> tuple
             spread = max(spread, measure_spread(found.logs[met]))
         wanted[now] = np.ceil(segments * np.clip(growth, *SEGMENT_FACTORS))
         known = needs[np.isfinite(needs)]
-        most = (
-            min(MOST_SEGMENTS, SEGMENT_FACTORS[1] ** 2 * known.max()) if known.size else MOST_SEGMENTS
-        )  # who needs far more than the others is given up
+        # who needs far more than the others is given up
+        most = min(MOST_SEGMENTS, SEGMENT_FACTORS[1] ** 2 * known.max(initial=0.0) or MOST_SEGMENTS)
         left = left[np.isinf(needs[left]) & (wanted[left] <= most)]
     return needs, spread if np.isfinite(spread) else np.inf
 
@@ -131,11 +122,10 @@ BLOCK_VALUES = 65536
 class Together:
     """The computation of blocks of values by the kernel; `scale` balances the states; `needs` says on how many segments.
 
-    `source`: the system, for values that are computed one by one; `may_be_narrow`: whether its coefficients may have narrow features.
+    `source`: the system, for values that are computed one by one.
     """
 
     source: "ParametricLoop | PeriodicFamily"
-    may_be_narrow: bool
     tol: float
     kernel: Kernel
     scale: Array
@@ -159,7 +149,7 @@ class Together:
             return None
         scale = kernel.balance(points[spread_over(len(points), 3 * WIDTH)])
         needs = learn_needs(kernel, points, scale, tol)
-        made = cls(source, source.may_be_narrow, tol, kernel, scale, needs, len(points))
+        made = cls(source, tol, kernel, scale, needs, len(points))
         if needs.usual >= MOST_SEGMENTS or not (source.is_smooth or made.is_confirmed(points)):
             return None
         return made
@@ -180,7 +170,7 @@ class Together:
     @property
     def threaded(self) -> bool:
         """All values are computed by the kernel, which lets other threads work meanwhile."""
-        return not self.may_be_narrow
+        return not self.source.may_be_narrow
 
     @property
     def block(self) -> int:
@@ -193,7 +183,7 @@ class Together:
         found = Found.empty(len(points), self.kernel.model.states)
         narrow = self.find_narrow(points)
 
-        def enter(which: Array, logs: Logs, _: int) -> Array:
+        def enter(which: Array, logs: Logs) -> Array:
             misses = logs.misses(self.tol)
             met, T = misses <= 1, logs.periods[:, None]
             found.put(which[met], (logs.logs / T)[met], (logs.errors / T)[met])
@@ -206,20 +196,15 @@ class Together:
             found.put_alone(i, partial(self.source.system_at, points[i]), self.tol)
         return found
 
-    def solve(self, points: Array, rest: Array, enter: Callable[[Array, Logs, int], Array]) -> Array:
-        """Compute values on more and more segments until `enter`, which takes both, says that errors are 1 or less; return the others."""
-        rungs, spread, levels, alone = (
-            self.needs.predict(points[rest]),
-            SPREAD_SLACK * self.needs.spread,
-            TRIAL_RESOLUTIONS,
-            [rest[:0]],
-        )
-        least = SEGMENT_FACTORS[0]
+    def solve(self, points: Array, rest: Array, enter: Callable[[Array, Logs], Array]) -> Array:
+        """Compute values on more and more segments until `enter`, which takes them, says that errors are 1 or less; return the others."""
+        rungs, spread, alone = self.needs.predict(points[rest]), SPREAD_SLACK * self.needs.spread, [rest[:0]]
+        levels, least = TRIAL_RESOLUTIONS, SEGMENT_FACTORS[0]
         while len(rest):
             misses, used = np.empty(len(rest)), np.empty(len(rest))
             for segments, which in pack(rungs):
                 given = (segments, self.scale, self.tol / 100, spread, self.tol, levels)
-                misses[which] = enter(rest[which], self.kernel.find_logs(points[rest[which]], *given), segments)
+                misses[which] = enter(rest[which], self.kernel.find_logs(points[rest[which]], *given))
                 used[which] = segments
             wanted = used * np.clip(misses ** (1 / LOG_ORDER), least, SEGMENT_FACTORS[1])
             again = (misses > 1) & (used < MOST_SEGMENTS)
@@ -232,7 +217,7 @@ class Together:
 
     def find_narrow(self, points: Array) -> Array:
         """Which values have coefficients with narrow features, which the kernel would step over, (V,)."""
-        if not self.may_be_narrow:
+        if not self.source.may_be_narrow:
             return np.zeros(len(points), dtype=bool)
         return np.array([self.source.is_narrow(point) for point in points], dtype=bool)
 

@@ -43,23 +43,19 @@ def share_width(panels: int) -> float:
     return (WIDTH + GAP) // panels - GAP
 
 
-def make_picture(
-    name: str,
-    title: str,
-    caption: str,
-    panels: Sequence[Panel],
-    legend: Sequence[Mark] = (),
-    folded: Sequence[Panel] = (),
-    heading: str = "",
-) -> Picture:
-    """Draw a figure: its panels below their legend, and further ones that are folded under a heading; four as two and two.
+Folded = tuple[str, Sequence[Panel]]
+"""Panels that are folded, and what they are of: "other entries"."""
 
-    The heading says of what the others are: "other entries".
-    """
+
+def make_picture(
+    name: str, title: str, caption: str, panels: Sequence[Panel], legend: Sequence[Mark] = (), folded: Folded = ("", ())
+) -> Picture:
+    """Draw a figure: its panels below their legend, and further ones that are folded under a heading; four as two and two."""
     if len(panels) in (2, 4) and all(panel.width == share_width(3) for panel in panels):
         resize(panels, panels[0].height, (share_width(2),))
-    shown, more = (draw(part, key) if part else "" for part, key in ((panels, legend), (folded, ())))
-    return Picture(name, title, caption, shown, more, f"The {len(folded)} {heading}")
+    of, others = folded
+    shown, more = (draw(part, key) if part else "" for part, key in ((panels, legend), (others, ())))
+    return Picture(name, title, caption, shown, more, f"The {len(others)} {of}")
 
 
 def make_wide_panel(x: Array, y: Linear, title: str, x_label: str, height: float) -> Panel:

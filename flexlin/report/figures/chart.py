@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray
 
-from flexlin.analyses.critical_values import CriticalValue
-from flexlin.analyses.stability_boundary import BoundaryCurve
+from flexlin.analyses.boundary import BoundaryCurve, CriticalValue
 from flexlin.checks import Array
 from flexlin.errors import counted
 from flexlin.periodic.circle import assign

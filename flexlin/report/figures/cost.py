@@ -10,6 +10,7 @@ from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Logarithmic, format_power_of_ten
 from flexlin.precision import EPS
 from flexlin.report.figures import DASHES, PARTS, SERIES, SHAPES, WIDTH, Picture, make_picture, resize, share_width
+from flexlin.report.wording import format_with_prefix
 from flexlin.scene.scene import Accuracy
 
 OWN = ("gauss", "radau", "hill")
@@ -73,8 +74,8 @@ def style_family(name: str) -> tuple[str, str]:
 
 
 def name_family(method: str) -> str:
-    """The method without its order and program, as short as a legend needs it: gauss 8 -> gauss, CasADi cvodes -> cvodes."""
-    name = method.removeprefix("floquet, ").removeprefix("CasADi ").removeprefix("SciPy ")
+    """The method without its order and program, as short as a legend needs it: gauss 8 -> gauss, SciPy Radau -> Radau."""
+    name = method.removeprefix("floquet, ").removeprefix("SciPy ")
     return name if name in OUTSIDE else name.rstrip(" 0123456789")
 
 
@@ -119,8 +120,7 @@ def describe_choices(rows: list[Row]) -> str:
 
 def describe_time(seconds: float) -> str:
     """A time with two digits and its unit."""
-    value, unit = (seconds, "s") if seconds >= 1 else (1e3 * seconds, "ms")
-    return f"{float(f'{value:.2g}'):g} {unit}"
+    return format_with_prefix(float(f"{seconds:.2g}"), "s")
 
 
 def describe_miss(row: Row) -> str:

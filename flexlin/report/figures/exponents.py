@@ -134,7 +134,7 @@ SWING_SHARE = 0.15
 
 def draw_modes(a: Analysis) -> Picture | None:
     """A panel for each mode of the scene's own loop at t = 0, slowest oscillation first; modes that do not oscillate come last."""
-    if a.arm.near.points is None:
+    if a.plant.arm.near.points is None:
         return None
     values, vectors = np.linalg.eig(a.closed.A(np.zeros(1))[0])
     turns = np.abs(values.imag) > ROOT_EPS * np.abs(values)
@@ -153,7 +153,7 @@ def draw_modes(a: Analysis) -> Picture | None:
         "moves most, by its share of the kinetic energy, and how fast the mode decays. A mode without frequency creeps back, or grows."
     )
     shown, others = panels[:8], panels[8:]
-    return make_picture("modes", "Mode shapes", caption, shown, (), others, "other modes")
+    return make_picture("modes", "Mode shapes", caption, shown, (), ("other modes", others))
 
 
 def draw_mode(a: Analysis, value: complex, leading: int, rest: list[Array], swing: list[Array]) -> Panel:

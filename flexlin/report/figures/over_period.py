@@ -31,7 +31,6 @@ from flexlin.report.wording import (
     format_quantity,
     in_unit,
     name_coordinate_unit,
-    name_joint_unit,
     page_unit,
     scale_values,
 )
@@ -61,7 +60,7 @@ def draw_arm(a: Analysis) -> Picture:
         f"The arm at {ARM_PICTURES} equal steps of a period, {known if a.response else unknown}, to scale; later pictures are stronger. "
         "Grey: the rigid motion. Red: the path of the tip. Beside it: joint motion and feedforward of the rigid motion over one period."
     )
-    views = [] if a.arm.near.points is None else draw_stroboscope(a)
+    views = [] if a.plant.arm.near.points is None else draw_stroboscope(a)
     resize(views, 220.0, (share_width(max(2, len(views))),))
     beside = resize(draw_beside(a), *((220.0, (share_width(4),)) if len(views) == 1 else (110.0, (share_width(2),))))
     if not views:
@@ -71,8 +70,11 @@ def draw_arm(a: Analysis) -> Picture:
 
 def draw_beside(a: Analysis) -> list[Panel]:
     """Joint angles in degrees, or displacements in m, and what the arm would need if its links were rigid: torque, force or voltage."""
-    t, joints = a.t[:-1], range(a.arm.joints)  # at the last sample a turning joint begins anew
-    q, units = a.plant.motion.sample(t)[0], [name_joint_unit(a, joint) for joint in joints]
+    t, joints = a.t[:-1], range(a.plant.arm.joints)  # at the last sample a turning joint begins anew
+    q, units = (
+        a.plant.motion.sample(t)[0],
+        [a.plant.arm.coordinates[a.plant.arm.drives[joint]].unit for joint in joints],
+    )
     motion = np.where([unit == "rad" for unit in units], np.degrees(q), q)
     shown, names = ["°" if unit == "rad" else unit for unit in units], [name_joint(a, joint) for joint in joints]
     given = draw_groups(a, "feedforward", a.plant.driven, a.plant.inputs, a.plant.input_units, a.t, a.coefficients.tau)
@@ -86,7 +88,7 @@ def draw_groups(
     panels = []
     for unit in sorted(set(units)):
         chosen = [i for i, one in enumerate(units) if one == unit]
-        title = f"{what} {names[chosen[0]]}".strip() if len(chosen) == 1 < a.arm.joints else what or "joints"
+        title = f"{what} {names[chosen[0]]}".strip() if len(chosen) == 1 < a.plant.arm.joints else what or "joints"
         panel = make_period_panel(a.plant.period, in_unit(title, unit))
         for i in chosen:
             colour, dash = style_part(joints[i])
@@ -97,9 +99,9 @@ def draw_groups(
 
 def name_joint(a: Analysis, joint: int) -> str:
     """The name of a joint that follows the motion: q1, left q1."""
-    moved = np.abs(np.array(a.arm.reference)[:, joint])
-    named = [i for i in np.flatnonzero(moved) if a.arm.coordinates[i].kind == "joint"]
-    return a.arm.names[named[0] if named else a.arm.drives[joint]]
+    moved = np.abs(np.array(a.plant.arm.reference)[:, joint])
+    named = [i for i in np.flatnonzero(moved) if a.plant.arm.coordinates[i].kind == "joint"]
+    return a.plant.arm.names[named[0] if named else a.plant.arm.drives[joint]]
 
 
 def choose_views(dimension: int) -> tuple[tuple[int, int], ...]:
@@ -151,14 +153,16 @@ FOLDED_STRIDE = 4
 COLOURS = {"M": "teal", "D": "wine", "K": "indigo", "h": "rose"}
 
 
-def choose_shown(weights: Array, groups: Sequence[Sequence[int]]) -> tuple[list[int], list[int]]:
+def choose_shown(
+    weights: Array, groups: Sequence[Sequence[int]], room: int = MOST_PANELS
+) -> tuple[list[int], list[int]]:
     """Which panels are shown, and which are folded, each in their own order.
 
     Shown are the heaviest of each group (one a joint, say), then the heaviest of all; folded are the heaviest of the others.
     """
     heaviest = [max(group, key=lambda i: weights[i]) for group in groups if len(group)]
     order = list(dict.fromkeys([*heaviest, *np.argsort(-weights, kind="stable").tolist()]))
-    most = max(MOST_PANELS, len(set(heaviest)))
+    most = max(room, len(set(heaviest)))
     return sorted(order[:most]), sorted(order[most : most + 240])
 
 
@@ -187,8 +191,8 @@ def draw_coefficients(a: Analysis) -> Picture:
     shown, folded = choose_shown(np.array([entry.weight for entry in varying]), joints)
     panels = [draw_entry(a, varying[k]) for k in shown]
     under = [draw_entry(a, varying[k], FOLDED_STRIDE) for k in folded]
-    caption, heading = describe_shown(len(varying), len(shown), len(folded)), "other entries that vary"
-    return make_picture("coefficients", "The coefficients over a period", caption, panels, (), under, heading)
+    caption, rest = describe_shown(len(varying), len(shown), len(folded)), ("other entries that vary", under)
+    return make_picture("coefficients", "The coefficients over a period", caption, panels, (), rest)
 
 
 def list_joints(a: Analysis) -> list[int]:
@@ -284,7 +288,7 @@ def draw_gains(a: Analysis) -> Picture | None:
         caption += " What a controller's integrals and filters add is not drawn."
     if under:
         caption += " Shown are those that act most on deflections of equal energy, one of each input at the least; others are folded below."
-    return make_picture("gains", "Gains over a period", caption, above, legend, under, "other entries")
+    return make_picture("gains", "Gains over a period", caption, above, legend, ("other entries", under))
 
 
 def name_gain(a: Analysis, i: int, j: int) -> str:
@@ -301,9 +305,7 @@ def draw_response(a: Analysis) -> Picture | None:
         return None
     joints, inputs = list_joints(a), range(len(a.plant.inputs))
     energy = np.abs(a.response.states[:, : a.plant.n]).max(axis=0) / np.sqrt(np.diagonal(weigh_entries(a)["K"]))
-    others = sorted((i for i in range(a.plant.n) if i not in joints), key=lambda i: -energy[i])
-    room = max(0, MOST_PANELS - len(joints) - len(inputs))
-    shown, rest = sorted([*joints, *others[:room]]), sorted(others[room:])
+    shown, rest = choose_shown(energy, [[i] for i in joints], MOST_PANELS - len(inputs))
     torques = [draw_torque(a, k) for k in inputs]
     legend = share_legend(torques)
     panels = [*(draw_deviation(a, i) for i in shown), *torques]
@@ -311,8 +313,8 @@ def draw_response(a: Analysis) -> Picture | None:
         "Steady deviations from the rigid motion under the scene's loop: q of joints, w of bending, phi of twist, theta of motors; and "
         "what each joint is given." + " Further coordinates are folded below." * bool(rest)
     )
-    folded = [draw_deviation(a, i) for i in rest]
-    return make_picture("response", "Forced periodic response", caption, panels, legend, folded, "other coordinates")
+    folded = "other coordinates", [draw_deviation(a, i) for i in rest]
+    return make_picture("response", "Forced periodic response", caption, panels, legend, folded)
 
 
 def draw_deviation(a: Analysis, i: int) -> Panel:

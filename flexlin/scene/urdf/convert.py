@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 ENTRIES = {
     row + column: ("xyz".index(row), "xyz".index(column)) for row, column in ("xx", "yy", "zz", "xy", "xz", "yz")
 }
+MOVES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+"""What a scene calls the joints that move."""
 ROUNDING = 1e-15
 
 
@@ -233,7 +235,8 @@ def chain_tables(robot: Robot, base: str | None = None, tip: str | None = None) 
         p, R = p + R @ np.array(joint.xyz), R @ rotation_of(joint.rpy)
         if joint.kind != "fixed":
             mass = Mass()
-            links.append(link_table(joint, R, p))
+            kind, mount = MOVES[joint.kind], {"xyz": as_numbers(p), "rpy": angles_of(R)}
+            links.append({"name": joint.name, "joint": kind, "axis": as_numbers(joint.axis), "mount": mount})
             R, p = np.eye(3), np.zeros(3)
         left += add_rigid(robot, robot.links[joint.child], mass, along, R, p)
         if mass is not None:
@@ -265,13 +268,6 @@ def add_tip(
         left += add_rigid(robot, robot.links[joint.child], mass, along, R.T @ turn, R.T @ (place - p))
     links[-1]["body"] = mass.table()
     return left
-
-
-def link_table(joint: UrdfJoint, R: Array, p: Array) -> dict[str, Any]:
-    """The table of the link behind a joint that moves, without its body."""
-    kind = "prismatic" if joint.kind == "prismatic" else "revolute"
-    mount = {"xyz": as_numbers(p), "rpy": angles_of(R)}
-    return {"name": joint.name, "joint": kind, "axis": as_numbers(joint.axis), "mount": mount}
 
 
 def effect_tables(moving: list[UrdfJoint], rules: Mapping[str, Rule], links: int) -> dict[str, Any]:

@@ -15,9 +15,9 @@ from flexlin.bounds import (
     hint_at,
     printable,
     read_number,
+    read_text,
 )
 from flexlin.errors import Problem, SceneError
-from flexlin.files import read_text
 
 
 def shown(text: str) -> str:

@@ -1,8 +1,8 @@
-"""The doors for results: a set of files, or a single one, appears whole or not at all.
+"""The one door to the disk for results: a set of files, or a single one, appears whole or not at all.
 
 A staged set takes the place of the old one in one rename where the folder is flexlin's own, else file by file. A move that was cut off is
 gone on with by whoever comes next; folders that a killed program left are taken away. `flexlin-results.json` says which files belong to
-which set, with their checksums.
+which set, with their checksums. `docs/results.md` says what a reader may rely on.
 """
 
 import ctypes
@@ -108,13 +108,6 @@ def sync(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def sync_all(folder: Path) -> None:
-    """Have a folder with all that is in it on the disk."""
-    for path in folder.rglob("*"):
-        sync(path)
-    sync(folder)
 
 
 def exchange(one: Path, other: Path) -> bool:
@@ -237,7 +230,8 @@ def switch(stage: Path, target: Path, name: str) -> None:
     Raises: OutputError where a folder stands in the place of a file; OSError.
     """
     files = {path: digest_of(file) for path, file in files_below(stage).items()}
-    sync_all(stage)
+    for path in (*stage.rglob("*"), stage):
+        sync(path)
     with alone(target.parent):
         finish(target)
         refuse_clashes(files, target)
