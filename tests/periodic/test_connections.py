@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import ArgumentError
 from tests.periodic.dense import at, integrate
 
 
@@ -54,15 +53,3 @@ def test_varying_systems_move_as_their_parts_do():
 
     ends = [integrate(f, np.zeros(4), [0.0, 1.2], rtol=1e-10)[-1] for f in (direct, joined)]
     np.testing.assert_allclose(*ends, atol=1e-8)
-
-
-def test_what_does_not_fit_is_refused():
-    G = ours(*plant(1, 3, 2, 2, 0.0))
-    with pytest.raises(ArgumentError, match="two periods"):
-        _ = G + fl.PeriodicStateSpace(fl.PeriodicSystem(-np.eye(3), 2.0, B=np.ones((3, 2))), np.ones((2, 3)))
-    with pytest.raises(ArgumentError, match="inputs and outputs"):
-        _ = G * ours(*plant(1, 3, 2, 1, 0.0))
-    with pytest.raises(ArgumentError, match="no solution"):
-        ours([[-1.0]], [[1.0]], [[1.0]], [[1.0]]).feedback(ours([[-1.0]], [[1.0]], [[1.0]], [[-1.0]]))
-    with pytest.raises(ArgumentError, match="does not fit the system"):
-        ours([[-1.0]], [[1.0]], np.ones((1, 2)), None)

@@ -132,18 +132,6 @@ def test_missing_solution_names_the_mode(A, B, Q, error, rate):
     assert abs(named - rate) < 0.05 + 0.05 * rate
 
 
-def test_bad_weights_are_refused():
-    for Q, R, N, message in (
-        (np.eye(2), -np.eye(1), None, "R is not positive definite"),
-        (np.diag([1.0, -1e-3]), np.eye(1), None, "Q is indefinite"),
-        (np.eye(2), np.eye(1), np.array([[2.0], [0.0]]), "Q - N R\\^-1 N' is indefinite"),
-        (np.eye(3), np.eye(1), None, "Q does not fit"),
-        (np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(1), None, "Q is not symmetric"),
-    ):
-        with pytest.raises(ArgumentError, match=message):
-            periodic_riccati(rotated(), Q, R, N)
-
-
 def test_singular_segment_is_named():
     with pytest.raises(IllPosedSegment, match="P22 of segment 1 of 2"):
         scatter_hamiltonian(np.stack([np.eye(2), np.zeros((2, 2))]))

@@ -7,7 +7,6 @@ import pytest
 from scipy.linalg import block_diag, expm, solve_discrete_are
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.periodic.sampled_cost import SampledProblem, solve_samples
 from tests.periodic.dense import integrate
 from tests.periodic.sampled.test_sampled import SHAKEN as PLANT
@@ -148,22 +147,6 @@ def test_samples_that_fill_several_periods_share_their_gains_by_phase():
     at = np.mod(made.instants, T)
     np.testing.assert_array_equal(made.gain(at), made.K)
     assert made.floquet().verdict == "stable"
-
-
-def test_what_cannot_be_designed_is_refused():
-    oscillator = fl.PeriodicSystem(np.array([[0.0, 1.0], [-1.0, 0.0]]), 2 * np.pi, B=[[0.0], [1.0]])
-    mode, turn, weights = np.diag([0.5, -1.0]), 2 * np.pi, (np.eye(2), np.eye(1))
-    unseen, unreached = (fl.PeriodicSystem(mode, 1.0, B=B) for B in ([[1.0], [1.0]], [[0.0], [1.0]]))
-    for error, words, function, *given in (
-        (ArgumentError, "begin anew together", fl.sampled_lqr, PLANT, Q, R, 0.1234567),
-        (ArgumentError, "delay", fl.sampled_lqr, PLANT, Q, R, H, 1.1 * H),
-        ((NotStabilizable, NotDetectable), "sample", fl.sampled_lqr, oscillator, *weights, turn),  # sampled once a turn
-        (NotDetectable, "seen", fl.sampled_estimator, oscillator, [[1.0, 0.0]], *weights, turn),
-        (NotDetectable, "seen", fl.sampled_lqr, unseen, np.diag([0.0, 1.0]), np.eye(1), 0.1),
-        (NotStabilizable, "reached", fl.sampled_lqr, unreached, *weights, 0.1),
-    ):
-        with pytest.raises(error, match=words):
-            function(*given)
 
 
 def pose(F, G, Q, R):

@@ -7,7 +7,7 @@ from scipy.linalg import block_diag, expm
 
 import flexlin as fl
 from flexlin.control import lifted_model, sampled_floquet
-from flexlin.errors import ArgumentError, NumericalError
+from flexlin.errors import ArgumentError
 from tests.closed_arm import both
 
 T = np.pi
@@ -126,18 +126,3 @@ def test_the_lifted_model_is_the_sampled_plant():
     assert np.abs(poles).max() == pytest.approx(np.abs(found.multipliers).max(), rel=1e-9)
     with pytest.raises(ArgumentError, match="such as sample_time"):
         lifted_model(SHAKEN, 0.5)
-
-
-def test_what_does_not_fit_is_refused():
-    """As is a controller that grows beyond numbers."""
-    system = fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]])
-    for arguments, words in (
-        (([[1.0]], 0.1, 0.2), "delay"),
-        (([[1.0]], 0.1, -0.01), "delay"),
-        (([[1.0]], 0.0), "sample_time"),
-        (([[1.0, 2.0]], 0.1), "does not fit"),
-    ):
-        with pytest.raises(ArgumentError, match=words):
-            sampled_floquet(system, *arguments)
-    with pytest.raises(NumericalError, match="leaves the range of numbers"):
-        sampled_floquet(system, [[1.0, 1.0]], 1.0, rates=[[1.0, 1000.0]])
