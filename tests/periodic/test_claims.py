@@ -32,7 +32,8 @@ FOUND = {
     "non-normal constant": (18,),
     "non-normal, f(t) C": (18, 13),
     "multipliers 1e-300 to 1e300": (7707000584,),
-    "kept shapes": (13, 777000016, 251123000079),
+    # 77003000077: a fast pair that grows by 0.11 1/s, as its shape changes, was held to decay by 0.12 1/s
+    "kept shapes": (13, 777000016, 251123000079, 77003000077),
     "waving shapes": (616162027, 616164793),
     # 88002000054: segments of an L-stable method were held to lose what others would: a mode that grows by 0.5 1/s counted as hidden
     "stiff": (991000006, 991000017, 88002000054),
@@ -135,17 +136,6 @@ def test_truths_are_known_answers():
     np.testing.assert_allclose(np.abs(reference_jump().exponents.imag), 1.1982763, atol=5e-8)
     non_normal = eigenvalues(reference_non_normal().A(np.zeros(1))[0])
     np.testing.assert_allclose(np.sort(non_normal.real), [-4, -3, -2, -1], rtol=1e-15)
-
-
-@pytest.mark.slow
-def test_every_kind_is_drawn_the_same_twice():
-    for kind in COUNTS:
-        one, two = draw(kind, 3), draw(kind, 3)
-        t = np.linspace(0, one.period, 7)
-        np.testing.assert_array_equal(one.A(t), two.A(t))
-        np.testing.assert_array_equal(one.exponents, two.exponents)
-        assert one.A(t).shape == (7, len(one.exponents), len(one.exponents))
-        assert one.doubt.max() < (1e-3 if kind == "jordan" else 1e-5)
 
 
 def told(case, exponents=None, claim=1e-9, verdict="undecided"):

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
-from flexlin.periodic import Effort, SignedEnds, Spectra, find_crossings, find_together, match_logs, solve_brackets
+from flexlin.periodic import Effort, Spectra, find_crossings, find_together, match_logs
 from flexlin.periodic.boundary.together import multiply_up
 from flexlin.resources import Stopwatch
 from tests.periodic.systems import lyapunov_transformed, mathieu_second_order
@@ -188,25 +188,6 @@ def test_a_scan_of_a_heavily_damped_system_is_short_and_a_boundary_in_the_first_
     (found,) = find_crossings(spectra, spectra, edge - 1e-4, edge + 0.05, 1e-9, samples=65)
     assert found.onset
     assert abs(found.value - edge) < 1e-9
-
-
-def test_roots_of_many_functions_at_once():
-    """A simple zero, one of order three, a jump, and a square root's beginning."""
-    functions = [
-        lambda x: x**2 - 2,
-        lambda x: (x - 1.1) ** 3,
-        lambda x: np.sign(x - 1.3),
-        lambda x: -1e-6 + np.sqrt(abs(x - 1)),
-    ]
-    exact = [np.sqrt(2.0), 1.1, 1.3, 1 + 1e-12]
-
-    def evaluate(which, x):
-        return np.array([functions[i](value) for i, value in zip(which, x, strict=True)])
-
-    a, b, every = np.full(4, 1.0), np.full(4, 2.0), np.arange(4)
-    found = solve_brackets(evaluate, SignedEnds(a, b, evaluate(every, a), evaluate(every, b)), 1e-13)
-    assert np.all(np.abs(found.best - exact) <= found.width + 1e-9 * np.array([0, 1, 0, 0]))
-    assert np.all(found.width <= 1e-13)
 
 
 def agree(systems, tol):

@@ -37,6 +37,7 @@ def test_a_pulse_in_one_entry_is_seen_beside_entries_of_any_size(seed, spread, s
     series = resolve(lambda t: A(t) + height * box(t, begin, width), T)
     inside = [place.time for place in series.found if place.time > 0]
     assert inside == pytest.approx([begin, begin + width], abs=1e-14 * T + 1e-12 * T * (share < 1e-3))
+    assert {place.kind for place in series.found} == {"jump"}
 
 
 @pytest.mark.parametrize("pattern", ["skew", "rows", "trace", "rank one", "all"])

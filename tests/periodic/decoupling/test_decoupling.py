@@ -15,7 +15,6 @@ from flexlin.errors import TooManySegments
 from flexlin.periodic import Coupled, Group, Refusal, decouple, decoupled_exponents, sylvester
 from flexlin.periodic.decoupling.coupling import Decoupled, residual_effect
 from flexlin.periodic.floquet import exponents as routes
-from flexlin.periodic.floquet.by_decoupling import hide_enclosed
 from flexlin.periodic.floquet.by_segments import SegmentedSpectrum
 from studies import scaling
 from tests.closed_arm import closed, control_loop
@@ -217,13 +216,6 @@ def test_resonances_move_exponents_by_no_more_than_is_bounded():
         softer.append(bound.max() / c)
     assert min(softer) < 0.02
     assert max(softer) > 0.3
-
-
-def test_what_is_hidden_lies_below_all_that_is_known():
-    """An enclosure between known exponents is said as it is: inf promises that an exponent lies below the others."""
-    exponents = np.array([300.0, 60.0, -80.0, -80.0, -250.0, -5000.0])
-    errors = np.array([1e-9, 1e-9, 30.0, 30.0, 1e-9, 600.0])
-    assert hide_enclosed(exponents, errors).tolist() == [1e-9, 1e-9, 30.0, 30.0, 1e-9, np.inf]
 
 
 APART = (1, 1, 2), (2, 3, 1), (2, 2, 4), (6, 5), (4, 6, 1)

@@ -4,7 +4,7 @@ published problems in discrete time, also in the tests of PeriodicSystems.jl (Va
 import control
 import numpy as np
 import pytest
-from scipy.linalg import block_diag, expm, solve_discrete_are
+from scipy.linalg import block_diag, expm
 
 import flexlin as fl
 from flexlin.periodic.sampled_cost import SampledProblem, solve_samples
@@ -17,14 +17,6 @@ H = T / SAMPLES
 Q, R = np.diag([2.0, 0.5]), np.array([[0.3]])
 
 
-def A(t):
-    return matrices(t)[0]
-
-
-def B(t):
-    return matrices(t)[1]
-
-
 def weight(t):
     return (1.5 + np.sin(2 * np.asarray(t)))[..., None, None] * Q
 
@@ -34,7 +26,7 @@ def span(begin, end):
 
     def rate(t, y):
         whole, W = np.zeros((2, 3, 3))
-        whole[:2, :2], whole[:2, 2:], W[:2, :2], W[2:, 2:] = A(t), B(t), weight(t), R
+        (whole[:2, :2], whole[:2, 2:]), W[:2, :2], W[2:, 2:] = matrices(t), weight(t), R
         return np.array([whole @ y[0], y[0].T @ W @ y[0]])
 
     return integrate(rate, [np.eye(3), np.zeros((3, 3))], [begin, end])[-1]
@@ -111,7 +103,7 @@ def test_the_covariance_of_a_varying_plant_repeats():
         P = P - P @ C.T @ np.linalg.solve(C @ P @ C.T + V, C @ P)
 
         def rate(t, P):
-            Y = A(t) @ P
+            Y = matrices(t)[0] @ P
             return Y + Y.T + weight(t)
 
         P = integrate(rate, P, [k * H, (k + 1) * H])[-1]
@@ -149,61 +141,48 @@ def test_samples_that_fill_several_periods_share_their_gains_by_phase():
     assert made.floquet().verdict == "stable"
 
 
-def pose(F, G, Q, R):
-    n, m = np.shape(G)[1:]
-    none = np.zeros((len(F), n, m))
-    return SampledProblem(*(np.array(part, dtype=float) for part in (F, G, Q)), none, np.array(R, dtype=float), none)
-
-
-def test_hench_and_laubs_example():
-    """Hench, Laub, IEEE Trans. Automat. Control 39 (1994) 1197, example 2; beside many rounds of the recursion itself."""
-    F = [
+HENCH = np.array(
+    [
         [[-3, 2, 9], [0, 0, -4], [3, -2, 3]],
         [[6, -3, 0], [4, -2, 2], [2, -1, 4]],
         [[2, -3, -3], [4, -15, -3], [-2, 9, 1]],
     ]
-    G = [[[1], [1], [0]], [[0], [1], [0]], [[0], [1], [1]]]
-    Q = [np.outer(row, row) for row in np.eye(3)]
-    problem = pose(F, G, Q, np.ones((3, 1, 1)))
-    X, K = solve_samples(problem)
-    known = np.eye(3)
-    for k in reversed(range(600)):
-        A, B = problem.F[k % 3], problem.G[k % 3]
-        gain = np.linalg.solve(1 + B.T @ known @ B, B.T @ known @ A)
-        closed = A - B @ gain
-        known = problem.Q[k % 3] + closed.T @ known @ closed + gain.T @ gain
-    np.testing.assert_allclose(X[0], known, rtol=0, atol=1e-9 * np.abs(known).max())
-    loop = np.linalg.multi_dot([problem.F[k] - problem.G[k] @ K[k] for k in (2, 1, 0)])
-    assert np.abs(np.linalg.eigvals(loop)).max() < 1
+)
 
 
-def test_pittelkaus_satellite():
-    """Pittelkau, J. Guidance Control Dynamics 16 (1993) 1078: roll and yaw by magnetic torque, 120 samples an orbit; beside SciPy's
-    equation of the orbit lifted into one step."""
+def hench_and_laub():
+    """Hench, Laub, IEEE Trans. Automat. Control 39 (1994) 1197, example 2."""
+    return HENCH, [[[1], [1], [0]], [[0], [1], [0]], [[0], [1], [1]]], [np.diag(row) for row in np.eye(3)], 1.0
+
+
+def pittelkaus_satellite():
+    """Pittelkau, J. Guidance Control Dynamics 16 (1993) 1078: roll and yaw by magnetic torque, 120 samples an orbit."""
     w, count = 0.00103448, 120
-    A = np.zeros((4, 4))
-    A[0, 2] = A[1, 3] = 5.318064566757217e-02
-    A[2, 0], A[2, 3] = -1.352134256362805e-03, -7.099273035392090e-02
-    A[3, 1], A[3, 2] = -7.557182037479544e-04, 3.781555288420663e-02
-    h = 2 * np.pi / w / count
     wide = np.zeros((6, 6))  # [x; sin; cos]
-    wide[:4, :4], wide[4, 5], wide[5, 4] = A, w, -w
-    wide[2, 4], wide[3, 5] = 0.1389735e-6, -0.3701336e-7
-    step = expm(h * wide)
-    F = np.tile(step[:4, :4], (count, 1, 1))
-    angle = w * h * np.arange(count)
+    wide[0, 2] = wide[1, 3] = 5.318064566757217e-02
+    wide[2, 0], wide[2, 3] = -1.352134256362805e-03, -7.099273035392090e-02
+    wide[3, 1], wide[3, 2] = -7.557182037479544e-04, 3.781555288420663e-02
+    wide[2, 4], wide[3, 5], wide[4, 5], wide[5, 4] = 0.1389735e-6, -0.3701336e-7, w, -w
+    step = expm(2 * np.pi / w / count * wide)
+    angle = 2 * np.pi * np.arange(count) / count
     G = (np.stack([np.sin(angle), np.cos(angle)], axis=1) @ step[:4, 4:].T)[:, :, None]
-    Q, r = np.diag([2.0, 1.0, 0.0, 0.0]), 1e-11
-    X, K = solve_samples(pose(F, G, np.tile(Q, (count, 1, 1)), np.full((count, 1, 1), r)))
-    now, cost = np.eye(4, 4 + count), np.zeros((4 + count, 4 + count))
+    return count * [step[:4, :4]], G, count * [np.diag([2.0, 1.0, 0.0, 0.0])], 1e-11
+
+
+@pytest.mark.parametrize("example", [hench_and_laub, pittelkaus_satellite])
+def test_published_problems_in_discrete_time(example):
+    """The one X that repeats under the recursion and leaves a stable loop is the solution."""
+    F, G, Q, r = (np.array(part, dtype=float) for part in example())
+    count, n = len(F), len(F[0])
+    none = np.zeros((count, n, 1))
+    X, K = solve_samples(SampledProblem(F, G, Q, none, np.full((count, 1, 1), r), none))
+    loop = np.eye(n)
     for k in range(count):
-        cost += now.T @ Q @ now
-        cost[4 + k, 4 + k] += r
-        now = F[k] @ now
-        now[:, 4 + k] += G[k, :, 0]
-    known = solve_discrete_are(now[:, :4], now[:, 4:], cost[:4, :4], cost[4:, 4:], s=cost[:4, 4:])
-    np.testing.assert_allclose(X[0], known, rtol=0, atol=1e-8 * np.abs(known).max())
-    loop = np.eye(4)
-    for k in range(count):
-        loop = (F[k] - G[k] @ K[k]) @ loop
+        after = X[(k + 1) % count]
+        gain = np.linalg.solve(r + G[k].T @ after @ G[k], G[k].T @ after @ F[k])
+        closed = F[k] - G[k] @ gain
+        known = Q[k] + closed.T @ after @ closed + r * gain.T @ gain
+        np.testing.assert_allclose(X[k], known, rtol=0, atol=1e-9 * np.abs(known).max())
+        np.testing.assert_allclose(K[k], gain, rtol=0, atol=1e-8 * np.abs(gain).max())
+        loop = closed @ loop
     assert np.abs(np.linalg.eigvals(loop)).max() < 1
