@@ -18,6 +18,15 @@ PLANT = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -1.0]], 1.0, B=[[0.0], [1.0]])
 OSCILLATOR = fl.PeriodicSystem([[0.0, 1.0], [-1.0, 0.0]], TURN, B=[[0.0], [1.0]])
 UNREACHED, UNSEEN = (fl.PeriodicSystem(np.diag([0.5, -1.0]), 1.0, B=[[b], [1.0]]) for b in (0.0, 1.0))
 HIDDEN = fl.PeriodicSystem(np.diag([-1.0, -2.0]), 1.0, B=[[1.0], [0.0]])
+APART, SEEN = np.array([[0.5, 0.0], [0.3, -1000.0]]), fl.PeriodicSystem(np.diag([0.5, -1000.0]), 1.0, np.ones((2, 1)))
+MIX = np.linalg.qr(np.random.default_rng(0).normal(size=(2, 2)))[0]
+MIXED = fl.PeriodicSystem(MIX @ APART @ MIX.T, 1.0, MIX[:, 1:])
+TOO_WEAKLY = "^(?!.*actuator).*too weakly to be computed with.*its share is "
+"""A mode that is reached needs no actuator."""
+
+
+def reached(share):
+    return fl.PeriodicSystem(APART, 1.0, [[share], [1.0]])
 
 
 def both_waves(t):
@@ -61,6 +70,10 @@ CASES = [
     (NotDetectable, "seen", fl.sampled_estimator, OSCILLATOR, [[1.0, 0.0]], EYE, ONE, TURN),
     (NotDetectable, "seen", fl.sampled_lqr, UNSEEN, np.diag([0.0, 1.0]), ONE, 0.1),
     (NotStabilizable, "reached", fl.sampled_lqr, UNREACHED, EYE, ONE, 0.1),
+    *[(NotStabilizable, f"{TOO_WEAKLY}{b:.0e}", fl.periodic_lqr, reached(b), EYE, ONE) for b in (1e-9, 1e-11)],
+    (NotStabilizable, "cannot be reached by the input.*add an actuator", fl.periodic_lqr, MIXED, EYE, ONE),
+    (NotDetectable, "is not seen by the weight", fl.periodic_lqr, SEEN, np.diag([0.0, 1.0]), ONE),
+    (NotDetectable, "the weight Q too weakly", fl.periodic_lqr, SEEN, [[1e-18, 1e-9], [1e-9, 1.0]], ONE),
     (ArgumentError, "R is not positive definite", periodic_riccati, PLANT, EYE, -ONE),
     (ArgumentError, "Q is indefinite", periodic_riccati, PLANT, np.diag([1.0, -1e-3]), ONE),
     (ArgumentError, r"Q - N R\^-1 N' is indefinite", periodic_riccati, PLANT, EYE, ONE, [[2.0], [0.0]]),
