@@ -25,11 +25,6 @@ from tests.periodic.rotated import KINDS, Rotated, random_system, turn, wave
 from tests.periodic.truths import apart
 
 
-def chain(links, modes):
-    """The closed loop of a chain of equal links."""
-    return control_loop(scaling.scene_of(links, modes)).periodic_system()
-
-
 def fast_and_slow(fast, period=2.0):
     """A lightly damped fast pair and a slow one, mixed by three waving rotations and a shear."""
     rng = np.random.default_rng(3)
@@ -64,19 +59,10 @@ def test_the_fastest_frequency_costs_neither_nodes_nor_digits(fast):
     assert covers(answer, system.exponents, system.period)
 
 
-@pytest.mark.parametrize(("links", "growth"), [(2, -1.877841128), (3, -0.4336677909)])
-def test_a_chain_of_links(links, growth):
-    """Leading real parts from Magnus integration on tens of thousands of segments."""
-    system = chain(links, 2)
-    answer = decoupled_exponents(decouple(system.A, system.period, tol=1e-8))
-    assert answer.exponents[0].real == pytest.approx(growth, rel=2e-10)
-    assert (answer.errors <= 1e-8 * np.maximum(1, np.abs(answer.exponents) * 50)).all()
-
-
 def test_all_exponents_of_a_stiff_chain_are_known(monkeypatch):
     """Two pairs of fast modes turn into each other while they decay by exp(800) apart. Truth: 40,000 exponentials of A(t), extrapolated."""
     monkeypatch.setitem(scaling.LINK, "bending_stiffness", 2000.0)
-    found = fl.floquet(chain(3, 2), 1e-8)
+    found = fl.floquet(control_loop(scaling.scene_of(3, 2)).periodic_system(), 1e-8)
     assert (found.verdict, found.setting.method) == ("stable", "decoupling")
     assert (found.errors <= 1e-8 * np.maximum(1, np.abs(found.exponents))).all()
     truth = np.array([-4.978312806, -823.4559995])

@@ -14,39 +14,20 @@ from flexlin.periodic import finite_horizon_riccati, periodic_riccati
 from flexlin.periodic.riccati.scattering import scatter_hamiltonian
 from flexlin.periodic.system import PeriodicSystem
 from tests.closed_arm import opened
-from tests.periodic.dense import integrate
 from tests.periodic.systems import turn, turned
-
-A0, B0 = np.array([[1.0, 0.5], [3.0, 5.0]]), np.array([[3.0], [1.0]])
-
-
-def rotated():
-    """Johansson, Kagstrom, Shiriaev, Varga (2007): x = P z with a constant problem for z; A = P' P^-1 + P A0 P^-1, B = P B0."""
-    return turned(A0, B0, np.eye(2))[0]
 
 
 def test_rotated_example_at_random_times():
+    """Johansson, Kagstrom, Shiriaev, Varga (2007): x = P z with a constant problem for z; A = P' P^-1 + P A0 P^-1, B = P B0."""
+    A0, B0 = np.array([[1.0, 0.5], [3.0, 5.0]]), np.array([[3.0], [1.0]])
     Z, _, gain = control.care(A0, B0, np.eye(2), np.eye(1))
     t = np.random.default_rng(7).uniform(-10, 10, 500)
     P = turn(2, 2.0)(t)
-    found = periodic_riccati(rotated(), np.eye(2), np.eye(1), tol=1e-11)
+    found = periodic_riccati(turned(A0, B0, np.eye(2))[0], np.eye(2), np.eye(1), tol=1e-11)
     assert np.abs(found.X(t) - P @ Z @ np.swapaxes(P, 1, 2)).max() < 1e-10
     assert np.abs(found.K(t) - gain @ np.swapaxes(P, 1, 2)).max() < 1e-10
     assert found.status == "converged"
     assert max(found.error, found.gain_error) < 1e-10
-
-
-@pytest.mark.slow
-def test_finite_horizon_against_scipy():
-    end, stops = np.array([[2.0, 0.3], [0.3, 1.0]]), np.array([np.pi, 3.0, 2.0, 0.5, 0.0])
-    found = finite_horizon_riccati(rotated(), np.eye(2), np.eye(1), end, tol=1e-10)
-
-    def rate(t, X):
-        A, S, Q = (part[0] for part in found.problem.reduced(np.array([t])))
-        return -(A.T @ X + X @ A - X @ S @ X + Q)
-
-    X = integrate(rate, end, stops)
-    assert np.abs(found.X(stops) - X).max() < 1e-9 * np.abs(X).max()
 
 
 @pytest.mark.parametrize("solve", [periodic_riccati, partial(finite_horizon_riccati, end=[[0.0]])])

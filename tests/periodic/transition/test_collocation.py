@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import block_diag, expm
 
 import flexlin as fl
-from flexlin.periodic import factor_by, gauss_transitions, place_edges, radau
+from flexlin.periodic import factor_by, gauss_transitions, place_edges
 from flexlin.periodic.transition import gauss as collocation
 from tests.periodic.judge import covers
 from tests.periodic.systems import lyapunov_transformed, mathieu, meissner
@@ -35,13 +35,6 @@ def test_chunks_do_not_change_the_result(monkeypatch):
     whole = gauss_transitions(mathieu(3.0, 2.0), grid, 3)
     monkeypatch.setattr(collocation, "CHUNK_BYTES", 2 * 6 * 6 * 8)
     np.testing.assert_array_equal(gauss_transitions(mathieu(3.0, 2.0), grid, 3), whole)
-
-
-def test_three_stages_are_hairer_s():
-    """Solving ODEs II, table IV.5.6."""
-    r = np.sqrt(6)
-    np.testing.assert_allclose(radau(3).c, [(4 - r) / 10, (4 + r) / 10, 1], atol=1e-15)
-    np.testing.assert_allclose(radau(3).b, [(16 - r) / 36, (16 + r) / 36, 1 / 9], atol=1e-15)
 
 
 def test_the_last_stage_stays_before_a_break():
