@@ -1,11 +1,11 @@
-"""Eigenvectors along a product: what they say of perturbations; and the cyclic system that they close."""
+"""Eigenvectors along a product: what they say of perturbations."""
 
 import mpmath
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from flexlin.periodic import cyclic_system, find_spectrum, match_logs, separate_triangular
+from flexlin.periodic import find_spectrum, match_logs
 
 
 @pytest.fixture
@@ -70,13 +70,6 @@ def test_a_multiplier_beside_a_jordan_chain_moves_as_far_as_the_chain_lets_it(rn
         assert np.all(moved(motion, better) <= 1.5 * motion.method + motion.rounding)
 
 
-def test_triangular_matrix_is_separated_but_for_equal_eigenvalues(rng):
-    T = np.triu(rng.standard_normal((5, 5)), 1) + np.diag([1.0, 2.0, 1.0, -1.0, 2.0])
-    X, shared = separate_triangular(T)
-    np.testing.assert_allclose(T @ X, X * np.diag(T) + X @ shared, atol=1e-12)
-    assert {tuple(entry) for entry in np.argwhere(shared)} == {(0, 2), (1, 4)}
-
-
 @pytest.mark.parametrize("mixed", [0.0, 1e-12])
 def test_modes_that_swing_far_apart_get_a_bound_that_holds(mixed):
     """One of two modes grows by exp(4000) against the other and decays again: the bound may say nothing, but it is one."""
@@ -86,17 +79,3 @@ def test_modes_that_swing_far_apart_get_a_bound_that_holds(mixed):
     motion = find_spectrum(factors, factors * (1 + 1e-9), limit=0.0)
     error = np.abs(motion.logs.real - [40.0, -0.4])
     assert np.all(error <= motion.method + motion.rounding)
-
-
-def test_cyclic_system_survives_growth_of_both_signs_and_has_null_vectors_that_close_the_period(rng):
-    frames = np.linalg.qr(rng.standard_normal((12, 3, 3)))[0]
-    frames[-1] = frames[0]
-    unlike, closed = (frames[1:] @ np.diag([1e9, m, 1e-9]) @ np.swapaxes(frames[:-1], 1, 2) for m in (0.5, 1.0))
-    x = rng.standard_normal((11, 3, 2))
-    g = np.roll(x, -1, axis=0) - unlike @ x
-    np.testing.assert_allclose(
-        cyclic_system(unlike).solve(g), x, atol=1e-6
-    )  # g is 1e9 large: ten digits are left at most
-    x, sigma = cyclic_system(closed).null_vectors(1)
-    np.testing.assert_allclose(np.abs(np.einsum("kin,ki->kn", x, frames[:-1, :, 1])), 1, atol=1e-7)
-    assert sigma[0] < 1e-7 < 0.1 < sigma[1]
