@@ -140,10 +140,7 @@ def test_the_crossing_of_two_sides_inside_a_box_is_a_tip(skew):
 
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_a_tongue_that_closes_on_the_border_of_the_range_ends_there(order):
-    def squared(x, y):
-        return 400 * ((2 * y) ** (2 * order) - (x - CENTRE[0] - 0.7 * y) ** 2)
-
-    tip = tip_of(squared, 0.0)
+    tip = tip_of(lambda x, y: 400 * ((2 * y) ** (2 * order) - (x - CENTRE[0] - 0.7 * y) ** 2), 0.0)
     assert np.abs(tip.point - (CENTRE[0], 0.0)).max() < 1e-8
 
 

@@ -84,12 +84,9 @@ def test_states_from_a_state_a_push_and_an_input():
     def u(t):
         return np.sin(1.7 * t)[:, None]
 
-    def rate(t, x):
-        return at(A, t) @ x + at(B, t) @ at(u, t)
-
     start = np.array([0.4, -0.2])
     found = fl.respond(SYSTEM, T_END, x0=start, u=u, push=[0.3])
-    exact = integrated(rate, start + 0.3 * B(T_END[:1])[0, :, 0])
+    exact = integrated(lambda t, x: at(A, t) @ x + at(B, t) @ at(u, t), start + 0.3 * B(T_END[:1])[0, :, 0])
     np.testing.assert_allclose(found.x, exact, atol=1e-8)
     assert np.abs(found.x - exact).max() <= found.error * np.abs(exact).max() + 1e-10
     assert not found.covariance.any()
