@@ -58,21 +58,9 @@ def test_rounding_is_no_action_of_an_input(plane):
     What the product of two roundings came to counted as the input's action, one derivative too early; a row of roundings alone could
     not be resolved.
     """
-    A0, (i, j) = np.zeros((4, 4)), plane
+    A0 = np.zeros((4, 4))
     A0[[0, 1, 3], [1, 2, 0]], A0[3, 3] = 1.0, -1.0
-
-    def frame(t):
-        Q, (c, s) = np.tile(np.eye(4), (len(t), 1, 1)), (np.cos(np.sin(t)), np.sin(np.sin(t)))
-        Q[:, i, i], Q[:, j, j], Q[:, i, j], Q[:, j, i] = c, c, -s, s
-        return Q
-
-    def A(t):
-        spin = np.zeros((len(t), 4, 4))
-        spin[:, i, j], spin[:, j, i] = -np.cos(t), np.cos(t)
-        return frame(t) @ A0 @ frame(t).swapaxes(1, 2) + spin
-
-    system = fl.PeriodicSystem(A, 2 * np.pi, lambda t: frame(t)[:, :, 2:3])
-    found = fl.invariant_zeros(system, lambda t: frame(t).swapaxes(1, 2)[:, :1])
+    found = fl.invariant_zeros(*turned(A0, np.eye(4)[:, 2:3], np.eye(4)[:1], 1.0, *plane))
     assert found.relative_degree == (3,)
     assert abs(found.exponents.item() + 1) <= found.errors.item() + 1e-12
 

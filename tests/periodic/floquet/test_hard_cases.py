@@ -3,8 +3,7 @@
 import pytest
 
 import flexlin as fl
-from tests.periodic.hard_cases import CASES, forty_modes
-from tests.periodic.naive import naive_exponents, worst_miss
+from tests.periodic.hard_cases import CASES, forty_modes, naive_exponents, worst_miss
 
 FORGIVEN = {"tongue as narrow as rounding", "just past a Krein collision"}
 """Cases where the naive exponents are good and only its verdict, which knows no error, is a matter of luck."""
