@@ -2,7 +2,6 @@
 what is refused."""
 
 import numpy as np
-import pytest
 
 import flexlin as fl
 from tests.periodic.dense import at, integrate
@@ -37,23 +36,6 @@ def test_inputs_and_outputs_that_jump():
     for found, shift in ((seen, w[:, None]), (driven, w[:, None] + 2 * np.pi * k)):
         near = found.H[:, np.abs(found.orders) <= 9, 0, 0]
         np.testing.assert_allclose(near, waves / (1j * shift + 1), atol=1e-8, rtol=0)
-
-
-@pytest.mark.parametrize("fast", [9.0, 1e4])
-def test_a_system_that_jumps(fast):
-    """p' + (a + i w) p = 1 with a = 1, then a fast one: exponentials that meet at both jumps."""
-
-    def A(t):
-        return np.where(np.mod(t, 1.0) < 0.5, -1.0, -fast)[:, None, None]
-
-    system, w = fl.PeriodicSystem(A, 1.0, B=[[1.0]], breaks=(0.0, 0.5)), 2.0
-    r, s = 1 + 1j * w, fast + 1j * w
-    first, second = np.exp(-r / 2), np.exp(-s / 2)
-    start = ((1 - first) * second / r + (1 - second) / s) / (1 - first * second)
-    middle = start * first + (1 - first) / r
-    mean = (start - 1 / r) * (1 - first) / r + 0.5 / r + (middle - 1 / s) * (1 - second) / s + 0.5 / s
-    found = fl.frequency_response(system, [[1.0]], [w])
-    assert abs(found.direct.item() - mean) <= 1e-8 * abs(mean)
 
 
 T_END = np.linspace(0.3, 11.0, 23)
