@@ -204,15 +204,6 @@ def test_what_a_narrow_pulse_is_not_known_by_counts_on_the_pulse_alone():
     assert np.all(bound <= system.resolved.error[1, 0])
 
 
-def test_a_loop_around_a_plant_that_jumps_is_resolved():
-    T = 1.3
-    plant = fl.PeriodicSystem(lambda t: np.where(np.mod(t, T) < 0.4, -1.0, -2.0)[:, None, None], T, [[1.0]])
-    loop = plant.feedback(FourierSeries(np.random.default_rng(1).standard_normal((5, 1, 1)), T))
-    assert 0.4 in [place.time for place in loop.resolved.found]
-    t = np.linspace(0, T, 77)
-    assert np.all(np.abs(loop.resolved(t) - loop.A(t)) <= loop.resolved.error)
-
-
 def two_coordinates(noise):
     """Two coordinates, the coupling of which is the rounding of two large terms that cancel, or that times zero."""
 

@@ -17,7 +17,7 @@ from flexlin.periodic.decoupling.coupling import Decoupled, residual_effect
 from flexlin.periodic.floquet import exponents as routes
 from flexlin.periodic.floquet.by_segments import SegmentedSpectrum
 from studies import scaling
-from tests.closed_arm import closed, control_loop
+from tests.closed_arm import control_loop
 from tests.periodic.chains import Rotation, Wave
 from tests.periodic.judge import covers
 from tests.periodic.random_systems import draw
@@ -122,20 +122,6 @@ def test_a_corner_that_is_not_named_shows_in_the_error(corner):
     answer = decoupled_exponents(decouple(lambda t: np.diag([-1.0, -500]) * (1 + distance(t))[:, None, None], 2.0))
     assert (np.abs(answer.exponents - np.array([-1.5, -750])) <= answer.errors).all()
     assert answer.errors[1] > 1e-3
-
-
-@pytest.mark.slow
-def test_stiff_links_between_points_are_followed_or_bounded():
-    """Accelerations jump: with stiffer links than segments can follow, the slow modes stay known and the fast ones are bounded."""
-    found, modes = [], {"links.0.modes": 3, "links.1.modes": 3}
-    for stiffer in (1.0, 300.0, 3000.0):
-        stiffness = {"links.0.bending_stiffness": 671.0 * stiffer, "links.1.bending_stiffness": 189.0 * stiffer}
-        found.append(fl.floquet(closed("pick-and-place", modes | stiffness).periodic_system()))
-    assert [one.verdict for one in found] == 3 * ["stable"]
-    assert [one.setting.method for one in found] == ["gauss", "radau", "radau"]
-    assert max(one.errors[0] for one in found) < 1e-9
-    moved = np.diff([one.exponents[0].real for one in found])
-    assert abs(moved[1]) < abs(moved[0]) / 100
 
 
 def group_of(values, size, period):

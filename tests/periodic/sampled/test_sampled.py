@@ -8,7 +8,6 @@ from scipy.linalg import block_diag, expm
 import flexlin as fl
 from flexlin.control import lifted_model, sampled_floquet
 from flexlin.errors import ArgumentError
-from tests.closed_arm import both
 
 T = np.pi
 LOOPS = 16
@@ -100,16 +99,6 @@ def test_a_constant_plant_has_the_eigenvalues_of_one_sample(memory, part):
         assert found.errors[0] < 1e-9
         if h == 0.1:
             assert np.abs(found.multipliers[sound, None] - known**20).min(axis=1).max() < 1e-9
-
-
-@pytest.mark.slow
-def test_fast_sampling_tends_to_the_continuous_loop_and_corners_are_met():
-    """An arm whose coefficients have corners; the sampling instants do not fall on them."""
-    _, plant, closed = both("pick-and-place", {"links.0.modes": 0, "links.1.modes": 0})
-    slow = fl.floquet(closed.periodic_system()).exponents[0].real
-    system, gain = plant.periodic_system(), closed.law.gain
-    found = [sampled_floquet(system, gain, h, tol=1e-7).exponents[0].real for h in (0.008, 0.004)]
-    assert abs(found[1] - slow) < 0.6 * abs(found[0] - slow) < 0.5
 
 
 def test_the_lifted_model_is_the_sampled_plant():
