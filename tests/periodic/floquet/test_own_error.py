@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import TooManySegments
-from tests.periodic.chains import Rotation, Wave
 from tests.periodic.judge import covers, judged
 from tests.periodic.jumping_systems import piecewise_case
-from tests.periodic.rotated import Rotated
 from tests.periodic.systems import waving_arm
 from tests.thinned import thin
 
@@ -64,23 +61,6 @@ def test_modes_whose_decays_cross_leave_slower_ones_known(seed):
     outcome = judged(crossing(seed))
     assert outcome.worst <= 1
     assert (outcome.wrong, outcome.verdict == "undecided") == ("", False)
-
-
-def turned(growth, turning):
-    """A pair growth +- i turning beside -5 and -30000, in axes that turn to and fro once a period."""
-    modes, angle = [(Wave(growth), Wave(turning)), (Wave(-5.0), None), (Wave(-3e4), None)], Wave(0.0, 0, (0.0,), (0.3,))
-    return fl.PeriodicSystem(Rotated(2.0, modes, [Rotation(0, 2, angle), Rotation(1, 3, angle)]), 2.0)
-
-
-@pytest.mark.parametrize(("growth", "turning"), [(50.0, 1000.0), (-1.0, 800.0)])
-@pytest.mark.parametrize("segments", [None, 300])
-def test_no_mode_is_thought_away(growth, turning, segments):
-    """Modes that grow while they turn faster than Radau's segments follow: an L-stable method damps them, whatever they do."""
-    try:
-        found = fl.floquet(turned(growth, turning), 1e-4, method="radau", segments=segments)
-    except TooManySegments:
-        return
-    assert found.verdict == "undecided" or abs(found.exponents[0].real - growth) <= found.errors[0]
 
 
 def second_order(seed):
