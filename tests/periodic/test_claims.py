@@ -32,8 +32,7 @@ FOUND = {
     "non-normal constant": (18,),
     "non-normal, f(t) C": (18, 13),
     "multipliers 1e-300 to 1e300": (7707000584,),
-    # 77003000077: a fast pair that grows by 0.11 1/s, as its shape changes, was held to decay by 0.12 1/s
-    "kept shapes": (13, 777000016, 251123000079, 77003000077),
+    "kept shapes": (13, 777000016, 251123000079),
     "waving shapes": (616162027, 616164793),
     # 88002000054: segments of an L-stable method were held to lose what others would: a mode that grows by 0.5 1/s counted as hidden
     "stiff": (991000006, 991000017, 88002000054),

@@ -2,7 +2,6 @@
 
 import copy
 import json
-import pickle
 
 import numpy as np
 import pytest
@@ -131,9 +130,3 @@ def test_no_certificate_without_stability(growth, verdict):
     with pytest.raises(NotCertified, match=verdict) as refused:
         fl.floquet(fl.PeriodicSystem([[0.0, 1.0], [-1.0, growth]], 1.0)).certificate()
     assert isinstance(refused.value, NotStable)  # as norms and responses say it
-
-
-def test_pickled_results_of_second_order_are_certified(certificates):
-    result = certificates["many"][1]
-    other = pickle.loads(pickle.dumps(result)).certificate()
-    np.testing.assert_array_equal(other.X([0.1, 2.0]), result.certificate().X([0.1, 2.0]))

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
+from flexlin.periodic import hidden_growth
 from tests.periodic.judge import covers, judged
 from tests.periodic.jumping_systems import piecewise_case
+from tests.periodic.random_systems import draw
 from tests.periodic.systems import waving_arm
 from tests.thinned import thin
 
@@ -61,6 +63,15 @@ def test_modes_whose_decays_cross_leave_slower_ones_known(seed):
     outcome = judged(crossing(seed))
     assert outcome.worst <= 1
     assert (outcome.wrong, outcome.verdict == "undecided") == ("", False)
+
+
+@pytest.mark.slow
+def test_growth_by_the_change_of_a_shape_counts():
+    """Unequal segments, and eigenvectors that turn: a fast pair that grows by 0.11 1/s was held to decay by 0.12 1/s."""
+    case = draw("kept shapes", 77003000077)
+    growth = hidden_growth(case.system(), np.linspace(0.0, case.period, 4001))
+    assert abs(growth - case.exponents.real.max()) < 1e-3
+    assert judged(case).worst <= 1
 
 
 def second_order(seed):
