@@ -100,18 +100,6 @@ def test_jumps_in_awkward_places(breaks, jumps):
     assert [place.time for place in series.found] == pytest.approx(sorted(expected), abs=4e-16)
 
 
-@pytest.mark.parametrize("power", thin([1, 3, 5], 2))
-@pytest.mark.parametrize("seed", thin(range(5), 2))
-def test_kinks_are_cut_out(seed, power):
-    rng = np.random.default_rng(seed)
-    T = 10.0 ** rng.uniform(-1, 1)
-    place = rng.uniform(0, T)
-    A = scalar(lambda t: np.abs(np.sin(np.pi * (t - place) / T)) ** power)
-    series = resolved(A, T, [place], below=1e-12)
-    if power == 1:
-        assert [(p.kind, pytest.approx(place, abs=1e-12 * T)) for p in series.found] == [("kink", place)]
-
-
 @pytest.mark.parametrize("level", [1e-12, 1e-10, 1e-7])
 @pytest.mark.parametrize("jump", [0.0, 1.0])
 def test_noise_is_measured_and_not_chased(level, jump):

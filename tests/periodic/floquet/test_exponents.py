@@ -6,7 +6,7 @@ from scipy.linalg import block_diag, expm
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, NumericalError, TooLarge, TooManySegments
+from flexlin.errors import NumericalError
 from flexlin.periodic import Setting, judge
 from flexlin.periodic.floquet.exponents import is_hamiltonian
 from tests.periodic.judge import covers
@@ -105,25 +105,6 @@ def test_modes_of_which_nothing_is_left_ask_for_no_segments(seed):
     assert found.setting.segments < 2000
     assert np.isinf(found.errors[2:]).all()
     assert "too fast" in found.status
-
-
-NO_COUNTS = (-5, 0, 2.5, True, "8", np.nan)
-
-
-@pytest.mark.parametrize(
-    ("error", "words", "options"),
-    [
-        (TooManySegments, "segments of the period", {"tol": 1e-12, "max_segments": 2}),
-        (TooManySegments, "more segments were asked for", {"segments": 10**9}),
-        (ArgumentError, "method", {"method": "euler"}),
-        (ArgumentError, "no such order", {"order": 3}),
-        (TooLarge, "bytes", {"method": "hill", "order": 10**6}),
-    ]
-    + [(ArgumentError, name, {name: value}) for name in ("segments", "order", "max_segments") for value in NO_COUNTS],
-)
-def test_what_cannot_be_asked_is_refused_by_its_name_or_figure(error, words, options):
-    with pytest.raises(error, match=words):
-        fl.floquet(mathieu_second_order(1, 0.2), **options)
 
 
 @pytest.mark.parametrize(
