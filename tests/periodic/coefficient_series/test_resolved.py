@@ -73,19 +73,11 @@ def test_jumps_are_found_to_the_last_bit(seed):
     assert {place.kind for place in series.found} == {"jump"}
 
 
-@pytest.mark.parametrize(
-    ("breaks", "jumps"),
-    [
-        ((), (0.3, 0.300001)),
-        ((), (0.5 + 1e-9,)),
-        ((), (0.5,)),
-        ((), (1e-9, 0.6)),
-        ((), (0.6, 1 - 1e-9)),
-        ((0.3,), (0.3 + 1e-6,)),
-        ((0.3,), (0.3 - 1e-10,)),
-        ((0.3, 0.8), (0.3, 0.5, 0.8)),
-    ],
-)
+UNNAMED = (0.3, 0.300001), (0.5 + 1e-9,), (0.5,), (1e-9, 0.6), (0.6, 1 - 1e-9)
+NAMED = ((0.3,), (0.3 + 1e-6,)), ((0.3,), (0.3 - 1e-10,)), ((0.3, 0.8), (0.3, 0.5, 0.8))
+
+
+@pytest.mark.parametrize(("breaks", "jumps"), [*(((), jumps) for jumps in UNNAMED), *NAMED])
 def test_jumps_in_awkward_places(breaks, jumps):
     around = jumps[0] < 1e-8 or jumps[-1] > 1 - 1e-8
     levels = np.array([1.0, 4.0, 1.0 if around else 2.0, 7.0])
