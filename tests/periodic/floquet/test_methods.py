@@ -9,17 +9,8 @@ from flexlin.checks import memory_limit
 from flexlin.errors import TooManySegments
 from flexlin.periodic import METHODS, hill_spectrum
 from tests.periodic.judge import covers
-from tests.periodic.systems import colaneri, mathieu, meissner, oscillator, random_waves
+from tests.periodic.systems import mathieu, meissner, oscillator, random_waves
 from tests.thinned import thin
-
-
-def test_known_exponents():
-    result = fl.floquet(fl.PeriodicSystem(mathieu(1, 0.2), np.pi), method="hill")
-    np.testing.assert_allclose(result.exponents.real, [0.099536437275513447, -0.099536437275513447], atol=1e-13)
-    assert result.verdict == "unstable"
-    assert "harmonics" in result.status
-    far = fl.floquet(fl.PeriodicSystem(colaneri, 2 * np.pi), method="hill", tol=1e-6)
-    assert np.abs(far.exponents - [0, -24]).max() <= far.error < 1e-4
 
 
 def test_copies_of_double_exponents_are_told_from_solutions():
