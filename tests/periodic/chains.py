@@ -6,7 +6,7 @@
 Each factor is a row and column operation, so P^-1 is never computed; only the last step rounds A to double precision.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,7 +37,10 @@ class Wave:
 
 
 class Factor:
-    """X(phi) of a chain; `left` makes X A and `right` A X^-1 in place, `drift` adds X' X^-1."""
+    """X(phi) of a chain; `left` makes X A and `right` A X^-1 in place, `drift` adds X' X^-1; X^T is of the `transposed` factor."""
+
+    def right(self, A, value):
+        self.transposed.left(A.swapaxes(0, 1), -value)
 
     def conjugate(self, A, value):
         self.left(A, value)
@@ -45,38 +48,35 @@ class Factor:
 
 
 @dataclass(frozen=True)
-class Rotation(Factor):
-    """A turn in the plane (i, j) by the wave."""
+class InPlane(Factor):
+    """Of two coordinates and an angle or size."""
 
     i: int
     j: int
     wave: Wave
 
+    @property
+    def transposed(self):
+        return replace(self, i=self.j, j=self.i)
+
+
+class Rotation(InPlane):
+    """A turn in the plane (i, j) by the wave."""
+
     def left(self, A, value):
         c, s = np.cos(value), np.sin(value)
         A[self.i], A[self.j] = c * A[self.i] - s * A[self.j], s * A[self.i] + c * A[self.j]
-
-    def right(self, A, value):
-        self.left(A.swapaxes(0, 1), value)
 
     def drift(self, A, slope):
         A[self.j, self.i] += slope
         A[self.i, self.j] -= slope
 
 
-@dataclass(frozen=True)
-class Shear(Factor):
+class Shear(InPlane):
     """I + wave e_i e_j^T."""
-
-    i: int
-    j: int
-    wave: Wave
 
     def left(self, A, value):
         A[self.i] += value * A[self.j]
-
-    def right(self, A, value):
-        A[:, self.j] -= value * A[:, self.i]
 
     def drift(self, A, slope):
         A[self.i, self.j] += slope
@@ -89,11 +89,12 @@ class Stretch(Factor):
     i: int
     wave: Wave
 
+    @property
+    def transposed(self):
+        return self
+
     def left(self, A, value):
         A[self.i] *= np.exp(value)
-
-    def right(self, A, value):
-        A[:, self.i] *= np.exp(-value)
 
     def drift(self, A, slope):
         A[self.i, self.i] += slope
@@ -112,8 +113,9 @@ class Unipotent(Factor):
             term = np.einsum("ij,jkt->ikt", self.N, term) * value / k
             A += term
 
-    def right(self, A, value):
-        Unipotent(self.N.T, self.wave).left(A.swapaxes(0, 1), -value)
+    @property
+    def transposed(self):
+        return replace(self, N=self.N.T)
 
     def drift(self, A, slope):
         A += self.N[..., None] * slope

@@ -3,7 +3,7 @@
 Of some the modes hardly change their shapes, of others the fast gaps vary by much.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,9 +17,9 @@ def wave(rng, mean, size, harmonics):
     return Wave(mean, 0, *(tuple(rng.standard_normal(harmonics) * size / fall) for _ in range(2)))
 
 
-def turn(i, j, rotation, angle, turns=0):
-    """A rotation in the plane of coordinates (i, j), or a shear of j onto i, by an angle that waves and makes whole turns."""
-    return Rotation(i, j, replace(angle, turns=turns)) if rotation else Shear(i, j, angle)
+def turn(i, j, rotation, angle):
+    """A rotation in the plane of coordinates (i, j), or a shear of j onto i, by an angle that waves."""
+    return (Rotation if rotation else Shear)(i, j, angle)
 
 
 def mix(rng, n, smallest, largest):
@@ -66,47 +66,6 @@ class Rotated:
             one.conjugate(X, one.wave.value(phase))
             one.drift(X, one.wave.slope(phase) * w)
         return np.ascontiguousarray(np.moveaxis(X, -1, 0).astype(float))
-
-
-KINDS = ("plain", "heavy", "undamped", "unstable", "crossing frequencies", "crossing damping", "jordan", "overdamped")
-
-
-def random_system(seed, kind):
-    """4 to 20 states, rates up to a million times the basic frequency."""
-    rng = np.random.default_rng(seed)
-    n, period = int(rng.integers(4, 21)), float(10 ** rng.uniform(-1, 1))
-    w, width, modes, pairs, states = 2 * np.pi / period, rng.uniform(1, 6), [], {}, 0
-    while states < n:
-        rate = w * (10 ** rng.uniform(-1, width) if rng.random() < 0.6 else rng.uniform(0.1, 2))
-        if n - states >= 2 and rng.random() < 0.7:
-            damping = {"heavy": rng.uniform(0.05, 1), "undamped": 0.0}.get(kind, 10 ** rng.uniform(-4, -1)) * rate
-            growth = wave(rng, -damping, damping * rng.uniform(0, 0.3), 3)
-            modes.append([growth, wave(rng, rate, rate * rng.choice([0, 0.05, 0.3]), 3)])
-            pairs[states] = modes[-1]
-        else:
-            rate *= kind != "undamped"
-            modes.append([wave(rng, -rate, rate * rng.choice([0, 0.1, 0.3]), 3), None])
-        states += 1 if modes[-1][1] is None else 2
-    starts, links = list(pairs), []
-    if kind == "unstable":
-        modes[0][0] = replace(modes[0][0], level=abs(modes[0][0].level))
-    if len(pairs) > 1:
-        first, second = (pairs[start] for start in starts[:2])
-        if kind == "crossing frequencies":
-            second[1] = wave(rng, first[1].level * rng.uniform(0.97, 1.03), 0.1 * first[1].level, 2)
-        if kind == "crossing damping":
-            second[0] = wave(rng, first[0].level + 0.1 * w * rng.uniform(-1, 1), min(20 * w, -first[0].level, 3 * w), 2)
-        if kind == "jordan":
-            second[:] = first
-            links = [(starts[0] + k, starts[1] + k, w * 0.5) for k in (0, 1)]
-    turns = []
-    for _ in range(int(rng.integers(1, 2 * n))):
-        i, j = rng.choice(n, 2, replace=False)
-        angle = wave(rng, rng.uniform(-1, 1), rng.choice([0.05, 0.2, 0.5]), int(rng.integers(1, 4)))
-        turns.append(turn(i, j, rng.random() < 0.6, angle, int(rng.integers(-1, 2)) if rng.random() < 0.1 else 0))
-    if kind == "overdamped" and pairs:
-        turns.append(turn(starts[0], starts[0] + 1, False, wave(rng, 0.0, 1.0, 1)))
-    return Rotated(period, modes, turns, links)
 
 
 def slow_case(system, tol):

@@ -22,22 +22,22 @@ def mathieu(a, q):
     return lambda t: oscillator(a - 2 * q * np.cos(2 * t))
 
 
-def turn(n, speed):
-    """P(t): n coordinates that turn in the plane of the first two."""
+def turn(n, speed, i=0, j=1):
+    """P(t): n coordinates that turn in the plane of two of them."""
 
     def P(t):
         out = np.tile(np.eye(n), (len(t), 1, 1))
         c, s = np.cos(speed * t), np.sin(speed * t)
-        out[:, 0, 0], out[:, 0, 1], out[:, 1, 0], out[:, 1, 1] = c, s, -s, c
+        out[:, i, i], out[:, i, j], out[:, j, i], out[:, j, j] = c, s, -s, c
         return out
 
     return P
 
 
-def turned(A, B, C, speed=2.0):
+def turned(A, B, C, speed=2.0, i=0, j=1):
     """A constant system in such coordinates, x = P z: exponents, gains, norms and zeros are those of the constant one; and its output."""
-    J, P = np.zeros(np.shape(A)), turn(len(A), speed)
-    J[0, 1], J[1, 0] = speed, -speed
+    J, P = np.zeros(np.shape(A)), turn(len(A), speed, i, j)
+    J[i, j], J[j, i] = speed, -speed
 
     def back(t):
         return np.swapaxes(P(t), 1, 2)

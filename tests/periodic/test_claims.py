@@ -137,17 +137,6 @@ def test_truths_are_known_answers():
     np.testing.assert_allclose(np.sort(non_normal.real), [-4, -3, -2, -1], rtol=1e-15)
 
 
-@pytest.mark.slow
-def test_every_kind_is_drawn_the_same_twice():
-    for kind in COUNTS:
-        one, two = draw(kind, 3), draw(kind, 3)
-        t = np.linspace(0, one.period, 7)
-        np.testing.assert_array_equal(one.A(t), two.A(t))
-        np.testing.assert_array_equal(one.exponents, two.exponents)
-        assert one.A(t).shape == (7, len(one.exponents), len(one.exponents))
-        assert one.doubt.max() < (1e-3 if kind == "jordan" else 1e-5)
-
-
 def told(case, exponents=None, claim=1e-9, verdict="undecided"):
     exponents = case.exponents if exponents is None else exponents
     errors = np.broadcast_to(claim, exponents.shape)

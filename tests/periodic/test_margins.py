@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, NotStable, TimeLimit, TooManySegments
+from flexlin.errors import TimeLimit, TooManySegments
 from flexlin.periodic import margins as search
 from tests.periodic.dense import transition
 
@@ -88,15 +88,6 @@ def test_constant_loops_against_python_control():
         angles = np.radians(np.mod(pm, 360))
         assert found.phase == pytest.approx(np.minimum(angles, 2 * np.pi - angles).min(), rel=1e-5)
         assert found.delay == pytest.approx((angles / wc).min(), rel=1e-4)
-
-
-def test_loops_without_margins_are_refused():
-    with pytest.raises(NotStable):
-        fl.margins(PLANT, [[0.0, 0.0]])
-    with pytest.raises(ArgumentError, match="fit"):
-        fl.margins(PLANT, [[1.0]])
-    with pytest.raises(ArgumentError, match="no input"):
-        fl.margins(fl.PeriodicSystem([[-1.0]], 1.0), [[1.0]])
 
 
 @pytest.mark.slow

@@ -7,8 +7,8 @@ import pytest
 
 import flexlin as fl
 from flexlin import PeriodicSystem
-from flexlin.errors import ArgumentError, SingularMassMatrix
-from flexlin.periodic import build_companion, periodic_riccati, place_edges
+from flexlin.errors import ArgumentError
+from flexlin.periodic import periodic_riccati, place_edges
 
 M, D, K = np.array([[2.0, 0.3], [0.3, 1.0]]), 0.1 * np.eye(2), np.diag([5.0, 9.0])
 B = np.array([[1.0], [0.5]])
@@ -52,13 +52,10 @@ def test_one_time_gives_one_value():
     ("A", "message"),
     [
         (np.zeros((0, 0)), "empty"),
-        (lambda t: np.zeros((len(t), 0, 0)), "empty"),
         (lambda t: swing(t).tolist(), "no array"),
         (lambda t: [[0.0, 1.0], [-1.0, 0.0]], "single time"),
-        (lambda t: np.array([[0.0, 1.0], [-1.0, 0.0]]) * np.cos(t), "single time"),
         (lambda t: np.array([[np.sin(t), np.cos(t)], [np.cos(t), np.sin(t)]]), "single time"),
         (lambda t: swing(t)[0] if len(t) == 1 else swing(t), "shape"),
-        (lambda t: np.zeros((len(t), len(t), len(t))), "shape"),
         (lambda t: swing(t)[0], "shape"),
         (lambda t: np.where(t[:, None, None] > 0.2, np.nan, swing(t)), "t = 0.618034 s"),
         (np.array([[np.inf]]), "finite"),
@@ -87,9 +84,3 @@ def test_breaks_one_rounding_apart_leave_no_segment_without_length():
     grid = place_edges(1.0, (0.3, np.nextafter(0.3, 1.0)), 4, least=3)
     assert np.all(np.diff(grid) > 0)
     assert {0.3, np.nextafter(0.3, 1.0)} <= set(grid)
-
-
-def test_a_singular_mass_names_its_time():
-    M = np.stack([np.eye(2), np.zeros((2, 2))])
-    with pytest.raises(SingularMassMatrix, match=r"t = 0\.75 s"):
-        build_companion(M, M, M, np.array([0.5, 0.75]))

@@ -7,68 +7,29 @@ from scipy.optimize import brentq
 
 import flexlin as fl
 from flexlin.periodic import Effort, Spectra, find_curves, find_tip
+from tests.periodic.boundary.test_crossings import find_changes, meissner_spectra, trace
 from tests.thinned import thin
 
 
-def halves(a, q, damping):
-    """Cosines and sines of both halves of the period, each pi long: y'' + d y' + (a +- q) y = 0."""
-    roots = [np.sqrt(a + sign * q - damping**2 / 4 + 0j) for sign in (1.0, -1.0)]
-    return [(np.cos(np.pi * w).real, (np.sin(np.pi * w) / w).real) for w in roots]
-
-
 class Meissner:
-    """Spectra over (a, q) by the product of two exact transition matrices; counts what it is asked."""
+    """Spectra over (a, q) in a range; counts what it is asked."""
 
     def __init__(self, damping, low=(0.3, 0.2), span=(8.7, 2.8)):
         self.damping, self.low, self.span, self.asked = damping, np.array(low), np.array(span), 0
 
     def __call__(self, unit):
         self.asked += len(unit)
-        (a, q), d = (self.low + self.span * unit).T, self.damping
-        product = np.eye(2)
-        for (c, s), sign in zip(halves(a, q, d), (1.0, -1.0), strict=True):
-            matrix = np.array([[c + d / 2 * s, s], [-(a + sign * q) * s, c - d / 2 * s]])
-            product = np.exp(-np.pi * d / 2) * np.moveaxis(matrix, 2, 0) @ product
-        multipliers = np.linalg.eigvals(product).astype(complex)
-        gap = np.abs(multipliers[:, :1] - multipliers[:, 1:])
-        error = 3e-12 + 3e-12 / np.maximum(gap, 2e-6)
-        return Spectra(np.log(multipliers), np.repeat(error, 2, axis=1))
+        return meissner_spectra(*(self.low + self.span * unit).T, self.damping)
 
     def distance(self, points, scale=1.0):
-        """Distance of points (N, 2) of the unit square from the boundary |trace| = 2 cosh(pi d), where the sides measure `scale`."""
+        """Distance of points (N, 2) of the unit square from the boundary by its trace, where the sides measure `scale`."""
 
         def excess(x):
-            (a, q), d = (self.low + self.span * x).T, self.damping
-            (c1, s1), (c2, s2) = halves(a, q, d)
-            shift = a - d * d / 4
-            return np.abs(2 * c1 * c2 - 2 * shift * s1 * s2) - 2 * np.cosh(np.pi * d)
+            return np.abs(trace(*(self.low + self.span * x).T, self.damping)) - 2 * np.cosh(np.pi * self.damping)
 
         h = 1e-7
         gradient = [(excess(points + step) - excess(points - step)) / (2 * h) for step in h * np.eye(2) / scale]
         return np.abs(excess(points)) / np.hypot(*gradient)
-
-
-@pytest.mark.parametrize("damping", thin([0.05, 0.0, 0.2]))
-def test_meissners_boundary_is_met_everywhere_at_a_small_part_of_a_fine_grid(damping):
-    family = Meissner(damping)
-    curves = find_curves(family, 1e-7)
-    assert family.asked < 40_000  # 4 % of 1000 x 1000
-    for curve in curves:
-        between = (curve.points[1:] + curve.points[:-1]) / 2
-        for points in (curve.points, between):
-            places = (PINCHES - family.low) / family.span
-            pinched = np.min(np.abs(points - places[:, None]).max(axis=2), axis=0) < 1e-4
-            assert np.all(family.distance(points[~pinched], family.span) < 1e-6)
-        assert curve.errors.max() < 1e-6
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("damping", "tol"), [(0.2, 1e-7), (0.02, 1e-8)])
-def test_no_point_is_farther_off_than_its_error(damping, tol):
-    """Nor in the first and last quarter of a cubic whose middle lies on the boundary by chance."""
-    family = Meissner(damping)
-    for curve in find_curves(family, tol):
-        assert np.all(family.distance(curve.points) <= curve.errors)
 
 
 PINCHES = np.array([[0.5, 1.5], [2.5, 1.5], [6.5, 2.5]])
@@ -76,19 +37,26 @@ PINCHES = np.array([[0.5, 1.5], [2.5, 1.5], [6.5, 2.5]])
 which the test takes for the truth, means nothing there."""
 
 
-@pytest.mark.parametrize("damping", thin([0.2, 0.0]))
-def test_no_part_of_meissners_boundary_is_left_out(damping):
-    """Along lines that lie on no lattice line, each crossing of the exact boundary is near a curve."""
+@pytest.mark.parametrize(("damping", "tol"), thin([(0.2, 1e-7), (0.05, 1e-7), (0.0, 1e-7), (0.02, 1e-8)]))
+def test_meissners_boundary_is_met_everywhere_at_a_small_part_of_a_fine_grid(damping, tol):
+    """No point is farther off than its error, nor a cubic whose middle lies on the boundary by chance; no part is left out: along lines
+    that lie on no lattice line, each change of the exact verdict is near a curve."""
     family = Meissner(damping)
-    curves = find_curves(family, 1e-6, cells=24)
-    line, missed = np.linspace(0.001, 0.999, 20001), 0
+    curves = find_curves(family, tol)
+    assert family.asked < 40_000  # 4 % of 1000 x 1000
+    for curve in curves:
+        between = (curve.points[1:] + curve.points[:-1]) / 2
+        assert not damping or np.all(family.distance(curve.points) <= curve.errors)
+        for points in (curve.points, between):
+            places = (PINCHES - family.low) / family.span
+            pinched = np.min(np.abs(points - places[:, None]).max(axis=2), axis=0) < 1e-4
+            assert np.all(family.distance(points[~pinched], family.span) < 1e-6)
+        assert curve.errors.max() < 1e-6
+    line = np.linspace(0.001, 0.999, 20001)
     for place in (0.1234, 0.4321, 0.777, 0.9101):
         unit = np.stack([line, np.full(len(line), place)], axis=1)
-        unstable = family(unit).verdicts > 0
-        for x in line[np.flatnonzero(unstable[1:] != unstable[:-1])]:
-            near = min(np.abs(curve.points - (x, place)).max(axis=1).min() for curve in curves)
-            missed += near > 0.01
-    assert missed == 0
+        edges = find_changes(family(unit).verdicts > 0)
+        assert measure_distance(unit[edges], curves).max() < 1e-4
 
 
 def island(unit, centre, radius, sign=1.0, angle=0.0):
@@ -138,54 +106,18 @@ def test_a_peak_that_is_no_island_adds_no_line():
     assert isinstance(fl.stability_boundary(oscillators, ranges, tol=1e-2, cells=6), list)
 
 
-CENTRE = np.array([0.5003, 0.4991])
-
-
-def locked(squared):
-    """Spectra of an undamped pair at angle 0 by the square of its growth, with rounding of 1e-12 in that."""
+@pytest.mark.parametrize("apart", [1e-5, -1e-5])
+def test_sides_that_part_or_a_neck_that_stays_open_are_no_tip(apart):
+    """Of an undamped pair at angle 0, by the square of its growth with a rounding of 1e-12."""
 
     def function(unit):
-        D = squared(*unit.T)
-        root = np.sqrt(D + 0j)
+        u, v = (unit - [0.5003, 0.4991]).T
+        root = np.sqrt(900 * (u * v + apart * abs(apart)) + 0j)
         error = np.broadcast_to(1e-12 / np.maximum(np.abs(root), 1e-6), (2, len(unit))).T
         return Spectra(np.stack([root, -root], axis=1), error)
 
-    return function
-
-
-def tip_of(squared, y):
-    """The tip in a box of a thousandth of the range that begins at y."""
-    low = np.array([0.4995, y])
-    return find_tip(low, low + 0.001, np.zeros(1), np.array([True]), locked(squared), 1e-7)
-
-
-@pytest.mark.parametrize("skew", [0.0, 0.6, -2.0])
-def test_the_crossing_of_two_sides_inside_a_box_is_a_tip(skew):
-    def squared(x, y):
-        u, v = x - CENTRE[0], y - CENTRE[1]
-        return 900 * (u - skew * v) * (v + 0.3 * u) * (1 + u)
-
-    tip = tip_of(squared, 0.4985)
-    assert np.abs(tip.point - CENTRE).max() < 1e-8
-    assert tip.error < 1e-6
-
-
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_a_tongue_that_closes_on_the_border_of_the_range_ends_there(order):
-    def squared(x, y):
-        return 400 * ((2 * y) ** (2 * order) - (x - CENTRE[0] - 0.7 * y) ** 2)
-
-    tip = tip_of(squared, 0.0)
-    assert np.abs(tip.point - (CENTRE[0], 0.0)).max() < 1e-8
-
-
-@pytest.mark.parametrize("apart", [1e-5, -1e-5])
-def test_sides_that_part_or_a_neck_that_stays_open_are_no_tip(apart):
-    def squared(x, y):
-        u, v = x - CENTRE[0], y - CENTRE[1]
-        return 900 * (u * v + apart * abs(apart))
-
-    assert tip_of(squared, 0.4985) is None
+    low = np.array([0.4995, 0.4985])
+    assert find_tip(low, low + 0.001, np.zeros(1), np.array([True]), function, 1e-7) is None
 
 
 def sides(a, q):

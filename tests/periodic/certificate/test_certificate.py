@@ -2,7 +2,6 @@
 
 import copy
 import json
-import pickle
 
 import numpy as np
 import pytest
@@ -80,21 +79,6 @@ def test_inequality_holds_where_nobody_sampled(name, certificates):
     assert checker.holds(json.loads(json.dumps(proof.record())))
 
 
-@pytest.mark.parametrize("name", ["constant", "non-normal", "jumps"])
-def test_changes_within_the_tolerance_leave_it_stable(name, certificates):
-    system, result = certificates[name]
-    proof, rng = result.certificate(), np.random.default_rng(5)
-    for _ in range(3):
-        change = rng.standard_normal((system.n, system.n))
-        change *= proof.tolerates / np.linalg.norm(change, 2)
-        w = 2 * np.pi / system.period * rng.integers(1, 4)
-
-        def moved(t, change=change, w=w):
-            return system.A(t) + np.cos(w * t)[:, None, None] * change
-
-        assert fl.floquet(fl.PeriodicSystem(moved, system.period, breaks=system.breaks)).verdict == "stable"
-
-
 def test_a_constant_loop_is_proved_in_full_and_fast_modes_cost_neither_margin_nor_tolerance(certificates):
     assert certificates["constant"][1].certificate().margin == pytest.approx(0.2, rel=1e-5)
     result = certificates["many"][1]
@@ -141,20 +125,8 @@ def test_checker_rejects_a_hundred_forgeries(certificates):
         assert k > 1 or checker.holds(signed(records[k]))
 
 
-def test_smallest_change_of_a_number_is_seen(certificates):
-    record = certificates["non-normal"][1].certificate().record()
-    record["X"][0][0][0][0] = np.nextafter(record["X"][0][0][0][0], np.inf)
-    assert not checker.holds(record)
-
-
 @pytest.mark.parametrize(("growth", "verdict"), [(0.01, "unstable"), (0.0, "undecided")])
 def test_no_certificate_without_stability(growth, verdict):
     with pytest.raises(NotCertified, match=verdict) as refused:
         fl.floquet(fl.PeriodicSystem([[0.0, 1.0], [-1.0, growth]], 1.0)).certificate()
     assert isinstance(refused.value, NotStable)  # as norms and responses say it
-
-
-def test_pickled_results_of_second_order_are_certified(certificates):
-    result = certificates["many"][1]
-    other = pickle.loads(pickle.dumps(result)).certificate()
-    np.testing.assert_array_equal(other.X([0.1, 2.0]), result.certificate().X([0.1, 2.0]))

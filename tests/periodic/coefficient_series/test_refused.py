@@ -16,8 +16,6 @@ from tests.periodic.coefficient_series.functions import scalar
         (lambda t: np.cos(2 * t), 3.14159),
         (lambda t: np.abs(np.sin(t)), 4.0),
         (lambda t: np.sign(np.sin(t)), np.pi),
-        (lambda t: np.sign(np.sin(t)), 4.0),
-        (lambda t: np.maximum(np.sin(t), 0), np.pi),
         (lambda t: np.exp(-(((np.mod(t, 2) - 0.3) / 2e-4) ** 2)), 1.0),
         (lambda t: np.exp(30 * np.cos(t - 1.5) - 30), 3.0),
     ],
@@ -39,8 +37,6 @@ def raising(t):
     ("f", "period"),
     [
         (lambda t: np.where(t < 1.0002, 1.0, 9.0), 2.0),
-        (lambda t: np.where(t < 1, t, 2 - t), 2.0),
-        (lambda t: np.where(t < 1, np.cos(t), np.exp(-t)), 2.0),
         (lambda t: np.interp(t, [0, 0.3, 0.7, 1], [1, 2, 0, 1]), 1.0),
         (lambda t: np.exp(-(((t - 0.3) / 2e-4) ** 2)), 1.0),
         (lambda t: np.where(t <= 1, np.cos(2 * np.pi * t), np.nan), 1.0),

@@ -6,11 +6,11 @@ from scipy.linalg import block_diag, expm
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, NumericalError, TooLarge, TooManySegments
+from flexlin.errors import NumericalError
 from flexlin.periodic import Setting, judge
 from flexlin.periodic.floquet.exponents import is_hamiltonian
 from tests.periodic.judge import covers
-from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order
+from tests.periodic.systems import colaneri, mathieu, mathieu_second_order
 from tests.periodic.truths import apart, eigenvalues
 
 
@@ -43,7 +43,7 @@ def test_a_fixed_resolution_is_not_called_the_least_work_nor_rounding():
     assert "leave method, order and segments to the solver" in result.status
 
 
-@pytest.mark.parametrize("growth", [300.0, 650.0, -650.0])
+@pytest.mark.parametrize("growth", [300.0, 650.0, -650.0, 900.0])
 @pytest.mark.parametrize("n", [1, 2])
 def test_modes_that_all_grow_or_decay_alike(n, growth):
     """Their products are well conditioned and yet leave the range of floating-point numbers; the exponent is the mean, exactly."""
@@ -57,6 +57,7 @@ def test_modes_that_all_grow_or_decay_alike(n, growth):
     assert result.verdict == ("unstable" if growth > 0 else "stable")
     assert np.all(np.abs(result.exponents.real - growth) <= result.errors)
     assert np.all(result.errors < 1e-6)
+    assert growth < 900 or np.isinf(result.multipliers).all()
 
 
 def test_stages_that_are_exactly_singular_are_refused():
@@ -64,14 +65,6 @@ def test_stages_that_are_exactly_singular_are_refused():
     system = fl.PeriodicSystem(lambda t: np.full((len(t), 1, 1), 2.0) + 0.0 * np.cos(2 * np.pi * t)[:, None, None], 1.0)
     with pytest.raises(NumericalError, match="ask for more segments"):
         fl.floquet(system, method="gauss", order=2, segments=1)
-
-
-def test_multipliers_beyond_the_range_of_floats():
-    A = lyapunov_transformed(np.diag([60.0, 1.0, -2.0, -60.0]), 1.0, 1, np.random.default_rng(1))
-    result = fl.floquet(fl.PeriodicSystem(A, 10 * np.pi), tol=1e-8)
-    np.testing.assert_allclose(result.exponents, [60, 1, -2, -60], atol=1e-9)
-    assert result.multipliers[0] == np.inf
-    assert result.multipliers[-1] == 0
 
 
 @pytest.mark.parametrize("damping", [0.0, 1e-22, 1e-18, 1e-14])
@@ -112,25 +105,6 @@ def test_modes_of_which_nothing_is_left_ask_for_no_segments(seed):
     assert found.setting.segments < 2000
     assert np.isinf(found.errors[2:]).all()
     assert "too fast" in found.status
-
-
-NO_COUNTS = (-5, 0, 2.5, True, "8", np.nan)
-
-
-@pytest.mark.parametrize(
-    ("error", "words", "options"),
-    [
-        (TooManySegments, "segments of the period", {"tol": 1e-12, "max_segments": 2}),
-        (TooManySegments, "more segments were asked for", {"segments": 10**9}),
-        (ArgumentError, "method", {"method": "euler"}),
-        (ArgumentError, "no such order", {"order": 3}),
-        (TooLarge, "bytes", {"method": "hill", "order": 10**6}),
-    ]
-    + [(ArgumentError, name, {name: value}) for name in ("segments", "order", "max_segments") for value in NO_COUNTS],
-)
-def test_what_cannot_be_asked_is_refused_by_its_name_or_figure(error, words, options):
-    with pytest.raises(error, match=words):
-        fl.floquet(mathieu_second_order(1, 0.2), **options)
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,7 @@
 import pytest
 
 import flexlin as fl
-from tests.periodic.hard_cases import CASES, forty_modes
-from tests.periodic.naive import naive_exponents, worst_miss
+from tests.periodic.hard_cases import CASES, forty_modes, naive_exponents, worst_miss
 
 FORGIVEN = {"tongue as narrow as rounding", "just past a Krein collision"}
 """Cases where the naive exponents are good and only its verdict, which knows no error, is a matter of luck."""
@@ -32,11 +31,3 @@ def test_what_is_claimed_of_forty_modes_depends_on_no_count_of_segments():
         miss = worst_miss(result.exponents, known, system.period)
         assert miss <= result.error <= 1e-8, segments
         assert result.verdict == "stable"
-
-
-def test_naive_verdicts_on_the_boundary_are_luck():
-    """Where the truth is a growth rate of 0, the naive verdict is the sign of an error; flexlin's names the doubt."""
-    names = {"tongue as narrow as rounding", "double multiplier +1", "double multiplier -1", "Krein collision"}
-    for system, _ in (case.build() for case in CASES if case.name in names):
-        assert naive_exponents(system).real.max() != 0
-        assert fl.floquet(system).verdict == "undecided"

@@ -4,7 +4,6 @@ stiff, on coarse and fine grids."""
 import casadi as ca
 import numpy as np
 import pytest
-import scipy.linalg
 
 import flexlin as fl
 from flexlin.linearization import make_kernel, record_model
@@ -116,17 +115,6 @@ def test_thousands_of_factors_neither_over_nor_underflow():
     assert fine.sound.all()
     apart = max(measure_distances(a, b).min(axis=1).max() for a, b in zip(coarse.logs, fine.logs, strict=True))
     assert apart < 1e-7
-
-
-def test_exponentials_of_full_matrices_far_from_zero():
-    """Constant matrices: the logs are eigenvalues, by scaling and squaring of either polynomial."""
-    rng = np.random.default_rng(8)
-    for size in (1.0, 30.0, 300.0):
-        matrix = rng.standard_normal((4, 4)) * size - 0.5 * size * np.eye(4)
-        got = solve(fl.PeriodicFamily(matrix + 0 * A, T, [A], 1.0), [[1.0]], 8)
-        exact = scipy.linalg.eigvals(matrix)
-        assert got.sound.all()
-        assert np.all(measure_distances(got.logs[0], exact).min(axis=1) <= got.errors[0])
 
 
 def test_what_the_phase_the_point_or_both_decide_is_as_in_casadi():

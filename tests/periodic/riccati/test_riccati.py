@@ -2,63 +2,30 @@
 solution: the mode is not reached at all, or too weakly for numbers of this precision."""
 
 import decimal
-from functools import partial
 
 import control
 import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, IllPosedSegment, NotDetectable, NotStabilizable, NumericalError
+from flexlin.errors import NotDetectable, NotStabilizable, NumericalError
 from flexlin.periodic import finite_horizon_riccati, periodic_riccati
-from flexlin.periodic.riccati.scattering import scatter_hamiltonian
 from flexlin.periodic.system import PeriodicSystem
 from tests.closed_arm import opened
-from tests.periodic.dense import integrate
 from tests.periodic.systems import turn, turned
-from tests.thinned import thin
-
-A0, B0 = np.array([[1.0, 0.5], [3.0, 5.0]]), np.array([[3.0], [1.0]])
-
-
-def rotated():
-    """Johansson, Kagstrom, Shiriaev, Varga (2007): x = P z with a constant problem for z; A = P' P^-1 + P A0 P^-1, B = P B0."""
-    return turned(A0, B0, np.eye(2))[0]
 
 
 def test_rotated_example_at_random_times():
+    """Johansson, Kagstrom, Shiriaev, Varga (2007): x = P z with a constant problem for z; A = P' P^-1 + P A0 P^-1, B = P B0."""
+    A0, B0 = np.array([[1.0, 0.5], [3.0, 5.0]]), np.array([[3.0], [1.0]])
     Z, _, gain = control.care(A0, B0, np.eye(2), np.eye(1))
     t = np.random.default_rng(7).uniform(-10, 10, 500)
     P = turn(2, 2.0)(t)
-    found = periodic_riccati(rotated(), np.eye(2), np.eye(1), tol=1e-11)
+    found = periodic_riccati(turned(A0, B0, np.eye(2))[0], np.eye(2), np.eye(1), tol=1e-11)
     assert np.abs(found.X(t) - P @ Z @ np.swapaxes(P, 1, 2)).max() < 1e-10
     assert np.abs(found.K(t) - gain @ np.swapaxes(P, 1, 2)).max() < 1e-10
     assert found.status == "converged"
     assert max(found.error, found.gain_error) < 1e-10
-
-
-@pytest.mark.slow
-def test_finite_horizon_against_scipy():
-    end, stops = np.array([[2.0, 0.3], [0.3, 1.0]]), np.array([np.pi, 3.0, 2.0, 0.5, 0.0])
-    found = finite_horizon_riccati(rotated(), np.eye(2), np.eye(1), end, tol=1e-10)
-
-    def rate(t, X):
-        A, S, Q = (part[0] for part in found.problem.reduced(np.array([t])))
-        return -(A.T @ X + X @ A - X @ S @ X + Q)
-
-    X = integrate(rate, end, stops)
-    assert np.abs(found.X(stops) - X).max() < 1e-9 * np.abs(X).max()
-
-
-@pytest.mark.parametrize("solve", [periodic_riccati, partial(finite_horizon_riccati, end=[[0.0]])])
-@pytest.mark.parametrize("name", ["Q", "R"])
-def test_weights_that_lose_their_sign_in_a_narrow_pulse_are_refused(name, solve):
-    """Between the first samples: what was said then was that the accuracy is not reached."""
-    plant = PeriodicSystem([[1.0]], 1.0, [[1.0]])
-    weights = {"Q": np.eye(1), "R": np.eye(1)}
-    weights[name] = lambda t: (1 - 2 * np.exp(-(((t - 0.3047) / 1e-3) ** 2)))[:, None, None]
-    with pytest.raises(ArgumentError, match=f"{name} is .*definite"):
-        solve(plant, **weights)
 
 
 @pytest.mark.parametrize("width", [0.0956, 0.11])
@@ -132,62 +99,21 @@ def test_missing_solution_names_the_mode(A, B, Q, error, rate):
     assert abs(named - rate) < 0.05 + 0.05 * rate
 
 
-def test_bad_weights_are_refused():
-    for Q, R, N, message in (
-        (np.eye(2), -np.eye(1), None, "R is not positive definite"),
-        (np.diag([1.0, -1e-3]), np.eye(1), None, "Q is indefinite"),
-        (np.eye(2), np.eye(1), np.array([[2.0], [0.0]]), "Q - N R\\^-1 N' is indefinite"),
-        (np.eye(3), np.eye(1), None, "Q does not fit"),
-        (np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(1), None, "Q is not symmetric"),
-    ):
-        with pytest.raises(ArgumentError, match=message):
-            periodic_riccati(rotated(), Q, R, N)
-
-
-def test_singular_segment_is_named():
-    with pytest.raises(IllPosedSegment, match="P22 of segment 1 of 2"):
-        scatter_hamiltonian(np.stack([np.eye(2), np.zeros((2, 2))]))
-
-
 def test_constant_systems_are_lqr_with_cross_term_and_modes_that_overflow():
     rng = np.random.default_rng(3)
     A, B, N = rng.normal(size=(5, 5)), rng.normal(size=(5, 2)), 0.1 * rng.normal(size=(5, 2))
     V = np.linalg.qr(rng.normal(size=(5, 5)))[0]
     fast, t = V @ np.diag([200.0, -200.0, 150.0, 0.0, 1.0]) @ V.T, np.array([0.0, 0.123, 0.5])
-    for matrix, cross, within in ((A, N, 1e-10), (fast, 0 * N, 1e-9)):
-        K, X, _ = control.lqr(matrix, B, np.eye(5), 0.3 * np.eye(2), cross)
-        found = periodic_riccati(PeriodicSystem(matrix, 0.8, B), np.eye(5), 0.3 * np.eye(2), cross, tol=1e-11)
+    every, some = np.eye(5), np.diag([1.0, 1.0, 0.0, 0.0, 0.0])
+    for matrix, Q, cross, within in ((A, every, N, 1e-10), (A, some, 0 * N, 1e-10), (fast, every, 0 * N, 1e-9)):
+        K, X, _ = control.lqr(matrix, B, Q, 0.3 * np.eye(2), cross)
+        found = periodic_riccati(PeriodicSystem(matrix, 0.8, B), Q, 0.3 * np.eye(2), cross, tol=1e-11)
         assert np.abs(found.X(t) - X).max() < within * np.abs(X).max()
         assert np.abs(found.K(t) - K).max() < within * np.abs(K).max()
 
 
-APART, OSCILLATOR = np.array([[0.5, 0.0], [0.3, -1000.0]]), np.array([[0.0, 1.0], [-1.0, -0.1]])
+OSCILLATOR = np.array([[0.0, 1.0], [-1.0, -0.1]])
 FORCED = np.array([[0.0], [1.0]])
-
-
-@pytest.mark.parametrize("share", thin([1e-9, 1e-11]))
-def test_a_mode_that_is_reached_needs_no_actuator(share):
-    """The input's share in the unstable mode is exact here: it is said, and that scales are what is in the way."""
-    with pytest.raises(NotStabilizable, match=f"too weakly to be computed with.*its share is {share:.0e}") as caught:
-        fl.periodic_lqr(PeriodicSystem(APART, 1.0, np.array([[share], [1.0]])), np.eye(2), np.eye(1))
-    assert "actuator" not in str(caught.value)
-
-
-@pytest.mark.parametrize("seed", thin(range(5)))
-def test_a_mode_that_is_not_reached_needs_one(seed):
-    mix = np.linalg.qr(np.random.default_rng(seed).normal(size=(2, 2)))[0]
-    with pytest.raises(NotStabilizable, match=r"cannot be reached by the input.*add an actuator"):
-        fl.periodic_lqr(PeriodicSystem(mix @ APART @ mix.T, 1.0, mix @ FORCED), np.eye(2), np.eye(1))
-
-
-@pytest.mark.parametrize(
-    ("share", "words"), thin([(0.0, "is not seen by the weight"), (1e-9, "the weight Q too weakly")])
-)
-def test_the_same_holds_for_what_the_weight_sees(share, words):
-    """Dually: a growing mode with a share in Q of a billionth, and with none."""
-    seen, system = np.array([[share, 1.0]]), PeriodicSystem(np.diag([0.5, -1000.0]), 1.0, np.ones((2, 1)))
-    with pytest.raises(NotDetectable, match=words):
-        fl.periodic_lqr(system, seen.T @ seen, np.eye(1))
 
 
 @pytest.mark.slow

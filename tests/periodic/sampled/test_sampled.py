@@ -1,4 +1,4 @@
-"""Sampled loops: the verdict against long simulations, and against what is known of constant plants."""
+"""Sampled loops beside long simulations and constant plants; digital designs beside python-control, the lifted problem, published ones."""
 
 import control
 import numpy as np
@@ -7,8 +7,9 @@ from scipy.linalg import block_diag, expm
 
 import flexlin as fl
 from flexlin.control import lifted_model, sampled_floquet
-from flexlin.errors import ArgumentError, NumericalError
-from tests.closed_arm import both
+from flexlin.errors import ArgumentError
+from flexlin.periodic.sampled_cost import SampledProblem, solve_samples
+from tests.periodic.dense import integrate
 
 T = np.pi
 LOOPS = 16
@@ -25,7 +26,7 @@ def matrices(t):
     return A, B
 
 
-SHAKEN = fl.PeriodicSystem(lambda t: matrices(t)[0], T, lambda t: matrices(t)[1])
+PLANT = fl.PeriodicSystem(lambda t: matrices(t)[0], T, lambda t: matrices(t)[1])
 
 
 def gains(t):
@@ -67,7 +68,7 @@ def test_verdicts_agree_with_long_simulations_around_the_limit():
     h = rng.uniform(0.15, 0.75, LOOPS)
     h[::10] = T / rng.integers(5, 12, len(h[::10]))
     simulated, blur = growth_by_simulation(h, part * h)
-    found = [sampled_floquet(SHAKEN, gains, step, share * step, 1e-6) for step, share in zip(h, part, strict=True)]
+    found = [sampled_floquet(PLANT, gains, step, share * step, 1e-6) for step, share in zip(h, part, strict=True)]
     rates, errors = np.array([(result.exponents[0].real, result.errors[0]) for result in found]).T
     verdicts = np.array([result.verdict for result in found])
     assert np.abs(rates - simulated).max() < 0.05
@@ -102,42 +103,180 @@ def test_a_constant_plant_has_the_eigenvalues_of_one_sample(memory, part):
             assert np.abs(found.multipliers[sound, None] - known**20).min(axis=1).max() < 1e-9
 
 
-@pytest.mark.slow
-def test_fast_sampling_tends_to_the_continuous_loop_and_corners_are_met():
-    """An arm whose coefficients have corners; the sampling instants do not fall on them."""
-    _, plant, closed = both("pick-and-place", {"links.0.modes": 0, "links.1.modes": 0})
-    slow = fl.floquet(closed.periodic_system()).exponents[0].real
-    system, gain = plant.periodic_system(), closed.law.gain
-    found = [sampled_floquet(system, gain, h, tol=1e-7).exponents[0].real for h in (0.008, 0.004)]
-    assert abs(found[1] - slow) < 0.6 * abs(found[0] - slow) < 0.5
-
-
 def test_the_lifted_model_is_the_sampled_plant():
     """Poles under the feedback of all samples, and the response to a random input, sample by sample."""
     N, part = 6, 0.3
-    lifted = lifted_model(SHAKEN, T / N, part * T / N)
+    lifted = lifted_model(PLANT, T / N, part * T / N)
     assert isinstance(lifted, control.StateSpace)
     assert lifted.state_labels == ["x1", "x2", "u1_held"]
     assert lifted.dt == pytest.approx(T)
     K = gains(T * np.arange(N) / N)
     feed = block_diag(*K)
     poles = np.linalg.eigvals(lifted.A - lifted.B @ np.linalg.solve(np.eye(N) + feed @ lifted.D, feed @ lifted.C))
-    found = sampled_floquet(SHAKEN, gains, T / N, part * T / N)
+    found = sampled_floquet(PLANT, gains, T / N, part * T / N)
     assert np.abs(poles).max() == pytest.approx(np.abs(found.multipliers).max(), rel=1e-9)
     with pytest.raises(ArgumentError, match="such as sample_time"):
-        lifted_model(SHAKEN, 0.5)
+        lifted_model(PLANT, 0.5)
 
 
-def test_what_does_not_fit_is_refused():
-    """As is a controller that grows beyond numbers."""
-    system = fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]])
-    for arguments, words in (
-        (([[1.0]], 0.1, 0.2), "delay"),
-        (([[1.0]], 0.1, -0.01), "delay"),
-        (([[1.0]], 0.0), "sample_time"),
-        (([[1.0, 2.0]], 0.1), "does not fit"),
-    ):
-        with pytest.raises(ArgumentError, match=words):
-            sampled_floquet(system, *arguments)
-    with pytest.raises(NumericalError, match="leaves the range of numbers"):
-        sampled_floquet(system, [[1.0, 1.0]], 1.0, rates=[[1.0, 1000.0]])
+SAMPLES = 5
+H = T / SAMPLES
+Q, R = np.diag([2.0, 0.5]), np.array([[0.3]])
+
+
+def weight(t):
+    return (1.5 + np.sin(2 * np.asarray(t)))[..., None, None] * Q
+
+
+def span(begin, end):
+    """Transition matrix and cost of [x; u] over a span, u held, by DOP853."""
+
+    def rate(t, y):
+        whole, W = np.zeros((2, 3, 3))
+        (whole[:2, :2], whole[:2, 2:]), W[:2, :2], W[2:, 2:] = matrices(t), weight(t), R
+        return np.array([whole @ y[0], y[0].T @ W @ y[0]])
+
+    return integrate(rate, [np.eye(3), np.zeros((3, 3))], [begin, end])[-1]
+
+
+def lifted_problem(delay):
+    """F, G and the cost of [z; u_0 ... u_(N-1)] over a period, z = [x; u_(-1)]."""
+    now = np.eye(3, 3 + SAMPLES)
+    cost = np.zeros((3 + SAMPLES, 3 + SAMPLES))
+    for k in range(SAMPLES):
+        for begin, end, late in ((k * H, k * H + delay, True), (k * H + delay, (k + 1) * H, False)):
+            if not late:
+                now[2] = np.eye(3 + SAMPLES)[3 + k]
+            if end > begin:
+                P, S = span(begin, end)
+                cost += now.T @ S @ now
+                now = P @ now
+    return now[:, :3], now[:, 3:], cost
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4 * H, H])
+def test_the_lifted_problem_has_the_same_cost_and_gain(delay):
+    F, G, S = lifted_problem(delay)
+    S = (S + S.T) / 2
+    made = fl.sampled_lqr(PLANT, weight, R, H, delay)
+    later = R[0, 0] * H * (delay == H)  # the last input costs in the next round only, of which dare needs a weight here
+    S[-1, -1] += later
+    S[2, 2] -= later
+    X, _, K = control.dare(F, G, S[:3, :3], S[3:, 3:], S[:3, 3:], np.eye(3))
+    X[2, 2] += later
+    r = made.X.shape[1]
+    np.testing.assert_allclose(made.X[0], X[:r, :r], rtol=0, atol=1e-8 * np.abs(X).max())
+    np.testing.assert_allclose(made.K[0, 0], K[0, :r], rtol=0, atol=1e-8 * np.abs(K).max())
+    assert made.error < 1e-9
+    assert made.floquet().verdict == "stable"
+
+
+def hold(A, W, h):
+    """Transition matrix P(h) and the integral of P' W P. Source: Van Loan (1978)."""
+    n = len(A)
+    block = expm(h * np.block([[-A.T, W], [np.zeros((n, n)), A]]))
+    S = block[n:, n:].T @ block[:n, n:]
+    return block[n:, n:], (S + S.T) / 2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_constant_plants_against_python_control(seed):
+    rng = np.random.default_rng(seed)
+    n, m, h = int(rng.integers(2, 6)), int(rng.integers(1, 3)), float(rng.uniform(0.05, 0.5))
+    A0, B0 = rng.standard_normal((n, n)), rng.standard_normal((n, m))
+    root = rng.standard_normal((n, n))
+    W, V = root @ root.T, np.diag(rng.uniform(0.1, 1, m))
+    system = fl.PeriodicSystem(A0, 4 * h, B=B0)
+    P, S = hold(np.block([[A0, B0], [np.zeros((m, n + m))]]), block_diag(W, V), h)
+    K, X, _ = control.dlqr(P[:n, :n], P[:n, n:], S[:n, :n], S[n:, n:], S[:n, n:])
+    made = fl.sampled_lqr(system, W, V, h)
+    np.testing.assert_allclose(made.K, np.broadcast_to(K, made.K.shape), rtol=0, atol=1e-10 * np.abs(K).max())
+    np.testing.assert_allclose(made.X, np.broadcast_to(X, made.X.shape), rtol=0, atol=1e-10 * np.abs(X).max())
+    back, noise = hold(A0.T, W, h)
+    L, covariance, _ = control.dlqe(back.T, np.eye(n), B0.T, noise, V)
+    estimator = fl.sampled_estimator(system, B0.T, W, V, h)
+    np.testing.assert_allclose(estimator.P[0], covariance, rtol=0, atol=1e-10 * np.abs(covariance).max())
+    assert min(np.abs(gain - L).max() for gain in (estimator.L[0], estimator.M[0])) < 1e-10 * np.abs(L).max()
+    np.testing.assert_allclose(estimator.L, back.T @ estimator.M, rtol=0, atol=1e-10 * np.abs(L).max())
+
+
+def test_the_covariance_of_a_varying_plant_repeats():
+    """One round of the filter's own recursion from P, with F and W_k by DOP853."""
+    C, V = np.array([[1.0, 0.0]]), np.array([[0.02]])
+    made = fl.sampled_estimator(PLANT, C, weight, V, H)
+    P = made.P[0]
+    for k in range(SAMPLES):
+        np.testing.assert_allclose(made.P[k], P, rtol=0, atol=1e-8 * np.abs(P).max())
+        P = P - P @ C.T @ np.linalg.solve(C @ P @ C.T + V, C @ P)
+
+        def rate(t, P):
+            Y = matrices(t)[0] @ P
+            return Y + Y.T + weight(t)
+
+        P = integrate(rate, P, [k * H, (k + 1) * H])[-1]
+    np.testing.assert_allclose(made.P[0], P, rtol=0, atol=1e-8 * np.abs(P).max())
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4 * H])
+def test_a_loop_with_an_estimator_has_the_multipliers_of_both(delay):
+    """The separation of the design's loop and the estimate's error."""
+    design = fl.sampled_lqr(PLANT, weight, R, H, delay)
+    estimator = fl.sampled_estimator(PLANT, [[1.0, 0.0]], weight, [[0.02]], H)
+    parts = np.concatenate([design.floquet().exponents.real, estimator.floquet().exponents.real])
+    known = np.sort(estimator.floquet(design).exponents.real)[::-1][:4]
+    np.testing.assert_allclose(known, np.sort(parts)[::-1][:4], rtol=1e-7)
+
+
+def test_samples_that_fill_several_periods_share_their_gains_by_phase():
+    made = fl.sampled_lqr(PLANT, Q, R, 2 * T / 5)
+    assert made.K.shape == (5, 1, 2)
+    at = np.mod(made.instants, T)
+    np.testing.assert_array_equal(made.gain(at), made.K)
+    assert made.floquet().verdict == "stable"
+
+
+HENCH = np.array(
+    [
+        [[-3, 2, 9], [0, 0, -4], [3, -2, 3]],
+        [[6, -3, 0], [4, -2, 2], [2, -1, 4]],
+        [[2, -3, -3], [4, -15, -3], [-2, 9, 1]],
+    ]
+)
+
+
+def hench_and_laub():
+    """Hench, Laub, IEEE Trans. Automat. Control 39 (1994) 1197, example 2."""
+    return HENCH, [[[1], [1], [0]], [[0], [1], [0]], [[0], [1], [1]]], [np.diag(row) for row in np.eye(3)], 1.0
+
+
+def pittelkaus_satellite():
+    """Pittelkau, J. Guidance Control Dynamics 16 (1993) 1078: roll and yaw by magnetic torque, 120 samples an orbit."""
+    w, count = 0.00103448, 120
+    wide = np.zeros((6, 6))  # [x; sin; cos]
+    wide[0, 2] = wide[1, 3] = 5.318064566757217e-02
+    wide[2, 0], wide[2, 3] = -1.352134256362805e-03, -7.099273035392090e-02
+    wide[3, 1], wide[3, 2] = -7.557182037479544e-04, 3.781555288420663e-02
+    wide[2, 4], wide[3, 5], wide[4, 5], wide[5, 4] = 0.1389735e-6, -0.3701336e-7, w, -w
+    step = expm(2 * np.pi / w / count * wide)
+    angle = 2 * np.pi * np.arange(count) / count
+    G = (np.stack([np.sin(angle), np.cos(angle)], axis=1) @ step[:4, 4:].T)[:, :, None]
+    return count * [step[:4, :4]], G, count * [np.diag([2.0, 1.0, 0.0, 0.0])], 1e-11
+
+
+@pytest.mark.parametrize("example", [hench_and_laub, pittelkaus_satellite])
+def test_published_problems_in_discrete_time(example):
+    """The one X that repeats under the recursion and leaves a stable loop is the solution."""
+    F, G, Q, r = (np.array(part, dtype=float) for part in example())
+    count, n = len(F), len(F[0])
+    none = np.zeros((count, n, 1))
+    X, K = solve_samples(SampledProblem(F, G, Q, none, np.full((count, 1, 1), r), none))
+    loop = np.eye(n)
+    for k in range(count):
+        after = X[(k + 1) % count]
+        gain = np.linalg.solve(r + G[k].T @ after @ G[k], G[k].T @ after @ F[k])
+        closed = F[k] - G[k] @ gain
+        known = Q[k] + closed.T @ after @ closed + r * gain.T @ gain
+        np.testing.assert_allclose(X[k], known, rtol=0, atol=1e-9 * np.abs(known).max())
+        np.testing.assert_allclose(K[k], gain, rtol=0, atol=1e-8 * np.abs(gain).max())
+        loop = closed @ loop
+    assert np.abs(np.linalg.eigvals(loop)).max() < 1

@@ -1,20 +1,16 @@
+"""Hill's matrix, and identities that exponents by every method must satisfy, on random periodic systems."""
+
 import numpy as np
 import pytest
 from scipy.special import mathieu_a
 
 import flexlin as fl
-from flexlin.periodic import hill_spectrum
+from flexlin.checks import memory_limit
+from flexlin.errors import TooManySegments
+from flexlin.periodic import METHODS, hill_spectrum
 from tests.periodic.judge import covers
-from tests.periodic.systems import colaneri, mathieu, meissner, oscillator
-
-
-def test_known_exponents():
-    result = fl.floquet(fl.PeriodicSystem(mathieu(1, 0.2), np.pi), method="hill")
-    np.testing.assert_allclose(result.exponents.real, [0.099536437275513447, -0.099536437275513447], atol=1e-13)
-    assert result.verdict == "unstable"
-    assert "harmonics" in result.status
-    far = fl.floquet(fl.PeriodicSystem(colaneri, 2 * np.pi), method="hill", tol=1e-6)
-    assert np.abs(far.exponents - [0, -24]).max() <= far.error < 1e-4
+from tests.periodic.systems import mathieu, meissner, oscillator, random_waves
+from tests.thinned import thin
 
 
 def test_copies_of_double_exponents_are_told_from_solutions():
@@ -68,3 +64,51 @@ def test_boundary_and_jumps_show_in_the_error():
     assert np.abs(boundary.exponents).max() <= boundary.error
     jump = fl.floquet(fl.PeriodicSystem(meissner, np.pi, breaks=(np.pi / 3,)), method="hill", order=32)
     assert abs(jump.exponents[0].real - 0.04137974466122074514) <= jump.error < 1e-5
+
+
+def random_system(seed, n):
+    """Two harmonics with entries of order one, T = 2 pi."""
+    return fl.PeriodicSystem(random_waves(np.random.default_rng(seed), n, n, 2, 1.0, 2 * np.pi)[0], 2 * np.pi)
+
+
+@pytest.mark.parametrize("seed", thin(range(15), 4))
+def test_identities(seed):
+    """A shift of A shifts every exponent, the adjoint system has the negative ones; another start and two periods change none."""
+    system = random_system(seed, 1 + seed % 5)
+    base, T = fl.floquet(system), system.period
+    related = {
+        "shift": (lambda t: system.A(t) - 0.7 * np.eye(system.n), T, base.exponents - 0.7),
+        "adjoint": (lambda t: -np.swapaxes(system.A(t), 1, 2), T, -base.exponents),
+        "another start": (lambda t: system.A(t + 1.234), T, base.exponents),
+        "two periods": (system.A, 2 * T, base.exponents),
+    }
+    for name, (A, period, expected) in related.items():
+        assert covers(fl.floquet(fl.PeriodicSystem(A, period)), expected, period, base.errors), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_all_methods_agree(seed):
+    system = random_system(seed, 1 + seed % 5)
+    base = fl.floquet(system)
+    for method in (*METHODS, "hill"):
+        other = fl.floquet(system, tol=1e-7, method=method)
+        assert covers(other, base.exponents, system.period, base.errors), method
+        assert other.error < 1e-6, method
+
+
+def test_the_memory_of_the_factors_is_bounded():
+    with memory_limit(1000 * 9), pytest.raises(TooManySegments, match="segments"):
+        fl.floquet(random_system(1, 3))
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("share", [0.97, 0.9])
+def test_a_few_segments_too_few_cost_accuracy_and_no_answer(seed, share):
+    system = random_system(seed, 4)
+    needed, best = fl.floquet(system).setting.segments, fl.floquet(system, tol=1e-11)
+    found = fl.floquet(system, max_segments=int(share * needed))
+    assert found.setting.method == "gauss"
+    assert found.setting.segments < needed
+    assert covers(found, best.exponents, system.period, best.errors)
+    assert found.error < 1e-7

@@ -1,5 +1,6 @@
-"""Riccati equations whose solutions are made up first or whose weights lie far apart, and the linear algebra of collocated Lyapunov
-equations."""
+"""Errors of Riccati and Lyapunov equations: of solutions that are made up first."""
+
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from flexlin.errors import NotStable
 from flexlin.periodic import periodic_riccati
 from flexlin.periodic.riccati.nodes import FourierNodes
 from studies import scaling
+from tests.periodic.dense import at
 from tests.periodic.systems import random_waves
 
 
@@ -20,54 +22,65 @@ def flip(M):
 
 
 def made_up(seed):
-    """X(t) > 0 is chosen with A, B, R in random units; Q(t) follows, and A is shifted until Q > 0: so X is the stabilising one."""
+    """X(t) > 0 is chosen with A, B, R, N in random units, of which the seed's bits say which vary and its rest by 3 whether B, N, R jump,
+    named or not; Q(t) follows, and A is shifted until Q > N R^-1 N': so X is the stabilising one."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 8))
     m, T = int(rng.integers(1, n + 1)), 10 ** rng.uniform(-2, 3)
-    harmonics, decay, units = int(rng.integers(1, 6)), rng.uniform(0.1, 0.5), 10 ** rng.uniform(-2, 2, n)
-    fast, R = 2 * np.pi / T * 10 ** rng.uniform(-1, 2.5), 10 ** rng.uniform(-2, 4)
-    (root, root_rate), (A0, _), (B0, _) = (random_waves(rng, n, k, harmonics, decay, T) for k in (n, n, m))
+    harmonics, decay, units = int(rng.integers(1, 6)), rng.uniform(0.1, 0.5), 10 ** rng.uniform(-2, 2, (n, 1))
+    fast = 2 * np.pi / T * 10 ** rng.uniform(-1, 0.5 if seed % 3 else 2.5)
+    effort = 10 ** rng.uniform(-1 if seed % 3 else -3, 4)
+    (root, root_rate), *others = (random_waves(rng, n, k, harmonics, decay, T) for k in (n, n, m, m))
+    A0, B0, N0 = (value for value, _ in others)
+    varies, place = (seed >> np.arange(4)) & 1, rng.uniform(0, T)
+
+    def step(t):
+        return (1.0 + (seed % 3 > 0) * (np.mod(t, T) >= place))[:, None, None]
 
     def X(t):
         L = 1.5 * np.eye(n) + 0.5 * root(t)
-        return (L @ flip(L) + 0.3 * np.eye(n)) / np.outer(units, units)
+        return (L @ flip(L) + 0.3 * np.eye(n)) / (units * units.T)
 
-    def B(t):
-        return np.sqrt(fast) * units[:, None] * B0(t)
-
-    def weight(t, shift):
-        rate = 0.5 * root_rate(t) @ flip(1.5 * np.eye(n) + 0.5 * root(t)) / np.outer(units, units)
-        pull = X(t) @ B(t)
-        half = 0.5 * pull @ flip(pull) / R - rate - X(t) @ A(t, shift)
+    def Q(t, shift):
+        rate = 0.5 * root_rate(t) @ flip(1.5 * np.eye(n) + 0.5 * root(t)) / (units * units.T)
+        pull = X(t) @ B(t) + N(t)
+        half = 0.5 * pull @ np.linalg.solve(R(t), flip(pull)) - rate - X(t) @ A(t, shift)
         return half + flip(half)
 
     def A(t, shift):
-        return fast * A0(t) * (units[:, None] / units) - shift * np.eye(n)
+        return fast * A0(varies[0] * t) * (units / units.T) - shift * np.eye(n)
+
+    def B(t):
+        return step(t) * np.sqrt(fast) * units * B0(varies[1] * t)
+
+    def R(t):
+        return step(t) * effort * np.exp(varies[2] * np.sin(2 * np.pi * t / T))[:, None, None] * np.eye(m)
+
+    def N(t):
+        return step(t) * 0.1 * np.sqrt(fast * effort) * N0(varies[3] * t) / units
 
     t = T * np.arange(2000) / 2000
-    inverse = np.linalg.inv(np.linalg.cholesky(X(t) * np.outer(units, units)))
-    least = np.linalg.eigvalsh(inverse @ (weight(t, 0.0) * np.outer(units, units)) @ flip(inverse)).min()
-    shift = -0.5 * least + fast * 10 ** rng.uniform(-4, 0)
-    return PeriodicSystem(lambda t: A(t, shift), T, B), lambda t: weight(t, shift), R * np.eye(m), X
+    inverse = np.linalg.inv(np.linalg.cholesky(X(t) * (units * units.T)))
+    left = (Q(t, 0.0) - N(t) @ np.linalg.solve(R(t), flip(N(t)))) * (units * units.T)
+    shift = -0.5 * np.linalg.eigvalsh(inverse @ left @ flip(inverse)).min() + fast * 10 ** rng.uniform(-4, 0)
+    given = (partial(A, shift=shift), B, partial(Q, shift=shift), R, N)
+    waves = (varies[0], *(seed % 3 + one for one in (varies[1], 1, *varies[2:])))
+    first, second, *weights = (part if waving else at(part, 0.0) for part, waving in zip(given, waves, strict=True))
+    return PeriodicSystem(first, T, second, (0.0, place) if seed % 3 == 1 else ()), weights, X
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 5, 8, 11, 14, 17, 21, 25])
+@pytest.mark.parametrize("seed", range(24))
 def test_errors_of_made_up_solutions_are_covered(seed):
-    system, Q, R, X = made_up(seed)
+    system, weights, X = made_up(seed)
     t = np.random.default_rng(seed).uniform(0, system.period, 400)
     for tol in (1e-4, 1e-7, 1e-9):
-        found = periodic_riccati(system, Q, R, tol=tol)
+        found = periodic_riccati(system, *weights, tol=tol)
         exact = X(t)
         gain = found.problem.gain(t, exact)
         assert np.abs(found.X(t) - exact).max() <= found.error * np.abs(exact).max()
         assert np.abs(found.K(t) - gain).max() <= found.gain_error * np.abs(gain).max()
         assert found.error <= tol
-
-
-def test_nothing_to_weigh_gives_zero():
-    system = PeriodicSystem(lambda t: -(2 + np.sin(t))[:, None, None] * np.eye(2), 2 * np.pi)
-    assert not periodic_lyapunov(system, np.zeros((2, 2))).X(np.array([0.3, 1.0])).any()
 
 
 @pytest.mark.parametrize("damping", [1e-1, 1e-6])
