@@ -4,6 +4,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.integrate import quad
 
 from flexlin import Linearization, linearize
 from flexlin.checks import Array
@@ -29,6 +30,13 @@ def clamped_mode(x: Array, d: int = 0) -> Array:
     sigma, z = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta)), beta * np.asarray(x)
     waves = np.cosh(z), np.sinh(z), np.cos(z + d * np.pi / 2), np.sin(z + d * np.pi / 2)
     return beta**d * (waves[d % 2] - sigma * waves[1 - d % 2] - waves[2] + sigma * waves[3])
+
+
+def clamped_constants() -> tuple[float, float, float]:
+    """k11 = beta^4, G = int (1 - x^2)/2 X'^2 and H = int (1 - x) X'^2 of this mode, by quadrature."""
+    shares = (lambda x: (1 - x * x) / 2, lambda x: 1 - x)
+    G, H = (quad(lambda x, f=f: f(x) * clamped_mode(x, 1) ** 2, 0, 1, epsabs=1e-13)[0] for f in shares)
+    return 1.8751040687119611**4, G, H
 
 
 def plain_scene(links: list[dict[str, Any]], motion: dict[str, Any], **more: Any) -> Scene:
