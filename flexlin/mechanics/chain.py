@@ -251,7 +251,7 @@ def _build_chain(
     bodies += [body for effect in effects for body in effect.bodies(bare)]
     if not rules:
         return replace(bare, bodies=tuple(bodies))
-    curves = [link.inertia() for link in links if isinstance(link, CurvedLink)]
+    curves = [form for link in links if isinstance(link, CurvedLink) for form in link.inertia()]
     split = [body.split() for body in bodies if body.is_rigid]
     turning = (*(body for body in bodies if not body.is_rigid), *(body for _, body in split))
     return replace(bare, bodies=turning, masses=(*curves, *(mass for mass, _ in split)))

@@ -39,7 +39,8 @@ class CurveRule:
     """What the curve needs of a link's shapes as numbers, at m places x/l.
 
     weight, load, section (m,): of integrals from 0 to 1 of a function, of it times the relative mass, times the relative second moment of
-    area; upto (m, m), drawn (17, m): of the integrals from 0 to each place, and to PLACES; slopes, turns: theta of the axis and of the
+    area; within (p, m / p, m / p): of the integrals to each place of a piece between breaks from where the piece begins; drawn (17, m): of
+    the integrals from 0 to PLACES; slopes, turns: theta of the axis and of the
     sections about x, y (there -theta) and z, bends: theta_z' of the sections, (m, n) each, for a unit of the coordinates; twists: what
     twist adds about x, y and z, int theta_y theta_z' dx, -int theta_x theta_z' dx, int theta_x theta_y' dx, at the places and the tip,
     for a unit of the products of coordinates, (m + 1, n n') each.
@@ -48,7 +49,7 @@ class CurveRule:
     weight: Array
     load: Array
     section: Array
-    upto: Array
+    within: Array
     drawn: Array
     slopes: tuple[Array, Array, Array]
     turns: tuple[Array, Array, Array]
@@ -77,7 +78,8 @@ def make_rule(y: Shapes, z: Shapes, twist: Shapes, mass: Profile | None, stiffne
     loads, far = (weight * mu(xi), weight * eps(xi)), upto(np.append(xi, 1.0))
     pairs = (turns[1], bends[2]), (turns[0], bends[2]), (turns[0], bends[1])
     twists = tuple(-far @ np.einsum("ma,mb->mab", a, b).reshape(len(xi), -1) for a, b in pairs)
-    return CurveRule(weight, *loads, far[:-1], upto(PLACES), slopes, turns, bends[2], twists)  # type: ignore[arg-type]
+    inside = [far[part, part] for part in (slice(k, k + order) for k in range(0, len(xi), order))]
+    return CurveRule(weight, *loads, np.array(inside), upto(PLACES), slopes, turns, bends[2], twists)  # type: ignore[arg-type]
 
 
 def integrate_slopes(shapes: Shapes, edges: Array, order: int) -> Array:
@@ -167,11 +169,19 @@ class CurvedLink(BentLink):
         """Points on the bent axis at PLACES in world axes, (3, 17), in m."""
         return self.places(self.rule.drawn)
 
-    def inertia(self) -> InertiaForm:
-        """The mass of the axis, r(x_j) = r_0 + l sum_k upto_jk e_k with the directions e_k."""
-        load, lever = ca.DM(np.diag(self.rule.load)), self.table.length * ca.DM(self.rule.upto)
-        reach = ca.horzcat(ca.SX.ones(len(self.rule.load)), lever)
-        return InertiaForm(ca.horzcat(self.base.position, self.directions), self.mass * (reach.T @ (load @ reach)))
+    def inertia(self) -> list[InertiaForm]:
+        """The mass of the axis piece by piece, r(x_j) = r_begin + l sum_k within_jk e_k with the directions e_k of the piece.
+
+        Pieces of the whole link would have m^2 numbers in the form of all its m places, which of finite elements are many.
+        """
+        forms, begin, order = [], self.base.position, self.rule.within.shape[1]
+        for k, within in enumerate(self.rule.within):
+            part = slice(k * order, (k + 1) * order)
+            directions, load = self.directions[:, part], ca.DM(np.diag(self.rule.load[part]))
+            reach = ca.horzcat(ca.SX.ones(order), self.table.length * ca.DM(within))
+            forms.append(InertiaForm(ca.horzcat(begin, directions), self.mass * (reach.T @ (load @ reach))))
+            begin = begin + directions @ (self.table.length * ca.DM(self.rule.weight[part]))
+        return forms
 
     def moments(self) -> Moments:
         """Its axis has a form of its own."""

@@ -170,3 +170,13 @@ def test_a_curve_costs_the_square_of_its_places(modes):
     effects = {"gravity": {}, "payload": {"mass": 0.1}, "geometric_stiffening": {}, "modal_damping": {"ratio": 0.01}}
     arm = fl.build_manipulator(scene_of({"modes": modes}, effects=effects))
     assert arm.functions["residual"].n_instructions() < CURVED[modes]
+
+
+def test_a_curve_of_many_elements_costs_as_many_places():
+    """Of 40 finite elements all pairs of places would be 64,000 instructions, and hundreds of MB with Coriolis terms."""
+    link = {"modes": 2, "mode_shapes": "finite-element"}
+    coarse, fine = (
+        arm_of({**link, "elements": count}, effects={"geometric_stiffening": {}}).functions["residual"].n_instructions()
+        for count in (20, 40)
+    )
+    assert fine < 2.1 * coarse < 20_000
