@@ -1,7 +1,5 @@
 """The nonlinear arm under a control law and its drive: torques and rates at one time after another, and why a run ended early."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from flexlin.checks import Array
@@ -16,9 +14,6 @@ from flexlin.simulation.drive import Drive
 from flexlin.simulation.friction import Friction
 from flexlin.simulation.mesh import Trail, find_rough_times, law_times
 from flexlin.simulation.result import LARGEST_DEVIATION
-
-if TYPE_CHECKING:
-    from flexlin.simulation.friction import Acceleration
 
 SINGULAR_SHARE = SLIGHT
 """The mass matrix of a state is called singular where its smallest eigenvalue has fallen to this share of that on the rigid motion."""
@@ -158,13 +153,6 @@ class ControlledArm:
     def controller(self) -> Controller | None:
         """What the law remembers."""
         return self._law.controller
-
-    @lazy
-    def equations(self) -> "Acceleration":
-        """The equations solved for the acceleration, at one time after another."""
-        from flexlin.simulation.friction import Acceleration
-
-        return Acceleration(self.lin, self.friction)
 
     @lazy
     def rough(self) -> Array:

@@ -196,19 +196,6 @@ def loop_slopes(about: Deviation) -> ca.Function:
     return about.function(angles, inputs, {**slopes, "B": B})
 
 
-def deviation_equations(about: Deviation) -> ca.Function:
-    """M (all rows, kept columns), B, the residual without y'', the rates s' and the power lost to damping.
-
-    They are functions of x = [y; y'] and the place on the motion, with s = s_R + y.
-    """
-    arm, n = about.arm, about.n
-    x, (*_, angles) = ca.SX.sym("x", 2 * n), about.symbols()
-    lost = ca.dot(arm.s_dot, arm.damping)
-    expressions = [arm.M[:, list(about.kept)], arm.B[:, list(about.driven)], arm.residual, arm.s_dot, lost]
-    values = about.lift(expressions, angles, x[:n], x[n:])
-    return about.function(angles, {"x": x}, dict(zip(("M", "B", "left", "rates", "lost"), values, strict=True)))
-
-
 @dataclass(frozen=True)
 class ControlledPlaces(Places):
     """As `Places`, in the coordinates [y; c] with c' = z.

@@ -12,7 +12,7 @@ from flexlin.periodic.sampled import hold_controller
 from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.equations import Places, from_coordinates, to_coordinates
 from flexlin.simulation.mesh import BREAK_DISTANCE, law_times
-from flexlin.simulation.modes import SAMPLED, Modes, find_holding
+from flexlin.simulation.modes import SAMPLED, Modes, find_held, find_holding
 from flexlin.simulation.stopping import stopped
 from flexlin.simulation.window import Grid, Path, Rule, between
 
@@ -161,7 +161,8 @@ class Events:
     def _rates(self, t: float, x: Array) -> Array:
         """The rates (p,) of the joints themselves, the motion's included."""
         assert self._friction is not None
-        return self._loop.equations.rates(t, x[: 2 * self._loop.n])[list(self._friction.places)]
+        y, v = np.split(x[None, : 2 * self._loop.n], 2, axis=1)
+        return self._about.positions(np.array([t]), y, v)[1][0, list(self._friction.places)]
 
     def _signals(self, grid: Grid, path: Path, at: Places) -> Signals:
         """The polynomials through the beginnings and the stages of the steps."""
@@ -261,8 +262,10 @@ class Events:
 
     def _holding(self, t: float, x: Array) -> Array:
         """The friction of the joints that stick."""
-        given = self.modes.given(np.array(t), self._asked(t, x))
-        return self._loop.equations.solve(t, x[: 2 * self._loop.n], given, self.modes.slip)[1]
+        assert self._friction is not None
+        slip, given = self.modes.slip, self.modes.given(np.array([t]), self._asked(t, x))
+        held = find_held(self._about, self._friction, np.array([t]), x[None, : 2 * self._loop.n], given, slip[None])
+        return held[0, slip == 0]
 
     def _settle(self, t: float, x: Array) -> Array:
         """Let joints break loose that friction cannot hold, the worst first, and stop those that stick exactly."""

@@ -1,23 +1,17 @@
-"""Joints that stick: Coulomb friction as the set that it is, and the acceleration of an arm some of whose joints it holds."""
+"""Joints that stick: Coulomb friction as the set that it is."""
 
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-import casadi as ca
 import numpy as np
-from scipy.linalg import lapack
 
-from flexlin import symbolic
 from flexlin.checks import Array
 from flexlin.control.sensors import encoder_rows
 from flexlin.errors import ArgumentError
-from flexlin.lazy import lazy
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.effects.base import per_joint
 from flexlin.mechanics.effects.coulomb_friction import CoulombFriction
-from flexlin.simulation.equations import deviation_equations
-from flexlin.simulation.stopping import stopped
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,15 +55,6 @@ class Friction:
         """The friction of one of the joints that slides at a rate, without its sign."""
         return self.table.sliding(self.links[which], rate)
 
-    def sliding(self, rates: Array) -> Array:
-        """The friction (p,) of sliding at these rates, without its sign."""
-        return np.array([float(self.level(which, rate)) for which, rate in enumerate(rates)])
-
-    def smooth(self, rates: Array) -> Array:
-        """The friction (p,) that the arm's equations hold."""
-        return self.sliding(rates) * np.tanh(rates / self.rate)
-
-
 def refuse(what: str) -> ArgumentError:
     """What to say of an arm whose joints cannot stick here."""
     return ArgumentError(
@@ -80,44 +65,3 @@ def refuse(what: str) -> ArgumentError:
     )
 
 
-class Acceleration:
-    """M y'' + J holding = B torque - (M s_R'' + C s' + g + d),   J' (s_R'' + y'') = 0 for the joints J that stick."""
-
-    def __init__(self, lin: Linearization, friction: Friction | None):
-        self.about, self.friction, self._kept, self._n = lin.about, friction, list(lin.kept), lin.n
-
-    @lazy
-    def _equations(self) -> ca.Function:
-        return deviation_equations(self.about)
-
-    def _evaluate(self, t: float, x: Array) -> list[Array]:
-        return symbolic.call_at(self._equations, x, *self.about.place_at(t))
-
-    def rates(self, t: float, x: Array) -> Array:
-        """The rates s' of all coordinates of the arm in a state [y; y'] (2n,)."""
-        return np.asarray(self._evaluate(t, x)[3][:, 0])
-
-    def solve(self, t: float, x: Array, torque: Array, slip: Array | None = None) -> tuple[Array, Array, float]:
-        """y'' (n,), the friction that holds the joints that stick, and the power into the arm, in a state x = [y; y'] (2n,).
-
-        Parameters: slip: (p,) of the joints that may stick, 0 where one does and else the sign of its rate; None: smooth friction.
-        Raises: SimulationStopped where the mass matrix is not positive definite.
-        """
-        M, B, left, rates, lost = self._evaluate(t, x)
-        kept, left, rates, friction = self._kept, left[:, 0], rates[:, 0], self.friction
-        if friction is not None and slip is not None:
-            moving = list(friction.places)
-            added = slip * friction.sliding(rates[moving]) - friction.smooth(rates[moving])
-            left[moving] += added
-            lost = lost + rates[moving] @ added
-        _, acceleration, failed = lapack.dposv(M[kept], (B @ torque - left)[kept])
-        if failed:
-            raise stopped(t, "the mass matrix is not positive definite there", x)
-        holding = np.zeros(0)
-        if friction is not None and slip is not None and not np.all(slip):
-            stuck = [row for row, mode in zip(friction.rows, slip, strict=True) if mode == 0]
-            led = self.about.positions(np.array([t]), *np.zeros((3, 1, self._n)))[2][0, kept][stuck]
-            reply = lapack.dposv(M[kept], np.eye(self._n)[:, stuck])[1]
-            holding = np.linalg.solve(reply[stuck], acceleration[stuck] + led)
-            acceleration = acceleration - reply @ holding
-        return acceleration, holding, float(rates @ (left + M @ acceleration) - lost[0, 0])

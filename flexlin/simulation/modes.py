@@ -161,6 +161,14 @@ def holding_function(about: Deviation, friction: Friction) -> ca.Function:
     return about.function(angles, inputs, {"holding": ca.vertcat(*smooth) - F[list(friction.rows)]})
 
 
+def find_held(about: Deviation, friction: Friction, t: Array, x: Array, torque: Array, slip: Array) -> Array:
+    """The friction (N, p) of joints that stick, in states x = [y; y'] (N, 2n) under a torque (N, m), with the slip (N, p) of all."""
+    y, v = (np.ascontiguousarray(part) for part in np.split(x, 2, axis=1))
+    none = np.zeros_like(y)
+    M, *_, F = symbolic.call(moded_functions(about, friction)[2], [y, v, none, torque, slip, *about.place(t)])
+    return find_holding(about, friction, t, (y, v, -np.linalg.solve(M, F)[:, :, 0]), torque)
+
+
 def find_holding(about: Deviation, friction: Friction, t: Array, parts: tuple[Array, ...], torque: Array) -> Array:
     """The friction (N, p) that joints need at times t (N,) in a motion y, y', y'' (N, n) under a torque (N, m)."""
     found = symbolic.call(holding_function(about, friction), [*parts, torque, *about.place(t)])[0]
