@@ -179,8 +179,11 @@ class Shooting:
         states[0] = start
         block = max(1, BLOCK_NODES // count)
         for first in range(0, w.steps, block):
+            last = min(first + block, w.steps)
+            moving = [states[first:last], *(one[first:last] for one in phases)]
+            ahead = np.array([one[0].size for one in moving] + [0] * len(same))
             self.model.step.march(
-                states[first : first + block + 1], [one[first : first + block] for one in phases], same
+                last - first, [*(one[0] for one in moving), *same], ahead, [states[first + 1]], ahead[:1]
             )
         return states
 

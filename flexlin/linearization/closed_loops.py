@@ -4,13 +4,13 @@ import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
-from flexlin.checks import SAMPLES, SUM_ROUNDING, Array
+from flexlin.checks import SAMPLES, Array
 from flexlin.errors import MotionError, SingularClosure
 from flexlin.linearization.deviation import Deviation
 from flexlin.motion import SymbolicMotion
 from flexlin.motion.base import MOTION_NODES
 from flexlin.precision import CUBE_ROOT_EPS
-from flexlin.series.tracking import CONTRACTION, NEWTON_STEPS, SHORTEST_STEP, Step, find_singular, track
+from flexlin.series.tracking import SHORTEST_STEP, Step, find_singular, track
 
 OTHER = "move the motion away from there, or give the links other lengths"
 NEARER = "give the links a posture from the middle of the motion"
@@ -30,8 +30,8 @@ def refuse_open_loops(about: Deviation) -> None:
     if not np.isfinite(asked[0]).all():
         raise refused(0.0, "the loops do not close at the start of the motion", NEARER)
     step, lost = newton_along(about), None
-    v = list(asked if leads_on(about, s, asked) else asked[:1])
-    for k in range(len(v), SAMPLES + 1):
+    v = [asked[0]]
+    for k in range(1, SAMPLES + 1):
         found, at = track(step, v[-1], t[k - 1], t[k], SHORTEST_STEP * about.motion.period)
         if found is None:
             refuse_singular(about, t[:k], v)
@@ -52,20 +52,6 @@ def evaluate_at(about: Deviation, name: str, s: Array, *v: Array) -> Array:
     """One of the arm's functions of s, and of the followers if given, (N, rows, columns)."""
     p = np.broadcast_to(about.arm.parameters.values, (len(s), len(about.arm.parameters.values)))
     return symbolic.evaluate(about.arm.functions[name], s, *v, p)[0]
-
-
-def leads_on(about: Deviation, s: Array, v: Array) -> bool:
-    """Whether Newton's method leads from the followers at each time straight to those at the next, at all times together."""
-    if not np.isfinite(v).all():
-        return False
-    found, last = v[:-1], np.inf
-    for _ in range(NEWTON_STEPS):
-        step = evaluate_at(about, "newton_step", s[1:], found)[:, :, 0]
-        size = float(np.abs(step).max())
-        if not size < max(last / CONTRACTION, SUM_ROUNDING):
-            return False
-        found, last = found - step, size
-    return bool(is_same(found, v[1:]).all())
 
 
 def is_same(v: Array, other: Array) -> Array:

@@ -55,6 +55,7 @@ class Friction:
         """The friction of one of the joints that slides at a rate, without its sign."""
         return self.table.sliding(self.links[which], rate)
 
+
 def refuse(what: str) -> ArgumentError:
     """What to say of an arm whose joints cannot stick here."""
     return ArgumentError(
@@ -63,5 +64,3 @@ def refuse(what: str) -> ArgumentError:
         expected="an open chain of clamped links, whose joints' rates are coordinates",
         todo="leave static out: the smooth friction acts everywhere",
     )
-
-

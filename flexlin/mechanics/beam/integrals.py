@@ -1,7 +1,7 @@
 """The integrals of the shapes that the energies of a link need, computed once, before any expression graph is built."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -97,11 +97,6 @@ class ShapeIntegrals:
     def n(self) -> int:
         """The number of modes."""
         return len(self.tip)
-
-    def without_modes(self) -> "ShapeIntegrals":
-        """The same line of mass with no shape."""
-        arrays = {name: value for name, value in vars(self).items() if np.ndim(value)}
-        return replace(self, **{name: value[(slice(0),) * value.ndim] for name, value in arrays.items()})
 
 
 def shape_integrals(
