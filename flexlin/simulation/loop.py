@@ -12,16 +12,10 @@ from flexlin.linearization.layers import Layers
 from flexlin.precision import SLIGHT
 from flexlin.simulation.collocation import LEAST_RUN_TOL, Collocation
 from flexlin.simulation.controlled_arm import ControlledArm, explain_end, find_indefinite
-from flexlin.simulation.equations import (
-    Equations,
-    NonlinearEquations,
-    from_coordinates,
-    to_coordinates,
-    with_controller,
-)
+from flexlin.simulation.equations import NonlinearEquations, from_coordinates, to_coordinates
 from flexlin.simulation.events import Events, Samples
 from flexlin.simulation.mesh import Trail, law_times, mark_times
-from flexlin.simulation.modes import ModedEquations, with_modes
+from flexlin.simulation.modes import ModedEquations
 from flexlin.simulation.result import PEAK_PARTS
 from flexlin.simulation.stopping import stopped
 from flexlin.simulation.window import Grid, Path, between
@@ -113,11 +107,11 @@ class NonlinearLoop(ControlledArm):
             raise (explain_end(self.lin, end) if end.reached is not None else end) from None
 
     @lazy
-    def _collocation(self) -> Equations:
-        return with_controller(self._equations_under(self._law.direct), self._law)
+    def _collocation(self) -> NonlinearEquations:
+        return self._equations_under(self._law)
 
     def _equations_under(self, law: Law) -> NonlinearEquations:
-        """The equations of the arm under a law without a controller."""
+        """The equations of the loop."""
         return NonlinearEquations(self.lin, law)
 
     def _collocated(
@@ -134,22 +128,20 @@ class NonlinearLoop(ControlledArm):
 
     def _switched(self, t: Array, start: Array, rtol: float, stages: int) -> Array:
         """From event to event and from sample to sample, in a mode at a time."""
-        law, n, k = self._law, self.n, self._law.memory
-        events = Events(self, law) if self.drive.sample_time is None else Samples(self, law)
-        arm = ModedEquations(self.lin, law.direct, events.modes, self.friction)
-        x = events.begin(float(t[0]), start)
+        law, n, sampled = self._law, self.n, self.drive.sample_time is not None
+        events = Samples(self, law) if sampled else Events(self, law)
+        arm = ModedEquations(self.lin, law.direct if sampled else law, events.modes, self.friction)
+        start = events.begin(float(t[0]), start)[: 2 * n + arm.k]
+        found, _ = self._integrate(arm, t, to_coordinates(start, n), rtol, stages, events)
+        x = from_coordinates(found[:, :-1], n, arm.k)
         if isinstance(events, Samples):
-            found, _ = self._integrate(arm, t, x[: 2 * n], rtol, stages, events)
-            x = np.column_stack([found[:, :-1], events.memory(t)])
-        else:
-            found, _ = self._integrate(with_modes(arm, law), t, to_coordinates(x, n), rtol, stages, events)
-            x = from_coordinates(found[:, :-1], n, k)
+            x = np.column_stack([x, events.memory(t)])
         self.events, self.given = tuple(events.notes), events.torques(t, law.torque(law_times(self.lin, t), x))
         return np.column_stack([x, found[:, -1]])
 
     def _integrate(
         self,
-        equations: Equations,
+        equations: NonlinearEquations,
         t: Array,
         start: Array,
         rtol: float,

@@ -11,14 +11,7 @@ from flexlin.checks import Array
 from flexlin.linearization.deviation import Deviation
 from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
-from flexlin.simulation.equations import (
-    ControlledEquations,
-    Equations,
-    Matrices,
-    NonlinearEquations,
-    Places,
-    loop_expressions,
-)
+from flexlin.simulation.equations import Matrices, NonlinearEquations, Places, loop_expressions
 from flexlin.simulation.friction import Friction
 from flexlin.simulation.mesh import law_times
 
@@ -70,66 +63,34 @@ class ModedEquations(NonlinearEquations):
         self.modes, self._friction = modes, friction
         self._residual, self._power, self._all = moded_functions(lin.about, friction)
 
-    def followed(self, t: Array) -> Places:
-        """What of the law is followed, without equations."""
-        law, modes, place, n = self.law, self.modes, self.lin.about.place(t), self.lin.n
-        if self._friction is not None:
-            place.insert(0, np.tile(modes.slip, (len(t), 1)))
-        if modes.held.all():
-            gain, offset = np.zeros((len(t), self.lin.about.m, 2 * n)), modes.given(t, modes.base)
-        else:
-            now = law_times(self.lin, t)
-            gain, offset = np.where(modes.held[:, None] == 0, law.gain(now), 0.0), modes.given(t, law.offset(now))
-        none = np.zeros((len(t), n))
-        return Places(t, place, gain, offset, (none, none, none), none)
-
     def places(self, t: Array) -> Places:
         """What of the law is followed, and the equations about y = 0."""
-        at = self.followed(t)
-        linear, F, _ = self.linearized(at, at.force, at.force, at.force)
-        return replace(at, linear=linear, force=-F)
+        law, modes, now, place = self.law, self.modes, law_times(self.lin, t), self.lin.about.place(t)
+        if self._friction is not None:
+            place.insert(0, np.tile(modes.slip, (len(t), 1)))
+        gain, offset = np.where(modes.held[:, None] == 0, law.gain(now), 0.0), modes.given(t, law.offset(now))
+        at, rest = self.follow(t, place, gain, offset), np.zeros((len(t), self.n + self.k))
+        linear, F = self.linearized(at, rest, rest, rest)
+        at.force[:, : self.n] = -F
+        return replace(at, linear=linear)
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices:
         """Exact derivatives, the gain's part included."""
         return self.linearized(at, y, v, w)[0]
 
-    def input_matrix(self, at: Places) -> Array:
-        """B at y = 0, without joints that stick."""
-        none = np.zeros((len(at.t), self.lin.n))
-        return self.linearized(at, none, none, none)[2]
-
-    def linearized(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Matrices, Array, Array]:
-        """dF/dy'', dF/dy', dF/dy with the gain's part, F and -dF/dtorque."""
-        n = self.lin.n
+    def linearized(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Matrices, Array]:
+        """dF/dy'', dF/dy', dF/dy with the gain's part, and F of the arm."""
         M, D, K, B, F = self.at_places(self._all, at, y, v, w)
-        added = B @ at.gain
-        return (M, D + added[:, :, n:], K + added[:, :, :n]), F[:, :, 0], B
-
-
-def with_modes(arm: ModedEquations, law: Law) -> Equations:
-    """The equations under a law in the present modes, with what its controller remembers."""
-    return arm if law.controller is None else ModedController(arm, law)
-
-
-class ModedController(ControlledEquations):
-    """A controller some of whose torques are not given.
-
-    z' = rates [[y; y'] - reference; z] + unwinding (asked - given)
-    """
+        return self.extended(at, M, D, K, B, at.gain), F[:, :, 0]
 
     def rates(self, t: Array) -> tuple[Array, Array]:
-        """What the states (2n + k) and the time alone put into z', (N, k, 2n + k) and (N, k)."""
-        rates, steer = super().rates(t)
-        arm, law = self._arm, self._law
-        assert isinstance(arm, ModedEquations)
-        modes, now, unwinding = arm.modes, law_times(arm.lin, t), self._controller.unwinding
-        offset, missing = law.offset(now), unwinding * (modes.held != 0)
-        return rates - missing @ law.gain(now), steer + (offset - modes.given(t, offset)) @ unwinding.T
-
-    def steering(self, t: Array) -> Array:
-        """The gain on z (N, m, k) of inputs that follow the law."""
-        assert isinstance(self._arm, ModedEquations)
-        return np.where(self._arm.modes.held[:, None] == 0, super().steering(t), 0.0)
+        """What the states and the time alone put into z': rates [[y; y'] - reference; z] + unwinding (asked - given)."""
+        (rates, steer), law, modes, now = super().rates(t), self.law, self.modes, law_times(self.lin, t)
+        if law.controller is None:
+            return rates, steer
+        unwinding, offset = law.controller.unwinding, law.offset(now)
+        missing = (unwinding * (modes.held != 0)) @ law.gain(now)
+        return rates - missing, steer + (offset - modes.given(t, offset)) @ unwinding.T
 
 
 @lru_cache(maxsize=8)
