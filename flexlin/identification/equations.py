@@ -204,10 +204,6 @@ class Logged:
         return ca.ldl(self.arm.M, False)
 
     @lazy
-    def accelerate(self) -> Compiled:
-        return compiled(self.given, [self.acceleration])
-
-    @lazy
     def acceleration_slopes(self) -> ca.SX:
         """Slopes of s'' and z'' by coordinates, rates and p, (n, 2n + n_p): M ds'' = -d(left) with s'' held."""
         (at, rate, acceleration), own = self.motion, self.arm.n

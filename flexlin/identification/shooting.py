@@ -197,7 +197,7 @@ class Shooting:
         u, du = (one[::2].reshape(nodes * count, -1) for one in self.windows.drive(self.delays(p)[0]))
         flat = states.reshape(nodes * count, 2 * n)
         given = [flat[:, :n], flat[:, n:], u, du, *self.around(p, nodes * count)]
-        a = self.model.accelerate(*given)[0][:, :, 0] if self.model.accelerated else np.zeros((nodes * count, n))
+        a = self.model.slopes(*given)[0][:, :, 0] if self.model.accelerated else np.zeros((nodes * count, n))
         return self.model.read(*given, a)[0].reshape(nodes, count, -1)
 
     def predict(self, states: Array, p: Array) -> Array:

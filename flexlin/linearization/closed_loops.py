@@ -3,7 +3,6 @@
 import casadi as ca
 import numpy as np
 
-from flexlin import symbolic
 from flexlin.checks import SAMPLES, Array
 from flexlin.errors import MotionError, SingularClosure
 from flexlin.linearization.deviation import Deviation
@@ -26,7 +25,7 @@ def refuse_open_loops(about: Deviation) -> None:
     """
     t = about.motion.period * np.arange(SAMPLES + 1) / SAMPLES
     s = rigid_positions(about, t)
-    asked = evaluate_at(about, "followers", s)[:, :, 0]
+    asked = about.at_positions("followers", t, s)[:, :, 0]
     if not np.isfinite(asked[0]).all():
         raise refused(0.0, "the loops do not close at the start of the motion", NEARER)
     step, lost = newton_along(about), None
@@ -48,12 +47,6 @@ def rigid_positions(about: Deviation, t: Array) -> Array:
     return about.positions(t, np.zeros((len(t), about.n)))[0]
 
 
-def evaluate_at(about: Deviation, name: str, s: Array, *v: Array) -> Array:
-    """One of the arm's functions of s, and of the followers if given, (N, rows, columns)."""
-    p = np.broadcast_to(about.arm.parameters.values, (len(s), len(about.arm.parameters.values)))
-    return symbolic.evaluate(about.arm.functions[name], s, *v, p)[0]
-
-
 def is_same(v: Array, other: Array) -> Array:
     """Whether followers agree, whole turns apart; those of another assembly differ by far more."""
     off = v - other
@@ -64,7 +57,7 @@ def refuse_singular(about: Deviation, t: Array, v: list[Array]) -> None:
     """Raise where V, its columns scaled to length 1, is singular at one of the times, or between them, while the followers are v."""
 
     def matrix(t: Array, v: Array) -> Array:
-        V = evaluate_at(about, "closing", rigid_positions(about, t), v)
+        V = about.at_positions("closing", t, rigid_positions(about, t), v)
         return np.asarray(V / np.maximum(np.linalg.norm(V, axis=1, keepdims=True), 1e-300))
 
     found = find_singular(t, np.array(v), newton_along(about), matrix, SHORTEST_STEP * about.motion.period)
@@ -104,12 +97,13 @@ def keeps_clear(about: Deviation) -> bool:
     looked at. The elastic coordinates are at rest.
     """
     T = about.motion.period
-    t, step = T * np.arange(MOTION_NODES) / MOTION_NODES, CUBE_ROOT_EPS * T
-    s = rigid_positions(about, np.concatenate([t - step, t + step]))
-    v = evaluate_at(about, "followers", s)[:, :, 0]
+    nodes, step = T * np.arange(MOTION_NODES) / MOTION_NODES, CUBE_ROOT_EPS * T
+    t = np.concatenate([nodes - step, nodes + step])
+    s = rigid_positions(about, t)
+    v = about.at_positions("followers", t, s)[:, :, 0]
     if not np.isfinite(v).all():  # a loop is open
         return False
-    before, after = np.split(evaluate_at(about, "closing", s, v), 2)
+    before, after = np.split(about.at_positions("closing", t, s, v), 2)
     try:
         rates = np.linalg.eigvals(np.linalg.solve(before + after, (after - before) / step))
     except np.linalg.LinAlgError:  # a dead point

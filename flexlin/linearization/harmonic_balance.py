@@ -12,6 +12,7 @@ from flexlin.lazy import lazy
 from flexlin.linearization.deviation import Deviation
 from flexlin.linearization.law import Controller, Law
 from flexlin.linearization.layers import LAYER_ARGUMENT, Layers
+from flexlin.mechanics.beam.integrals import panels
 from flexlin.periodic.coefficient_series.sampling import graded
 from flexlin.periodic.interpolation import (
     FourierSeries,
@@ -241,9 +242,7 @@ def miss_between(solver: Solver, layers: Layers, values: Array) -> float:
     n, N, k, T = solver.about.n, solver.points, solver.law.memory, solver.about.motion.period
     series = FourierSeries.through(values, T)
     edges = place_edges(T, find_passages(layers, FourierSeries.through(values[:, :n], T), N), PANELS)
-    nodes, weights = np.polynomial.legendre.leggauss(FINER_SAMPLES)
-    h = np.diff(edges)[:, None]
-    t, weights = (edges[:-1, None] + h * (nodes + 1) / 2).ravel(), (h * weights / 2).ravel()
+    t, weights = panels(edges, FINER_SAMPLES)
     left = solver.left(t, series)
     left[:, left.shape[1] - k :] += series(t, 1)[:, left.shape[1] - k :]
     onto = 2 * fourier_basis(t / T, N // 2).T @ (weights[:, None] * left) / T

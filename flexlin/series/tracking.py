@@ -87,16 +87,15 @@ def worth(V: Array) -> float:
 
 def find_turn(side: Callable[[float], float], a: float, b: float, width: float) -> float:
     """The time in (a, b], within `width`, from which on a sign is another one than at a."""
-    before, lower, upper = side(a), a, b
-    while upper - lower > width:
-        middle = (lower + upper) / 2
-        lower, upper = (lower, middle) if side(middle) != before else (middle, upper)
-    return upper
+    from scipy.optimize import bisect  # takes longer to load than most motions to look through
+
+    before = side(a)
+    return float(bisect(lambda at: 1.0 if side(at) == before else -1.0, a, b, xtol=width))
 
 
 def find_lowest(value: Callable[[float], float], a: float, b: float) -> tuple[float, float]:
     """Where between a and b a function is least, and its value there."""
-    from scipy.optimize import minimize_scalar  # takes longer to load than most motions to look through
+    from scipy.optimize import minimize_scalar
 
     found = minimize_scalar(value, bounds=(a, b), method="bounded", options={"xatol": SHORTEST_STEP * (b - a)})
     return float(found.x), float(found.fun)

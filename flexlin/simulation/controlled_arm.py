@@ -11,8 +11,8 @@ from flexlin.linearization.layers import Layers
 from flexlin.linearization.linearization import Linearization
 from flexlin.precision import SLIGHT
 from flexlin.simulation.drive import Drive
-from flexlin.simulation.friction import Friction
 from flexlin.simulation.mesh import Trail, find_rough_times, law_times
+from flexlin.simulation.modes import Friction
 from flexlin.simulation.result import LARGEST_DEVIATION
 
 SINGULAR_SHARE = SLIGHT

@@ -8,10 +8,10 @@ import numpy as np
 
 from flexlin import symbolic
 from flexlin.checks import Array
-from flexlin.lazy import lazy
 from flexlin.linearization.deviation import Deviation
 from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
+from flexlin.linearization.periodic_motion import slopes
 from flexlin.simulation.mesh import law_times
 from flexlin.simulation.window import Ready
 
@@ -136,10 +136,6 @@ class NonlinearEquations(LinearEquations):
         super().__init__(lin, law)
         self._residual, self._power = loop_functions(lin.about)
 
-    @lazy
-    def _slopes(self) -> ca.Function:
-        return loop_slopes(self.lin.about)
-
     def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
         """What is left of the equations of the arm, and of the controller's."""
         arm = self.of_arm(at, y, v, w)
@@ -162,7 +158,7 @@ class NonlinearEquations(LinearEquations):
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices:
         """Exact derivatives, the gain's part included."""
-        M, D, K, B = self.at_places(self._slopes, at, y, v, w)
+        M, D, K, B = self.at_places(slopes(self.lin.about), at, y, v, w)
         return self.extended(at, M, D, K, B, at.gain)
 
     def at_places(self, function: ca.Function, at: Places, y: Array, v: Array, w: Array) -> list[Array]:
@@ -202,14 +198,6 @@ def loop_functions(about: Deviation) -> tuple[ca.Function, ca.Function]:
     """F, and the power, as functions of y, y', y'', the torque and the place on the motion; kept for the next run."""
     inputs, angles, F, _, power = loop_expressions(about)
     return about.function(angles, inputs, {"F": F}), about.function(angles, inputs, {"power": power})
-
-
-@lru_cache(maxsize=8)
-def loop_slopes(about: Deviation) -> ca.Function:
-    """The Jacobians of F by y'', y' and y, and B; kept for the next run."""
-    inputs, angles, F, B, _ = loop_expressions(about)
-    slopes = {name: ca.jacobian(F, inputs[by]) for name, by in (("M", "y2"), ("D", "y1"), ("K", "y"))}
-    return about.function(angles, inputs, {**slopes, "B": B})
 
 
 def to_coordinates(x: Array, n: int) -> Array:

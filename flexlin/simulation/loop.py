@@ -6,7 +6,6 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
-from flexlin.lazy import lazy
 from flexlin.linearization.law import Law
 from flexlin.linearization.layers import Layers
 from flexlin.precision import SLIGHT
@@ -106,10 +105,6 @@ class NonlinearLoop(ControlledArm):
         except SimulationStopped as end:
             raise (explain_end(self.lin, end) if end.reached is not None else end) from None
 
-    @lazy
-    def _collocation(self) -> NonlinearEquations:
-        return self._equations_under(self._law)
-
     def _equations_under(self, law: Law) -> NonlinearEquations:
         """The equations of the loop."""
         return NonlinearEquations(self.lin, law)
@@ -120,7 +115,7 @@ class NonlinearLoop(ControlledArm):
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
         n, k = self.n, self._law.memory
         found, self.trail = self._integrate(
-            self._collocation, t, to_coordinates(start, n), rtol, stages, None, linear, trail
+            self._equations_under(self._law), t, to_coordinates(start, n), rtol, stages, None, linear, trail
         )
         states, work, beside = np.split(found, [2 * (n + k), 2 * (n + k) + 1], axis=1)
         z = np.column_stack([from_coordinates(states, n, k), work])

@@ -228,12 +228,8 @@ def couple_shapes(
     levers = first - xi * plain, second - xi * first
 
     def twisted(i: int) -> Twisted:
-        return Twisted(
-            tip=(phi * weight * (1 - xi)) @ curvature[i].T,
-            mass=(phi * weight * levers[0]) @ curvature[i].T,
-            moment=(phi * weight * levers[1]) @ curvature[i].T,
-            section=(phi * weight * eps(xi)) @ turn[i].T,
-        )
+        tip, mass, moment = ((phi * weight * lever) @ curvature[i].T for lever in (1 - xi, *levers))
+        return Twisted(tip, mass, moment, section=(phi * weight * eps(xi)) @ turn[i].T)
 
     def turned(weight: Array) -> tuple[Array, Array, Array]:
         pairs = ((turn[0], curvature[0], turn[1], curvature[1]), *((phi, slope, turn[i], curvature[i]) for i in (0, 1)))
