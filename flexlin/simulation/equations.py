@@ -68,10 +68,7 @@ class LinearEquations:
         """The coefficients and the law; a law lasts for a period, and after a one-way motion stays as it is at the end."""
         lin, law, own, now = self.lin, self.law, self._own, law_times(self.lin, t)
         c, gain, taken = lin.sample(t), law.gain(now), own.gain(now)
-        offset, other = (
-            self._forward(one, now, c.tau) + np.einsum("tij,tj->ti", K[:, :, : 2 * self.n], one.reference(now))
-            for one, K in ((law, gain), (own, taken))
-        )
+        offset, other = law.offset(now), own.offset(now)
         at = self.follow(t, lin.about.place(t), gain, offset)
         more = gain - np.pad(taken, ((0, 0), (0, 0), (0, self.k)))
         at.force[:, : self.n] = c.h + np.einsum("tij,tj->ti", c.B, offset - other)
@@ -105,11 +102,6 @@ class LinearEquations:
         wide[1, :, :n, :n] += D
         wide[2, :, :n, :n] += K
         return wide[0], wide[1], wide[2]
-
-    def _forward(self, law: Law, t: Array, tau: Array) -> Array:
-        """The law's forward part (N, m); that of the rigid motion is known already where the motion is periodic."""
-        known = self.lin.motion.periodic and law.forward == self.lin.feedforward
-        return tau if known else law.forward(t)
 
     def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
         """M w + D v + K y - h."""
