@@ -69,7 +69,8 @@ def balance(about: Deviation, closing: Closing, controller: Controller | None = 
     sizes = {"offset": m, "gain": m * (2 * n + k), "steer": k, "speed": 1}
     given = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     offset, gain, steer, speed = given.values()
-    there, *moved = at_speed(speed, angles, y, y_rate, y_acceleration)
+    q, rate, acceleration = ca.vertsplit(angles, arm.joints)
+    there, moved = ca.vertcat(q, speed * rate, speed**2 * acceleration), (y, speed * y_rate, speed**2 * y_acceleration)
     left, B = about.lift([arm.residual, arm.B[:, driven]], there, *moved)
     s, rigid = about.coordinates(there, y)[0], about.coordinates(there)[0]
     at = Unknowns(y, moved[1], torque, z, offset, ca.reshape(gain, m, 2 * n + k), s, rigid)
@@ -81,12 +82,6 @@ def balance(about: Deviation, closing: Closing, controller: Controller | None = 
     }
     named = {"y": y, "y1": y_rate, "y2": y_acceleration, "others": others, **given}
     return about.function(angles, named, outputs)
-
-
-def at_speed(speed: ca.SX, angles: ca.SX, y: ca.SX, y_rate: ca.SX, y_acceleration: ca.SX) -> list[ca.SX]:
-    """[q; q'; q''], y, y', y'' with all first derivatives times the speed, all second ones times its square."""
-    q, rate, acceleration = ca.vertsplit(angles, angles.size1() // 3)
-    return [ca.vertcat(q, speed * rate, speed**2 * acceleration), y, speed * y_rate, speed**2 * y_acceleration]
 
 
 @dataclass(frozen=True, eq=False)
