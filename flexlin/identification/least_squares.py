@@ -129,11 +129,7 @@ class Problem:
 
 
 def solve(
-    problem: Problem,
-    point: Point,
-    iterations: int = 30,
-    tol: float = 1e-6,
-    late: Callable[[], bool] = bool,
+    problem: Problem, point: Point, iterations: int = 30, tol: float = 1e-6, late: Callable[[], bool] = bool
 ) -> Point:
     """The least sum of squares that damped Gauss-Newton steps find from here until it is late; without shared numbers each window goes
     its own way."""

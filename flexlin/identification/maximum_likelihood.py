@@ -10,14 +10,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.identification.equations import Logged
-from flexlin.identification.least_squares import (
-    Evidence,
-    Point,
-    Problem,
-    leave_unknown,
-    solve,
-    weigh_evidence,
-)
+from flexlin.identification.least_squares import Evidence, Point, Problem, leave_unknown, solve, weigh_evidence
 from flexlin.identification.log import Log
 from flexlin.identification.prediction import (
     START_SECONDS,

@@ -230,11 +230,7 @@ class PeriodicMotion:
 
 @checked
 def periodic_motion(
-    lin: Linearization,
-    closing: Closing | None = None,
-    tol: float = 1e-8,
-    linear: bool = False,
-    law: Law | None = None,
+    lin: Linearization, closing: Closing | None = None, tol: float = 1e-8, linear: bool = False, law: Law | None = None
 ) -> PeriodicMotion:
     """Find the periodic motion of the elastic arm that a control law, or another closing condition, singles out.
 

@@ -123,12 +123,7 @@ def describe_driving(
         Coordinate("joint", symbol, unit, moved.index(i)) if i in moved else Coordinate("elastic", symbol, unit)
         for i, (symbol, unit) in enumerate(zip(symbols, stated, strict=True))
     )
-    return {
-        "B": B,
-        "reference": ca.DM.eye(n)[:, moved],
-        "drives": tuple(moved),
-        "coordinates": coordinates,
-    }
+    return {"B": B, "reference": ca.DM.eye(n)[:, moved], "drives": tuple(moved), "coordinates": coordinates}
 
 
 def check_coordinates(s: object, s_dot: object) -> None:

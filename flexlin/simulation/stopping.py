@@ -19,11 +19,7 @@ SHORTER = "simulate fewer periods, or ask for a larger tol"
 def stopped(t: float, why: str, reached: Array | None = None, todo: str = GENTLER) -> SimulationStopped:
     """What to say when the integrator cannot go on from an accepted state; `reached` (2n,) is that state."""
     return SimulationStopped(
-        f"the nonlinear simulation stopped at t = {t:.4g} s",
-        got=why,
-        todo=todo,
-        t=t,
-        reached=reached,
+        f"the nonlinear simulation stopped at t = {t:.4g} s", got=why, todo=todo, t=t, reached=reached
     )
 
 

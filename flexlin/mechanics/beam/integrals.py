@@ -100,9 +100,7 @@ class ShapeIntegrals:
 
 
 def shape_integrals(
-    shapes: Shapes,
-    mass_profile: Profile | None = None,
-    stiffness_profile: Profile | None = None,
+    shapes: Shapes, mass_profile: Profile | None = None, stiffness_profile: Profile | None = None
 ) -> ShapeIntegrals:
     """Integrate the shapes by Gauss-Legendre quadrature between their breaks.
 
