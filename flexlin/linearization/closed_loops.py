@@ -1,12 +1,10 @@
 """Closed loops along the rigid motion: whether they stay closed, never become singular, and keep clear of dead points."""
 
-import casadi as ca
 import numpy as np
 
 from flexlin.checks import SAMPLES, Array
 from flexlin.errors import MotionError, SingularClosure
 from flexlin.linearization.deviation import Deviation
-from flexlin.motion import SymbolicMotion
 from flexlin.motion.base import MOTION_NODES
 from flexlin.precision import CUBE_ROOT_EPS
 from flexlin.series.tracking import SHORTEST_STEP, Step, find_singular, track
@@ -28,7 +26,7 @@ def refuse_open_loops(about: Deviation) -> None:
     asked = about.at_positions("followers", t, s)[:, :, 0]
     if not np.isfinite(asked[0]).all():
         raise refused(0.0, "the loops do not close at the start of the motion", NEARER)
-    step, lost = newton_along(about), None
+    step = newton_along(about)
     v = [asked[0]]
     for k in range(1, SAMPLES + 1):
         found, at = track(step, v[-1], t[k - 1], t[k], SHORTEST_STEP * about.motion.period)
@@ -36,10 +34,10 @@ def refuse_open_loops(about: Deviation) -> None:
             refuse_singular(about, t[:k], v)
             raise singular(at, "lets the loops follow no further: they reach a dead point")
         v.append(found)
-        lost = t[k] if lost is None and not is_same(found, asked[k]).all() else lost
     refuse_singular(about, t, v)
-    if lost is not None:
-        raise refused(lost, "v(u) about the posture does not follow the whole motion", NEARER)
+    lost = t[~is_same(np.array(v), asked).all(axis=1)]
+    if len(lost):
+        raise refused(lost[0], "v(u) about the posture does not follow the whole motion", NEARER)
 
 
 def rigid_positions(about: Deviation, t: Array) -> Array:
@@ -109,12 +107,3 @@ def keeps_clear(about: Deviation) -> bool:
     except np.linalg.LinAlgError:  # a dead point
         return False
     return bool(np.abs(rates).max(initial=0.0) * T <= CLEAR_PARTS)
-
-
-def moves_followers(about: Deviation) -> bool:
-    """Whether free numbers of the arm move its followers at a given phase, or how V depends on them."""
-    loops, motion, p = about.arm.loops, about.motion, about.arm.parameters.symbols
-    if loops is None or not isinstance(motion, SymbolicMotion):
-        return True
-    symbols = (part for part in (p, motion.parameters.symbols) if part.numel())
-    return any(ca.depends_on(ca.vertcat(loops.gap, motion.angles), part) for part in symbols)

@@ -87,13 +87,16 @@ def describe_model(
     Raises: ModelError for parts of another shape or with other symbols, and for inputs that do not fit.
     """
     n, at_hand = s.numel(), parameters_at_hand(parameters)
-    inputs = place_inputs(n, B, joints)
+    inputs, known = place_inputs(n, B, joints), {one.name() for one in ca.symvar(ca.vertcat(s, s_dot, at_hand.symbols))}
     for name, (expression, rows, columns) in {**parts, "B": (inputs, n, None)}.items():
         got = ca.SX(expression).shape
         if got[0] != rows or columns not in (None, got[1]):
             expected = f"({rows}, {'any' if columns is None else columns})"
             raise ModelError(f"{name} has the wrong shape", got=got, expected=expected)
-        check_symbols(ca.vertcat(s, s_dot, at_hand.symbols), name, expression)
+        strange = [symbol.name() for symbol in ca.symvar(ca.SX(expression)) if symbol.name() not in known]
+        if strange:
+            what = f"{name} holds symbols that are neither coordinates, rates nor parameters"
+            raise ModelError(what, got=", ".join(strange))
     own = {"s": s, "s_dot": s_dot, "s_ddot": ca.SX.sym("s_ddot", n), "parameters": at_hand}
     return own | describe_driving(n, inputs, joints, names, units)
 
@@ -130,12 +133,3 @@ def check_coordinates(s: object, s_dot: object) -> None:
     """Raise ArgumentError unless coordinates and rates are CasADi SX symbols."""
     for name, symbols in (("s", s), ("s_dot", s_dot)):
         instance(name, symbols, ca.SX, "give CasADi SX symbols")
-
-
-def check_symbols(known: ca.SX, name: str, expression: ca.SX) -> None:
-    """Refuse an expression that holds other symbols than the known ones."""
-    names = {symbol.name() for symbol in ca.symvar(known)}
-    strange = [symbol.name() for symbol in ca.symvar(ca.SX(expression)) if symbol.name() not in names]
-    if strange:
-        what = f"{name} holds symbols that are neither coordinates, rates nor parameters"
-        raise ModelError(what, got=", ".join(strange))
