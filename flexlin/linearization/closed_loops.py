@@ -7,7 +7,7 @@ from flexlin.errors import MotionError, SingularClosure
 from flexlin.linearization.deviation import Deviation
 from flexlin.motion.base import MOTION_NODES
 from flexlin.precision import CUBE_ROOT_EPS
-from flexlin.series.tracking import SHORTEST_STEP, Step, find_singular, track
+from flexlin.series.tracking import SHORTEST_STEP, Step, find_singular, follow
 
 OTHER = "move the motion away from there, or give the links other lengths"
 NEARER = "give the links a posture from the middle of the motion"
@@ -26,16 +26,11 @@ def refuse_open_loops(about: Deviation) -> None:
     asked = about.at_positions("followers", t, s)[:, :, 0]
     if not np.isfinite(asked[0]).all():
         raise refused(0.0, "the loops do not close at the start of the motion", NEARER)
-    step = newton_along(about)
-    v = [asked[0]]
-    for k in range(1, SAMPLES + 1):
-        found, at = track(step, v[-1], t[k - 1], t[k], SHORTEST_STEP * about.motion.period)
-        if found is None:
-            refuse_singular(about, t[:k], v)
-            raise singular(at, "lets the loops follow no further: they reach a dead point")
-        v.append(found)
-    refuse_singular(about, t, v)
-    lost = t[~is_same(np.array(v), asked).all(axis=1)]
+    v, end = follow(newton_along(about), asked[0], t, SHORTEST_STEP * about.motion.period)
+    refuse_singular(about, t[: len(v)], v)
+    if end is not None:
+        raise singular(end, "lets the loops follow no further: they reach a dead point")
+    lost = t[~is_same(v, asked).all(axis=1)]
     if len(lost):
         raise refused(lost[0], "v(u) about the posture does not follow the whole motion", NEARER)
 
@@ -51,14 +46,14 @@ def is_same(v: Array, other: Array) -> Array:
     return np.asarray(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))) <= CUBE_ROOT_EPS * (1 + np.abs(v)))
 
 
-def refuse_singular(about: Deviation, t: Array, v: list[Array]) -> None:
+def refuse_singular(about: Deviation, t: Array, v: Array) -> None:
     """Raise where V, its columns scaled to length 1, is singular at one of the times, or between them, while the followers are v."""
 
     def matrix(t: Array, v: Array) -> Array:
         V = about.at_positions("closing", t, rigid_positions(about, t), v)
         return np.asarray(V / np.maximum(np.linalg.norm(V, axis=1, keepdims=True), 1e-300))
 
-    found = find_singular(t, np.array(v), newton_along(about), matrix, SHORTEST_STEP * about.motion.period)
+    found = find_singular(t, v, newton_along(about), matrix, SHORTEST_STEP * about.motion.period)
     if found is not None:
         at, least = found
         raise singular(at, f"has the reciprocal condition number {least:.1e}" if least else "passes through zero")

@@ -1,6 +1,7 @@
 """Solutions z(t) of F(z, t) = 0 followed in time by Newton's method, and where they turn or come near a singular place."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -46,6 +47,17 @@ def track(step: Step, z: Array, a: float, b: float, shortest: float) -> tuple[Ar
         else:
             width /= 2
     return z, at
+
+
+def follow(step: Step, z: Array, t: Array, shortest: float) -> tuple[Array, float | None]:
+    """The solutions at the first of times t (N,) from z on, as many as are reached, and the time at which they end where they do."""
+    found, at = [z], float(t[0])
+    for a, b in pairwise(t):
+        there, at = track(step, found[-1], a, b, shortest)
+        if there is None:
+            return np.array(found), at
+        found.append(there)
+    return np.array(found), None
 
 
 def find_singular(
