@@ -1,12 +1,13 @@
 """The arm's equations as a log needs them: s'' and readings of state, inputs and free numbers, and their slopes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from flexlin import symbolic
 from flexlin.checks import Array
 from flexlin.control.sensors import READINGS
 from flexlin.errors import ArgumentError
@@ -16,6 +17,8 @@ from flexlin.mechanics.chain import build_manipulator
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.program import Layout, Program
 from flexlin.scene.scene import LogColumn, LogInput, LogOutput, LogTable, Scene
+
+Compiled = Callable[..., list[Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,31 +115,10 @@ def name_kind(arm: Manipulator, name: str) -> tuple[str, str]:
     return "encoder", ""
 
 
-@dataclass(frozen=True, eq=False)
-class Compiled:
-    """Several expressions of the same columns, carried out at many points at once."""
-
-    layout: Layout
-    shapes: tuple[tuple[int, int], ...]
-
-    @classmethod
-    def of(cls, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> "Compiled":
-        dense = [ca.densify(one) for one in outputs]
-        layout = Program.read(ca.Function("f", list(inputs), dense)).lay_out()
-        return cls(layout, tuple(one.shape for one in dense))
-
-    def __call__(self, *inputs: Array) -> list[Array]:
-        """Each input (N, rows); each output (N, rows, columns)."""
-        points = len(inputs[0])
-        outputs = [np.empty((points, columns, rows)) for rows, columns in self.shapes]
-        self.layout([np.ascontiguousarray(one) for one in inputs], outputs)
-        return [one.transpose(0, 2, 1) for one in outputs]
-
-    def march(self, states: Array, driven: Sequence[Array], held: Sequence[Array]) -> None:
-        """Fill states[k + 1] (K + 1, N, rows) from states[k], driven[k] (K, N, rows) and what is held (N, rows)."""
-        moving = [states, *driven]
-        ahead = np.array([one[0].size for one in moving] + [0] * len(held))
-        self.layout.march(len(states) - 1, [*(one[0] for one in moving), *held], ahead, [states[1]], ahead[:1])
+def compiled(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> Compiled:
+    """Several expressions of the same columns, carried out at many points at once: inputs (N, rows), outputs (N, rows, columns)."""
+    function = ca.Function("f", list(inputs), [ca.densify(one) for one in outputs])
+    return lambda *given: symbolic.call(function, [np.ascontiguousarray(one) for one in given])
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,10 +204,6 @@ class Logged:
         return ca.ldl(self.arm.M, False)
 
     @lazy
-    def accelerate(self) -> Compiled:
-        return Compiled.of(self.given, [self.acceleration])
-
-    @lazy
     def acceleration_slopes(self) -> ca.SX:
         """Slopes of s'' and z'' by coordinates, rates and p, (n, 2n + n_p): M ds'' = -d(left) with s'' held."""
         (at, rate, acceleration), own = self.motion, self.arm.n
@@ -237,7 +215,7 @@ class Logged:
     @lazy
     def slopes(self) -> Compiled:
         """s'' and z'', (n, 1), and their slopes."""
-        return Compiled.of(self.given, [self.acceleration, self.acceleration_slopes])
+        return compiled(self.given, [self.acceleration, self.acceleration_slopes])
 
     @lazy
     def stages(self) -> tuple[list[ca.SX], ca.SX, ca.SX]:
@@ -260,16 +238,16 @@ class Logged:
         return [x, ca.vec(u), ca.vec(du), known, p, h], made, slopes
 
     @lazy
-    def step(self) -> Compiled:
+    def step(self) -> Layout:
         """x(t + h) of x(t) by the classical Runge-Kutta method."""
         columns, made, _ = self.stages
-        return Compiled.of(columns, [made])
+        return Program.read(ca.Function("step", columns, [ca.densify(made)])).lay_out()
 
     @lazy
     def step_slopes(self) -> Compiled:
         """The exact slopes of such a step."""
         columns, _, slopes = self.stages
-        return Compiled.of(columns, [slopes])
+        return compiled(columns, [slopes])
 
     @lazy
     def readings(self) -> ca.SX:
@@ -281,7 +259,7 @@ class Logged:
         """Of inputs (m, 1) and outputs (k, 1) at p, in s, and the slopes of the latter by p."""
         inputs, outputs = (ca.vertcat(*[one.delay for one in group]) for group in (self.inputs, self.outputs))
         p = self.arm.parameters.symbols
-        return Compiled.of([p], [inputs, outputs, ca.jacobian(outputs, p)])
+        return compiled([p], [inputs, outputs, ca.jacobian(outputs, p)])
 
     @lazy
     def accelerated(self) -> bool:
@@ -290,11 +268,11 @@ class Logged:
 
     @lazy
     def read(self) -> Compiled:
-        return Compiled.of([*self.given, self.motion[2]], [self.readings])
+        return compiled([*self.given, self.motion[2]], [self.readings])
 
     @lazy
     def reading_slopes(self) -> Compiled:
         """Slopes of the readings by state, (k, 2n), accelerations and p."""
         at, rate, acceleration = self.motion
         by = [ca.vertcat(at, rate), acceleration, self.arm.parameters.symbols]
-        return Compiled.of([*self.given, acceleration], [ca.jacobian(self.readings, one) for one in by])
+        return compiled([*self.given, acceleration], [ca.jacobian(self.readings, one) for one in by])

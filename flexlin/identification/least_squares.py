@@ -118,22 +118,9 @@ class Problem:
         R = np.asarray(np.linalg.qr(np.where(lost, 0.0, rows), mode="r"))
         return R[:, :, :-1], R[:, :, -1]
 
-    def carried_on(self, other: "Problem", point: Point) -> tuple["Problem", Point]:
-        """This problem, and a point of another one in it: simulated anew where equations or steps are not the same."""
-        own, its = self.shooting, other.shooting
-        if own.model is not its.model or own.windows.h != its.windows.h:
-            return self, self.at(point.start, point.p)
-        moved = replace(point, residual=point.residual * (other.sigma / self.sigma))
-        moved.jacobian = point.jacobian
-        return replace(other, sigma=self.sigma), moved
-
 
 def solve(
-    problem: Problem,
-    point: Point,
-    iterations: int = 30,
-    tol: float = 1e-6,
-    late: Callable[[], bool] = bool,
+    problem: Problem, point: Point, iterations: int = 30, tol: float = 1e-6, late: Callable[[], bool] = bool
 ) -> Point:
     """The least sum of squares that damped Gauss-Newton steps find from here until it is late; without shared numbers each window goes
     its own way."""

@@ -10,14 +10,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.identification.equations import Logged
-from flexlin.identification.least_squares import (
-    Evidence,
-    Point,
-    Problem,
-    leave_unknown,
-    solve,
-    weigh_evidence,
-)
+from flexlin.identification.least_squares import Evidence, Point, Problem, leave_unknown, solve, weigh_evidence
 from flexlin.identification.log import Log
 from flexlin.identification.prediction import (
     START_SECONDS,
@@ -386,7 +379,8 @@ def refine(search: Search, windows: Windows, values: Array) -> End:
         before, model = model, search.model(point.p)
         steps = STEPS if model is before else NEW_STEPS
         damping = min(point.damping, FREED_DAMPING)
-        problem, point = search.pose(model, windows, point.p, size).carried_on(problem, point)
+        problem = search.pose(model, windows, point.p, size)
+        point = problem.at(point.start, point.p)
         point.damping = damping
     return End(problem, point, evidence if settled else leave_unknown(problem, point, search.paths), settled)
 

@@ -187,14 +187,9 @@ def guess_starts(model: Logged, readings: Array, values: Array) -> Array:
         direct = [i for i in range(len(first)) if rows[i, j] != 0 and np.count_nonzero(rows[i, : arm.joints]) == 1]
         if direct:
             start[:, j] = (first[direct[0]] - zero[direct[0]]) / rows[direct[0], j]
-    return start @ spread_over_motors(arm.reference.full(), n)
-
-
-def spread_over_motors(reference: Array, n: int) -> Array:
-    """The map of states at rest that lets motors turn with their joints."""
-    made = np.zeros((2 * n, 2 * n))
-    made[: reference.shape[1], : len(reference)] = reference.T
-    return made
+    placed = np.zeros_like(start)
+    placed[:, : arm.n] = start[:, : arm.joints] @ arm.reference.full().T  # motors turn with their joints
+    return placed
 
 
 def percent(measured: Array, predicted: Array) -> float:

@@ -179,8 +179,11 @@ class Shooting:
         states[0] = start
         block = max(1, BLOCK_NODES // count)
         for first in range(0, w.steps, block):
+            last = min(first + block, w.steps)
+            moving = [states[first:last], *(one[first:last] for one in phases)]
+            ahead = np.array([one[0].size for one in moving] + [0] * len(same))
             self.model.step.march(
-                states[first : first + block + 1], [one[first : first + block] for one in phases], same
+                last - first, [*(one[0] for one in moving), *same], ahead, [states[first + 1]], ahead[:1]
             )
         return states
 
@@ -190,12 +193,15 @@ class Shooting:
 
     def nodes(self, states: Array, p: Array) -> Array:
         """Readings at all nodes without their delays, (K + 1, W, outputs)."""
-        n, (nodes, count, _) = self.model.n, states.shape
-        u, du = (one[::2].reshape(nodes * count, -1) for one in self.windows.drive(self.delays(p)[0]))
-        flat = states.reshape(nodes * count, 2 * n)
-        given = [flat[:, :n], flat[:, n:], u, du, *self.around(p, nodes * count)]
-        a = self.model.accelerate(*given)[0][:, :, 0] if self.model.accelerated else np.zeros((nodes * count, n))
-        return self.model.read(*given, a)[0].reshape(nodes, count, -1)
+        given = self.given(states, *self.windows.drive(self.delays(p)[0]), p)
+        a = self.model.slopes(*given)[0][:, :, 0] if self.model.accelerated else np.zeros_like(given[0])
+        return self.model.read(*given, a)[0].reshape(*states.shape[:2], -1)
+
+    def given(self, states: Array, u: Array, du: Array, p: Array) -> list[Array]:
+        """What the equations are functions of, at nodes one after the other; inputs at nodes and in their middles."""
+        inputs = (one[::2].reshape(states[..., 0].size, -1) for one in (u, du))
+        at, rate = np.split(states.reshape(-1, 2 * self.model.n), 2, axis=1)
+        return [at, rate, *inputs, *self.around(p, len(at))]
 
     def predict(self, states: Array, p: Array) -> Array:
         """The readings that the outputs should have at the samples' times, (W, N, outputs)."""
@@ -262,14 +268,8 @@ class Shooting:
 
     def seen(self, states: Array, u: Array, du: Array, p: Array, carried: Array) -> Array:
         """Slopes of the readings, from those of the states at some nodes."""
-        n, (nodes, count) = self.model.n, states.shape[:2]
-        flat, S = states.reshape(nodes * count, 2 * n), carried.reshape(nodes * count, *carried.shape[2:])
-        inputs = [one[::2].reshape(nodes * count, -1) for one in (u, du)]
-        given = [flat[:, :n], flat[:, n:], *inputs, *self.around(p, len(flat))]
-        if self.model.accelerated:
-            a, by = self.model.slopes(*given)
-        else:
-            a, by = np.zeros((len(flat), n, 1)), None
+        n, given, S = self.model.n, self.given(states, u, du, p), carried.reshape(-1, *carried.shape[2:])
+        a, by = self.model.slopes(*given) if self.model.accelerated else (np.zeros((*given[0].shape, 1)), None)
         by_x, by_a, by_p = self.model.reading_slopes(*given, a[:, :, 0])
         made = by_x @ S
         made[:, :, 2 * n :] += by_p
@@ -277,7 +277,7 @@ class Shooting:
             moved = by[:, :, : 2 * n] @ S
             moved[:, :, 2 * n :] += by[:, :, 2 * n :]
             made += by_a @ moved
-        return made.reshape(nodes, count, *made.shape[1:])
+        return made.reshape(*states.shape[:2], *made.shape[1:])
 
     def jacobian(self, states: Array, p: Array) -> Array:
         """Slopes of the predicted readings at the samples by start and p, (W, N, outputs, 2n + n_p); delays are moved by their slopes."""

@@ -1,16 +1,13 @@
 """Closed loops along the rigid motion: whether they stay closed, never become singular, and keep clear of dead points."""
 
-import casadi as ca
 import numpy as np
 
-from flexlin import symbolic
-from flexlin.checks import SAMPLES, SUM_ROUNDING, Array
+from flexlin.checks import SAMPLES, Array
 from flexlin.errors import MotionError, SingularClosure
 from flexlin.linearization.deviation import Deviation
-from flexlin.motion import SymbolicMotion
 from flexlin.motion.base import MOTION_NODES
 from flexlin.precision import CUBE_ROOT_EPS
-from flexlin.series.tracking import CONTRACTION, NEWTON_STEPS, SHORTEST_STEP, Step, find_singular, track
+from flexlin.series.tracking import SHORTEST_STEP, Step, find_singular, follow
 
 OTHER = "move the motion away from there, or give the links other lengths"
 NEARER = "give the links a posture from the middle of the motion"
@@ -26,46 +23,21 @@ def refuse_open_loops(about: Deviation) -> None:
     """
     t = about.motion.period * np.arange(SAMPLES + 1) / SAMPLES
     s = rigid_positions(about, t)
-    asked = evaluate_at(about, "followers", s)[:, :, 0]
+    asked = about.at_positions("followers", t, s)[:, :, 0]
     if not np.isfinite(asked[0]).all():
         raise refused(0.0, "the loops do not close at the start of the motion", NEARER)
-    step, lost = newton_along(about), None
-    v = list(asked if leads_on(about, s, asked) else asked[:1])
-    for k in range(len(v), SAMPLES + 1):
-        found, at = track(step, v[-1], t[k - 1], t[k], SHORTEST_STEP * about.motion.period)
-        if found is None:
-            refuse_singular(about, t[:k], v)
-            raise singular(at, "lets the loops follow no further: they reach a dead point")
-        v.append(found)
-        lost = t[k] if lost is None and not is_same(found, asked[k]).all() else lost
-    refuse_singular(about, t, v)
-    if lost is not None:
-        raise refused(lost, "v(u) about the posture does not follow the whole motion", NEARER)
+    v, end = follow(newton_along(about), asked[0], t, SHORTEST_STEP * about.motion.period)
+    refuse_singular(about, t[: len(v)], v)
+    if end is not None:
+        raise singular(end, "lets the loops follow no further: they reach a dead point")
+    lost = t[~is_same(v, asked).all(axis=1)]
+    if len(lost):
+        raise refused(lost[0], "v(u) about the posture does not follow the whole motion", NEARER)
 
 
 def rigid_positions(about: Deviation, t: Array) -> Array:
     """s (N, arm.n) on the rigid motion."""
     return about.positions(t, np.zeros((len(t), about.n)))[0]
-
-
-def evaluate_at(about: Deviation, name: str, s: Array, *v: Array) -> Array:
-    """One of the arm's functions of s, and of the followers if given, (N, rows, columns)."""
-    p = np.broadcast_to(about.arm.parameters.values, (len(s), len(about.arm.parameters.values)))
-    return symbolic.evaluate(about.arm.functions[name], s, *v, p)[0]
-
-
-def leads_on(about: Deviation, s: Array, v: Array) -> bool:
-    """Whether Newton's method leads from the followers at each time straight to those at the next, at all times together."""
-    if not np.isfinite(v).all():
-        return False
-    found, last = v[:-1], np.inf
-    for _ in range(NEWTON_STEPS):
-        step = evaluate_at(about, "newton_step", s[1:], found)[:, :, 0]
-        size = float(np.abs(step).max())
-        if not size < max(last / CONTRACTION, SUM_ROUNDING):
-            return False
-        found, last = found - step, size
-    return bool(is_same(found, v[1:]).all())
 
 
 def is_same(v: Array, other: Array) -> Array:
@@ -74,14 +46,14 @@ def is_same(v: Array, other: Array) -> Array:
     return np.asarray(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))) <= CUBE_ROOT_EPS * (1 + np.abs(v)))
 
 
-def refuse_singular(about: Deviation, t: Array, v: list[Array]) -> None:
+def refuse_singular(about: Deviation, t: Array, v: Array) -> None:
     """Raise where V, its columns scaled to length 1, is singular at one of the times, or between them, while the followers are v."""
 
     def matrix(t: Array, v: Array) -> Array:
-        V = evaluate_at(about, "closing", rigid_positions(about, t), v)
+        V = about.at_positions("closing", t, rigid_positions(about, t), v)
         return np.asarray(V / np.maximum(np.linalg.norm(V, axis=1, keepdims=True), 1e-300))
 
-    found = find_singular(t, np.array(v), newton_along(about), matrix, SHORTEST_STEP * about.motion.period)
+    found = find_singular(t, v, newton_along(about), matrix, SHORTEST_STEP * about.motion.period)
     if found is not None:
         at, least = found
         raise singular(at, f"has the reciprocal condition number {least:.1e}" if least else "passes through zero")
@@ -118,23 +90,15 @@ def keeps_clear(about: Deviation) -> bool:
     looked at. The elastic coordinates are at rest.
     """
     T = about.motion.period
-    t, step = T * np.arange(MOTION_NODES) / MOTION_NODES, CUBE_ROOT_EPS * T
-    s = rigid_positions(about, np.concatenate([t - step, t + step]))
-    v = evaluate_at(about, "followers", s)[:, :, 0]
+    nodes, step = T * np.arange(MOTION_NODES) / MOTION_NODES, CUBE_ROOT_EPS * T
+    t = np.concatenate([nodes - step, nodes + step])
+    s = rigid_positions(about, t)
+    v = about.at_positions("followers", t, s)[:, :, 0]
     if not np.isfinite(v).all():  # a loop is open
         return False
-    before, after = np.split(evaluate_at(about, "closing", s, v), 2)
+    before, after = np.split(about.at_positions("closing", t, s, v), 2)
     try:
         rates = np.linalg.eigvals(np.linalg.solve(before + after, (after - before) / step))
     except np.linalg.LinAlgError:  # a dead point
         return False
     return bool(np.abs(rates).max(initial=0.0) * T <= CLEAR_PARTS)
-
-
-def moves_followers(about: Deviation) -> bool:
-    """Whether free numbers of the arm move its followers at a given phase, or how V depends on them."""
-    loops, motion, p = about.arm.loops, about.motion, about.arm.parameters.symbols
-    if loops is None or not isinstance(motion, SymbolicMotion):
-        return True
-    symbols = (part for part in (p, motion.parameters.symbols) if part.numel())
-    return any(ca.depends_on(ca.vertcat(loops.gap, motion.angles), part) for part in symbols)

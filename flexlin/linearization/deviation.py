@@ -126,10 +126,6 @@ class Deviation:
         phase = [motion.phase_of(t)[:, None]] if by_phase or self.arm.phase is not None else []
         return [*angles, *phase, np.full((len(t), len(values)), values)]
 
-    def place_at(self, t: float) -> list[Array]:
-        """The same at one time, for functions that are called at one time after another."""
-        return [part[0] for part in self.place(np.array([t]))]
-
     def evaluate(self, function: ca.Function | symbolic.Part, t: Array, *inputs: Array) -> tuple[Array, ...]:
         """A function's outputs (N, rows, columns) at times (N,), in one mapped call."""
         return symbolic.evaluate(function, *inputs, *self.place(t))

@@ -293,15 +293,13 @@ def keep(
     """Check what is given and put it in place."""
     symbols, time = list_symbols(parameters), as_expression("t", t)
     names = tuple(one.name() for one in symbols)
-    if not symbols or len(set(names)) < len(names):
-        raise ArgumentError("parameters are symbols with a name each", got=str(parameters)[:80])
     if time.shape != (1, 1) or not time.is_symbolic() or time.name() in names:
         raise ArgumentError("t is no symbol of its own", got=str(t)[:80], expected='ca.SX.sym("t")')
     duration, times = as_expression("period", period), tuple(as_expression("breaks", one) for one in breaks)
     force = None if B is None else as_expression("B", B)
     size = matrices[0].size1()
-    for name, one, shape in [("period", duration, (1, 1)), *(("a break", one, (1, 1)) for one in times)]:
-        if one.shape != shape:
+    for name, one in [("period", duration), *(("a break", one) for one in times)]:
+        if one.shape != (1, 1):
             raise ArgumentError(f"{name} has the wrong shape", got=str(one.shape), expected="one number")
         refuse_strangers(name, one, names)
     if force is not None and force.size1() != size:
@@ -317,10 +315,11 @@ def keep(
 
 
 def list_symbols(parameters: ca.SX | Sequence[ca.SX]) -> list[ca.SX]:
-    """The parameters one by one. Raises: ArgumentError for what is no symbol."""
+    """The parameters one by one. Raises: ArgumentError for what is no symbol, none, and two of one name."""
     given = [parameters] if isinstance(parameters, ca.SX) else parameters
     found = [one for each in given for one in ca.vertsplit(ca.vec(as_expression("parameters", each))) if one.numel()]
-    if not all(one.is_symbolic() for one in found):
+    known = found and all(one.is_symbolic() for one in found)
+    if not known or len({one.name() for one in found}) < len(found):
         raise ArgumentError("parameters are symbols with a name each", got=str(parameters)[:80])
     return found
 

@@ -12,6 +12,7 @@ from flexlin.lazy import lazy
 from flexlin.linearization.deviation import Deviation
 from flexlin.linearization.law import Controller, Law
 from flexlin.linearization.layers import LAYER_ARGUMENT, Layers
+from flexlin.mechanics.beam.integrals import panels
 from flexlin.periodic.coefficient_series.sampling import graded
 from flexlin.periodic.interpolation import (
     FourierSeries,
@@ -68,7 +69,8 @@ def balance(about: Deviation, closing: Closing, controller: Controller | None = 
     sizes = {"offset": m, "gain": m * (2 * n + k), "steer": k, "speed": 1}
     given = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     offset, gain, steer, speed = given.values()
-    there, *moved = at_speed(speed, angles, y, y_rate, y_acceleration)
+    q, rate, acceleration = ca.vertsplit(angles, arm.joints)
+    there, moved = ca.vertcat(q, speed * rate, speed**2 * acceleration), (y, speed * y_rate, speed**2 * y_acceleration)
     left, B = about.lift([arm.residual, arm.B[:, driven]], there, *moved)
     s, rigid = about.coordinates(there, y)[0], about.coordinates(there)[0]
     at = Unknowns(y, moved[1], torque, z, offset, ca.reshape(gain, m, 2 * n + k), s, rigid)
@@ -80,12 +82,6 @@ def balance(about: Deviation, closing: Closing, controller: Controller | None = 
     }
     named = {"y": y, "y1": y_rate, "y2": y_acceleration, "others": others, **given}
     return about.function(angles, named, outputs)
-
-
-def at_speed(speed: ca.SX, angles: ca.SX, y: ca.SX, y_rate: ca.SX, y_acceleration: ca.SX) -> list[ca.SX]:
-    """[q; q'; q''], y, y', y'' with all first derivatives times the speed, all second ones times its square."""
-    q, rate, acceleration = ca.vertsplit(angles, angles.size1() // 3)
-    return [ca.vertcat(q, speed * rate, speed**2 * acceleration), y, speed * y_rate, speed**2 * y_acceleration]
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,9 +237,7 @@ def miss_between(solver: Solver, layers: Layers, values: Array) -> float:
     n, N, k, T = solver.about.n, solver.points, solver.law.memory, solver.about.motion.period
     series = FourierSeries.through(values, T)
     edges = place_edges(T, find_passages(layers, FourierSeries.through(values[:, :n], T), N), PANELS)
-    nodes, weights = np.polynomial.legendre.leggauss(FINER_SAMPLES)
-    h = np.diff(edges)[:, None]
-    t, weights = (edges[:-1, None] + h * (nodes + 1) / 2).ravel(), (h * weights / 2).ravel()
+    t, weights = panels(edges, FINER_SAMPLES)
     left = solver.left(t, series)
     left[:, left.shape[1] - k :] += series(t, 1)[:, left.shape[1] - k :]
     onto = 2 * fourier_basis(t / T, N // 2).T @ (weights[:, None] * left) / T

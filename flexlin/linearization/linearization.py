@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import SAMPLES, Array, at_times, times, whole
 from flexlin.errors import MotionError, counted
 from flexlin.lazy import lazy
-from flexlin.linearization.closed_loops import keeps_clear, moves_followers
+from flexlin.linearization.closed_loops import keeps_clear
 from flexlin.linearization.deviation import Deviation
 from flexlin.linearization.law import Controller, Feedback, Law, scene_law
 from flexlin.mechanics.coordinates import Coordinate
@@ -69,8 +69,6 @@ class Linearization(Shown):
         The scene's control, when its loop is closed.
     feedback : Feedback or None
         Its feedback, as a function of the free parameters.
-    clear : bool or None
-        Whether the closed loops of its links are known to keep clear of dead points; None where it is to be found.
 
     Examples
     --------
@@ -88,7 +86,6 @@ class Linearization(Shown):
     route: Route
     control: Control | None = None
     feedback: Feedback | None = None
-    clear: bool | None = None
 
     def __repr__(self) -> str:
         return f"Linearization({'; '.join(self._names())})"
@@ -309,11 +306,7 @@ class Linearization(Shown):
         known = self.arm.effects is not None and all(effect.smooth for effect in self.effects)
         if not known or not self.motion.complete:
             return False
-        return self.arm.near.loops is None or (not self.may_be_narrow and self._keeps_clear)
-
-    @lazy
-    def _keeps_clear(self) -> bool:
-        return keeps_clear(self.about.near) if self.clear is None else self.clear
+        return self.arm.near.loops is None or (not self.may_be_narrow and keeps_clear(self.about.near))
 
     def at_numbers(self, values: Array, period: float) -> "Linearization":
         """Return the same equations with other values of the arm's free numbers.
@@ -334,9 +327,8 @@ class Linearization(Shown):
         """
         about, motion = self.about, self.motion
         assert isinstance(motion, SymbolicMotion)
-        followed = self.arm.near.loops is not None and not moves_followers(about.near)
-        arm, clear = self.arm.at_numbers(values), self._keeps_clear if followed else None
-        moved = replace(self, about=replace(about, arm=arm, motion=motion.at_numbers(values, period)), clear=clear)
+        arm = self.arm.at_numbers(values)
+        moved = replace(self, about=replace(about, arm=arm, motion=motion.at_numbers(values, period)))
         vars(moved)["coefficients"] = self.coefficients
         return moved
 

@@ -1,7 +1,7 @@
 """Periodic motions of the elastic arm: which one is sought, what is handed back, and linearization about it."""
 
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 
 import casadi as ca
 import numpy as np
@@ -139,7 +139,7 @@ class PeriodicMotion:
         between the points, at least what that would move.
     status : str
         What to make of it.
-    controller : FourierSeries or None
+    controller : FourierSeries
         The states z (N, k) of the law's controller.
 
     Examples
@@ -160,7 +160,7 @@ class PeriodicMotion:
     torque: FourierSeries
     error: float
     status: str
-    controller: FourierSeries | None = None
+    controller: FourierSeries
 
     __repr__ = represent
 
@@ -225,19 +225,12 @@ class PeriodicMotion:
         array, shape (N, 2n + k) or (2n + k,)
             [y; y'; z].
         """
-        z = self.controller
-        if z is None:
-            return self.state(t)
-        return at_times(lambda t: np.concatenate([self.state(t), z(t)], axis=1), t)
+        return at_times(lambda t: np.concatenate([self.state(t), self.controller(t)], axis=1), t)
 
 
 @checked
 def periodic_motion(
-    lin: Linearization,
-    closing: Closing | None = None,
-    tol: float = 1e-8,
-    linear: bool = False,
-    law: Law | None = None,
+    lin: Linearization, closing: Closing | None = None, tol: float = 1e-8, linear: bool = False, law: Law | None = None
 ) -> PeriodicMotion:
     """Find the periodic motion of the elastic arm that a control law, or another closing condition, singles out.
 
@@ -429,8 +422,9 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
     return open_loop.feedback(law.gain)
 
 
+@lru_cache(maxsize=8)
 def slopes(about: Deviation) -> ca.Function:
-    """M, D, K, B about s = s_R + y, as functions of y, y', y'', torque and the place on the motion."""
+    """M, D, K, B about s = s_R + y, as functions of y, y', y'', torque and the place on the motion; kept for the next run."""
     arm, kept, driven = about.arm, list(about.kept), list(about.driven)
     *moved, angles = about.symbols()
     torque = ca.SX.sym("torque", about.m)

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike
 
 from flexlin import symbolic
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, SUM_ROUNDING, Array, at_times, positive
 from flexlin.errors import ArgumentError, MotionError
+from flexlin.mechanics.beam.integrals import panels
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
@@ -188,13 +188,11 @@ def differentiate(f: ca.Function, trajectory: Trajectory) -> ca.Function:
 def refuse_wrong_rates(along: Along) -> None:
     """Hold x*(t2) - x*(t1) against the integral of f between panel edges; MotionError where the mean rates differ."""
     trajectory, edges = along.trajectory, along.trajectory.edges
-    nodes, weights = leggauss(TRAJECTORY_NODES)
-    lengths = np.diff(edges)
-    t = (edges[:-1, None] + lengths[:, None] * (1 + nodes) / 2).ravel()
+    (t, weights), lengths = panels(edges, TRAJECTORY_NODES), np.diff(edges)[:, None]
     rates, A, *B = along.sample(t)
-    means = weights / 2 @ rates[:, :, 0].reshape(len(lengths), TRAJECTORY_NODES, -1)
+    gained = (weights[:, None] * rates[:, :, 0]).reshape(len(lengths), TRAJECTORY_NODES, -1).sum(axis=1)
     x = trajectory(edges)
-    missed = np.abs(np.diff(x, axis=0) / lengths[:, None] - means)
+    missed = np.abs(np.diff(x, axis=0) - gained) / lengths
     sizes = np.abs(x).max(axis=0) / trajectory.period + np.abs(rates).max(axis=0)[:, 0]
     sizes += np.einsum("tij,tj->ti", np.abs(A), np.abs(trajectory(t))).max(axis=0)
     rounding = SUM_ROUNDING * np.abs(A).sum(axis=2).max(axis=0)

@@ -16,10 +16,7 @@ __all__ = ["Effect", "Manipulator", "build_manipulator", "register_effect"]
 
 __getattr__ = load_lazily(
     __name__,
-    {
-        "mechanics.chain": "build_manipulator",
-        "mechanics.manipulator": "Manipulator",
-    },
+    {"mechanics.chain": "build_manipulator", "mechanics.manipulator": "Manipulator"},
     within={
         "mechanics.beam.integrals": "Profile shape_integrals",
         "mechanics.beam.ritz": "Ends bending_shapes",

@@ -1,6 +1,6 @@
 """M, C, g and damping from energies: Lagrange's equations, Christoffel's symbols, driven joints, and checks of given expressions."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -8,7 +8,7 @@ import casadi as ca
 from flexlin.arguments import instance
 from flexlin.errors import ModelError, counted
 from flexlin.kronecker.symbolic import derivative
-from flexlin.mechanics.coordinates import Coordinate
+from flexlin.mechanics.coordinates import Coordinate, Parameters, parameters_at_hand
 
 
 def derive_lagrange_equations(
@@ -72,6 +72,35 @@ def place_inputs(n: int, B: ca.SX | None, joints: Sequence[int] | None) -> ca.SX
     return ca.SX(ca.DM.eye(n)[:, moved]) if B is None else ca.SX(B)
 
 
+def describe_model(
+    s: ca.SX,
+    s_dot: ca.SX,
+    parts: Mapping[str, tuple[ca.SX, int, int | None]],
+    B: ca.SX | None,
+    joints: Sequence[int] | None,
+    names: Sequence[str] | None,
+    units: Sequence[str] | None,
+    parameters: Parameters | None = None,
+) -> dict[str, Any]:
+    """What every manipulator has, once its parts (expression, rows, columns) have been found to fit; columns None: any number.
+
+    Raises: ModelError for parts of another shape or with other symbols, and for inputs that do not fit.
+    """
+    n, at_hand = s.numel(), parameters_at_hand(parameters)
+    inputs, known = place_inputs(n, B, joints), {one.name() for one in ca.symvar(ca.vertcat(s, s_dot, at_hand.symbols))}
+    for name, (expression, rows, columns) in {**parts, "B": (inputs, n, None)}.items():
+        got = ca.SX(expression).shape
+        if got[0] != rows or columns not in (None, got[1]):
+            expected = f"({rows}, {'any' if columns is None else columns})"
+            raise ModelError(f"{name} has the wrong shape", got=got, expected=expected)
+        strange = [symbol.name() for symbol in ca.symvar(ca.SX(expression)) if symbol.name() not in known]
+        if strange:
+            what = f"{name} holds symbols that are neither coordinates, rates nor parameters"
+            raise ModelError(what, got=", ".join(strange))
+    own = {"s": s, "s_dot": s_dot, "s_ddot": ca.SX.sym("s_ddot", n), "parameters": at_hand}
+    return own | describe_driving(n, inputs, joints, names, units)
+
+
 def describe_driving(
     n: int, B: ca.SX, joints: Sequence[int] | None, names: Sequence[str] | None, units: Sequence[str] | None
 ) -> dict[str, Any]:
@@ -97,36 +126,10 @@ def describe_driving(
         Coordinate("joint", symbol, unit, moved.index(i)) if i in moved else Coordinate("elastic", symbol, unit)
         for i, (symbol, unit) in enumerate(zip(symbols, stated, strict=True))
     )
-    return {
-        "B": B,
-        "reference": ca.DM.eye(n)[:, moved],
-        "drives": tuple(moved),
-        "coordinates": coordinates,
-    }
+    return {"B": B, "reference": ca.DM.eye(n)[:, moved], "drives": tuple(moved), "coordinates": coordinates}
 
 
 def check_coordinates(s: object, s_dot: object) -> None:
     """Raise ArgumentError unless coordinates and rates are CasADi SX symbols."""
     for name, symbols in (("s", s), ("s_dot", s_dot)):
         instance(name, symbols, ca.SX, "give CasADi SX symbols")
-
-
-def check_shapes(rows: int, **expressions: tuple[ca.SX, int | None]) -> None:
-    """Refuse expressions (rows, columns) of another shape; columns None: any number."""
-    for name, (expression, columns) in expressions.items():
-        got = ca.SX(expression).shape
-        if got[0] != rows or columns not in (None, got[1]):
-            raise ModelError(
-                f"{name} has the wrong shape", got=got, expected=f"({rows}, {'any' if columns is None else columns})"
-            )
-
-
-def check_symbols(known: ca.SX, **expressions: ca.SX) -> None:
-    """Refuse expressions that hold other symbols than the known ones."""
-    names = {symbol.name() for symbol in ca.symvar(known)}
-    for name, expression in expressions.items():
-        strange = [symbol.name() for symbol in ca.symvar(ca.SX(expression)) if symbol.name() not in names]
-        if strange:
-            raise ModelError(
-                f"{name} holds symbols that are neither coordinates, rates nor parameters", got=", ".join(strange)
-            )

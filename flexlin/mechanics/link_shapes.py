@@ -24,15 +24,11 @@ def choose_basis(scene: Scene, index: int) -> LinkBasis:
     (the basis then is no longer exact, but remains a basis).
     """
     link = scene.links[index]
-    deflected = [direction for direction, modes in link.counts.by_direction().items() if modes]
-    shapes = {direction: make_shapes(scene, index, direction) for direction in deflected} or {"y": STRAIGHT}
-    found = {direction: integrate_basis(scene, index, part, direction) for direction, part in shapes.items()}
-    straight = next(iter(found.values())).without_modes()
-    y, z, torsion = (found.get(direction, straight) for direction in DIRECTIONS)
-    if len(deflected) < 2:
-        return LinkBasis(y, z, torsion)
-    bent_y, bent_z, twist = (shapes.get(direction, STRAIGHT) for direction in DIRECTIONS)
-    return LinkBasis(y, z, torsion, couple_shapes(bent_y, bent_z, twist, *make_profiles(link)))
+    shapes = [make_shapes(scene, index, one) if getattr(link.counts, one) else STRAIGHT for one in DIRECTIONS]
+    y, z, twist = (integrate_basis(scene, index, part, one) for part, one in zip(shapes, DIRECTIONS, strict=True))
+    if sum(part.n > 0 for part in shapes) < 2:
+        return LinkBasis(y, z, twist)
+    return LinkBasis(y, z, twist, couple_shapes(shapes[0], shapes[1], shapes[2], *make_profiles(link)))
 
 
 def choose_rule(scene: Scene, index: int) -> CurveRule:

@@ -32,10 +32,6 @@ class Basis:
     stiffness: Array
     axis: Array
 
-    def without_modes(self) -> "Basis":
-        """The same link where it does not deflect."""
-        return Basis(self.integrals.without_modes(), self.beta[:0], self.stiffness[:0], self.axis[:0])
-
 
 @dataclass(frozen=True, eq=False)
 class Deflection:

@@ -11,16 +11,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.lazy import lazy
-from flexlin.mechanics.coordinates import ClosedLoops, Coordinate, Parameters, parameters_at_hand
-from flexlin.mechanics.lagrange import (
-    check_coordinates,
-    check_shapes,
-    check_symbols,
-    derive_coriolis,
-    derive_lagrange_equations,
-    describe_driving,
-    place_inputs,
-)
+from flexlin.mechanics.coordinates import ClosedLoops, Coordinate, Parameters
+from flexlin.mechanics.lagrange import check_coordinates, derive_coriolis, derive_lagrange_equations, describe_model
 from flexlin.mechanics.validation import need_quadratic, validate
 from flexlin.plots.view import Series, Shown, View
 from flexlin.scene.effects import Effects
@@ -307,26 +299,11 @@ class Manipulator(Expressions, Shown):
         check_coordinates(s, s_dot)
         M, C, g = (as_expression(name, given) for name, given in (("M", M), ("C", C), ("g", g)))
         n = s.numel()
-        B = place_inputs(n, B, joints)
         damping = ca.SX.zeros(n) if damping is None else damping
-        s_ddot = ca.SX.sym("s_ddot", n)
-        check_shapes(n, M=(M, n), C=(C, n), g=(g, 1), damping=(damping, 1), B=(B, None))
-        parameters = parameters_at_hand()
-        known = ca.vertcat(s, s_dot, parameters.symbols)
-        check_symbols(known, M=M, C=C, g=g, damping=damping, B=B)
-        arm = cls(
-            s,
-            s_dot,
-            s_ddot,
-            residual=M @ s_ddot + C @ s_dot + g + damping,
-            M=ca.SX(M),
-            g=ca.SX(g),
-            damping=ca.SX(damping),
-            **describe_driving(n, B, joints, names, units),
-            parameters=parameters,
-            points=points,
-            coriolis=ca.SX(C),
-        )
+        parts = {"M": (M, n, n), "C": (C, n, n), "g": (g, n, 1), "damping": (damping, n, 1)}
+        known = describe_model(s, s_dot, parts, B, joints, names, units)
+        residual = M @ known["s_ddot"] + C @ s_dot + g + damping
+        arm = cls(**known, residual=residual, M=M, g=g, damping=ca.SX(damping), points=points, coriolis=C)
         validate(arm)
         return arm
 
@@ -405,27 +382,14 @@ class Manipulator(Expressions, Shown):
         check_coordinates(s, s_dot)
         T, V = as_expression("T", T), as_expression("V", V)
         n = s.numel()
-        B = place_inputs(n, B, joints)
         R = ca.SX(0) if dissipation is None else dissipation
         resisting = ca.SX.zeros(n) if resistance is None else resistance
-        parameters = parameters_at_hand(parameters)
-        check_shapes(1, T=(T, 1), V=(V, 1), dissipation=(R, 1))
-        check_shapes(n, B=(B, None), resistance=(resisting, 1))
-        known = ca.vertcat(s, s_dot, parameters.symbols)
-        check_symbols(known, T=T, V=V, dissipation=R, resistance=resisting, B=B)
-        s_ddot = ca.SX.sym("s_ddot", n)
-        arm = cls(
-            s,
-            s_dot,
-            s_ddot,
-            **derive_lagrange_equations(T, V, R, resisting, s, s_dot, s_ddot),
-            **describe_driving(n, B, joints, names, units),
-            parameters=parameters,
-            energy=T + V,
-            points=points,
-        )
+        parts = {"T": (T, 1, 1), "V": (V, 1, 1), "dissipation": (R, 1, 1), "resistance": (resisting, n, 1)}
+        known = describe_model(s, s_dot, parts, B, joints, names, units, parameters)
+        equations = derive_lagrange_equations(T, V, R, resisting, s, s_dot, known["s_ddot"])
+        arm = cls(**known, **equations, energy=T + V, points=points)
         if check:
-            need_quadratic(T, s, s_dot, parameters)
+            need_quadratic(T, s, s_dot, arm.parameters)
             validate(arm)
         return arm
 

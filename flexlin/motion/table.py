@@ -36,7 +36,7 @@ def read_table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, .
     """
     from scipy.interpolate import make_interp_spline
 
-    t, q = _read(Path(table.file), joints)
+    t, q = read_angles(Path(table.file), joints)
     period = float(t[-1] - t[0])
     drift = 2 * np.pi * count_turns(q[-1] - q[0]) / period
     residual = q - np.outer(t - t[0], drift)
@@ -69,25 +69,16 @@ def resolution(t: Array) -> tuple[int, tuple[tuple[float, float], ...]]:
     return int(np.ceil(period / (2 * spacing[~close].min(initial=period)))), features
 
 
-def _read(path: Path, joints: int) -> tuple[Array, Array]:
+def read_angles(path: Path, joints: int) -> tuple[Array, Array]:
     """Times (N,) and angles (N, joints) of a CSV file with or without a line of names."""
-    name, text = printable(path), read_commas(path)
-    if text.count("\n") > MOST_ROWS:
-        got, expected = f"{text.count(chr(10))} rows", f"at most {MOST_ROWS}"
-        raise MotionError(
-            f"motion.file: the table {name} is too long", got=got, expected=expected, todo="take fewer samples"
-        )
-    rows = []
-    for number, line in enumerate((line for line in text.splitlines() if line.strip()), start=1):
-        cells = line.split(",")
-        if number == 1 and not any(map(is_number, cells)):
-            continue  # a line of names
-        try:
-            rows.append([read_number(cell) for cell in cells])
-        except ValueError:
-            raise MotionError(
-                f"motion.file: {name}, row {number} is not numeric", got="a cell that is none", expected=IN_RANGE
-            ) from None  # what stands there is not repeated: the file may be none of ours
+    name, (names, rows) = printable(path), read_rows(path)
+    if len(rows) > MOST_ROWS:
+        what, got, expected = f"motion.file: the table {name} is too long", f"{len(rows)} rows", f"at most {MOST_ROWS}"
+        raise MotionError(what, got=got, expected=expected, todo="take fewer samples")
+    lost = [number for number, row in enumerate(rows, start=2 if names else 1) if np.isnan(row).any()]
+    if lost:  # what stands there is not repeated: the file may be none of ours
+        what = f"motion.file: {name}, row {lost[0]} is not numeric"
+        raise MotionError(what, got="a cell that is none", expected=IN_RANGE)
     widths = {len(row) for row in rows}
     if len(rows) < FEWEST_ROWS or widths != {joints + 1}:
         raise MotionError(
@@ -97,14 +88,16 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
         )
     data = np.array(rows)
     if not np.all(np.diff(data[:, 0]) > 0):
-        raise MotionError(
-            f"motion.file: the times in {name} do not increase", got=f"row {int(np.argmin(np.diff(data[:, 0]))) + 2}"
-        )
+        got = f"row {int(np.argmin(np.diff(data[:, 0]))) + 2}"
+        raise MotionError(f"motion.file: the times in {name} do not increase", got=got)
     return data[:, 0], data[:, 1:]
 
 
-def read_commas(path: Path) -> str:
-    """The text of a table whose cells are separated by commas. Raises: MotionError where it is none."""
+def read_rows(path: Path) -> tuple[list[str], list[list[float]]]:
+    """The names of a table's columns, none where it begins with numbers, and its rows; not a number where a cell is none within bounds.
+
+    Raises: MotionError for what is no text, or separates its cells by other signs than commas.
+    """
     name = printable(path)
     try:
         text = read_text(path, LARGEST_TABLE)
@@ -114,20 +107,21 @@ def read_commas(path: Path) -> str:
             got="no text in UTF-8" if isinstance(error, UnicodeError) else printable(error),
             expected="a CSV file",
         ) from None
-    first = text.partition("\n")[0]
-    if "," not in first and (";" in first or "\t" in first):
-        got = "semicolons" if ";" in first else "tabs"
+    lines = [line.split(",") for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if lines and len(lines[0]) == 1 and (";" in lines[0][0] or "\t" in lines[0][0]):
+        got = "semicolons" if ";" in lines[0][0] else "tabs"
         raise MotionError(f"motion.file: {name} does not separate its columns by commas", got=got, expected="a,b,c")
-    return text
+    rows = [[as_number(cell) for cell in line] for line in lines]
+    named = bool(rows) and bool(np.isnan(rows[0]).all())
+    return [cell.strip() for cell in lines[0]] if named else [], rows[named:]
 
 
-def is_number(cell: str) -> bool:
-    """Whether a cell of a table can be read as a number within bounds."""
+def as_number(cell: str) -> float:
+    """A cell of a table as a number within bounds; not a number where it is none."""
     try:
-        read_number(cell)
+        return read_number(cell)
     except ValueError:
-        return False
-    return True
+        return np.nan
 
 
 def check_closure(residual: Array, file: str) -> None:
@@ -256,21 +250,16 @@ def find_period(t: Array, q: Array) -> float:
 
 def read_columns(path: Path, table: LogMotion, joints: int) -> tuple[Array, Array, int]:
     """Times and joint angles by the names of their columns, and how many rows were left out."""
-    import io
-
-    name = printable(path)
+    name, (names, rows) = printable(path), read_rows(path)
     if len(table.columns) != joints:
         raise MotionError("motion.columns: one name a joint", got=len(table.columns), expected=str(joints))
-    text = read_commas(path)
-    try:
-        data = np.genfromtxt(io.StringIO(text), delimiter=",", names=True, deletechars="")
-    except ValueError as error:
-        raise MotionError(f"motion.file: the log {name} cannot be read", got=printable(error)[:120]) from None
-    missing = [column for column in (table.time, *table.columns) if column not in (data.dtype.names or ())]
+    missing = [column for column in (table.time, *table.columns) if column not in names]
     if missing:
-        raise MotionError(
-            f"motion: the log {name} lacks columns", got=", ".join(data.dtype.names or ()), expected=", ".join(missing)
-        )
+        raise MotionError(f"motion: the log {name} lacks columns", got=", ".join(names), expected=", ".join(missing))
+    widths = {len(row) for row in rows} | {len(names)}
+    if len(widths) > 1:
+        raise MotionError(f"motion.file: the log {name} cannot be read", got=f"rows of {sorted(widths)} columns")
+    data = dict(zip(names, np.array(rows).reshape(-1, len(names)).T, strict=True))
     t, q = data[table.time], np.stack([data[column] for column in table.columns], axis=1)
     known = np.isfinite(t) & np.isfinite(q).all(axis=1)
     if (~known).mean() > MINOR:  # a gap is left out, a log that is mostly gaps is none

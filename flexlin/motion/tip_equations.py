@@ -198,13 +198,12 @@ def make_tip_equations(arm: Manipulator, path: PosePath, follow: Sequence[str], 
             expected=f"at most {arm.joints}, one for each driven joint",
             todo="name fewer components in follow, or leave rpy out",
         )
-    if c.numel() == y.numel():
-        return TipEquations(y, path.phase, ca.densify(c), ca.densify(c), flip, arm.joints, tips)
-    multipliers = ca.SX.sym("l", c.numel())
-    drawn = ca.vertcat(q - ca.DM(posture), ca.SX(v.numel(), 1)) - ca.jtimes(c, y, multipliers, True)
-    return TipEquations(
-        ca.vertcat(y, multipliers), path.phase, ca.densify(ca.vertcat(drawn, c)), ca.densify(c), flip, arm.joints, tips
-    )
+    z, F = y, c
+    if c.numel() < y.numel():
+        multipliers = ca.SX.sym("l", c.numel())
+        drawn = ca.vertcat(q - ca.DM(posture), ca.SX(v.numel(), 1)) - ca.jtimes(c, y, multipliers, True)
+        z, F = ca.vertcat(y, multipliers), ca.vertcat(drawn, c)
+    return TipEquations(z, path.phase, ca.densify(F), ca.densify(c), flip, arm.joints, tips)
 
 
 def choose_components(follow: Sequence[str], place: ca.SX, path: PosePath) -> list[str]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -21,7 +20,7 @@ from flexlin.motion.tip_equations import (
 from flexlin.periodic.circle import count_turns
 from flexlin.precision import FAINT, ROOT_EPS
 from flexlin.scene.motion import Circle, TipJoint, TipPath
-from flexlin.series.tracking import SHORTEST_STEP, find_singular, newton_from, track
+from flexlin.series.tracking import SHORTEST_STEP, find_singular, follow, newton_from, track
 
 POSTURE_TRIES = 24
 """Postures beside the given one from which the path's beginning is sought."""
@@ -132,15 +131,12 @@ def follow_path(equations: TipEquations, begun: Array, period: float) -> tuple[A
 
     Raises: MotionError with the time where the path leaves the reach, or is singular, or the joints do not come back.
     """
-    phases, z = np.arange(MOTION_NODES + 1) / MOTION_NODES, [begun]
-    for a, b in pairwise(phases):
-        found, at = track(equations.newton_step, z[-1], a, b, SHORTEST_STEP)
-        if found is None:
-            refuse_singular(equations, phases[: len(z)], z, period)
-            refuse_unreachable(equations, z[-1], period, at)
-            raise singular(at * period, "leads no further")
-        z.append(found)
-    refuse_singular(equations, phases, z, period)
+    phases = np.arange(MOTION_NODES + 1) / MOTION_NODES
+    z, end = follow(equations.newton_step, begun, phases, SHORTEST_STEP)
+    refuse_singular(equations, phases[: len(z)], z, period)
+    if end is not None:
+        refuse_unreachable(equations, z[-1], period, end)
+        raise singular(end * period, "leads no further")
     gap = z[-1][: equations.joints] - z[0][: equations.joints]
     turns = 2 * np.pi * count_turns(gap) if not equations.redundant else np.zeros(len(gap))
     worst = int(np.abs(gap - turns).argmax())
@@ -151,18 +147,17 @@ def follow_path(equations: TipEquations, begun: Array, period: float) -> tuple[A
             expected="a motion that closes",
             todo="keep the path away from singular places, or choose another posture",
         )
-    return phases, np.array(z)
+    return phases, z
 
 
-def refuse_singular(equations: TipEquations, phases: Array, z: list[Array], period: float) -> None:
+def refuse_singular(equations: TipEquations, phases: Array, z: Array, period: float) -> None:
     """Raise where dF/dz is singular at one of the phases or between them."""
-    along = np.array(z)
-    lengths = np.maximum(np.abs(equations.slopes(phases, along)).max(axis=(0, 2)), 1e-300)[:, None]
+    lengths = np.maximum(np.abs(equations.slopes(phases, z)).max(axis=(0, 2)), 1e-300)[:, None]
 
     def matrix(phases: Array, z: Array) -> Array:
         return equations.slopes(phases, z) / lengths
 
-    found = find_singular(phases, along, equations.newton_step, matrix, SHORTEST_STEP)
+    found = find_singular(phases, z, equations.newton_step, matrix, SHORTEST_STEP)
     if found is not None:
         at, least = found
         raise singular(

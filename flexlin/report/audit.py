@@ -132,13 +132,18 @@ def format_size(row: Row) -> str:
     return f"other marks of the drives: {', '.join(row.marks)}" if row.marks else "another verdict"
 
 
+def known(share: float, form: str = ".2g") -> str:
+    """A share, or a dash where there is none: an unstable loop keeps no steady path."""
+    return "-" if np.isnan(share) else format(share, form)
+
+
 def format_audit_row(row: Row) -> str:
     """One change in one line."""
     if row.problem and row.verdict == "unknown":
         return f"{row.change:<30} {row.problem}"
     size = f"{row.significance:.2g}" if row.significance < float("inf") else "drive marks" if row.marks else "verdict"
-    shares = f"{row.frequency:>10.2g} {row.path:>9.2g} {row.torque:>9.2g}"
-    return f"{row.change:<30} {size:>12} {row.margin:>+11.2g} {shares} {row.instructions:>+7d}  {row.advice}"
+    shares = f"{known(row.frequency):>10} {known(row.path):>9} {known(row.torque):>9}"
+    return f"{row.change:<30} {size:>12} {known(row.margin, '+.2g'):>11} {shares} {row.instructions:>+7d}  {row.advice}"
 
 
 def minimal_text(audit: Audit, minimal: Minimal, command: str = "") -> str:
@@ -162,10 +167,11 @@ def minimal_text(audit: Audit, minimal: Minimal, command: str = "") -> str:
 
 def describe_error(row: Row) -> str:
     """What the minimal scene changes, in one line."""
-    return (
-        f"{100 * row.significance:.2g} % (growth rate {row.margin:+.2g} 1/s, slower frequencies {100 * row.frequency:.2g} %, "
-        f"tip path {100 * row.path:.2g} %, torques {100 * row.torque:.2g} %)"
-    )
+    if row.verdict == "unknown":
+        return f"not known: {row.problem}"
+    changes = {"slower frequencies": row.frequency, "tip path": row.path, "torques": row.torque}
+    shares = ", ".join(f"{name} {known(100 * share)} %" for name, share in changes.items())
+    return f"{known(100 * row.significance)} % (growth rate {known(row.margin, '+.2g')} 1/s, {shares})"
 
 
 def fitting(scene: Scene) -> tuple[Scene, list[str]]:

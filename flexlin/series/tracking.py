@@ -1,6 +1,7 @@
 """Solutions z(t) of F(z, t) = 0 followed in time by Newton's method, and where they turn or come near a singular place."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -48,6 +49,17 @@ def track(step: Step, z: Array, a: float, b: float, shortest: float) -> tuple[Ar
     return z, at
 
 
+def follow(step: Step, z: Array, t: Array, shortest: float) -> tuple[Array, float | None]:
+    """The solutions at the first of times t (N,) from z on, as many as are reached, and the time at which they end where they do."""
+    found, at = [z], float(t[0])
+    for a, b in pairwise(t):
+        there, at = track(step, found[-1], a, b, shortest)
+        if there is None:
+            return np.array(found), at
+        found.append(there)
+    return np.array(found), None
+
+
 def find_singular(
     t: Array, z: Array, step: Step, matrix: Callable[[Array, Array], Array], shortest: float
 ) -> tuple[float, float] | None:
@@ -87,16 +99,15 @@ def worth(V: Array) -> float:
 
 def find_turn(side: Callable[[float], float], a: float, b: float, width: float) -> float:
     """The time in (a, b], within `width`, from which on a sign is another one than at a."""
-    before, lower, upper = side(a), a, b
-    while upper - lower > width:
-        middle = (lower + upper) / 2
-        lower, upper = (lower, middle) if side(middle) != before else (middle, upper)
-    return upper
+    from scipy.optimize import bisect  # takes longer to load than most motions to look through
+
+    before = side(a)
+    return float(bisect(lambda at: 1.0 if side(at) == before else -1.0, a, b, xtol=width))
 
 
 def find_lowest(value: Callable[[float], float], a: float, b: float) -> tuple[float, float]:
     """Where between a and b a function is least, and its value there."""
-    from scipy.optimize import minimize_scalar  # takes longer to load than most motions to look through
+    from scipy.optimize import minimize_scalar
 
     found = minimize_scalar(value, bounds=(a, b), method="bounded", options={"xatol": SHORTEST_STEP * (b - a)})
     return float(found.x), float(found.fun)

@@ -9,15 +9,7 @@ from flexlin.checks import Array, check_size
 from flexlin.errors import NumericalError
 from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
-from flexlin.simulation.equations import (
-    Equations,
-    LinearEquations,
-    Places,
-    from_coordinates,
-    solve_acceleration,
-    to_coordinates,
-    with_controller,
-)
+from flexlin.simulation.equations import LinearEquations, Places, from_coordinates, solve_acceleration, to_coordinates
 from flexlin.simulation.events import Event, Events
 from flexlin.simulation.mesh import BREAK_DISTANCE, Mesh, Trail, find_rough_times, mark_times
 from flexlin.simulation.stopping import GENTLER, SHORTER, SHORTEST_STEP, stopped
@@ -152,7 +144,7 @@ class Collocation:
 
     def __init__(
         self,
-        equations: Equations,
+        equations: LinearEquations,
         period: float,
         stages: int,
         tol: float,
@@ -342,7 +334,7 @@ def predict(lin: Linearization, t: Array, start: Array, law: Law, tol: float) ->
     ((3, 4), True)
     """
     marks, narrow = mark_times(t[[0, -1]], lin, find_rough_times(law, lin))
-    equations = with_controller(LinearEquations(lin, law.direct), law)
+    equations = LinearEquations(lin, law)
     n, k = lin.n, law.memory
 
     def run(stages: int, share: float, trail: Trail | None = None) -> tuple[Array, Trail | None]:

@@ -1,18 +1,17 @@
 """The equations of the closed loop at many times at once: the nonlinear ones, their linear part, and with rates of a controller."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
 from flexlin.checks import Array
-from flexlin.lazy import lazy
 from flexlin.linearization.deviation import Deviation
 from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
+from flexlin.linearization.periodic_motion import slopes
 from flexlin.simulation.mesh import law_times
 from flexlin.simulation.window import Ready
 
@@ -23,7 +22,7 @@ FEW_SWEEPS = 4
 
 @dataclass(frozen=True)
 class Places:
-    """Where a window's stages are: times t (N,), the law's gain (N, m, 2n) and offset (N, m), and the linear equations.
+    """Where a window's stages are: times t (N,), the law's gain (N, m, 2n) and offset (N, m), and the linear equations; n with c.
 
     place: what functions take of the motion there, and the parameters; linear: M, D, K (N, n, n); force: (N, n), what is left of the
     equations at y = 0.
@@ -53,52 +52,56 @@ class Places:
         return self.offset - np.einsum("tij,tj->ti", self.gain, np.concatenate([y, v], axis=1))
 
 
-class Equations(Protocol):
-    """Equations F(t, y, y', y'') = 0 at many times, as the collocation asks for them."""
-
-    def places(self, t: Array) -> Places:
-        """All that depends on the times alone."""
-
-    def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
-        """F (N, n)."""
-
-    def power(self, at: Places, y: Array, v: Array, w: Array) -> Array:
-        """The power (N,) that goes into the arm in a motion of which nothing is left in F."""
-
-    def ready(self, at: Places) -> Ready | None:
-        """The residual as compiled code carries it out; None where it takes more than a program, or too few points for one."""
-
-    def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
-        """dF/dy'', dF/dy', dF/dy (N, n, n) there; None where those of y = 0 are exact."""
-
-
 class LinearEquations:
-    """M_L y'' + D_L y' + K_L y = h_L + B_L torque under a law: what the linearization holds of its own law is taken out first."""
+    """M_L y'' + D_L y' + K_L y = h_L + B_L torque under a law: what the linearization holds of its own law is taken out first.
+
+    The k states z of a controller are the rates of k further coordinates c, c' = z, for an integrator of second-order equations:
+
+        c'' = rates [[y; y'] - reference; c'],     all arrays of the coordinates [y; c]
+    """
 
     def __init__(self, lin: Linearization, law: Law):
         self.lin, self.law, self._own = lin, law, lin.closed_by.direct
+        self.n, self.k = lin.n, law.memory
 
     def places(self, t: Array) -> Places:
         """The coefficients and the law; a law lasts for a period, and after a one-way motion stays as it is at the end."""
-        lin, law, own, n, now = self.lin, self.law, self._own, self.lin.n, law_times(self.lin, t)
-        c, gain, place = lin.sample(t), law.gain(now), lin.about.place(t)
-        offset = self._forward(law, now, c.tau) + np.einsum("tij,tj->ti", gain, law.reference(now))
-        if law is own:
-            return Places(t, place, gain, offset, (c.M, c.D, c.K), c.h)
-        taken = own.gain(now)
-        added = c.B @ (gain - taken)
-        other = self._forward(own, now, c.tau) + np.einsum("tij,tj->ti", taken, own.reference(now))
-        force = c.h + np.einsum("tij,tj->ti", c.B, offset - other)
-        return Places(t, place, gain, offset, (c.M, c.D + added[:, :, n:], c.K + added[:, :, :n]), force)
+        lin, law, own, now = self.lin, self.law, self._own, law_times(self.lin, t)
+        c, gain, taken = lin.sample(t), law.gain(now), own.gain(now)
+        offset, other = law.offset(now), own.offset(now)
+        at = self.follow(t, lin.about.place(t), gain, offset)
+        more = gain - np.pad(taken, ((0, 0), (0, 0), (0, self.k)))
+        at.force[:, : self.n] = c.h + np.einsum("tij,tj->ti", c.B, offset - other)
+        return replace(at, linear=self.extended(at, c.M, c.D, c.K, c.B, self.widened(more)))
 
-    def input_matrix(self, at: Places) -> Array:
-        """B (N, n, m) of the rigid motion."""
-        return self.lin.mass_and_input(at.t)[1]
+    def follow(self, t: Array, place: list[Array], gain: Array, offset: Array) -> Places:
+        """What a gain (N, m, 2n + k), an offset and the controller do, without the equations of the arm."""
+        n, (rates, steer) = self.n, self.rates(t)
+        rows = np.zeros((3, len(t), n + self.k, n + self.k))
+        rows[0, :, n:, n:], rows[1, :, n:], rows[2, :, n:, :n] = np.eye(self.k), -rates[:, :, n:], -rates[:, :, :n]
+        force = np.concatenate([np.zeros((len(t), n)), steer], axis=1)
+        return Places(t, place, self.widened(gain), offset, (rows[0], rows[1], rows[2]), force)
 
-    def _forward(self, law: Law, t: Array, tau: Array) -> Array:
-        """The law's forward part (N, m); that of the rigid motion is known already where the motion is periodic."""
-        known = self.lin.motion.periodic and law.forward == self.lin.feedforward
-        return tau if known else law.forward(t)
+    def rates(self, t: Array) -> tuple[Array, Array]:
+        """What the states [y; y'; z] and the time alone put into z', (N, k, 2n + k) and (N, k)."""
+        controller, steer = self.law.controller, self.law.steer(self.law.reference(law_times(self.lin, t)))
+        rates = np.zeros((0, 2 * self.n)) if controller is None else controller.rates
+        return np.broadcast_to(rates, (len(t), *rates.shape)), steer
+
+    def widened(self, gain: Array) -> Array:
+        """The gain on [y; c; y'; c'], of one on [y; y'; z]."""
+        return np.concatenate(
+            [gain[:, :, : self.n], np.zeros_like(gain[:, :, 2 * self.n :]), gain[:, :, self.n :]], axis=2
+        )
+
+    def extended(self, at: Places, M: Array, D: Array, K: Array, B: Array, gain: Array) -> Matrices:
+        """M, D, K of the arm (N, n, n) with a wide gain's part, above the rows of the controller."""
+        n, wide, (by_place, by_rate) = self.n, np.array(at.linear), np.split(B @ gain, 2, axis=2)
+        wide[1, :, :n], wide[2, :, :n] = by_rate, by_place
+        wide[0, :, :n, :n] = M
+        wide[1, :, :n, :n] += D
+        wide[2, :, :n, :n] += K
+        return wide[0], wide[1], wide[2]
 
     def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
         """M w + D v + K y - h."""
@@ -106,15 +109,15 @@ class LinearEquations:
         return (M @ w[..., None] + D @ v[..., None] + K @ y[..., None])[..., 0] - at.force
 
     def power(self, at: Places, y: Array, v: Array, w: Array) -> Array:
-        """None is counted."""
+        """The power (N,) that goes into the arm in a motion of which nothing is left: none is counted."""
         return np.zeros(len(at.t))
 
     def ready(self, at: Places) -> Ready | None:
-        """None: these need no program."""
+        """The residual as compiled code carries it out; None where it takes more than a program, or too few points for one."""
         return None
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
-        """The linear equations are their own."""
+        """dF/dy'', dF/dy', dF/dy there; None where those of y = 0 are exact."""
         return None
 
 
@@ -125,11 +128,12 @@ class NonlinearEquations(LinearEquations):
         super().__init__(lin, law)
         self._residual, self._power = loop_functions(lin.about)
 
-    @lazy
-    def _slopes(self) -> ca.Function:
-        return loop_slopes(self.lin.about)
-
     def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
+        """What is left of the equations of the arm, and of the controller's."""
+        arm = self.of_arm(at, y, v, w)
+        return np.concatenate([arm, super().residual(at, y, v, w)[:, self.n :]], axis=1) if self.k else arm
+
+    def of_arm(self, at: Places, y: Array, v: Array, w: Array) -> Array:
         """M s'' + C s' + g + d - B torque in the coordinates kept."""
         return self.at_places(self._residual, at, y, v, w)[0][:, :, 0]
 
@@ -138,24 +142,24 @@ class NonlinearEquations(LinearEquations):
         return self.at_places(self._power, at, y, v, w)[0][:, 0, 0]
 
     def ready(self, at: Places) -> Ready | None:
-        """The program of the residual, once enough points went through it."""
+        """The program of the residual, once enough points went through it; what a controller adds stands in none."""
+        if self.k:
+            return None
         program = symbolic.usage_of(self._residual).find_program(len(at.t) * FEW_SWEEPS)
         return None if program is None else Ready(symbolic.lay_out(program, None), at.place)
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices:
         """Exact derivatives, the gain's part included."""
-        n = self.lin.n
-        M, D, K, B = self.at_places(self._slopes, at, y, v, w)
-        added = B @ at.gain
-        return M, D + added[:, :, n:], K + added[:, :, :n]
+        M, D, K, B = self.at_places(slopes(self.lin.about), at, y, v, w)
+        return self.extended(at, M, D, K, B, at.gain)
 
     def at_places(self, function: ca.Function, at: Places, y: Array, v: Array, w: Array) -> list[Array]:
         """The outputs (N, rows, columns) of a function of y, y', y'', the torque and the place."""
-        inputs = (y, v, w, at.torque(y, v), *at.place)
-        return symbolic.call(function, [np.ascontiguousarray(part) for part in inputs])
+        arm = (part[:, : self.n] for part in (y, v, w))
+        return symbolic.call(function, [np.ascontiguousarray(part) for part in (*arm, at.torque(y, v), *at.place)])
 
 
-def solve_acceleration(equations: Equations, t: float, y: Array, v: Array) -> tuple[Array, Places]:
+def solve_acceleration(equations: LinearEquations, t: float, y: Array, v: Array) -> tuple[Array, Places]:
     """y'' (n,) at y, y' (n,), in which F is linear: column by column, in units that change F as much as it is; and what holds there."""
     n, at = len(y), equations.places(np.array([t]))
     F = equations.residual(at, y[None], v[None], np.zeros((1, n)))
@@ -186,130 +190,6 @@ def loop_functions(about: Deviation) -> tuple[ca.Function, ca.Function]:
     """F, and the power, as functions of y, y', y'', the torque and the place on the motion; kept for the next run."""
     inputs, angles, F, _, power = loop_expressions(about)
     return about.function(angles, inputs, {"F": F}), about.function(angles, inputs, {"power": power})
-
-
-@lru_cache(maxsize=8)
-def loop_slopes(about: Deviation) -> ca.Function:
-    """The Jacobians of F by y'', y' and y, and B; kept for the next run."""
-    inputs, angles, F, B, _ = loop_expressions(about)
-    slopes = {name: ca.jacobian(F, inputs[by]) for name, by in (("M", "y2"), ("D", "y1"), ("K", "y"))}
-    return about.function(angles, inputs, {**slopes, "B": B})
-
-
-def deviation_equations(about: Deviation) -> ca.Function:
-    """M (all rows, kept columns), B, the residual without y'', the rates s' and the power lost to damping.
-
-    They are functions of x = [y; y'] and the place on the motion, with s = s_R + y.
-    """
-    arm, n = about.arm, about.n
-    x, (*_, angles) = ca.SX.sym("x", 2 * n), about.symbols()
-    lost = ca.dot(arm.s_dot, arm.damping)
-    expressions = [arm.M[:, list(about.kept)], arm.B[:, list(about.driven)], arm.residual, arm.s_dot, lost]
-    values = about.lift(expressions, angles, x[:n], x[n:])
-    return about.function(angles, {"x": x}, dict(zip(("M", "B", "left", "rates", "lost"), values, strict=True)))
-
-
-@dataclass(frozen=True)
-class ControlledPlaces(Places):
-    """As `Places`, in the coordinates [y; c] with c' = z.
-
-    of_arm: the places of the arm alone; by_states: the gain (N, m, k) on z; of_states: what it does in the linear equations (N, n, k);
-    rates: what [y; y'; z] puts into z', (N, k, 2n + k).
-    """
-
-    of_arm: Places
-    by_states: Array
-    of_states: Array
-    rates: Array
-
-    def some(self, which: Array | slice) -> "ControlledPlaces":
-        """The same at some of the times."""
-        some, arm = super().some(which), self.of_arm.some(which)
-        own = self.by_states[which], self.of_states[which], self.rates[which]
-        return ControlledPlaces(some.t, some.place, some.gain, some.offset, some.linear, some.force, arm, *own)
-
-
-class ControlledEquations:
-    """The equations of the arm with a controller, in the coordinates [y; c], c' = z.
-
-        F(t, y, y', y'') = B (torque - gain_z c'),   c'' = rates [[y; y'] - reference; c']
-
-    c itself stands nowhere: it lets an integrator of second-order equations carry z. `arm`: the equations under `law.direct`.
-    """
-
-    def __init__(self, arm: LinearEquations, law: Law):
-        assert law.controller is not None
-        self._arm, self._law, self._n, self._controller = arm, law, arm.lin.n, law.controller
-
-    def rates(self, t: Array) -> tuple[Array, Array]:
-        """What the states [y; y'; z] and the time alone put into z', (N, k, 2n + k) and (N, k)."""
-        rates, steer = self._controller.rates, self._law.steer(self._law.reference(law_times(self._arm.lin, t)))
-        return np.broadcast_to(rates, (len(t), *rates.shape)), steer
-
-    def steering(self, t: Array) -> Array:
-        """The gain on z, (N, m, k)."""
-        return self._law.gain(law_times(self._arm.lin, t))[:, :, 2 * self._n :]
-
-    def places(self, t: Array) -> ControlledPlaces:
-        """The coefficients, with rows and columns for c."""
-        at, by_states, (rates, steer) = self._arm.places(t), self.steering(t), self.rates(t)
-        of_states = self._arm.input_matrix(at) @ by_states
-        force, linear = np.concatenate([at.force, steer], axis=1), self.extended(*at.linear, of_states, rates)
-        gain = self.widened(at.gain, by_states)
-        return ControlledPlaces(t, at.place, gain, at.offset, linear, force, at, by_states, of_states, rates)
-
-    def widened(self, gain: Array, by_states: Array) -> Array:
-        """The gain on [y; c; y'; c'], of that on [y; y'] (N, m, 2n) and that on z."""
-        return np.concatenate(
-            [gain[:, :, : self._n], np.zeros_like(by_states), gain[:, :, self._n :], by_states], axis=2
-        )
-
-    def extended(self, M: Array, D: Array, K: Array, of_states: Array, rates: Array) -> Matrices:
-        """M, D, K (N, n, n) with rows and columns for c; of_states (N, n, k): the force of z; rates (N, k, 2n + k)."""
-        n, k = self._n, self._controller.states
-        wide = np.zeros((3, len(M), n + k, n + k))
-        wide[0, :, :n, :n], wide[1, :, :n, :n], wide[2, :, :n, :n] = M, D, K
-        wide[0, :, n:, n:] = np.eye(k)
-        wide[1, :, :n, n:], wide[1, :, n:] = of_states, -rates[:, :, n:]
-        wide[2, :, n:, :n] = -rates[:, :, :n]
-        return wide[0], wide[1], wide[2]
-
-    def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
-        """What is left of the equations."""
-        assert isinstance(at, ControlledPlaces)
-        n = self._n
-        F = self._arm.residual(self.moved(at, v), y[:, :n], v[:, :n], w[:, :n])
-        driven = np.einsum("tij,tj->ti", at.rates, np.concatenate([y[:, :n], v], axis=1))
-        return np.concatenate([F, w[:, n:] - driven - at.force[:, n:]], axis=1)
-
-    def power(self, at: Places, y: Array, v: Array, w: Array) -> Array:
-        """That into the arm."""
-        assert isinstance(at, ControlledPlaces)
-        n = self._n
-        return self._arm.power(self.moved(at, v), y[:, :n], v[:, :n], w[:, :n])
-
-    def ready(self, at: Places) -> Ready | None:
-        """None: what the controller adds stands in no program."""
-        return None
-
-    def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
-        """Derivatives where the arm is, with the input matrix of the rigid motion; none where those of the arm are the linear ones."""
-        assert isinstance(at, ControlledPlaces)
-        n = self._n
-        found = self._arm.slopes(self.moved(at, v), y[:, :n], v[:, :n], w[:, :n])
-        return None if found is None else self.extended(*found, at.of_states, at.rates)
-
-    def moved(self, at: ControlledPlaces, v: Array) -> Places:
-        """The places of the arm alone, with what z gives in the offset of the torque and in the force."""
-        arm, z = at.of_arm, v[:, self._n :]
-        offset = arm.offset - np.einsum("tij,tj->ti", at.by_states, z)
-        force = arm.force - np.einsum("tij,tj->ti", at.of_states, z)
-        return Places(arm.t, arm.place, arm.gain, offset, arm.linear, force)
-
-
-def with_controller(arm: LinearEquations, law: Law) -> Equations:
-    """The equations under a law: those of the arm under its direct part, and what it remembers beside them."""
-    return arm if law.controller is None else ControlledEquations(arm, law)
 
 
 def to_coordinates(x: Array, n: int) -> Array:

@@ -7,12 +7,15 @@ import numpy as np
 from scipy.optimize import brentq
 
 from flexlin.checks import Array
+from flexlin.control.sensors import encoder_rows
+from flexlin.errors import ArgumentError
 from flexlin.linearization.law import Law
+from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.sampled import hold_controller
-from flexlin.simulation.controlled_arm import ControlledArm
+from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import Places, from_coordinates, to_coordinates
 from flexlin.simulation.mesh import BREAK_DISTANCE, law_times
-from flexlin.simulation.modes import SAMPLED, Modes, find_holding
+from flexlin.simulation.modes import SAMPLED, Friction, Modes, find_held, find_holding
 from flexlin.simulation.stopping import stopped
 from flexlin.simulation.window import Grid, Path, Rule, between
 
@@ -74,9 +77,9 @@ class Events:
     modes: the present ones; passed: the earlier ones with the times at which they began; notes: time, joint, and what it does then.
     """
 
-    def __init__(self, loop: ControlledArm, law: Law):
-        self._loop, self._law, self._about = loop, law, loop.about
-        m, drive, self._friction = loop.about.m, loop.drive, loop.friction
+    def __init__(self, lin: Linearization, law: Law, drive: Drive, friction: Friction | None):
+        self._lin, self._law, self._about, self._drive, self._friction = lin, law, lin.about, drive, friction
+        m = lin.about.m
         self._limit = np.full(m, np.inf) if drive.limit is None else np.array(drive.limit)
         self._fastest = np.full(m, np.inf) if drive.rate is None else np.array(drive.rate)
         self.modes = Modes.free(m, 0 if self._friction is None else len(self._friction.rows))
@@ -103,9 +106,7 @@ class Events:
     def pass_break(self, t: float, x: Array, before: Array | None) -> None:
         """Behind a break of the motion what is asked may have jumped; before: the torque (m,) that was given until then."""
         if np.isfinite(self._fastest).any() and before is not None:
-            asked = self._asked(
-                t + BREAK_DISTANCE * self._loop.lin.period, from_coordinates(x, self._loop.n, self._memory)
-            )
+            asked = self._asked(t + BREAK_DISTANCE * self._lin.period, from_coordinates(x, self._lin.n, self._memory))
             for which in range(len(asked)):
                 self._choose(t, which, asked[which], 0.0, before[which])
             self.passed.append((t, self.modes.copy()))
@@ -131,7 +132,7 @@ class Events:
 
         Raises: SimulationStopped where events follow each other without end.
         """
-        t, n, m = event.time, self._loop.n, len(self._limit)
+        t, n, m = event.time, self._lin.n, len(self._limit)
         self._count, self._at_once = self._count + 1, self._at_once + 1 if t <= begin else 0
         if self._count > MOST_EVENTS or self._at_once > MOST_AT_ONCE:
             raise stopped(t, self._describe(event.guard), np.concatenate([x[:n], x[len(x) // 2 :][:n]]))
@@ -153,7 +154,7 @@ class Events:
 
     def _asked_along(self, t: Array, x: Array) -> Array:
         """The torque (N, m) for which the law asks in states [y; y'; z] (N, ..)."""
-        return self._law.torque(law_times(self._loop.lin, t), x)
+        return self._law.torque(law_times(self._lin, t), x)
 
     def _asked(self, t: float, x: Array) -> Array:
         return self._asked_along(np.array([t]), x[None])[0]
@@ -161,14 +162,15 @@ class Events:
     def _rates(self, t: float, x: Array) -> Array:
         """The rates (p,) of the joints themselves, the motion's included."""
         assert self._friction is not None
-        return self._loop.equations.rates(t, x[: 2 * self._loop.n])[list(self._friction.places)]
+        y, v = np.split(x[None, : 2 * self._lin.n], 2, axis=1)
+        return self._about.positions(np.array([t]), y, v)[1][0, list(self._friction.places)]
 
     def _signals(self, grid: Grid, path: Path, at: Places) -> Signals:
         """The polynomials through the beginnings and the stages of the steps."""
-        n, half = self._loop.n, path.x.shape[1] // 2
+        n, half = self._lin.n, path.x.shape[1] // 2
         y, v, w = path.stages
         parts = tuple(np.ascontiguousarray(part[:, :n]) for part in (y, v, w))
-        begun = grid.edges[:-1] + BREAK_DISTANCE * self._loop.lin.period
+        begun = grid.edges[:-1] + BREAK_DISTANCE * self._lin.period
         stages, starts = self._follow(at.t, y, v), self._follow(begun, path.x[:-1, :half], path.x[:-1, half:])
         values = np.concatenate([starts[:, None], stages.reshape(grid.count, grid.stages, -1)], axis=1)
         if self._friction is not None:
@@ -181,7 +183,7 @@ class Events:
 
     def _follow(self, t: Array, y: Array, v: Array) -> Array:
         """What is asked and the joints' rates (N, m + p) in a motion [y; c], [y'; z] (N, n + k)."""
-        n = self._loop.n
+        n = self._lin.n
         asked = self._asked_along(t, np.concatenate([y[:, :n], v], axis=1))
         if self._friction is None:
             return asked
@@ -261,8 +263,10 @@ class Events:
 
     def _holding(self, t: float, x: Array) -> Array:
         """The friction of the joints that stick."""
-        given = self.modes.given(np.array(t), self._asked(t, x))
-        return self._loop.equations.solve(t, x[: 2 * self._loop.n], given, self.modes.slip)[1]
+        assert self._friction is not None
+        slip, given = self.modes.slip, self.modes.given(np.array([t]), self._asked(t, x))
+        held = find_held(self._about, self._friction, np.array([t]), x[None, : 2 * self._lin.n], given, slip[None])
+        return held[0, slip == 0]
 
     def _settle(self, t: float, x: Array) -> Array:
         """Let joints break loose that friction cannot hold, the worst first, and stop those that stick exactly."""
@@ -270,7 +274,7 @@ class Events:
         slip = self.modes.slip
         for place, row in enumerate(self._friction.rows):
             if slip[place] == 0:
-                x[self._loop.n + row] -= self._rates(t, x)[place]
+                x[self._lin.n + row] -= self._rates(t, x)[place]
         for _ in range(len(slip)):
             stuck = np.flatnonzero(slip == 0)
             if not len(stuck):
@@ -299,10 +303,10 @@ class Samples(Events):
     remembered: these states with the times of the samples.
     """
 
-    def __init__(self, loop: ControlledArm, law: Law):
-        super().__init__(loop, law)
-        self._step, self._delay, self._start = loop.drive.sample_time or 1.0, loop.drive.delay, 0.0
-        self._moves = None if loop.controller is None else hold_controller(loop.controller.rates, self._step)
+    def __init__(self, lin: Linearization, law: Law, drive: Drive, friction: Friction | None):
+        super().__init__(lin, law, drive, friction)
+        self._step, self._delay, self._start = drive.sample_time or 1.0, drive.delay, 0.0
+        self._moves = None if law.controller is None else hold_controller(law.controller.rates, self._step)
         self._next, self._after, self._memory = np.zeros(0), np.zeros(0), 0
         self.remembered: list[tuple[float, Array]] = []
 
@@ -323,7 +327,7 @@ class Samples(Events):
             seen, asked, self._next = self._take_sample(t, x)
             self.remembered.append((t, self._after))
             if self._moves is not None:
-                self._after = self._after + self._moves @ self._loop.remembered(t, seen, asked - self._next)
+                self._after = self._after + self._moves @ self._remember(t, seen, asked - self._next)
         if acts and late < NEAR_SAMPLE:
             self._act(t)
 
@@ -339,16 +343,34 @@ class Samples(Events):
 
     def _begin_inputs(self, t: float, x: Array) -> None:
         """The torque of the first sample acts at once."""
-        self._start, self._after = t, x[2 * self._loop.n :]
+        self._start, self._after = t, x[2 * self._lin.n :]
         self.modes.held[:] = SAMPLED
-        self.modes.base = self._take_sample(t, x[: 2 * self._loop.n])[2]
+        self.modes.base = self._take_sample(t, x[: 2 * self._lin.n])[2]
 
     def _take_sample(self, t: float, x: Array) -> tuple[Array, Array, Array]:
         """What is measured in a state [y; y'], with the controller's states, the torque asked, and the torque given."""
-        seen = self._loop.measure(t, np.concatenate([x, self._after]))
-        asked = self._law.torque(law_times(self._loop.lin, np.array([t])), seen[None])[0]
-        return seen, asked, self._loop.drive.saturated(asked)
+        seen = self._measure(t, np.concatenate([x, self._after]))
+        asked = self._law.torque(law_times(self._lin, np.array([t])), seen[None])[0]
+        return seen, asked, self._drive.saturated(asked)
 
     def _asked_along(self, t: Array, x: Array) -> Array:
         """What is held."""
         return np.tile(self.modes.base, (len(t), 1))
+
+    def _remember(self, t: float, x: Array, missing: Array) -> Array:
+        """z' (k,) of the controller's states in a state [y; y'; z] that was measured, with the torque (m,) that is asked but not given."""
+        controller = self._law.controller
+        assert controller is not None
+        steer = self._law.steer(self._law.reference(law_times(self._lin, np.array([t]))))[0]
+        return controller.rates @ x + steer + controller.unwinding @ missing
+
+    def _measure(self, t: float, x: Array) -> Array:
+        """What encoders of finite steps make of a state [y; y'; z], by the least change of y; rates are taken as they are."""
+        if self._drive.encoders is None:
+            return x
+        steps, rows, n = np.array(self._drive.encoders), encoder_rows(self._lin), self._lin.n
+        if len(rows) != len(steps):
+            raise ArgumentError("encoders do not fit the arm", got=len(steps), expected=str(len(rows)))
+        angles = self._lin.motion.sample(law_times(self._lin, np.array([t])))[0][0]
+        read = angles[list(self._lin.driven)] + rows @ x[:n]
+        return np.concatenate([x[:n] + np.linalg.pinv(rows) @ (steps * np.round(read / steps) - read), x[n:]])

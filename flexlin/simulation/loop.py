@@ -9,21 +9,16 @@ from flexlin.errors import SimulationStopped
 from flexlin.lazy import lazy
 from flexlin.linearization.law import Law
 from flexlin.linearization.layers import Layers
+from flexlin.linearization.linearization import Linearization
 from flexlin.precision import SLIGHT
 from flexlin.simulation.collocation import LEAST_RUN_TOL, Collocation
-from flexlin.simulation.controlled_arm import ControlledArm, explain_end, find_indefinite
-from flexlin.simulation.equations import (
-    Equations,
-    NonlinearEquations,
-    from_coordinates,
-    to_coordinates,
-    with_controller,
-)
+from flexlin.simulation.drive import Drive
+from flexlin.simulation.equations import NonlinearEquations, from_coordinates, to_coordinates
 from flexlin.simulation.events import Events, Samples
-from flexlin.simulation.mesh import Trail, law_times, mark_times
-from flexlin.simulation.modes import ModedEquations, with_modes
-from flexlin.simulation.result import PEAK_PARTS
-from flexlin.simulation.stopping import stopped
+from flexlin.simulation.mesh import Trail, find_rough_times, law_times, mark_times
+from flexlin.simulation.modes import Friction, ModedEquations
+from flexlin.simulation.result import LARGEST_DEVIATION, PEAK_PARTS
+from flexlin.simulation.stopping import explain_end, find_indefinite, name_largest, stopped
 from flexlin.simulation.window import Grid, Path, between
 
 NEAR_LIMIT = 1 - SLIGHT
@@ -38,8 +33,22 @@ class TorqueCut(Exception):
     """The drive does not give the torque that the law commands."""
 
 
-class NonlinearLoop(ControlledArm):
-    """A controlled arm, integrated by collocation: as a whole while the drive gives what is commanded, else from event to event.
+class NonlinearLoop:
+    """The nonlinear equations in the deviation x = [y; y'] from the rigid motion; the last state is the work done on the arm.
+
+        M y'' = B torque - (M s_R'' + C s' + g + d),   work' = s' (M s'' + C s' + g)
+
+    They are integrated as a whole while the drive gives what is commanded, else from event to event. The k states z of a law's
+    controller, where it has any, follow those of the arm: x = [y; y'; z].
+
+    Parameters
+    ----------
+    lin : Linearization
+        The arm and its motion.
+    law : Law
+        What commands the torque.
+    drive : Drive, optional
+        Saturation, sampling and delay.
 
     Examples
     --------
@@ -52,6 +61,72 @@ class NonlinearLoop(ControlledArm):
     >>> loop.integrate(np.array([0.0, 0.1]), np.zeros(4), 1e-6).shape
     (2, 5)
     """
+
+    def __init__(self, lin: Linearization, law: Law, drive: Drive | None = None):
+        self.lin, self._law = lin, law
+        self.about, self.drive, self.n = lin.about, drive or Drive(), lin.n
+        self.friction, self.events = Friction.of(lin), tuple[tuple[float, str, str], ...]()
+        self.given: Array | None = None
+        self.reached = list[float]()
+        self.trail: Trail | None = None
+        self._cut = False
+
+    def commands(self, t: Array, x: Array) -> Array:
+        """Return the torques that the motors give at many times.
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s.
+        x : array, shape (N, 2n + k)
+            States [y; y'; z].
+
+        Returns
+        -------
+        array, shape (N, m)
+            Torques in N m (forces in N).
+        """
+        return self.drive.saturated(self._law.torque(law_times(self.lin, t), x))
+
+    def accept(self, t: Array, z: Array) -> None:
+        """Look at states that were reached.
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s.
+        z : array, shape (N, k)
+            States; the first n of each are y.
+
+        Raises
+        ------
+        SimulationStopped
+            When the loop diverges.
+        """
+        self.reached.extend(t.tolist())
+        deviations = np.abs(z[:, : self.n])
+        inside = deviations.max(axis=1, initial=0.0) < LARGEST_DEVIATION
+        if not inside.all():
+            first = int(np.argmin(inside))
+            where = name_largest(self.lin, deviations[first])
+            now = float(t[first])
+            raise SimulationStopped(
+                f"the nonlinear simulation makes no headway at t = {now:.4g} s",
+                got=f"a state {where} off the rigid motion",
+                todo="the loop diverges or is very stiff: lower the gains, slow the motion down, or simulate fewer periods",
+                t=now,
+                left_range=True,
+            )
+
+    @lazy
+    def rough(self) -> Array:
+        """Times in [0, T) that no step passes over: breaks and narrow features of the motion, and where the law changes fast."""
+        return find_rough_times(self._law, self.lin)
+
+    @lazy
+    def layers(self) -> Layers | None:
+        """Where resisting forces saturate; joints that stick are found by events."""
+        return Layers.of(self.lin.about) if self.friction is None else None
 
     def integrate(self, t: Array, start: Array, rtol: float, stages: int = 5) -> Array:
         """Integrate from a start.
@@ -112,12 +187,8 @@ class NonlinearLoop(ControlledArm):
         except SimulationStopped as end:
             raise (explain_end(self.lin, end) if end.reached is not None else end) from None
 
-    @lazy
-    def _collocation(self) -> Equations:
-        return with_controller(self._equations_under(self._law.direct), self._law)
-
     def _equations_under(self, law: Law) -> NonlinearEquations:
-        """The equations of the arm under a law without a controller."""
+        """The equations of the loop."""
         return NonlinearEquations(self.lin, law)
 
     def _collocated(
@@ -126,7 +197,7 @@ class NonlinearLoop(ControlledArm):
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
         n, k = self.n, self._law.memory
         found, self.trail = self._integrate(
-            self._collocation, t, to_coordinates(start, n), rtol, stages, None, linear, trail
+            self._equations_under(self._law), t, to_coordinates(start, n), rtol, stages, None, linear, trail
         )
         states, work, beside = np.split(found, [2 * (n + k), 2 * (n + k) + 1], axis=1)
         z = np.column_stack([from_coordinates(states, n, k), work])
@@ -134,22 +205,20 @@ class NonlinearLoop(ControlledArm):
 
     def _switched(self, t: Array, start: Array, rtol: float, stages: int) -> Array:
         """From event to event and from sample to sample, in a mode at a time."""
-        law, n, k = self._law, self.n, self._law.memory
-        events = Events(self, law) if self.drive.sample_time is None else Samples(self, law)
-        arm = ModedEquations(self.lin, law.direct, events.modes, self.friction)
-        x = events.begin(float(t[0]), start)
+        law, n, sampled = self._law, self.n, self.drive.sample_time is not None
+        events = (Samples if sampled else Events)(self.lin, law, self.drive, self.friction)
+        arm = ModedEquations(self.lin, law.direct if sampled else law, events.modes, self.friction)
+        start = events.begin(float(t[0]), start)[: 2 * n + arm.k]
+        found, _ = self._integrate(arm, t, to_coordinates(start, n), rtol, stages, events)
+        x = from_coordinates(found[:, :-1], n, arm.k)
         if isinstance(events, Samples):
-            found, _ = self._integrate(arm, t, x[: 2 * n], rtol, stages, events)
-            x = np.column_stack([found[:, :-1], events.memory(t)])
-        else:
-            found, _ = self._integrate(with_modes(arm, law), t, to_coordinates(x, n), rtol, stages, events)
-            x = from_coordinates(found[:, :-1], n, k)
+            x = np.column_stack([x, events.memory(t)])
         self.events, self.given = tuple(events.notes), events.torques(t, law.torque(law_times(self.lin, t), x))
         return np.column_stack([x, found[:, -1]])
 
     def _integrate(
         self,
-        equations: Equations,
+        equations: NonlinearEquations,
         t: Array,
         start: Array,
         rtol: float,

@@ -6,6 +6,7 @@ the next windows and runs.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from flexlin.linearization.law import Law, VectorFunction
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficient_series.panels import first_edges
 from flexlin.periodic.coefficient_series.resolve import resolve
-from flexlin.periodic.coefficients import MatrixFunction, has_nothing_narrow
+from flexlin.periodic.coefficients import Combined, MatrixFunction, has_nothing_narrow
 from flexlin.periodic.interpolation import ChebyshevPanels, edges_of_short
 from flexlin.precision import SLIGHT
 from flexlin.simulation.window import Grid, Path, Rule
@@ -152,16 +153,6 @@ class Trail:
         return grid.path(x, w)
 
 
-@dataclass(frozen=True)
-class Column:
-    """A vector function of time (N,) -> (N, k) as a matrix of one column."""
-
-    vector: VectorFunction
-
-    def __call__(self, t: Array) -> Array:
-        return self.vector(t)[:, :, None]
-
-
 def law_times(lin: Linearization, t: Array) -> Array:
     """The times (N,) at which a law is asked: in the period, and after the end of a one-way motion as it is there."""
     return t % lin.period if lin.motion.periodic else np.minimum(t, lin.period)
@@ -196,7 +187,7 @@ def find_rough_times(law: Law, lin: Linearization) -> Array:
     edges = [
         np.array(lin.breaks, dtype=float),
         find_edges(law.gain, lin),
-        *(find_edges(Column(part), lin) for part in own),
+        *(find_edges(Combined(partial(np.expand_dims, axis=2), (part,)), lin) for part in own),
     ]
     if not lin.complete:
         edges.append(np.array(lin.periodic_system().resolved.breaks) if lin.motion.periodic else find_edges(lin.A, lin))

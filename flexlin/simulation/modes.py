@@ -2,25 +2,75 @@
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
 from flexlin.checks import Array
+from flexlin.control.sensors import encoder_rows
+from flexlin.errors import ArgumentError
 from flexlin.linearization.deviation import Deviation
 from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
-from flexlin.simulation.equations import (
-    ControlledEquations,
-    Equations,
-    Matrices,
-    NonlinearEquations,
-    Places,
-    loop_expressions,
-)
-from flexlin.simulation.friction import Friction
+from flexlin.mechanics.effects.base import per_joint
+from flexlin.mechanics.effects.coulomb_friction import CoulombFriction
+from flexlin.simulation.equations import Matrices, NonlinearEquations, Places, loop_expressions
 from flexlin.simulation.mesh import law_times
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Friction of p joints: sliding it is `sliding` against the rate; at rest it is whatever holds the joint, up to `static`.
+
+    rows, places: the joints among the coordinates y and those of the arm; table: the effect; links: behind the joints; static: (p,)
+    in N m or N; rate: of the smooth friction sliding tanh(q' / rate) that the arm's equations hold; names: of the joints.
+    """
+
+    rows: tuple[int, ...]
+    places: tuple[int, ...]
+    table: CoulombFriction
+    links: tuple[int, ...]
+    static: Array
+    rate: Array
+    names: tuple[str, ...]
+
+    @classmethod
+    @lru_cache(maxsize=8)
+    def of(cls, lin: Linearization) -> "Friction | None":
+        """That of a scene whose friction sticks; None where there is none. Kept, with the functions that are made of it.
+
+        Raises: ArgumentError where a joint's rate is no coordinate.
+        """
+        table = next((one for one in lin.effects if isinstance(one, CoulombFriction)), None)
+        if table is None or table.static is None:
+            return None
+        if lin.arm.near.loops is not None:
+            raise refuse("a closed loop of links")
+        if np.any(encoder_rows(lin)[:, [c.kind == "elastic" for c in lin.coordinates]]):
+            raise refuse("a link with pinned shapes")
+        joints = [(row, c.link) for row, c in enumerate(lin.coordinates) if c.kind == "joint" and c.link is not None]
+        static, rate = (np.array([per_joint(one, i) for _, i in joints]) for one in (table.static, table.rate))
+        hold = static > 0
+        rows, links = (tuple(int(k) for k in np.array(joints).reshape(-1, 2)[hold, i]) for i in (0, 1))
+        places, names = tuple(lin.kept[row] for row in rows), tuple(lin.names[row] for row in rows)
+        return cls(rows, places, table, links, static[hold], rate[hold], names)
+
+    def level(self, which: int, rate: Any) -> Any:
+        """The friction of one of the joints that slides at a rate, without its sign."""
+        return self.table.sliding(self.links[which], rate)
+
+
+def refuse(what: str) -> ArgumentError:
+    """What to say of an arm whose joints cannot stick here."""
+    return ArgumentError(
+        "[effects.coulomb_friction] static: joints cannot stick here",
+        got=what,
+        expected="an open chain of clamped links, whose joints' rates are coordinates",
+        todo="leave static out: the smooth friction acts everywhere",
+    )
+
 
 SAMPLED = 3
 
@@ -70,66 +120,34 @@ class ModedEquations(NonlinearEquations):
         self.modes, self._friction = modes, friction
         self._residual, self._power, self._all = moded_functions(lin.about, friction)
 
-    def followed(self, t: Array) -> Places:
-        """What of the law is followed, without equations."""
-        law, modes, place, n = self.law, self.modes, self.lin.about.place(t), self.lin.n
-        if self._friction is not None:
-            place.insert(0, np.tile(modes.slip, (len(t), 1)))
-        if modes.held.all():
-            gain, offset = np.zeros((len(t), self.lin.about.m, 2 * n)), modes.given(t, modes.base)
-        else:
-            now = law_times(self.lin, t)
-            gain, offset = np.where(modes.held[:, None] == 0, law.gain(now), 0.0), modes.given(t, law.offset(now))
-        none = np.zeros((len(t), n))
-        return Places(t, place, gain, offset, (none, none, none), none)
-
     def places(self, t: Array) -> Places:
         """What of the law is followed, and the equations about y = 0."""
-        at = self.followed(t)
-        linear, F, _ = self.linearized(at, at.force, at.force, at.force)
-        return replace(at, linear=linear, force=-F)
+        law, modes, now, place = self.law, self.modes, law_times(self.lin, t), self.lin.about.place(t)
+        if self._friction is not None:
+            place.insert(0, np.tile(modes.slip, (len(t), 1)))
+        gain, offset = np.where(modes.held[:, None] == 0, law.gain(now), 0.0), modes.given(t, law.offset(now))
+        at, rest = self.follow(t, place, gain, offset), np.zeros((len(t), self.n + self.k))
+        linear, F = self.linearized(at, rest, rest, rest)
+        at.force[:, : self.n] = -F
+        return replace(at, linear=linear)
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices:
         """Exact derivatives, the gain's part included."""
         return self.linearized(at, y, v, w)[0]
 
-    def input_matrix(self, at: Places) -> Array:
-        """B at y = 0, without joints that stick."""
-        none = np.zeros((len(at.t), self.lin.n))
-        return self.linearized(at, none, none, none)[2]
-
-    def linearized(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Matrices, Array, Array]:
-        """dF/dy'', dF/dy', dF/dy with the gain's part, F and -dF/dtorque."""
-        n = self.lin.n
+    def linearized(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Matrices, Array]:
+        """dF/dy'', dF/dy', dF/dy with the gain's part, and F of the arm."""
         M, D, K, B, F = self.at_places(self._all, at, y, v, w)
-        added = B @ at.gain
-        return (M, D + added[:, :, n:], K + added[:, :, :n]), F[:, :, 0], B
-
-
-def with_modes(arm: ModedEquations, law: Law) -> Equations:
-    """The equations under a law in the present modes, with what its controller remembers."""
-    return arm if law.controller is None else ModedController(arm, law)
-
-
-class ModedController(ControlledEquations):
-    """A controller some of whose torques are not given.
-
-    z' = rates [[y; y'] - reference; z] + unwinding (asked - given)
-    """
+        return self.extended(at, M, D, K, B, at.gain), F[:, :, 0]
 
     def rates(self, t: Array) -> tuple[Array, Array]:
-        """What the states (2n + k) and the time alone put into z', (N, k, 2n + k) and (N, k)."""
-        rates, steer = super().rates(t)
-        arm, law = self._arm, self._law
-        assert isinstance(arm, ModedEquations)
-        modes, now, unwinding = arm.modes, law_times(arm.lin, t), self._controller.unwinding
-        offset, missing = law.offset(now), unwinding * (modes.held != 0)
-        return rates - missing @ law.gain(now), steer + (offset - modes.given(t, offset)) @ unwinding.T
-
-    def steering(self, t: Array) -> Array:
-        """The gain on z (N, m, k) of inputs that follow the law."""
-        assert isinstance(self._arm, ModedEquations)
-        return np.where(self._arm.modes.held[:, None] == 0, super().steering(t), 0.0)
+        """What the states and the time alone put into z': rates [[y; y'] - reference; z] + unwinding (asked - given)."""
+        (rates, steer), law, modes, now = super().rates(t), self.law, self.modes, law_times(self.lin, t)
+        if law.controller is None:
+            return rates, steer
+        unwinding, offset = law.controller.unwinding, law.offset(now)
+        missing = (unwinding * (modes.held != 0)) @ law.gain(now)
+        return rates - missing, steer + (offset - modes.given(t, offset)) @ unwinding.T
 
 
 @lru_cache(maxsize=8)
@@ -159,6 +177,14 @@ def holding_function(about: Deviation, friction: Friction) -> ca.Function:
     rates = about.lift([about.arm.s_dot[list(friction.places)]], angles, inputs["y"], inputs["y1"])[0]
     smooth = [friction.level(i, rates[i]) * ca.tanh(rates[i] / friction.rate[i]) for i in range(len(friction.rows))]
     return about.function(angles, inputs, {"holding": ca.vertcat(*smooth) - F[list(friction.rows)]})
+
+
+def find_held(about: Deviation, friction: Friction, t: Array, x: Array, torque: Array, slip: Array) -> Array:
+    """The friction (N, p) of joints that stick, in states x = [y; y'] (N, 2n) under a torque (N, m), with the slip (N, p) of all."""
+    y, v = (np.ascontiguousarray(part) for part in np.split(x, 2, axis=1))
+    none = np.zeros_like(y)
+    M, *_, F = symbolic.call(moded_functions(about, friction)[2], [y, v, none, torque, slip, *about.place(t)])
+    return find_holding(about, friction, t, (y, v, -np.linalg.solve(M, F)[:, :, 0]), torque)
 
 
 def find_holding(about: Deviation, friction: Friction, t: Array, parts: tuple[Array, ...], torque: Array) -> Array:

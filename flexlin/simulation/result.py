@@ -268,15 +268,16 @@ class Simulation(Shown):
 
         states = [*self.names, *[f"{name}_rate" for name in self.names]]
         units = [*self.units, *[f"{unit}/s" for unit in self.units]] or [""] * len(states)
-        metres = {"units": "m"}
-        series = {
-            "nonlinear": (("time", "state"), self.nonlinear),
-            "linear": (("time", "state"), self.linear),
-            "torque": (("time", "input"), self.torque, {"units": "N m, or N on a joint that slides"}),
-            "tip": (("time", "axis"), self.tip, metres),
-            "tip_linear": (("time", "axis"), self.tip_linear, metres),
-            "tip_rigid": (("time", "axis"), self.tip_rigid, metres),
+        units_of = {"axis": {"units": "m"}, "input": {"units": "N m, or N on a joint that slides"}}
+        axes = {
+            "nonlinear": "state",
+            "linear": "state",
+            "torque": "input",
+            "tip": "axis",
+            "tip_linear": "axis",
+            "tip_rigid": "axis",
         }
+        series = {name: (("time", axis), getattr(self, name), units_of.get(axis, {})) for name, axis in axes.items()}
         coords = {
             "time": ("time", self.t, {"units": "s"}),
             "state": states,
@@ -284,15 +285,10 @@ class Simulation(Shown):
             "unit": ("state", units),
         }
         if self.controller_names:
-            series["controller"] = (("time", "memory"), self.controller)
+            series["controller"] = (("time", "memory"), self.controller, {})
             coords["memory"] = list(self.controller_names)
-        errors = {
-            "integration_error": self.error,
-            "linear_error": self.linear_error,
-            "difference_error": self.difference_error,
-            "energy_error": self.energy_error,
-        }
-        return xarray.Dataset(series, coords, errors)
+        errors = {name: getattr(self, name) for name in ("linear_error", "difference_error", "energy_error")}
+        return xarray.Dataset(series, coords, {"integration_error": self.error, **errors})
 
     def _view(self) -> View:
         pairs = [("nonlinear", "line"), ("linear", "dashed")]

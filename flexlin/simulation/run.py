@@ -83,7 +83,7 @@ def simulate(
     >>> run.t.shape, run.nonlinear.shape, run.error < 1e-5, run.energy_error < 1e-5
     ((33,), (33, 4), True, True)
     """
-    t = output_times(lin, positive("periods", periods), points_per_period)
+    t = np.linspace(0.0, periods * lin.period, check_duration(lin, periods, points_per_period) + 1)
     tol, n = positive("tol", tol), lin.n
     if law is None:
         feedforward = feedforward or scene_feedforward(lin, tol)
@@ -152,12 +152,6 @@ def describe_drive(law: Law, period: float) -> str:
     if law.gain(t).any():
         parts.append("feedback")
     return " and ".join(parts) + (" alone" if len(parts) == 1 else "") if parts else "no torque"
-
-
-def output_times(lin: Linearization, periods: float, points_per_period: int) -> Array:
-    """Equally spaced times of the whole simulation, once their number has been found reasonable."""
-    steps = check_duration(lin, periods, points_per_period)
-    return np.linspace(0.0, periods * lin.period, steps + 1)
 
 
 def check_duration(lin: Linearization, periods: float, points_per_period: int = 128) -> int:

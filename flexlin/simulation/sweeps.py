@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.lazy import lazy
-from flexlin.simulation.equations import Equations, Matrices, Places
+from flexlin.simulation.equations import LinearEquations, Matrices, Places
 from flexlin.simulation.window import Found, Grid, Path, Sweeps, Window
 
 
@@ -30,7 +30,7 @@ class Rigid:
     at: Places
 
     @classmethod
-    def of(cls, equations: Equations, grid: Grid, inside: float) -> "Rigid":
+    def of(cls, equations: LinearEquations, grid: Grid, inside: float) -> "Rigid":
         """All that depends on the times alone; a step's last stage is taken `inside` before its end, where a break may be."""
         times = np.minimum(grid.times, grid.edges[1:, None] - inside).ravel()
         return cls(grid, equations.places(times))
@@ -62,7 +62,7 @@ class Start(IntEnum):
 
 
 def solve_window(
-    equations: Equations,
+    equations: LinearEquations,
     about: Rigid,
     start: Array,
     before: Array,
@@ -101,7 +101,7 @@ def solve_window(
         renewed = newton or found is Found.SLOW
 
 
-def shifted(equations: Equations, at: Places, path: Path) -> Matrices:
+def shifted(equations: LinearEquations, at: Places, path: Path) -> Matrices:
     """The slopes of the rigid motion, those of each step shifted by what they differ from exact ones in its middle."""
     stages = path.w.shape[1]
     middle = np.arange(stages // 2, len(at.t), stages)

@@ -11,7 +11,6 @@ from flexlin.control import linearize_about, periodic_motion
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.periodic import extend_system
 from flexlin.scene import get_value
-from flexlin.simulation import NonlinearLoop
 from tests.closed_arm import closed
 from tests.control.test_c_controllers import FILTERS as TWO
 from tests.control.test_c_controllers import PID
@@ -72,13 +71,17 @@ def test_integral_action_leaves_no_mean_error_behind_a_constant_torque(lin):
 
 def step_by_step(lin, limit, t, start):
     """States [y; y'; z; work] (N, ..) by SciPy's LSODA, whose steps pass over the corners of the torque."""
-    loop = NonlinearLoop(lin, lin.law)
+    about, controller, n = lin.about, lin.law.controller, lin.n
 
     def rate(now, z):
-        x, asked = z[:-1], lin.law.torque(np.array([now]), z[None, :-1])[0]
+        x, asked, at = z[:-1], lin.law.torque(np.array([now]), z[None, :-1])[0], np.array([now])
         given = np.clip(asked, -limit, limit)
-        acceleration, _, power = loop.equations.solve(now, x[: 2 * lin.n], given)
-        return np.concatenate([x[lin.n : 2 * lin.n], acceleration, loop.remembered(now, x, asked - given), [power]])
+        moved, force = (x[None, :n], x[None, n : 2 * n]), lin.B(now) @ given
+        M, d = about.of_arm("M", at, moved[0])[0], about.of_arm("damping", at, *moved)[0, :, 0]
+        rest = about.of_arm("residual", at, *moved, np.zeros((1, n)))[0, :, 0]
+        power = about.positions(at, *moved)[1][0] @ (force - d)
+        remembered = x[:0] if controller is None else controller.rates @ x + controller.unwinding @ (asked - given)
+        return np.concatenate([x[n : 2 * n], np.linalg.solve(M, force - rest), remembered, [power]])
 
     return solve_ivp(rate, t[[0, -1]], start, "LSODA", t, rtol=1e-10, atol=1e-12).y.T
 

@@ -28,7 +28,6 @@ def test_expressions_and_numbers_agree_on_where_the_arm_is(name):
     s, s_dot, s_ddot = about.positions(t, *parts)
     expected = np.concatenate([np.sin(s), s * s_dot, s_ddot - s], axis=1)
     np.testing.assert_allclose(about.evaluate(function, t, *parts)[0][:, :, 0], expected, rtol=1e-14, atol=1e-14)
-    np.testing.assert_allclose(about.place_at(0.4)[0], about.place(t)[0][1])
 
 
 def test_one_time_gives_one_matrix(lin):

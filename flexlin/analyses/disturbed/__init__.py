@@ -85,9 +85,9 @@ class PushedEquations(NonlinearEquations):
         e = self._directions.unit(t)
         return self._size * self.lin.about.evaluate(self._directions.exact, t, y, e)[0][:, :, 0]
 
-    def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
+    def of_arm(self, at: Places, y: Array, v: Array, w: Array) -> Array:
         """M s'' + C s' + g + d - B torque - J' force in the coordinates kept."""
-        return super().residual(at, y, v, w) - self.push(at.t, y)
+        return super().of_arm(at, y, v, w) - self.push(at.t, y[:, : self.n])
 
     def ready(self, at: Places) -> None:
         """None: the push stands in no program."""

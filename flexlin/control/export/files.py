@@ -20,6 +20,8 @@ from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import RATE
 
 Texts = dict[str, list[str]]
+Variables = dict[str, tuple[tuple[str, ...], Array, dict[str, str]]]
+"""Axes, values and what netCDF says of them, by name."""
 MATLAB_DESIGN = ("name", "samples", "K", "X", "rates", "states")
 """Fields of a design in MATLAB's file."""
 
@@ -130,17 +132,24 @@ def write_system(
     numbers = system.n * (system.n + system.m) + len(designs) * system.n * (system.n + system.m)
     check_size(f"a table of {phases} times", 8 * phases * (numbers + 1), "ask for fewer phases (--points)")
     t = system.period * np.arange(phases) / phases
-    arrays: dict[str, Array] = {"t": t, "A": system.A(t)}
+    row, column = "state_unit of the row", "state_unit of the column"
+    words = {"long_name": "state matrix", "units": f"{row} / s / {column}"}
+    table: Variables = {"A": (("time", "state", "state_"), system.A(t), words)}
     if system.B is not None:
-        arrays["B"] = system.B(t)
+        words = {"long_name": "input matrix", "units": f"{row} / s / input_unit"}
+        table["B"] = ("time", "state", "input"), system.B(t), words
     for i, made in enumerate(designs):
-        arrays[f"K_{i}"] = made.K(t)
+        state, own = "state" if made.controller is None else f"state_{i}", {"design": made.name}
+        words = {"long_name": f"gain of {made.name}, u = -K x", "units": f"input_unit / {column}", **own}
+        table[f"K_{i}"] = ("time", "input", state), made.K(t), words
         if made.solution is not None:
-            arrays[f"X_{i}"] = made.solution.X(t)
+            cost = {"long_name": f"Riccati solution of {made.name}", "units": f"1 / ({row} x {column})", **own}
+            table[f"X_{i}"] = ("time", state, f"{state}_"), made.solution.X(t), cost
         if made.controller is not None:
-            arrays[f"rates_{i}"] = made.controller.rates
+            table[f"rates_{i}"] = (f"memory_{i}", state), made.controller.rates, {}
         if isinstance(made.K, SampledGain):
-            arrays[f"samples_{i}"] = made.K.in_order
+            words = words | {"long_name": f"gain of {made.name} at its samples"}
+            table[f"samples_{i}"] = (f"phase_samples_{i}", "input", state), made.K.in_order, words
     texts = {"names": [made.name for made in designs]}
     texts |= {
         f"states_{i}": list(made.controller.names) for i, made in enumerate(designs) if made.controller is not None
@@ -149,17 +158,19 @@ def write_system(
     writers = {".npz": _save_npz, ".mat": _save_mat, ".nc": _save_netcdf}
     if path.suffix not in writers:
         raise ArgumentError("the file's ending names no known format", got=path.name, expected=", ".join(writers))
-    writers[path.suffix](path, arrays, texts, system.period)
+    writers[path.suffix](path, t, table, texts, system.period)
 
 
-def _save_npz(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
-    content: dict[str, Any] = arrays | {key: np.array(value, dtype=str) for key, value in texts.items()}
+def _save_npz(path: Path, t: Array, table: Variables, texts: Texts, period: float) -> None:
+    content: dict[str, Any] = {"t": t} | {key: values for key, (_, values, _) in table.items()}
+    content |= {key: np.array(value, dtype=str) for key, value in texts.items()}
     np.savez_compressed(path, **content, period=np.array(period))
 
 
-def _save_mat(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
+def _save_mat(path: Path, t: Array, table: Variables, texts: Texts, period: float) -> None:
     from scipy.io import savemat
 
+    arrays = {key: values for key, (_, values, _) in table.items()}
     words = {key: np.array(value, dtype=object) for key, value in texts.items() if key != "names"}
     plant: dict[str, Any] = {key: np.moveaxis(arrays[key], 0, -1) for key in ("A", "B") if key in arrays}
     designs = np.zeros(len(texts["names"]), dtype=[(key, object) for key in MATLAB_DESIGN])
@@ -168,45 +179,28 @@ def _save_mat(path: Path, arrays: dict[str, Array], texts: Texts, period: float)
         rates = arrays.get(f"rates_{i}", np.zeros((0, arrays["A"].shape[1])))
         designs[i] = (name, *matrices, rates, np.array(texts.get(f"states_{i}", []), dtype=object))
     with path.open("wb") as file:
-        content = {"t": arrays["t"][None], **plant, **words, "designs": designs, "period": period}
+        content = {"t": t[None], **plant, **words, "designs": designs, "period": period}
         savemat(file, content)
 
 
-def _save_netcdf(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
+def _save_netcdf(path: Path, t: Array, table: Variables, texts: Texts, period: float) -> None:
     """An entry's unit follows from those of its row and column."""
     import xarray
 
-    row, column = "state_unit of the row", "state_unit of the column"
-    known: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
-        "A": (("time", "state", "state_"), {"long_name": "state matrix", "units": f"{row} / s / {column}"}),
-        "B": (("time", "state", "input"), {"long_name": "input matrix", "units": f"{row} / s / input_unit"}),
-    }
-    for i, name in enumerate(texts["names"]):
-        state = f"state_{i}" if f"rates_{i}" in arrays else "state"
-        gain = {"long_name": f"gain of {name}, u = -K x", "units": f"input_unit / {column}", "design": name}
-        cost = {"long_name": f"Riccati solution of {name}", "units": f"1 / ({row} x {column})", "design": name}
-        at_samples = gain | {"long_name": f"gain of {name} at its samples"}
-        known |= {
-            f"K_{i}": (("time", "input", state), gain),
-            f"X_{i}": (("time", state, f"{state}_"), cost),
-            f"rates_{i}": ((f"memory_{i}", state), {}),
-            f"samples_{i}": ((f"phase_samples_{i}", "input", state), at_samples),
-        }
     of_state = {"long_name": "states [y; y'], deviations from the rigid motion", "units": "as in state_unit"}
     of_input = {"long_name": "inputs u, by the coordinate that they drive", "units": "as in input_unit"}
     coordinates: dict[str, Any] = {
-        "time": ("time", arrays["t"], {"long_name": "time in the period", "units": "s"}),
+        "time": ("time", t, {"long_name": "time in the period", "units": "s"}),
         "state": ("state", texts["states"], of_state),
         "state_": ("state_", texts["states"], of_state | {"long_name": "states, as columns"}),
         "state_unit": ("state", texts["state_units"]),
     }
-    if "B" in arrays:
+    if "B" in table:
         coordinates |= {"input": ("input", texts["inputs"], of_input), "input_unit": ("input", texts["input_units"])}
     attributes = {"title": "x' = A(t) x + B(t) u over a period", "period": period, "period_units": "s"}
     attributes |= {"source": f"flexlin {flexlin.__version__}", "designs": "; ".join(texts["names"])}
     attributes |= {key: "; ".join(texts[key]) for key in ("state_units", "input_units")}
-    variables = {key: (axes, arrays[key], words) for key, (axes, words) in known.items() if key in arrays}
-    path.write_bytes(xarray.Dataset(variables, coordinates, attributes).to_netcdf(engine="scipy"))
+    path.write_bytes(xarray.Dataset(table, coordinates, attributes).to_netcdf(engine="scipy"))
 
 
 def matlab_script(data: Path, designs: int, periodic: bool = True) -> Path:

@@ -1,7 +1,7 @@
 """The integrals of the shapes that the energies of a link need, computed once, before any expression graph is built."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -98,16 +98,9 @@ class ShapeIntegrals:
         """The number of modes."""
         return len(self.tip)
 
-    def without_modes(self) -> "ShapeIntegrals":
-        """The same line of mass with no shape."""
-        arrays = {name: value for name, value in vars(self).items() if np.ndim(value)}
-        return replace(self, **{name: value[(slice(0),) * value.ndim] for name, value in arrays.items()})
-
 
 def shape_integrals(
-    shapes: Shapes,
-    mass_profile: Profile | None = None,
-    stiffness_profile: Profile | None = None,
+    shapes: Shapes, mass_profile: Profile | None = None, stiffness_profile: Profile | None = None
 ) -> ShapeIntegrals:
     """Integrate the shapes by Gauss-Legendre quadrature between their breaks.
 
@@ -233,12 +226,8 @@ def couple_shapes(
     levers = first - xi * plain, second - xi * first
 
     def twisted(i: int) -> Twisted:
-        return Twisted(
-            tip=(phi * weight * (1 - xi)) @ curvature[i].T,
-            mass=(phi * weight * levers[0]) @ curvature[i].T,
-            moment=(phi * weight * levers[1]) @ curvature[i].T,
-            section=(phi * weight * eps(xi)) @ turn[i].T,
-        )
+        tip, mass, moment = ((phi * weight * lever) @ curvature[i].T for lever in (1 - xi, *levers))
+        return Twisted(tip, mass, moment, section=(phi * weight * eps(xi)) @ turn[i].T)
 
     def turned(weight: Array) -> tuple[Array, Array, Array]:
         pairs = ((turn[0], curvature[0], turn[1], curvature[1]), *((phi, slope, turn[i], curvature[i]) for i in (0, 1)))
