@@ -1,5 +1,6 @@
-/* Transition matrices of M y'' + D y' + K y = 0 by Gauss collocation in the accelerations, L segments at a time: the computation of
- * `collocate_accelerations` in gauss.py, without exchanging rows. */
+/* Transition matrices of M y'' + D y' + K y = 0 by Gauss collocation in the accelerations, L segments at a time, without exchanging rows:
+ * M_i w_i + D_i v_i + K_i y_i = 0,   v_i = v_0 + h sum_j a_ij w_j,   y_i = y_0 + h c_i v_0 + h^2 sum_j (a a)_ij w_j.
+ * There are half as many unknowns as states, and M is never inverted. Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14. */
 #include "accelerations.h"
 
 /* Blocks [M D K] of the stages (stages, m, 3 m) in units d: times d d'. */

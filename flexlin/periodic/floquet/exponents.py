@@ -21,7 +21,7 @@ from flexlin.periodic.transition.choose_segments import (
     MAX_SEGMENTS,
     Setting,
     choose_setting,
-    estimate_segment_work,
+    estimate_work,
     factor_twice,
     fall_back,
 )
@@ -158,7 +158,9 @@ def answer_by_segments(
 def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
     """The exponents by decoupling where that promises less work, else by segments; by the better one where decoupling misses tol."""
     decoupled = try_decoupling(system, setting, tol)
-    patient = setting.segments <= limit and estimate_segment_work(system, setting) < COLLOCATION_WORK
+    patient = (
+        setting.segments <= limit and estimate_work(system, setting.order // 2, setting.segments) < COLLOCATION_WORK
+    )
     if decoupled is not None and not (patient and count_missed(decoupled, tol)):
         return decoupled
     try:
@@ -172,7 +174,7 @@ def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit
 
 def try_decoupling(system: PeriodicSystem, setting: Setting, tol: float) -> FloquetResult | None:
     """The exponents by decoupling, where that promises less work than segments, and serves."""
-    tries = estimate_segment_work(system, setting) / estimate_decoupling_work(system.n)
+    tries = float(estimate_work(system, setting.order // 2, setting.segments)) / estimate_decoupling_work(system.n)
     if tries < 1:
         return None
     found = solve_decoupled(system, tol, int(min(tries, MOST_TRIES)))

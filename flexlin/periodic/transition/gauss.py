@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
 from flexlin.checks import Array
-from flexlin.errors import NumericalError, SingularMassMatrix
+from flexlin.errors import NumericalError
 from flexlin.periodic.coefficients import MatrixFunction, check_finite
 
 DEFAULT_STAGES = 8
@@ -127,52 +127,6 @@ def solve_stages(hA: Array, rule: Tableau, right: Array) -> Array:
             "the stages of a segment are not determined: it is too long for A(t)",
             todo="ask for more segments, or leave method and segments to the solver",
         ) from None
-
-
-def collocate_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau) -> Array:
-    """Transition matrices (..., 2n, 2n) for x = [y; y'] of M y'' + D y' + K y = 0, collocated in the accelerations.
-
-        M_i w_i + D_i v_i + K_i y_i = 0,   v_i = v_0 + h sum_j a_ij w_j,   y_i = y_0 + h c_i v_0 + h^2 sum_j (a^2)_ij w_j
-
-    The linear systems have s n unknowns for n coordinates, half of those in x, and M is never inverted.
-    Parameters: M, D, K at the stages (..., s, n, n) and lengths h (...). Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14.
-    """
-    s, n = K.shape[-3:-1]
-    lead, h = K.shape[:-3], h[..., None, None]
-    right = np.concatenate([K, D + rule.c[:, None, None] * (h[..., None] * K)], axis=-1)
-    w = -solve_accelerations(M, D, K, h[..., 0, 0], rule, right)
-    rows = np.stack([rule.b * (1 - rule.c), rule.b]) @ w.reshape(*lead, s, 2 * n * n)
-    Phi = rows.reshape(*lead, 2 * n, 2 * n)
-    Phi[..., :n, :] *= h * h
-    Phi[..., n:, :] *= h
-    diagonal = np.arange(2 * n)
-    Phi[..., diagonal, diagonal] += 1
-    Phi[..., diagonal[:n], diagonal[n:]] += h[..., 0]
-    return Phi
-
-
-def solve_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau, right: Array) -> Array:
-    """Solve M_i w_i + sum_j (a_ij h D_i + (a^2)_ij h^2 K_i) w_j = right_i for the stages, all (..., s, n, r).
-
-    Raises: SingularMassMatrix.
-    """
-    s, n, r = right.shape[-3:]
-    h = h[..., None, None, None]
-    # unknowns coordinate by coordinate, stage by stage inside: NumPy's inner loops then run over the stages
-    hD, hhK = (np.moveaxis(A, -3, -2)[..., None] for A in (h * D, h * h * K))
-    G = rule.a[:, None, :] * hD
-    G += (rule.a @ rule.a)[:, None, :] * hhK
-    stage = np.arange(s)
-    G[..., stage, :, stage] += np.moveaxis(M, -3, 0)
-    lead, by_coordinate = right.shape[:-3], np.swapaxes(right, -3, -2)
-    try:
-        w = np.linalg.solve(G.reshape(*lead, n * s, n * s), by_coordinate.reshape(*lead, n * s, r))
-    except np.linalg.LinAlgError:
-        raise SingularMassMatrix(
-            "the accelerations are not determined on some segment of the period",
-            todo="give every coordinate inertia, or remove the coordinate",
-        ) from None
-    return np.swapaxes(w.reshape(*lead, n, s, r), -3, -2)
 
 
 @lru_cache(maxsize=16)
