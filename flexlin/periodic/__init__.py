@@ -39,7 +39,8 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.coefficient_series.resolve": "resolve",
         "periodic.roots": "SignedEnds solve_brackets",
         "periodic.system": "extend_system",
-        "periodic.transition.gauss": "gauss_transitions radau",
+        "periodic.transition.factors": "gauss_transitions",
+        "periodic.transition.gauss": "radau",
         "periodic.transition.choose_segments": "factor_by METHODS Setting",
     },
 )

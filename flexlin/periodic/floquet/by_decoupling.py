@@ -35,7 +35,7 @@ from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS, OTHER_WORK, VECTOR_WORK, choose_setting
-from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.precision import CUBE_ROOT_EPS, FAINT, FOURTH_ROOT_EPS, LARGEST_LOG_GROWTH, MINOR, ROOT_EPS, SAFETY
 
 GROUP_ANGLE = 0.7
@@ -257,8 +257,10 @@ def follow_block(decoupled: Decoupled, index: int, group: Group) -> tuple[Array,
         return None
     middle, times = exponents.mean(), np.append(decoupled.times, period)
     values = B - middle * np.eye(group.size)
-    factors = gauss_transitions(lambda t: interpolated(values, period, t), times)
-    V, known = periodic_vectors(factors, times, exponents - middle, np.zeros(group.size, int), 1)
+    Phi, p = gauss_transitions(lambda t: as_real(interpolated(values, period, t)), times), group.size
+    V, known = periodic_vectors(
+        Phi[:, :p, :p] + 1j * Phi[:, p:, :p], times, exponents - middle, np.zeros(group.size, int), 1
+    )
     if not known.all() or not np.linalg.cond(V).max() < 1 / ROOT_EPS:  # else modes coincide nearly
         return None
     return exponents, V, np.zeros(V.shape[:2])

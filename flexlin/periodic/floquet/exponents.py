@@ -13,7 +13,7 @@ from flexlin.periodic.coefficient_series.sampling import SEARCH_BLOCKS, stratifi
 from flexlin.periodic.decoupling.coupling import Decoupled, Refusal
 from flexlin.periodic.decoupling.decouple import MOST_TRIES
 from flexlin.periodic.floquet.by_decoupling import estimate_decoupling_work, solve_decoupled
-from flexlin.periodic.floquet.by_segments import Factoring, solve_by_segments
+from flexlin.periodic.floquet.by_segments import solve_by_segments
 from flexlin.periodic.floquet.result import FloquetResult, find_coinciding_within, find_reached, judge
 from flexlin.periodic.product import balance_factors, bound_pairs, complex_schur, separate_triangular
 from flexlin.periodic.system import PeriodicSystem, as_system
@@ -22,7 +22,6 @@ from flexlin.periodic.transition.choose_segments import (
     Setting,
     choose_setting,
     estimate_work,
-    factor_twice,
     fall_back,
 )
 from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, SAFETY
@@ -144,14 +143,12 @@ def find_exponents(
     return answer_by_either(system, setting, tol, limit)
 
 
-def answer_by_segments(
-    system: PeriodicSystem, setting: Setting, tol: float, limit: int, factor: Factoring = factor_twice
-) -> FloquetResult:
+def answer_by_segments(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
     """The exponents of the product of the segments' factors.
 
     Raises: TooManySegments.
     """
-    spectrum = solve_by_segments(system, setting, tol, limit, factor=factor)
+    spectrum = solve_by_segments(system, setting, tol, limit)
     return finish(system, spectrum.logs / system.period, spectrum.errors / system.period, spectrum.setting, tol)
 
 

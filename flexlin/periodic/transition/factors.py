@@ -10,14 +10,17 @@ from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.errors import SingularMassMatrix
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix
-from flexlin.periodic.coefficients import solve_mass, stack_companion
+from flexlin.periodic.coefficients import MatrixFunction, solve_mass, stack_companion
 from flexlin.periodic.product import Unknown
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
+    DEFAULT_STAGES,
     Tableau,
     collocate,
     fold_samples,
+    gauss,
     place_nodes,
+    sample_at,
 )
 from flexlin.precision import EPS
 
@@ -157,6 +160,29 @@ def factor_states(A: Array, h: Array, rule: Tableau) -> Array:
         turn = units / units[:, None]
         Phi[lost] = collocate(A[lost] * turn, h[lost], rule) / turn
     return Phi
+
+
+def gauss_transitions(A: MatrixFunction, edges: Array, stages: int = DEFAULT_STAGES) -> Array:
+    """Transition matrices of x' = A(t) x over the segments between consecutive edges.
+
+        Y_i = I + h sum_j a_ij A_j Y_j,   Phi = I + h sum_j b_j A_j Y_j
+
+    Assumes A smooth inside each segment. The error is O(h^(2 stages)); quadratic invariants (a symplectic form) are kept.
+
+    Parameters: A: function (N,) -> (N, n, n); edges: increasing times (K + 1,); stages >= 1.
+    Returns: Phi (K, n, n), x(edges[k + 1]) = Phi[k] x(edges[k]).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, II.1, IV.2.
+    """
+    rule, h = gauss(stages), np.diff(edges)
+    return np.concatenate([factor_states(values, h[part], rule) for part, values in sample_chunks(A, edges, rule)])
+
+
+def sample_chunks(A: MatrixFunction, edges: Array, rule: Tableau) -> Iterator[tuple[slice, Array]]:
+    """A at the stages (k, s, n, n), before a jump at the end of a segment, of as many at a time as have equations of CHUNK_BYTES."""
+    t = place_nodes(edges, rule.c)
+    size = max(8, CHUNK_BYTES // (8 * (t.shape[1] * A(t[0, :1]).shape[-1]) ** 2))
+    for part in (slice(i, i + size) for i in range(0, len(t), size)):
+        yield part, np.ascontiguousarray(sample_at(A, t[part]), dtype=float)
 
 
 @lru_cache(maxsize=64)

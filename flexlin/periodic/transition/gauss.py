@@ -1,6 +1,5 @@
 """Gauss-Legendre and Radau collocation: their tableaus, and the transition matrices of all segments in one batched solve."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -52,22 +51,6 @@ def place_nodes(edges: Array, c: Array) -> Array:
     return np.minimum(t, np.nextafter(edges[1:, None], -np.inf))
 
 
-def gauss_transitions(A: MatrixFunction, edges: Array, stages: int = DEFAULT_STAGES) -> Array:
-    """Transition matrices of x' = A(t) x over the segments between consecutive edges.
-
-        Y_i = I + h sum_j a_ij A_j Y_j,   Phi = I + h sum_j b_j A_j Y_j
-
-    Assumes A smooth inside each segment. The error is O(h^(2 stages)); quadratic invariants (a symplectic form) are kept.
-
-    Parameters: A: function (N,) -> (N, n, n); edges: increasing times (K + 1,); stages >= 1.
-    Returns: Phi (K, n, n), x(edges[k + 1]) = Phi[k] x(edges[k]).
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, II.1, IV.2.
-    """
-    rule = gauss(stages)
-    h = np.diff(edges)
-    return collect_chunks(lambda t, k: collocate(sample_at(A, t), h[k], rule), edges, rule)
-
-
 def sample_at(A: MatrixFunction, t: Array) -> Array:
     """Sample a coefficient at times of any shape: (..., n, m)."""
     return fold_samples(A(t.ravel()), t)
@@ -81,16 +64,6 @@ def fold_samples(values: Array, t: Array) -> Array:
     if not np.isfinite(values).all():
         check_finite("a coefficient", values, t.ravel())
     return values.reshape(*t.shape, *values.shape[1:])
-
-
-def collect_chunks(part: Callable[[Array, slice], Array], edges: Array, rule: Tableau) -> Array:
-    """Collect `part(stage times, segments)` over all segments, with few enough at a time to stay within CHUNK_BYTES."""
-    t = place_nodes(edges, rule.c)
-    segments, stages = t.shape
-    done = [part(t[:1], slice(0, 1))]  # which shows the size of the matrices
-    size = max(1, CHUNK_BYTES // (8 * (stages * done[0].shape[-1]) ** 2))
-    done += [part(t[i : i + size], slice(i, i + size)) for i in range(1, segments, size)]
-    return np.concatenate(done)
 
 
 def collocate(A: Array, h: Array, rule: Tableau) -> Array:
