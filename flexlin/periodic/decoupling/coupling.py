@@ -206,13 +206,6 @@ def hidden_couplings(coupled: Coupled, rounding: Array) -> Array:
     return np.where(crossing, coupled.size * shrunk + rounding, 0)
 
 
-@dataclass(frozen=True)
-class Refusal:
-    """Why a system was not decoupled: nothing stands apart, or its coefficients are not resolved by the nodes."""
-
-    reason: str
-
-
 @dataclass(frozen=True, eq=False)
 class Decoupled:
     """Coordinates x = T(t) z that split x' = A(t) x into groups of modes.

@@ -10,7 +10,6 @@ from flexlin.periodic.coefficient_series.sampling import POINTS, RESOLVED_TOL, s
 from flexlin.periodic.decoupling.coupling import (
     Coupled,
     Decoupled,
-    Refusal,
     block_values,
     group_separation,
     hidden_effect,
@@ -58,7 +57,7 @@ def decouple(
     tol: float = 1e-9,
     uncertainty: Uncertainty | None = None,
     tries: int = MOST_TRIES,
-) -> Decoupled | Refusal:
+) -> Decoupled | None:
     """Split x' = A(t) x into groups of modes whose eigenvalues stay far apart along the period.
 
         x = T(t) z,   z' = B(t) z,   B = T^-1 (A T - T') block diagonal
@@ -76,7 +75,7 @@ def decouple(
 
     Returns
     -------
-    Decoupled, or a Refusal with its reason: nothing stands apart, A is not resolved, or the coupling does not shrink.
+    Decoupled; None where nothing stands apart, A is not resolved, or the coupling does not shrink.
 
     References
     ----------
@@ -100,24 +99,22 @@ def decouple(
     roughness = tail(samples)
     while roughness > SLIGHT:
         if count == MAX_NODES:
-            return Refusal(f"the coefficients are not resolved by {count} nodes")
+            return None  # the nodes do not resolve the coefficients
         samples = interleaved(samples, A(period / count * (np.arange(count) + 0.5)))
         count, before, roughness = 2 * count, roughness, tail(samples)
         if count > 2 * FIRST_NODES and roughness > 0.2 * before:
-            return Refusal(
-                "the coefficients' harmonics fall off too slowly: a break that is not named, or a narrow feature"
-            )
+            return None  # harmonics fall off too slowly: a break that is not named, or a narrow feature
     while True:
         between = A(period / len(samples) * (np.arange(len(samples)) + 0.5))
         if hides_waves(A, period, samples, between):
-            return Refusal("the coefficients have harmonics that equidistant nodes take for others")
+            return None
         try:
             parted = built_on(samples, period, tol, tries)
-            if isinstance(parted, Refusal):
-                return parted
+            if parted is None:
+                return None
             answer, settled = checked(parted, samples, between, tol, uncertainty)
         except np.linalg.LinAlgError:
-            return Refusal("the eigenvectors of A(t) depend on each other at some time")
+            return None  # eigenvectors of A(t) depend on each other at some time
         if settled or len(samples) == MAX_NODES:
             return answer
         samples = interleaved(samples, between)
@@ -181,15 +178,15 @@ class Parted:
     stuck: Array
 
 
-def built_on(samples: Array, period: float, tol: float, tries: int) -> Parted | Refusal:
-    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part."""
+def built_on(samples: Array, period: float, tol: float, tries: int) -> Parted | None:
+    """Group, build the frame and make the rounds on one set of nodes, putting those together that do not part; None where too many do not."""
     modes = follow_modes(samples)
     apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
     together = apart < 2 * np.pi / period / ADIABATIC_GAP
     for _ in range(tries):
         columns, groups = grouped_modes(modes, together)
         if len(groups) == 1:
-            return Refusal("no eigenvalues of A(t) stand apart from the others along the period")
+            return None  # no eigenvalues stand apart from the others along the period
         taken = modes.taken(columns)
         T, turning = find_frame(taken, groups)
         allowed = tol * np.maximum(1, np.abs(taken.values).min(axis=0))[:, None]
@@ -197,7 +194,7 @@ def built_on(samples: Array, period: float, tol: float, tries: int) -> Parted | 
         if not found.stuck.any():
             return found
         together[np.ix_(columns, columns)] |= found.stuck | found.stuck.T
-    return Refusal("the coupling between groups of modes does not shrink")
+    return None  # the coupling between groups does not shrink
 
 
 def part_frame(T: Array, groups: tuple[Group, ...], turning: Array, A: Array, period: float, allowed: Array) -> Parted:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.circle import assign, measure_distances
+from flexlin.periodic.circle import match_logs
 from flexlin.periodic.interpolation import FINER_BOUNDS, NODES
 from flexlin.periodic.product import ProductSpectrum, Unknown, find_spectrum
 from flexlin.periodic.system import PeriodicSystem
@@ -134,8 +134,7 @@ def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum) -> Segmen
     finer = setting.with_segments(int(np.ceil(FINER_BOUNDS[0] * setting.segments)) + panels)  # more in every panel
     factored = factor_twice(system, place_segments(system, finer), finer)
     other = measure_spectrum(system, finer, factored, spectrum.start)[0]
-    apart = measure_distances(spectrum.logs, other.logs)
-    moved = apart[np.arange(len(apart)), assign(apart)]
+    moved = match_logs(spectrum.logs, other.logs)[1]
     return replace(spectrum, errors=np.maximum(spectrum.errors, METHOD_SAFETY * moved))
 
 

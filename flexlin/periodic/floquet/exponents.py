@@ -7,10 +7,10 @@ import numpy as np
 from flexlin.arguments import checked
 from flexlin.checks import Array, bytes_allowed, positive, whole
 from flexlin.errors import TooManySegments
-from flexlin.periodic.circle import assign, match_logs, measure_distances, pair_conjugates, wrap_log
+from flexlin.periodic.circle import match_logs, pair_conjugates, wrap_log
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, couple_uncertainty
 from flexlin.periodic.coefficient_series.sampling import SEARCH_BLOCKS, stratified
-from flexlin.periodic.decoupling.coupling import Decoupled, Refusal
+from flexlin.periodic.decoupling.coupling import Decoupled
 from flexlin.periodic.decoupling.decouple import MOST_TRIES
 from flexlin.periodic.floquet.by_decoupling import estimate_decoupling_work, solve_decoupled
 from flexlin.periodic.floquet.by_segments import solve_by_segments
@@ -175,7 +175,7 @@ def try_decoupling(system: PeriodicSystem, setting: Setting, tol: float) -> Floq
     if tries < 1:
         return None
     found = solve_decoupled(system, tol, int(min(tries, MOST_TRIES)))
-    if isinstance(found, Refusal):
+    if found is None:
         return None
     exponents, errors, decoupled = found
     reason = f"eigenvalues of A(t) up to {setting.rate:.3g} 1/s beside a motion of {2 * np.pi / system.period:.3g} 1/s"
@@ -218,9 +218,8 @@ def judge_beside(
 ) -> FloquetResult:
     """Judge exponents (n,) of a resolution that is held by their distance to those of one that the engine chose."""
     best = floquet(system, tol)
-    apart = measure_distances(exponents * system.period, best.log_multipliers) / system.period
-    partner = assign(apart)
-    errors = 1.5 * apart[np.arange(system.n), partner] + best.errors[partner] + rounding
+    partner, apart = match_logs(exponents * system.period, best.log_multipliers)
+    errors = 1.5 * apart / system.period + best.errors[partner] + rounding
     return judge(exponents, errors, system.period, setting, tol, coarse=best.verdict != "undecided")
 
 

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 
 import flexlin as fl
 from flexlin.errors import TooManySegments
-from flexlin.periodic import Coupled, Group, Refusal, decouple, decoupled_exponents, sylvester
+from flexlin.periodic import Coupled, Group, decouple, decoupled_exponents, sylvester
 from flexlin.periodic.decoupling.coupling import Decoupled, residual_effect
 from flexlin.periodic.floquet import exponents as routes
 from flexlin.periodic.floquet.by_decoupling import hide_enclosed
@@ -46,7 +46,7 @@ def test_no_exponent_is_further_off_than_three_times_its_error(kind):
     for seed in (3, 4):
         system = random_system(seed, kind)
         decoupled = decouple(system, system.period, tol=1e-8)
-        if isinstance(decoupled, Refusal):
+        if decoupled is None:
             continue
         done += 1
         assert covers(decoupled_exponents(decoupled), system.exponents, system.period, factor=3), seed
@@ -120,7 +120,7 @@ def test_harmonics_that_the_nodes_take_for_others_are_seen(turns):
     """
     modes = [(Wave(-0.5), None), (Wave(-3.0), None), (Wave(-1.2), None)]
     answer = decouple(Rotated(1.0, modes, [Rotation(0, 1, Wave(0.0, turns))], [(0, 1, 2.0)]), 1.0)
-    assert "take for others" in answer.reason
+    assert answer is None
 
 
 @pytest.mark.parametrize(

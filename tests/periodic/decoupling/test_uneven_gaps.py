@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic import Refusal, as_real, decouple, decoupled_exponents
+from flexlin.periodic import as_real, decouple, decoupled_exponents
 from tests.closed_arm import closed
 from tests.periodic.chains import Wave
 from tests.periodic.judge import covers
@@ -84,7 +84,7 @@ def test_segments_give_the_same_exponents(changes):
     system = closed(changes=changes).periodic_system() if changes else fl.PeriodicSystem(loop_with_integral_action(), T)
     exact, found = fl.floquet(system, 1e-10, method="gauss"), [fl.floquet(system, 1e-8)]
     decoupled = decouple(system.resolved, system.period, tol=1e-8)
-    found += [] if isinstance(decoupled, Refusal) else [decoupled_exponents(decoupled, 1e-8)]
+    found += [] if decoupled is None else [decoupled_exponents(decoupled, 1e-8)]
     assert all(covers(one, exact.exponents, system.period, exact.errors) for one in found)
 
 
@@ -116,7 +116,7 @@ def test_means_of_followed_modes_are_not_claimed_where_others_may_be_followed(ro
     """
     A, exponents = cycling(rate, roots)
     decoupled = decouple(A, 2 * np.pi, tol=1e-8)
-    if isinstance(decoupled, Refusal):
+    if decoupled is None:
         return
     answer = decoupled_exponents(decoupled)
     assert covers(answer, exponents, 2 * np.pi)
