@@ -179,7 +179,7 @@ class Parted:
 
 
 def built_on(samples: Array, period: float, tol: float, tries: int) -> Parted | None:
-    """Group, build the frame and make the rounds on one set of nodes, putting those together that do not part; None where too many do not."""
+    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part; None where all are."""
     modes = follow_modes(samples)
     apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
     together = apart < 2 * np.pi / period / ADIABATIC_GAP

@@ -1,6 +1,5 @@
 """Decoupling: exponents of systems with very fast modes, against exact ones, and refusals where nothing stands apart."""
 
-import re
 from dataclasses import replace
 from functools import reduce
 from itertools import pairwise, permutations
@@ -124,16 +123,16 @@ def test_harmonics_that_the_nodes_take_for_others_are_seen(turns):
 
 
 @pytest.mark.parametrize(
-    ("A", "words"),
+    "A",
     [
-        (lambda t: np.array([[0, 1], [-1, -0.1]]) + 0 * t, "stand apart"),
-        (lambda t: np.array([[0, 1.0], [0, 0]]) + 0 * t, "depend on each other|stand apart"),
-        (lambda t: np.diag([-1.0, -500]) * (1 + 0.3 * (t > 1.0002)), "fall off too slowly"),
+        lambda t: np.array([[0, 1], [-1, -0.1]]) + 0 * t,
+        lambda t: np.array([[0, 1.0], [0, 0]]) + 0 * t,
+        lambda t: np.diag([-1.0, -500]) * (1 + 0.3 * (t > 1.0002)),
     ],
     ids=["slow", "defective", "jump"],
 )
-def test_refusals_say_why(A, words):
-    assert re.search(words, decouple(lambda t: A(t[:, None, None]), 2.0).reason)
+def test_what_does_not_part_is_not_decoupled(A):
+    assert decouple(lambda t: A(t[:, None, None]), 2.0) is None
 
 
 @pytest.mark.parametrize("corner", [0.0, 0.0078125, 0.00390625, 0.71, 1.3])
