@@ -117,7 +117,7 @@ class PeakSearch:
         self.problem, system, found = problem, problem.system, problem.found
         rate = max(float(np.linalg.norm(system.resolved.mean(), 2)), 1 / system.period)
         self.floor = max(direct, EPS * largest[0] * largest[1] / rate)  # what rounding makes of nothing
-        modes = solve_floquet_modes(system, found, quick=True)
+        modes = solve_floquet_modes(system, found)
         reached, all_reached = measure_parts(np.swapaxes(problem.B(modes.times), 1, 2), modes.left.conj(), largest[0])
         seen, all_seen = measure_parts(problem.C(modes.times), modes.right, largest[1])
         self.exponents, self.period, damping = modes.exponents, system.period, np.abs(modes.exponents.real)

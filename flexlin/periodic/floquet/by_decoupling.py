@@ -255,7 +255,7 @@ def follow_block(decoupled: Decoupled, index: int, group: Group) -> tuple[Array,
     values = B - middle * np.eye(group.size)
     Phi, p = gauss_transitions(lambda t: as_real(interpolated(values, period, t)), times), group.size
     V, known = periodic_vectors(
-        Phi[:, :p, :p] + 1j * Phi[:, p:, :p], times, exponents - middle, np.zeros(group.size, int), 1
+        Phi[:, :p, :p] + 1j * Phi[:, p:, :p], times, exponents - middle, np.zeros(group.size, int)
     )
     if not known.all() or not np.linalg.cond(V).max() < 1 / ROOT_EPS:  # else modes coincide nearly
         return None
