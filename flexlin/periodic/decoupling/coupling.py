@@ -228,12 +228,11 @@ class Decoupled:
     turning: Array
     residual: Array
     rounding: Array
-    rounds: int
     coupled: Coupled | None = None
 
     def __repr__(self) -> str:
         sizes = [group.size for group in self.groups]
-        return f"Decoupled(n={sum(sizes)}, groups={sizes}, nodes={len(self.times)}, rounds={self.rounds})"
+        return f"Decoupled(n={sum(sizes)}, groups={sizes}, nodes={len(self.times)})"
 
     def traceless(self, index: int) -> tuple[Array, complex]:
         """The real generator (N, m, m) at the nodes of one group without its mean rotation and decay, and the mean that was taken out.

@@ -92,7 +92,7 @@ def decouple(
     ...     return A
     >>> decoupled = decouple(A, 2 * np.pi)
     >>> decoupled
-    Decoupled(n=2, groups=[1, 1], nodes=64, rounds=1)
+    Decoupled(n=2, groups=[1, 1], nodes=64)
     """
     count = FIRST_NODES
     samples = A(period / count * np.arange(count))
@@ -157,9 +157,7 @@ def checked(
     residual, hidden = residual_effect(coupled), hidden_effect(coupled, rounding)
     enough = np.diagonal(residual) < PARTIAL * allowed + noise
     enough |= np.diagonal(hidden) > allowed  # more nodes would not help
-    done = Decoupled(
-        period, times, T, inverse, B, groups, parted.turning, residual + hidden, rounding, parted.rounds, coupled
-    )
+    done = Decoupled(period, times, T, inverse, B, groups, parted.turning, residual + hidden, rounding, coupled)
     return done, bool(np.all((apart < MINOR * allowed + noise) & enough))
 
 
@@ -174,7 +172,6 @@ class Parted:
     frame: Array
     groups: tuple[Group, ...]
     turning: Array
-    rounds: int
     stuck: Array
 
 
@@ -205,25 +202,25 @@ def part_frame(T: Array, groups: tuple[Group, ...], turning: Array, A: Array, pe
     B = np.linalg.solve(T, A @ T - circle_derivative(T, period))
     S = sylvester(B, groups)
     share = mixing(S)
-    stuck, made = share > MINOR, 0
+    stuck = share > MINOR
     if not stuck.any():
-        T, B, S, made, left = part_groups(T, B, S, groups, period, allowed)
+        T, S, left = part_groups(T, B, S, groups, period, allowed)
         stuck = left > MINOR * allowed + transformation_noise(T, A)
         share = mixing(S)
     if (strongest := share[stuck].max(initial=0.0)) > SLIGHT:  # put those together that mix the most
         stuck &= share >= PARTIAL * strongest
-    return Parted(period, T, groups, turning, made, stuck)
+    return Parted(period, T, groups, turning, stuck)
 
 
 def part_groups(
     T: Array, B: Array, S: Array, groups: tuple[Group, ...], period: float, allowed: Array
-) -> tuple[Array, Array, Array, int, Array]:
+) -> tuple[Array, Array, Array]:
     """Repeat T := T (1 + S), B := (1 + S)^-1 (B (1 + S) - S') until the coupling's effect stops shrinking; keep the best.
 
     S solves the Sylvester equations of the coupling: what is left is S' and products of S, smaller by the rate of change over the gap
     of the eigenvalues in every round.
 
-    Returns: T, B, S, rounds, and what the coupling that is left does to each mode by each other one (n, n).
+    Returns: T, S, and what the coupling that is left does to each mode by each other one (n, n).
     Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
     """
     apart = group_separation(block_values(B, groups), period, groups)
@@ -233,7 +230,7 @@ def part_groups(
         size = float((left / (MINOR * allowed)).max())  # couplings of a group add up, and it may amplify them
         if turn and not size < SLOW_PART * least:
             break
-        best, least = (T, B, S, turn, left), size
+        best, least = (T, S, left), size
         if size < ENOUGH_EFFECT or turn == MOST_TRIES:
             break
         step = np.eye(S.shape[-1]) + low_harmonics(S, period, apart.gap)

@@ -24,7 +24,7 @@ from flexlin.periodic.transition.choose_segments import (
 )
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss
 from flexlin.plots.view import Series, Shown, View
-from flexlin.precision import ROOT_EPS
+from flexlin.precision import EPS, ROOT_EPS
 
 if TYPE_CHECKING:
     import pandas
@@ -311,7 +311,7 @@ def follow_frozen_modes(A: Array) -> FrozenModes:
     """
     values, vectors = np.linalg.eig(np.asarray(A, dtype=float))
     values, vectors = values.astype(complex), vectors.astype(complex)
-    inverse = invert(vectors)
+    inverse = np.linalg.pinv(vectors, rcond=EPS)  # of a defective matrix eigenvectors coincide
     forward, backward = np.abs(inverse[:-1] @ vectors[1:]), np.abs(inverse[1:] @ vectors[:-1])
     overlap = np.minimum(np.nan_to_num(forward * np.swapaxes(backward, 1, 2)), 1.0)
     size = np.abs(values[:-1, :, None]) + np.abs(values[1:, None, :])
@@ -323,11 +323,3 @@ def follow_frozen_modes(A: Array) -> FrozenModes:
     return FrozenModes(
         np.take_along_axis(values, order, axis=1), np.take_along_axis(vectors, order[:, None, :], axis=2)
     )
-
-
-def invert(vectors: Array) -> Array:
-    """Inverses (N, n, n); of a defective matrix, whose eigenvectors coincide, the pseudo-inverse."""
-    try:
-        return np.linalg.inv(vectors)
-    except np.linalg.LinAlgError:
-        return np.linalg.pinv(vectors, rcond=1e-12)

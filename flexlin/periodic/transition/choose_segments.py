@@ -3,9 +3,9 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cache
 
 import numpy as np
+from scipy.special import factorial
 
 from flexlin._core import LANES
 from flexlin.checks import Array, check_size
@@ -210,14 +210,8 @@ def radau_demand(pace: Pace) -> Array:
 def choose_gauss_step(rate: Array, tol: float, stages: Array | int) -> Array:
     """The step at which s Gauss stages reach tol / GUESS_MARGIN on the eigenvalue `rate`."""
     s = np.asarray(stages)
-    return np.asarray((tol / GUESS_MARGIN * np.maximum(1.0, rate) / (rate * gauss_constants()[s])) ** (0.5 / s) / rate)
-
-
-@cache
-def gauss_constants() -> Array:
-    """The constants c in the error of s Gauss stages, s = 0 ... 32."""
-    f = math.factorial
-    return np.array([f(s) ** 2 / (f(2 * s) * f(2 * s + 1)) for s in range(MOST_STAGES + 1)])
+    constant = factorial(s) ** 2 / (factorial(2 * s) * factorial(2 * s + 1))
+    return np.asarray((tol / GUESS_MARGIN * np.maximum(1.0, rate) / (rate * constant)) ** (0.5 / s) / rate)
 
 
 def estimate_work(system: PeriodicSystem, stages: Array | int, segments: Array | int) -> Array:
