@@ -63,16 +63,6 @@ static void find_left(int n, const cpx *X, const cpx *Q, cpx *L) {
   }
 }
 
-/* C = A B, A complex (n, m), B real (m, p). */
-static void multiply_mixed(int n, int m, int p, const cpx *A, const double *B, cpx *C) {
-  for (int i = 0; i < n; i++) {
-    cpx *row = C + (long)i * p;
-    for (int j = 0; j < p; j++) row[j] = 0.0;
-    for (int k = 0; k < m; k++)
-      for (int j = 0; j < p; j++) row[j] += A[(long)i * m + k] * B[(long)k * p + j];
-  }
-}
-
 /* Lengths of the rows, or of the columns, of A (n, n). */
 static void find_lengths(int n, const cpx *A, int columns, double *lengths) {
   for (int i = 0; i < n; i++) {
@@ -99,7 +89,7 @@ static void add_noise(int n, int k, const Noise *given, const double *scale, con
     left[e] = s->L[e] / scale[e % n];
     right[e] = s->R[e] * scale[e / n];
   }
-  if (given->right) multiply_real_left(q, n, given->right + (long)k * q * n, right, turned);
+  if (given->right) multiply_real_left(q, n, n, given->right + (long)k * q * n, right, turned);
   for (int e = 0; e < q * n; e++) reach[e] = size_of((given->right ? turned : right)[e]);
   if (given->left) multiply_mixed(n, n, p, left, given->left + (long)k * n * p, turned);
   for (int i = 0; i < n; i++) {
@@ -125,8 +115,8 @@ static double add_factor(int n, int p, int k, const Form *f, const double *facto
     moved += change[e] * change[e];
   }
   size = sqrt(size) * EPS;
-  multiply_real_left(n, n, change, s->R, right);
-  multiply_complex(n, s->L, right, all);
+  multiply_real_left(n, n, n, change, s->R, right);
+  multiply_complex(n, n, n, s->L, right, all);
   find_lengths(n, s->L, 0, s->rows);
   find_lengths(n, s->R, 1, s->columns);
   for (int j = 0; j < n; j++) s->growth[j] = 1.0 / cabs(T[j * (n + 1)]);
@@ -161,7 +151,7 @@ static void add_defect(const Form *f, const Sums *s) {
   int n = f->n;
   cpx *inverse = s->work;
   double *moved = (double *)(inverse + (long)n * n), worst = 0.0;
-  multiply_complex(n, s->L, f->Q, inverse);
+  multiply_complex(n, n, n, s->L, f->Q, inverse);
   for (int i = 0; i < n; i++)
     for (int j = 0; j < n; j++) {
       double sum = 0.0;
@@ -199,7 +189,7 @@ typedef struct { double size, loose, most; cpx *G; } Part;
 
 /* The product of two parts in the place of the first one, which acts first; work (b, b). */
 static void join_parts(int b, Part *first, const Part *second, cpx *work) {
-  multiply_complex(b, second->G, first->G, work);
+  multiply_complex(b, b, b, second->G, first->G, work);
   double length = measure_block(b, 0, work), loose = first->loose + second->loose + first->loose * second->loose + b * EPS;
   first->size += second->size;
   first->most = fmin(first->most + second->most, first->size + log(length + loose));
@@ -267,7 +257,7 @@ static int sum_factors(int p, double same, const Form *f, const double *factors,
   find_left(n, s->X, f->Q + count * size, s->L);
   for (int k = count - 1; k >= 0; k--) {
     step_back(n, p, f->T + k * size, s->X);
-    multiply_complex(n, f->Q + k * size, s->X, s->R);
+    multiply_complex(n, n, n, f->Q + k * size, s->X, s->R);
     double moved = add_factor(n, p, k, f, factors + k * size, better ? better + k * size : NULL, counts[k], s), wide = 0.0;
     double before = sum_block(n, p, s->noise);
     find_left(n, s->X, f->Q + k * size, s->L);

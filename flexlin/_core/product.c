@@ -69,7 +69,7 @@ static int can_pair(const Lapack *lapack, int n, int count, const double *F, dou
     const double *pair = F + 2 * k * size;
     double largest = 0.0;
     if (2 * k + 1 < count) {
-      multiply_real(n, pair + size, pair, work);
+      multiply_real(n, n, n, pair + size, pair, work);
       pair = work;
     }
     for (int e = 0; e < size; e++) largest = fmax(largest, fabs(pair[e]));

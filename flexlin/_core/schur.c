@@ -11,54 +11,11 @@ static const double SMALL = 0.1;    /* ratio of moduli from which on the order i
 static const double DEAD = 1e-120;  /* a mode that shrinks by this against the others in one factor counts as no smaller */
 enum { FULL_SWEEPS = 2, MIN_SWEEPS = 12, MAX_SWEEPS = 400, MAX_WORK = 8000000 }; /* over all factors; n^2 times QR factorizations */
 
-/* C = A B (n, n). */
-void multiply_real(int n, const double *restrict A, const double *restrict B, double *restrict C) {
-  for (int i = 0; i < n; i++) {
-    double *row = C + (long)i * n;
-    for (int j = 0; j < n; j++) row[j] = 0.0;
-    for (int k = 0; k < n; k++) {
-      double a = A[(long)i * n + k];
-      const double *b = B + (long)k * n;
-      for (int j = 0; j < n; j++) row[j] += a * b[j];
-    }
-  }
-}
-
-void multiply_complex(int n, const cpx *restrict A, const cpx *restrict B, cpx *restrict C) {
-  for (int i = 0; i < n; i++) {
-    cpx *row = C + (long)i * n;
-    for (int j = 0; j < n; j++) row[j] = 0.0;
-    for (int k = 0; k < n; k++)
-      for (int j = 0; j < n; j++) row[j] += times(A[(long)i * n + k], B[(long)k * n + j]);
-  }
-}
-
-/* C = A B, A real (m, n), B complex (n, n). */
-void multiply_real_left(int m, int n, const double *restrict A, const cpx *restrict B, cpx *restrict C) {
-  for (int i = 0; i < m; i++) {
-    cpx *row = C + (long)i * n;
-    for (int j = 0; j < n; j++) row[j] = 0.0;
-    for (int k = 0; k < n; k++)
-      for (int j = 0; j < n; j++) row[j] += A[(long)i * n + k] * B[(long)k * n + j];
-  }
-}
-
-/* C = A^H B, all (n, n). */
-static void multiply_adjoint(int n, const cpx *restrict A, const cpx *restrict B, cpx *restrict C) {
-  for (int e = 0; e < n * n; e++) C[e] = 0.0;
-  for (int k = 0; k < n; k++)
-    for (int i = 0; i < n; i++) {
-      cpx a = conj(A[k * n + i]);
-      if (a == 0.0) continue; /* between blocks */
-      for (int j = 0; j < n; j++) C[i * n + j] += times(a, B[k * n + j]);
-    }
-}
-
 /* The products F_1 F_0, F_3 F_2, ... in place; an odd last factor stays as it is. Returns how many there are; work (n, n). */
 int multiply_pairs(int n, int count, double *factors, double *work) {
   long size = (long)n * n;
   for (int k = 0; k < count / 2; k++) {
-    multiply_real(n, factors + (2 * k + 1) * size, factors + 2 * k * size, work);
+    multiply_real(n, n, n, factors + (2 * k + 1) * size, factors + 2 * k * size, work);
     memcpy(factors + k * size, work, size * sizeof(double));
   }
   if (count % 2) memmove(factors + count / 2 * size, factors + (count - 1) * size, size * sizeof(double));
@@ -112,7 +69,7 @@ static void sweep_factors(int n, int count, int all, const double *factors, doub
   long size = (long)n * n;
   for (int k = 0; k < count; k++) {
     double *from = Q + (all ? k : k % 2) * size, *to = Q + (all ? k + 1 : (k + 1) % 2) * size;
-    multiply_real(n, factors + k * size, from, R + k * size);
+    multiply_real(n, n, n, factors + k * size, from, R + k * size);
     make_orthogonal(n, R + k * size, to, work);
   }
 }
@@ -123,14 +80,6 @@ static void sum_log_moduli(int n, int count, const double *R, double *sizes) {
     sizes[i] = 0.0;
     for (int k = 0; k < count; k++) sizes[i] += log(fmax(fabs(R[((long)k * n + i) * n + i]), TINY));
   }
-}
-
-/* C = A' B (n, n). */
-static void multiply_transposed(int n, const double *A, const double *B, double *C) {
-  for (long e = 0; e < (long)n * n; e++) C[e] = 0.0;
-  for (int k = 0; k < n; k++)
-    for (int i = 0; i < n; i++)
-      for (int j = 0; j < n; j++) C[i * n + j] += A[k * n + i] * B[k * n + j];
 }
 
 /* Cut where W is decoupled up to `clean`: cut (n + 1). Returns the widest spread of log moduli in a cluster. */
@@ -181,7 +130,7 @@ static void iterate(int n, int count, const double *factors, double *Q, const Be
     memcpy(at->ends, Q, size * sizeof(double));
     sweep_factors(n, count, 0, factors, at->ends, at->R, at->work);
     double *end = at->ends + count % 2 * size;
-    multiply_transposed(n, Q, end, at->W);
+    multiply_transposed(n, n, n, Q, end, at->W);
     sum_log_moduli(n, count, at->R, at->sizes);
     if (find_clusters(n, at->W, at->sizes, CLEAN * n, at->cut) <= SPREAD + sweep / 20.0 || sweep >= limit) break;
     if (sweep == FULL_SWEEPS) {
@@ -196,14 +145,14 @@ static void iterate(int n, int count, const double *factors, double *Q, const Be
     memcpy(Q, end, size * sizeof(double));
   }
   if (factors == at->grouped) {
-    multiply_real(n, at->base, Q, at->W);
+    multiply_real(n, n, n, at->base, Q, at->W);
     memcpy(Q, at->W, size * sizeof(double));
   }
 }
 
 /* How the period of bases Q (count + 1, n, n) closes, and what the modes grow by. */
 static void end_sweep(int n, int count, const double *Q, const Bench *at) {
-  multiply_transposed(n, Q, Q + (long)count * n * n, at->W);
+  multiply_transposed(n, n, n, Q, Q + (long)count * n * n, at->W);
   sum_log_moduli(n, count, at->R, at->sizes);
 }
 
@@ -219,7 +168,7 @@ static void find_bases(int n, int count, const double *factors, double *Q, const
     if (ordered || attempt) return;
     for (int e = 0; e < n * n; e++) at->work[e] = sin(1.0 + (double)e * e); /* in no special position */
     make_orthogonal(n, at->work, at->base, at->work + n * n);
-    multiply_real(n, Q, at->base, at->W);
+    multiply_real(n, n, n, Q, at->base, at->W);
     memcpy(Q, at->W, (size_t)n * n * sizeof(double));
   }
 }
@@ -232,10 +181,10 @@ static void clean_bases(int n, int count, double *Q, const Bench *at) {
   for (int sweep = 0; find_clusters(n, at->W, at->sizes, SLACK * CLEAN * n, at->cut) > 2 * SPREAD && sweep < MIN_SWEEPS; sweep++) {
     make_orthogonal(n, at->W, U, at->work);
     for (int k = 0; k <= count; k++) {
-      multiply_real(n, Q + k * size, U, product);
+      multiply_real(n, n, n, Q + k * size, U, product);
       memcpy(Q + k * size, product, size * sizeof(double));
       if (k == count) break;
-      multiply_real(n, at->R + k * size, U, product);
+      multiply_real(n, n, n, at->R + k * size, U, product);
       make_orthogonal(n, product, U, at->work);
       memcpy(at->R + k * size, product, size * sizeof(double));
     }
@@ -282,7 +231,7 @@ static void multiply_block(int n, int count, int first, int b, const double *W, 
     for (int e = 0; e < b * b; e++) factor[e] = from[(first + e / b) * n + first + e % b];
     if (k == 0) memcpy(P, factor, (size_t)b * b * sizeof(cpx));
     else {
-      multiply_complex(b, factor, P, next);
+      multiply_complex(b, b, b, factor, P, next);
       memcpy(P, next, (size_t)b * b * sizeof(cpx));
     }
     for (int e = 0; e < b * b; e++) largest = fmax(largest, fabs(creal(P[e])));
@@ -326,13 +275,13 @@ static void carry_blocks(const Lapack *lapack, Form *f, const int *cut, const do
   long size = (long)n * n;
   cpx *RU = work, *block = work + size, *room = block + size;
   for (int i = 0; i < n; i++) single &= cut[i];
-  multiply_real_left(n, n, bases, U, f->Q);
+  multiply_real_left(n, n, n, bases, U, f->Q);
   for (int k = 0; k < f->count; k++) {
     const double *Rk = R + k * size;
     if (single)
       for (long e = 0; e < size; e++) f->T[k * size + e] = Rk[e];
     else {
-      multiply_real_left(n, n, Rk, U, RU);
+      multiply_real_left(n, n, n, Rk, U, RU);
       for (int first = 0, past = 1; first < n; first = past++) {
         while (!cut[past]) past++;
         int b = past - first;
@@ -341,17 +290,17 @@ static void carry_blocks(const Lapack *lapack, Form *f, const int *cut, const do
         make_unitary(lapack, b, block, room);
         for (int e = 0; e < b * b; e++) U[(first + e / b) * n + first + e % b] = block[e];
       }
-      multiply_adjoint(n, U, RU, f->T + k * size);
+      multiply_adjoint(n, n, n, U, RU, f->T + k * size);
     }
     complete_triangle(n, f->T + k * size);
-    multiply_real_left(n, n, bases + (k + 1) * size, U, f->Q + (k + 1) * size);
+    multiply_real_left(n, n, n, bases + (k + 1) * size, U, f->Q + (k + 1) * size);
   }
 }
 
 /* How the period closes. */
 static void close_form(Form *f, const int *cut) {
   int n = f->n;
-  multiply_adjoint(n, f->Q, f->Q + (long)f->count * n * n, f->closure);
+  multiply_adjoint(n, n, n, f->Q, f->Q + (long)f->count * n * n, f->closure);
   for (int i = 0; i < n; i++) {
     cpx own = f->closure[i * n + i];
     f->turn[i] = own == 0.0 ? 1.0 : own / cabs(own);

@@ -17,6 +17,23 @@ static inline cpx over(cpx a, cpx b) {
 }
 static inline double size_of(cpx a) { return sqrt(creal(a) * creal(a) + cimag(a) * cimag(a)); } /* where squares are numbers */
 
+/* Products of an A of m rows, or columns where it is turned, and B (n, p) into C (m, p), from terms of A and B at i, k and j. */
+#define PRODUCT(name, left, right, made, term)                                                                               \
+  static inline void name(int m, int n, int p, const left *restrict A, const right *restrict B, made *restrict C) {          \
+    for (int i = 0; i < m; i++) {                                                                                            \
+      made *row = C + (long)i * p;                                                                                           \
+      for (int j = 0; j < p; j++) row[j] = 0.0;                                                                              \
+      for (int k = 0; k < n; k++)                                                                                            \
+        for (int j = 0; j < p; j++) row[j] += term;                                                                          \
+    }                                                                                                                        \
+  }
+PRODUCT(multiply_real, double, double, double, A[(long)i * n + k] * B[(long)k * p + j])
+PRODUCT(multiply_complex, cpx, cpx, cpx, times(A[(long)i * n + k], B[(long)k * p + j]))
+PRODUCT(multiply_real_left, double, cpx, cpx, A[(long)i * n + k] * B[(long)k * p + j])
+PRODUCT(multiply_mixed, cpx, double, cpx, A[(long)i * n + k] * B[(long)k * p + j])
+PRODUCT(multiply_transposed, double, double, double, A[(long)k * m + i] * B[(long)k * p + j])
+PRODUCT(multiply_adjoint, cpx, cpx, cpx, times(conj(A[(long)k * m + i]), B[(long)k * p + j]))
+
 /* LAPACK's routines, with the lengths of their words. */
 typedef void (*Balance)(const char *, const int *, double *, const int *, int *, int *, double *, int *, size_t);
 typedef void (*Schur)(const char *, const char *, void *, const int *, cpx *, const int *, int *, cpx *, cpx *, const int *, cpx *, const int *,
@@ -33,9 +50,6 @@ typedef struct { int n, count; cpx *Q, *T, *closure, *turn, *logs; double *defec
 
 enum { SOUND, NO_MEMORY, NOT_FINITE, NO_SCHUR_FORM };
 
-void multiply_real(int n, const double *A, const double *B, double *C);
-void multiply_complex(int n, const cpx *A, const cpx *B, cpx *C);
-void multiply_real_left(int m, int n, const double *A, const cpx *B, cpx *C);
 int multiply_pairs(int n, int count, double *factors, double *work);
 /* Q (n, n) of A = Q R; A becomes R; work (2 n). */
 void make_orthogonal(int n, double *A, double *Q, double *work);

@@ -135,7 +135,7 @@ class Family:
         from flexlin.periodic.floquet.resonance import find_resonances
 
         system = self.system_at(point)
-        found = find_resonances(system, solve_floquet_modes(system, floquet(system, self.coarsest), quick=True))
+        found = find_resonances(system, solve_floquet_modes(system, floquet(system, self.coarsest)))
         return sorted(found, key=lambda one: -one.exponent.real)
 
 
@@ -202,7 +202,7 @@ class SymbolicFamily(Family):
 
         loop = replace(self.loop, linearization=self.loop.at(self.place(point[None])[0]))
         system = loop.linearization.periodic_system()
-        modes = solve_floquet_modes(system, floquet(system, self.finest), quick=True)
+        modes = solve_floquet_modes(system, floquet(system, self.finest))
         return modes.exponents, modes.errors, integrate_derivatives(loop, modes)[self.places]
 
 

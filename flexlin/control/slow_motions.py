@@ -107,8 +107,7 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
     )
     Phi, scale = balance_factors(factor_by(system, grid, setting.method, setting.order))
     ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
-    together = max(1, len(Phi) // COARSE_TIMES)
-    found, _ = periodic_vectors(Phi, grid, result.exponents[which], ranks, together)
+    found, _ = periodic_vectors(Phi, grid, result.exponents[which], ranks)
     modes = np.moveaxis(found * scale[:, None], -1, 0)
     return grid, np.concatenate([modes, modes[:, :1]], axis=1)
 

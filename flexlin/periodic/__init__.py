@@ -14,7 +14,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.certificate": "digest",
         "periodic.circle": "assign count_turns match_logs measure_distances wrap_angle wrap_log",
         "periodic.coefficients": "build_companion stack_companion",
-        "periodic.decoupling.coupling": "as_real Coupled Refusal",
+        "periodic.decoupling.coupling": "as_real Coupled",
         "periodic.decoupling.decouple": "decouple",
         "periodic.decoupling.frames": "Group sylvester",
         "periodic.floquet.by_decoupling": "decoupled_exponents solve_decoupled_modes",
@@ -39,7 +39,8 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.coefficient_series.resolve": "resolve",
         "periodic.roots": "SignedEnds solve_brackets",
         "periodic.system": "extend_system",
-        "periodic.transition.gauss": "gauss_transitions radau",
+        "periodic.transition.factors": "gauss_transitions",
+        "periodic.transition.gauss": "radau",
         "periodic.transition.choose_segments": "factor_by METHODS Setting",
     },
 )

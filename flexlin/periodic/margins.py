@@ -17,7 +17,7 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of, with_matrices
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
-from flexlin.precision import FOURTH_ROOT_EPS, ROOT_EPS, SLIGHT, TINY
+from flexlin.precision import ROOT_EPS, TINY
 from flexlin.summary import represent
 
 LARGEST_GAIN, GAIN_RATIO = 1e3, 1.4
@@ -242,16 +242,7 @@ def find_first(
 
 
 def judge_growth(loop: PeriodicSystem) -> FloquetResult:
-    """The exponents, as exactly as the sign of the largest real part asks for.
-
-    Raises: TooManySegments, far beyond twice FEWER_SEGMENTS: a search asks for dozens.
-    """
-    found = floquet(loop, FOURTH_ROOT_EPS, max_segments=2 * FEWER_SEGMENTS)
-    size, error = abs(float(found.exponents[0].real)), float(found.errors[0])
-    if error < SLIGHT * size or error > FOURTH_ROOT_EPS * max(
-        1.0, abs(found.exponents[0])
-    ):  # known, or no better with more work
-        return found
+    """The exponents. Raises: TooManySegments, far beyond twice FEWER_SEGMENTS: a search asks for dozens."""
     return floquet(loop, ROOT_EPS, max_segments=2 * FEWER_SEGMENTS)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,20 +10,27 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import NotStable, ToleranceNotReached
-from flexlin.periodic.circle import wrap_angle
+from flexlin.periodic.circle import measure_distances, wrap_angle
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficient_series.panels import MOST_PANELS
 from flexlin.periodic.coefficient_series.resolve import resolve_constant
-from flexlin.periodic.coefficients import MatrixFunction, combine
+from flexlin.periodic.coefficients import MatrixFunction, assemble_hamiltonian, combine
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.modes import MODES_TOL, solve_floquet_modes
+from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.interpolation import NODES, divide_segments, fourier_nodes
-from flexlin.periodic.levels import BoundedReal, PeakSearch
+from flexlin.periodic.response.frequency import Segments, condense
 from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.roots import MOST_STEPS
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
-from flexlin.precision import EPS, MINOR, SAFETY, SLIGHT, TINY
+from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
+from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS, choose_setting, find_rule, place_segments
+from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
+from flexlin.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY, SLIGHT, TINY
 from flexlin.summary import represent
+
+INPUT_HARMONICS, START_MODES = 8, 3
+"""Harmonics of inputs that are tried; modes about whose frequencies the largest gain is sought, and as many steps to it."""
 
 
 @dataclass(frozen=True)
@@ -129,6 +137,176 @@ def mean_of_parts(f: Callable[[Array], Array], edges: Array) -> tuple[float, flo
         if change > before or change <= EPS * abs(last) or len(h) > MOST_PANELS:
             return mean, change + NODES * EPS * abs(last)
         edges = divide_segments(edges, 2)
+
+
+@dataclass(frozen=True)
+class BoundedReal:
+    """The Hamiltonian system of a level g, with R = g^2 - D'D, S = g^2 - D D':
+
+        H = [[A + B R^-1 D' C,  g B R^-1 B'], [-g C' S^-1 C,  -(A + B R^-1 D' C)']]
+
+    The norm is below g where no multiplier of H lies on the unit circle and g exceeds every singular value of D(t).
+    """
+
+    system: PeriodicSystem
+    found: FloquetResult
+    B: ResolvedMatrix
+    C: ResolvedMatrix
+    D: ResolvedMatrix
+
+    @property
+    def constant(self) -> bool:
+        """Whether nothing depends on t."""
+        return all(one.constant for one in (self.system.resolved, self.B, self.C, self.D))
+
+    def hamiltonian(self, level: float) -> PeriodicSystem:
+        """The system x' = H(t) x of 2 n states."""
+
+        def H(t: Array) -> Array:
+            B, C, D = self.B(t), self.C(t), self.D(t)
+            turned_B, turned_C, turned_D = (np.swapaxes(one, 1, 2) for one in (B, C, D))
+            R = level**2 * np.eye(D.shape[2]) - turned_D @ D
+            S = level**2 * np.eye(D.shape[1]) - D @ turned_D
+            A = self.system.resolved(t) + B @ np.linalg.solve(R, turned_D @ C)
+            forth, back = level * B @ np.linalg.solve(R, turned_B), level * turned_C @ np.linalg.solve(S, C)
+            return assemble_hamiltonian(A, -forth, back)
+
+        if self.constant:
+            return PeriodicSystem(H(np.zeros(1))[0], self.system.period)
+        edges = edges_between(self.system.resolved, self.B, self.C, self.D)  # nothing narrow between them is overlooked
+        return PeriodicSystem(H, self.system.period, breaks=edges, complete=True)
+
+    def constant_gain(self, omega: float) -> float:
+        """|C (i omega - A)^-1 B + D|, where nothing depends on t."""
+        A, B, C, D = (one.mean() for one in (self.system.resolved, self.B, self.C, self.D))
+        return float(np.linalg.norm(C @ np.linalg.solve(1j * omega * np.eye(len(A)) - A, B) + D, 2))
+
+    def segments(self, edges: Array, rule: Tableau) -> Segments:
+        """The system's, as they serve all frequencies; inputs and outputs so weighted that their squares add up to the integrals."""
+        t, h = place_nodes(edges, rule.c), np.diff(edges)
+        A, *ports = (sample_at(one, t) for one in (self.system.resolved, self.B, self.C, self.D))
+        found = condense(A, ports, h, rule)
+        p, m = ports[2].shape[-2:]
+        by = np.sqrt(h[:, None] * rule.b)
+        into, out = 1 / np.repeat(by, m, axis=1)[:, None], np.repeat(by, p, axis=1)[..., None]
+        return Segments(found.free, found.pushed * into, found.seen * out, found.through * out * into)
+
+    def judge(self, level: float) -> tuple[int, Array]:
+        """On which side of the norm a level lies (1 above, -1 below, 0 where errors hide it), and at which frequencies a gain equals it.
+
+        Below: a multiplier lies on the circle, since no other one is near that could be its mirror image in it. Above: none does.
+        """
+        found = floquet(self.hamiltonian(level))
+        known = np.isfinite(found.errors)
+        errors, size = np.where(known, found.errors, 0.0), np.where(known, np.abs(found.exponents.real), np.inf)
+        logs = found.log_multipliers
+        apart = measure_distances(logs, logs) / found.period
+        alone = (apart > 2 * (errors + errors[:, None])) | np.eye(len(logs), dtype=bool)
+        crossing = (size <= errors) & alone.all(axis=1)
+        side = 1 if np.all(size > 2 * errors) else -int(crossing.any())
+        return side, np.unique(np.abs(found.exponents.imag[crossing]))
+
+
+def measure_parts(port: Array, vectors: Array, largest: float) -> tuple[Array, Array]:
+    """The largest parts of modes in a port over a period, and what these would be if nothing in them cancelled.
+
+    Infinite and 0 where a pulse of the port hides between the times.
+    """
+    if np.linalg.norm(port, 2, axis=(1, 2)).max() <= (1 - MINOR) * largest:
+        return np.array(np.inf), np.array(0.0)
+    part, whole = (np.linalg.norm(one, axis=1).max(axis=0) for one in (port @ vectors, np.abs(port) @ np.abs(vectors)))
+    return part, whole
+
+
+class PeakSearch:
+    """The largest gain |y| / |u| under inputs exp(i omega t) v(t), v periodic, sought about the frequencies of the modes.
+
+    shares: what each mode adds to a gain at the most, |c_i| |b_i| / |Re lambda_i| with the largest b_i = q_i^H B and c_i = C p_i;
+    noise: what rounding may make of them; best: the largest gain and its frequency.
+    """
+
+    def __init__(self, problem: BoundedReal, largest: tuple[float, float], direct: float):
+        self.problem, system, found = problem, problem.system, problem.found
+        rate = max(float(np.linalg.norm(system.resolved.mean(), 2)), 1 / system.period)
+        self.floor = max(direct, EPS * largest[0] * largest[1] / rate)  # what rounding makes of nothing
+        modes = solve_floquet_modes(system, found)
+        reached, all_reached = measure_parts(np.swapaxes(problem.B(modes.times), 1, 2), modes.left.conj(), largest[0])
+        seen, all_seen = measure_parts(problem.C(modes.times), modes.right, largest[1])
+        self.exponents, self.period, damping = modes.exponents, system.period, np.abs(modes.exponents.real)
+        self.shares = np.where(np.isfinite(modes.errors), reached * seen / damping, np.inf)
+        self.noise = FAINT * all_reached * all_seen / damping
+        self.gains: dict[float, float] = {}
+
+    def begin(self) -> None:
+        """Try the frequencies of the modes that add most, on segments of a level near them all, and climb from the best."""
+        greatest = float(self.shares[np.isfinite(self.shares)].max(initial=0.0))
+        near = self.problem.hamiltonian(max(greatest, 2 * self.floor))
+        self.setting = choose_setting(near, MODES_TOL)
+        if self.setting.segments > FEWER_SEGMENTS:  # an L-stable method only knows the modes that it resolves
+            self.setting = choose_setting(self.problem.system, MODES_TOL, "radau")
+        self.edges = place_segments(near, self.setting)
+        self.segments = cache(partial(self.problem.segments, self.edges))
+        first = self.exponents[np.argsort(-self.shares)].imag[: 2 * START_MODES]
+        for omega in (0.0, np.pi / self.period, *first.tolist()):
+            self.gain(omega)
+        self.climb(self.best[1])
+
+    @property
+    def best(self) -> tuple[float, float]:
+        """The largest gain that was found, and its frequency."""
+        return max((gain, omega) for omega, gain in self.gains.items())
+
+    def gain(self, omega: float) -> float:
+        """The gain at a frequency, remembered for it folded into [0, pi/T]."""
+        omega = abs(float(wrap_angle(np.array(omega * self.period)))) / self.period
+        if omega not in self.gains:
+            self.gains[omega] = self.measure(omega)
+        return self.gains[omega]
+
+    def measure(self, omega: float, better: int = 0) -> float:
+        """The gain at a frequency by segments of an order that is so much better, sought from inputs of some harmonics."""
+        if self.problem.constant:
+            return max(self.problem.constant_gain(omega), self.floor)
+        rule = find_rule(self.setting.method, self.setting.order + better)
+        orders = np.arange(-INPUT_HARMONICS, INPUT_HARMONICS + 1)
+        t, m = place_nodes(self.edges, rule.c), self.problem.system.m
+        waves = np.exp(1j * (omega + 2 * np.pi / self.period * orders) * t[..., None])
+        tried = np.einsum("ks,ksl,ij->ksilj", np.sqrt(np.diff(self.edges)[:, None] * rule.b), waves, np.eye(m))
+        found = self.segments(rule).largest_gain(
+            np.exp(1j * omega * self.period), tried.reshape(len(t), -1, m * len(orders))
+        )
+        return max(found, self.floor)
+
+    def climb(self, omega: float) -> None:
+        """Go to the largest gain near a frequency: about a resonance 1 / gain^2 is a parabola, as wide as the mode is damped."""
+        step, top = PARTIAL * abs(float(self.exponents[np.abs(np.abs(self.exponents.imag) - omega).argmin()].real)), 0.0
+        for _ in range(START_MODES):
+            middle = self.gain(omega) ** -2.0
+            if abs(middle - top) <= MODES_TOL * middle:
+                return
+            before, behind = (self.gain(omega + k * step) ** -2.0 for k in (-1, 1))
+            bend = before - 2 * middle + behind
+            turn = START_MODES * float(np.sign(before - behind))
+            if bend > 0:
+                turn = (before - behind) / (2 * bend)
+            top = middle - bend * turn**2 / 2
+            omega += step * float(np.clip(turn, -START_MODES, START_MODES))
+            step *= MINOR if abs(turn) < 1 else 1.0
+        self.gain(omega)
+
+    def look_between(self, crossings: Array) -> bool:
+        """Climb from the middles between frequencies at which gains equal a level that lies below some; whether a larger one is there."""
+        before = self.best[0]
+        marks = np.concatenate([[0.0], crossings, [np.pi / self.period]])
+        middles = ((marks[1:] + marks[:-1]) / 2).tolist()
+        self.climb(max(middles, key=self.gain))
+        return self.best[0] > before
+
+    def least(self) -> float:
+        """A little more than the least gain that was found, by two orders."""
+        omega = min(self.gains, key=lambda one: self.gains[one])
+        again = self.measure(omega, better=4)
+        return max(again, self.gains[omega]) + SAFETY * abs(again - self.gains[omega])
 
 
 @dataclass(frozen=True)

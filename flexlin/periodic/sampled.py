@@ -19,7 +19,7 @@ from flexlin.periodic.product import find_spectrum
 from flexlin.periodic.response.forced import STEP_STAGES
 from flexlin.periodic.system import PeriodicSystem, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, Setting, choose_gauss_step, measure_pace
-from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.precision import EPS, SAFETY, SLIGHT
 
 PANEL_STEPS = NODES // STEP_STAGES

@@ -160,18 +160,15 @@ static void multiply_out(Reader *r, int K, int G, double reach, vec *F) {
   read_segment(r, &first);
   two[0] = first;
   for (int g = 0, k = 0; g < G; g++, F += S * S) {
-    vec E[S * S], pair[2][S * S], *product = NULL;
-    for (int stop = (int)((long)(g + 1) * K / G); k < stop; k++) {
+    vec E[S * S], product[S * S];
+    for (int begin = k, stop = (int)((long)(g + 1) * K / G); k < stop; k++) {
       Segment *now = &two[k % 2], *next = &two[(k + 1) % 2];
       if (k + 1 < K) read_segment(r, next);
       else *next = first;
-      vec *found = product ? E : k + 1 == stop ? F : pair[0];
-      make_factor(now, next, reach, found);
-      if (product) {
-        vec *target = k + 1 == stop ? F : product == pair[0] ? pair[1] : pair[0];
-        multiply(found, product, target);
-        product = target;
-      } else product = found;
+      make_factor(now, next, reach, k == begin ? F : E);
+      if (k == begin) continue;
+      multiply(E, F, product);
+      memcpy(F, product, sizeof product);
     }
   }
 }

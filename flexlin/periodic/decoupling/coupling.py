@@ -206,13 +206,6 @@ def hidden_couplings(coupled: Coupled, rounding: Array) -> Array:
     return np.where(crossing, coupled.size * shrunk + rounding, 0)
 
 
-@dataclass(frozen=True)
-class Refusal:
-    """Why a system was not decoupled: nothing stands apart, or its coefficients are not resolved by the nodes."""
-
-    reason: str
-
-
 @dataclass(frozen=True, eq=False)
 class Decoupled:
     """Coordinates x = T(t) z that split x' = A(t) x into groups of modes.
@@ -235,12 +228,11 @@ class Decoupled:
     turning: Array
     residual: Array
     rounding: Array
-    rounds: int
     coupled: Coupled | None = None
 
     def __repr__(self) -> str:
         sizes = [group.size for group in self.groups]
-        return f"Decoupled(n={sum(sizes)}, groups={sizes}, nodes={len(self.times)}, rounds={self.rounds})"
+        return f"Decoupled(n={sum(sizes)}, groups={sizes}, nodes={len(self.times)})"
 
     def traceless(self, index: int) -> tuple[Array, complex]:
         """The real generator (N, m, m) at the nodes of one group without its mean rotation and decay, and the mean that was taken out.

@@ -10,7 +10,6 @@ from flexlin.periodic.coefficient_series.sampling import POINTS, RESOLVED_TOL, s
 from flexlin.periodic.decoupling.coupling import (
     Coupled,
     Decoupled,
-    Refusal,
     block_values,
     group_separation,
     hidden_effect,
@@ -58,7 +57,7 @@ def decouple(
     tol: float = 1e-9,
     uncertainty: Uncertainty | None = None,
     tries: int = MOST_TRIES,
-) -> Decoupled | Refusal:
+) -> Decoupled | None:
     """Split x' = A(t) x into groups of modes whose eigenvalues stay far apart along the period.
 
         x = T(t) z,   z' = B(t) z,   B = T^-1 (A T - T') block diagonal
@@ -76,7 +75,7 @@ def decouple(
 
     Returns
     -------
-    Decoupled, or a Refusal with its reason: nothing stands apart, A is not resolved, or the coupling does not shrink.
+    Decoupled; None where nothing stands apart, A is not resolved, or the coupling does not shrink.
 
     References
     ----------
@@ -93,31 +92,29 @@ def decouple(
     ...     return A
     >>> decoupled = decouple(A, 2 * np.pi)
     >>> decoupled
-    Decoupled(n=2, groups=[1, 1], nodes=64, rounds=1)
+    Decoupled(n=2, groups=[1, 1], nodes=64)
     """
     count = FIRST_NODES
     samples = A(period / count * np.arange(count))
     roughness = tail(samples)
     while roughness > SLIGHT:
         if count == MAX_NODES:
-            return Refusal(f"the coefficients are not resolved by {count} nodes")
+            return None  # the nodes do not resolve the coefficients
         samples = interleaved(samples, A(period / count * (np.arange(count) + 0.5)))
         count, before, roughness = 2 * count, roughness, tail(samples)
         if count > 2 * FIRST_NODES and roughness > 0.2 * before:
-            return Refusal(
-                "the coefficients' harmonics fall off too slowly: a break that is not named, or a narrow feature"
-            )
+            return None  # harmonics fall off too slowly: a break that is not named, or a narrow feature
     while True:
         between = A(period / len(samples) * (np.arange(len(samples)) + 0.5))
         if hides_waves(A, period, samples, between):
-            return Refusal("the coefficients have harmonics that equidistant nodes take for others")
+            return None
         try:
             parted = built_on(samples, period, tol, tries)
-            if isinstance(parted, Refusal):
-                return parted
+            if parted is None:
+                return None
             answer, settled = checked(parted, samples, between, tol, uncertainty)
         except np.linalg.LinAlgError:
-            return Refusal("the eigenvectors of A(t) depend on each other at some time")
+            return None  # eigenvectors of A(t) depend on each other at some time
         if settled or len(samples) == MAX_NODES:
             return answer
         samples = interleaved(samples, between)
@@ -160,9 +157,7 @@ def checked(
     residual, hidden = residual_effect(coupled), hidden_effect(coupled, rounding)
     enough = np.diagonal(residual) < PARTIAL * allowed + noise
     enough |= np.diagonal(hidden) > allowed  # more nodes would not help
-    done = Decoupled(
-        period, times, T, inverse, B, groups, parted.turning, residual + hidden, rounding, parted.rounds, coupled
-    )
+    done = Decoupled(period, times, T, inverse, B, groups, parted.turning, residual + hidden, rounding, coupled)
     return done, bool(np.all((apart < MINOR * allowed + noise) & enough))
 
 
@@ -177,19 +172,18 @@ class Parted:
     frame: Array
     groups: tuple[Group, ...]
     turning: Array
-    rounds: int
     stuck: Array
 
 
-def built_on(samples: Array, period: float, tol: float, tries: int) -> Parted | Refusal:
-    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part."""
+def built_on(samples: Array, period: float, tol: float, tries: int) -> Parted | None:
+    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part; None where all are."""
     modes = follow_modes(samples)
     apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
     together = apart < 2 * np.pi / period / ADIABATIC_GAP
     for _ in range(tries):
         columns, groups = grouped_modes(modes, together)
         if len(groups) == 1:
-            return Refusal("no eigenvalues of A(t) stand apart from the others along the period")
+            return None  # no eigenvalues stand apart from the others along the period
         taken = modes.taken(columns)
         T, turning = find_frame(taken, groups)
         allowed = tol * np.maximum(1, np.abs(taken.values).min(axis=0))[:, None]
@@ -197,7 +191,7 @@ def built_on(samples: Array, period: float, tol: float, tries: int) -> Parted | 
         if not found.stuck.any():
             return found
         together[np.ix_(columns, columns)] |= found.stuck | found.stuck.T
-    return Refusal("the coupling between groups of modes does not shrink")
+    return None  # the coupling between groups does not shrink
 
 
 def part_frame(T: Array, groups: tuple[Group, ...], turning: Array, A: Array, period: float, allowed: Array) -> Parted:
@@ -208,25 +202,25 @@ def part_frame(T: Array, groups: tuple[Group, ...], turning: Array, A: Array, pe
     B = np.linalg.solve(T, A @ T - circle_derivative(T, period))
     S = sylvester(B, groups)
     share = mixing(S)
-    stuck, made = share > MINOR, 0
+    stuck = share > MINOR
     if not stuck.any():
-        T, B, S, made, left = part_groups(T, B, S, groups, period, allowed)
+        T, S, left = part_groups(T, B, S, groups, period, allowed)
         stuck = left > MINOR * allowed + transformation_noise(T, A)
         share = mixing(S)
     if (strongest := share[stuck].max(initial=0.0)) > SLIGHT:  # put those together that mix the most
         stuck &= share >= PARTIAL * strongest
-    return Parted(period, T, groups, turning, made, stuck)
+    return Parted(period, T, groups, turning, stuck)
 
 
 def part_groups(
     T: Array, B: Array, S: Array, groups: tuple[Group, ...], period: float, allowed: Array
-) -> tuple[Array, Array, Array, int, Array]:
+) -> tuple[Array, Array, Array]:
     """Repeat T := T (1 + S), B := (1 + S)^-1 (B (1 + S) - S') until the coupling's effect stops shrinking; keep the best.
 
     S solves the Sylvester equations of the coupling: what is left is S' and products of S, smaller by the rate of change over the gap
     of the eigenvalues in every round.
 
-    Returns: T, B, S, rounds, and what the coupling that is left does to each mode by each other one (n, n).
+    Returns: T, S, and what the coupling that is left does to each mode by each other one (n, n).
     Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
     """
     apart = group_separation(block_values(B, groups), period, groups)
@@ -236,7 +230,7 @@ def part_groups(
         size = float((left / (MINOR * allowed)).max())  # couplings of a group add up, and it may amplify them
         if turn and not size < SLOW_PART * least:
             break
-        best, least = (T, B, S, turn, left), size
+        best, least = (T, S, left), size
         if size < ENOUGH_EFFECT or turn == MOST_TRIES:
             break
         step = np.eye(S.shape[-1]) + low_harmonics(S, period, apart.gap)

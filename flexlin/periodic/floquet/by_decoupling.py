@@ -7,18 +7,17 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
-from flexlin.periodic.circle import assign, measure_distances, pair_conjugates, wrap_angle, wrap_log
+from flexlin.periodic.circle import assign, match_logs, pair_conjugates, wrap_angle, wrap_log
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.decoupling.coupling import (
     UNRESOLVED_LOG,
     Coupled,
     Decoupled,
     DecoupledExponents,
-    Refusal,
     as_real,
     link_modes,
 )
-from flexlin.periodic.decoupling.decouple import FIRST_NODES, MOST_TRIES, decouple
+from flexlin.periodic.decoupling.decouple import FIRST_NODES, decouple
 from flexlin.periodic.decoupling.frames import (
     Group,
     aliasing,
@@ -35,7 +34,7 @@ from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS, OTHER_WORK, VECTOR_WORK, choose_setting
-from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.precision import CUBE_ROOT_EPS, FAINT, FOURTH_ROOT_EPS, LARGEST_LOG_GROWTH, MINOR, ROOT_EPS, SAFETY
 
 GROUP_ANGLE = 0.7
@@ -49,19 +48,17 @@ def estimate_decoupling_work(n: int) -> float:
     return 2 * FIRST_NODES * (OTHER_WORK * (40 + 2.4 * n) + 6 * VECTOR_WORK * n**3)
 
 
-def solve_decoupled(
-    system: PeriodicSystem, tol: float, tries: int = MOST_TRIES
-) -> tuple[Array, Array, Decoupled] | Refusal:
-    """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; or why that does not serve.
+def solve_decoupled(system: PeriodicSystem, tol: float, tries: int) -> tuple[Array, Array, Decoupled] | None:
+    """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; None where that does not serve.
 
     What was decoupled is handed on. tries: as of `decouple`.
     """
     coefficients, T = system.resolved, system.period
     if coefficients.breaks:
-        return Refusal("the coefficients have breaks")
+        return None
     decoupled = decouple(coefficients, T, tol, partial(couple_uncertainty, coefficients), tries)
-    if isinstance(decoupled, Refusal):
-        return decoupled
+    if decoupled is None:
+        return None
     found = decoupled_exponents(decoupled, tol)
     return found.exponents, hide_enclosed(found.exponents, found.errors), decoupled
 
@@ -226,9 +223,8 @@ def solve_decoupled_modes(decoupled: Decoupled, exponents: Array) -> tuple[Array
         if found is None:
             return None
         own[group.part], V[:, group.part, group.part], moved[:, group.part] = found
-    apart = measure_distances(exponents * period, own * period)
-    column = assign(apart)
-    if not apart[np.arange(n), column].max() < CUBE_ROOT_EPS * max(1.0, float(np.abs(own).max()) * period):
+    column, apart = match_logs(exponents * period, own * period)
+    if not apart.max() < CUBE_ROOT_EPS * max(1.0, float(np.abs(own).max()) * period):
         return None
     S, run = correct_modes(decoupled, V, own, moved), integrate_circle(moved, period)
     if S is None or not np.ptp(run.real, axis=0).max() < LARGEST_LOG_GROWTH:
@@ -257,8 +253,10 @@ def follow_block(decoupled: Decoupled, index: int, group: Group) -> tuple[Array,
         return None
     middle, times = exponents.mean(), np.append(decoupled.times, period)
     values = B - middle * np.eye(group.size)
-    factors = gauss_transitions(lambda t: interpolated(values, period, t), times)
-    V, known = periodic_vectors(factors, times, exponents - middle, np.zeros(group.size, int), 1)
+    Phi, p = gauss_transitions(lambda t: as_real(interpolated(values, period, t)), times), group.size
+    V, known = periodic_vectors(
+        Phi[:, :p, :p] + 1j * Phi[:, p:, :p], times, exponents - middle, np.zeros(group.size, int)
+    )
     if not known.all() or not np.linalg.cond(V).max() < 1 / ROOT_EPS:  # else modes coincide nearly
         return None
     return exponents, V, np.zeros(V.shape[:2])

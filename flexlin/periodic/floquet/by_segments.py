@@ -1,12 +1,11 @@
 """Floquet exponents from the transition matrices of segments, with the error of the method and of rounding."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.circle import assign, measure_distances
+from flexlin.periodic.circle import match_logs
 from flexlin.periodic.interpolation import FINER_BOUNDS, NODES
 from flexlin.periodic.product import ProductSpectrum, Unknown, find_spectrum
 from flexlin.periodic.system import PeriodicSystem
@@ -50,7 +49,6 @@ class SegmentedSpectrum:
 
 Factored = tuple[list[Array], Array, Unknown]
 """The factors of a period by a method and a better one, h A at their beginnings, and what is not known over each."""
-Factoring = Callable[[PeriodicSystem, Array, Setting], Factored]
 
 
 def solve_by_segments(
@@ -59,7 +57,6 @@ def solve_by_segments(
     tol: float,
     max_segments: int,
     fixed: bool = False,
-    factor: Factoring = factor_twice,
 ) -> SegmentedSpectrum:
     """Refine the segments until the errors of all exponents are below tol, or rounding or max_segments allow no more.
 
@@ -75,7 +72,7 @@ def solve_by_segments(
     setting = setting.with_segments(min(setting.segments, max_segments))
     start, before, refined, factored, part = None, np.inf, False, None, False
     while True:
-        factored = factored or factor(system, place_segments(system, setting), setting)
+        factored = factored or factor_twice(system, place_segments(system, setting), setting)
         spectrum, method = measure_spectrum(system, setting, factored, start, part)
         wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / METHOD_SAFETY
         if setting.method == "radau":
@@ -104,7 +101,7 @@ def solve_by_segments(
             continue
         if done:
             noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
-            return add_blind(compare_noise(system, spectrum, factor) if noisy else spectrum, system, tol)
+            return add_blind(compare_noise(system, spectrum) if noisy else spectrum, system, tol)
         if count > most:
             raise report_too_many(count, max_segments, tol)
         setting = setting.with_segments(min(count, max_segments))
@@ -128,17 +125,16 @@ def add_blind(spectrum: SegmentedSpectrum, system: PeriodicSystem, tol: float) -
     return replace(spectrum, errors=spectrum.errors + ROOT_EPS * tol * np.maximum(system.period, np.abs(spectrum.logs)))
 
 
-def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum, factor: Factoring) -> SegmentedSpectrum:
+def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum) -> SegmentedSpectrum:
     """Enlarge the errors by what other segments change, where what two methods differ by is rounding.
 
     The rounding of a strongly non-normal factor is far above that of its entries, in both methods, which may agree by accident.
     """
     setting, panels = spectrum.setting, len(spectrum.setting.shares)
     finer = setting.with_segments(int(np.ceil(FINER_BOUNDS[0] * setting.segments)) + panels)  # more in every panel
-    factored = factor(system, place_segments(system, finer), finer)
+    factored = factor_twice(system, place_segments(system, finer), finer)
     other = measure_spectrum(system, finer, factored, spectrum.start)[0]
-    apart = measure_distances(spectrum.logs, other.logs)
-    moved = apart[np.arange(len(apart)), assign(apart)]
+    moved = match_logs(spectrum.logs, other.logs)[1]
     return replace(spectrum, errors=np.maximum(spectrum.errors, METHOD_SAFETY * moved))
 
 

@@ -7,13 +7,13 @@ import numpy as np
 from flexlin.arguments import checked
 from flexlin.checks import Array, bytes_allowed, positive, whole
 from flexlin.errors import TooManySegments
-from flexlin.periodic.circle import assign, match_logs, measure_distances, pair_conjugates, wrap_log
+from flexlin.periodic.circle import match_logs, pair_conjugates, wrap_log
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, couple_uncertainty
 from flexlin.periodic.coefficient_series.sampling import SEARCH_BLOCKS, stratified
-from flexlin.periodic.decoupling.coupling import Decoupled, Refusal
+from flexlin.periodic.decoupling.coupling import Decoupled
 from flexlin.periodic.decoupling.decouple import MOST_TRIES
 from flexlin.periodic.floquet.by_decoupling import estimate_decoupling_work, solve_decoupled
-from flexlin.periodic.floquet.by_segments import Factoring, solve_by_segments
+from flexlin.periodic.floquet.by_segments import solve_by_segments
 from flexlin.periodic.floquet.result import FloquetResult, find_coinciding_within, find_reached, judge
 from flexlin.periodic.product import balance_factors, bound_pairs, complex_schur, separate_triangular
 from flexlin.periodic.system import PeriodicSystem, as_system
@@ -21,8 +21,7 @@ from flexlin.periodic.transition.choose_segments import (
     MAX_SEGMENTS,
     Setting,
     choose_setting,
-    estimate_segment_work,
-    factor_twice,
+    estimate_work,
     fall_back,
 )
 from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, SAFETY
@@ -144,21 +143,21 @@ def find_exponents(
     return answer_by_either(system, setting, tol, limit)
 
 
-def answer_by_segments(
-    system: PeriodicSystem, setting: Setting, tol: float, limit: int, factor: Factoring = factor_twice
-) -> FloquetResult:
+def answer_by_segments(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
     """The exponents of the product of the segments' factors.
 
     Raises: TooManySegments.
     """
-    spectrum = solve_by_segments(system, setting, tol, limit, factor=factor)
+    spectrum = solve_by_segments(system, setting, tol, limit)
     return finish(system, spectrum.logs / system.period, spectrum.errors / system.period, spectrum.setting, tol)
 
 
 def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
     """The exponents by decoupling where that promises less work, else by segments; by the better one where decoupling misses tol."""
     decoupled = try_decoupling(system, setting, tol)
-    patient = setting.segments <= limit and estimate_segment_work(system, setting) < COLLOCATION_WORK
+    patient = (
+        setting.segments <= limit and estimate_work(system, setting.order // 2, setting.segments) < COLLOCATION_WORK
+    )
     if decoupled is not None and not (patient and count_missed(decoupled, tol)):
         return decoupled
     try:
@@ -172,11 +171,11 @@ def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit
 
 def try_decoupling(system: PeriodicSystem, setting: Setting, tol: float) -> FloquetResult | None:
     """The exponents by decoupling, where that promises less work than segments, and serves."""
-    tries = estimate_segment_work(system, setting) / estimate_decoupling_work(system.n)
+    tries = float(estimate_work(system, setting.order // 2, setting.segments)) / estimate_decoupling_work(system.n)
     if tries < 1:
         return None
     found = solve_decoupled(system, tol, int(min(tries, MOST_TRIES)))
-    if isinstance(found, Refusal):
+    if found is None:
         return None
     exponents, errors, decoupled = found
     reason = f"eigenvalues of A(t) up to {setting.rate:.3g} 1/s beside a motion of {2 * np.pi / system.period:.3g} 1/s"
@@ -219,9 +218,8 @@ def judge_beside(
 ) -> FloquetResult:
     """Judge exponents (n,) of a resolution that is held by their distance to those of one that the engine chose."""
     best = floquet(system, tol)
-    apart = measure_distances(exponents * system.period, best.log_multipliers) / system.period
-    partner = assign(apart)
-    errors = 1.5 * apart[np.arange(system.n), partner] + best.errors[partner] + rounding
+    partner, apart = match_logs(exponents * system.period, best.log_multipliers)
+    errors = 1.5 * apart / system.period + best.errors[partner] + rounding
     return judge(exponents, errors, system.period, setting, tol, coarse=best.verdict != "undecided")
 
 

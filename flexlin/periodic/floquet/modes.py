@@ -24,7 +24,7 @@ from flexlin.periodic.transition.choose_segments import (
 )
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss
 from flexlin.plots.view import Series, Shown, View
-from flexlin.precision import ROOT_EPS
+from flexlin.precision import EPS, ROOT_EPS
 
 if TYPE_CHECKING:
     import pandas
@@ -192,8 +192,8 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
     return solve_floquet_modes(system, result or floquet(system, tol))
 
 
-def solve_floquet_modes(system: PeriodicSystem, result: FloquetResult, quick: bool = False) -> FloquetModes:
-    """The modes of some exponents, from the decoupled system where there is one; `quick` as in `solve_modes_at_nodes`."""
+def solve_floquet_modes(system: PeriodicSystem, result: FloquetResult) -> FloquetModes:
+    """The modes of some exponents, from the decoupled system where there is one."""
     decoupled = result.decoupled
     if decoupled is not None and not find_coinciding(result.log_multipliers)[~np.eye(system.n, dtype=bool)].any():
         modes = solve_decoupled_modes(decoupled, result.exponents)
@@ -201,23 +201,22 @@ def solve_floquet_modes(system: PeriodicSystem, result: FloquetResult, quick: bo
             times = decoupled.times
             weights = np.full(len(times), 1 / len(times))
             return FloquetModes(times, weights, system.period, result.exponents, result.errors, *modes)
-    return solve_modes_at_nodes(system, result, quick)
+    return solve_modes_at_nodes(system, result)
 
 
-def solve_modes_at_nodes(system: PeriodicSystem, result: FloquetResult, quick: bool = False) -> FloquetModes:
-    """The modes of some exponents; `quick`: some eight times faster, and less accurate by what modes part within a segment."""
-    times, weights, Phi, together = factor_at_nodes(system, result)
-    together = together if quick else 1
+def solve_modes_at_nodes(system: PeriodicSystem, result: FloquetResult) -> FloquetModes:
+    """The modes of some exponents, from transition matrices between the nodes."""
+    times, weights, Phi = factor_at_nodes(system, result)
     Phi, scale = balance_factors(Phi)
     n, same = Phi.shape[-1], find_coinciding(result.log_multipliers)
-    size = max(1, CHUNK_BYTES * together // (64 * Phi.size))
+    size = max(1, CHUNK_BYTES // (64 * Phi.size))
     right, left, known = *(np.empty((len(Phi), n, n), complex) for _ in range(2)), np.empty(n, bool)
     adjoint, back = np.swapaxes(Phi[::-1], -1, -2), times[-1] - times[::-1]
     for i in range(0, n, size):
         part = slice(i, i + size)
         ranks, exponents = np.tril(same, -1).sum(axis=1)[part], result.exponents[part]
-        right[:, :, part], known[part] = periodic_vectors(Phi, times, exponents, ranks, together)
-        turned, _ = periodic_vectors(adjoint, back, exponents.conj(), ranks, together)
+        right[:, :, part], known[part] = periodic_vectors(Phi, times, exponents, ranks)
+        turned, _ = periodic_vectors(adjoint, back, exponents.conj(), ranks)
         left[:, :, part] = np.roll(turned[::-1], 1, axis=0)
     right /= np.abs(right).max(axis=(0, 1))
     left = biorthogonalize(left, right, same)
@@ -226,9 +225,8 @@ def solve_modes_at_nodes(system: PeriodicSystem, result: FloquetResult, quick: b
     return FloquetModes(times[:-1], weights, system.period, result.exponents, errors, right, left)
 
 
-def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Array, Array, Array, int]:
-    """Times (N + 1,) of Gauss nodes and panel edges, weights (N,) of the mean, the transition matrices between the times, and
-    how many of them make one segment."""
+def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Array, Array, Array]:
+    """Times (N + 1,) of Gauss nodes and panel edges, weights (N,) of the mean, and the transition matrices between the times."""
     setting = result.setting
     if setting.method not in METHODS:
         setting = choose_setting(system, MODES_TOL)
@@ -240,7 +238,7 @@ def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Arra
     h = np.diff(grid)[:, None]
     times = np.append((grid[:-1, None] + h * np.append(0.0, rule.c)).ravel(), system.period)
     weights = (h / system.period * np.append(0.0, rule.b)).ravel()
-    return times, weights, factor_by(system, times, setting.method, 2 * max(4, (stages + 1) // 2)), stages + 1
+    return times, weights, factor_by(system, times, setting.method, 2 * max(4, (stages + 1) // 2))
 
 
 def find_coinciding(logs: Array) -> Array:
@@ -313,7 +311,7 @@ def follow_frozen_modes(A: Array) -> FrozenModes:
     """
     values, vectors = np.linalg.eig(np.asarray(A, dtype=float))
     values, vectors = values.astype(complex), vectors.astype(complex)
-    inverse = invert(vectors)
+    inverse = np.linalg.pinv(vectors, rcond=EPS)  # of a defective matrix eigenvectors coincide
     forward, backward = np.abs(inverse[:-1] @ vectors[1:]), np.abs(inverse[1:] @ vectors[:-1])
     overlap = np.minimum(np.nan_to_num(forward * np.swapaxes(backward, 1, 2)), 1.0)
     size = np.abs(values[:-1, :, None]) + np.abs(values[1:, None, :])
@@ -325,11 +323,3 @@ def follow_frozen_modes(A: Array) -> FrozenModes:
     return FrozenModes(
         np.take_along_axis(values, order, axis=1), np.take_along_axis(vectors, order[:, None, :], axis=2)
     )
-
-
-def invert(vectors: Array) -> Array:
-    """Inverses (N, n, n); of a defective matrix, whose eigenvectors coincide, the pseudo-inverse."""
-    try:
-        return np.linalg.inv(vectors)
-    except np.linalg.LinAlgError:
-        return np.linalg.pinv(vectors, rcond=1e-12)

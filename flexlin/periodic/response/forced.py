@@ -1,6 +1,6 @@
 """The periodic response of a periodic system to a periodic force, known between the grid points too, with its error."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -25,15 +25,13 @@ from flexlin.periodic.transition.choose_segments import (
     choose_setting,
     report_too_many,
 )
-from flexlin.periodic.transition.factors import factor
+from flexlin.periodic.transition.factors import factor_states, sample_chunks
 from flexlin.periodic.transition.gauss import (
-    CHUNK_BYTES,
     Tableau,
     gauss,
     integrate_legendre,
     place_nodes,
     radau,
-    sample_at,
     solve_stages,
 )
 from flexlin.plots.view import Series, Shown, View
@@ -336,31 +334,23 @@ def solve_periodic(
     The force is one more column of A, which a constant state multiplies: z' = [[A, f], [0, 0]] z, z = [x; 1], gives Phi x + g over each
     segment. There is no solution where the singular value is one of rounding alone.
     """
+
+    def driven(t: Array) -> Array:
+        return hold_input(system.resolved(t), real_array("f", f(t))[..., None])
+
     n, h = system.n, np.diff(grid)
-    Phi = np.concatenate([factor(A, h[part], rule) for part, A in sample_forced(system, f, grid, rule)])[:, :n]
+    Phi = np.concatenate([factor_states(A, h[part], rule) for part, A in sample_chunks(driven, grid, rule)])[:, :n]
     cyclic = cyclic_system(Phi[:, :, :n])
     sigma = float(np.linalg.svd(cyclic.closure, compute_uv=False)[-1])
     if sigma <= SAFETY * EPS:
         return None, sigma, Phi[:, :, :n]
     x = cyclic.solve(Phi[:, :, n:])[..., 0]
     start, rates = np.append(x, np.ones((len(x), 1)), axis=1)[:, None, :, None], list[Array]()
-    for part, A in sample_forced(system, f, grid, rule):
+    for part, A in sample_chunks(driven, grid, rule):
         right = np.broadcast_to(start[part], (*A.shape[:3], 1))
         rates.append((A @ solve_stages(h[part, None, None, None] * A, rule, right))[..., :n, 0])
     slope = np.linalg.solve(legvander(2 * rule.c - 1, len(rule.c) - 1), np.concatenate(rates))
     return PiecewiseSolution(grid, x, slope), sigma, Phi[:, :, :n]
-
-
-def sample_forced(
-    system: PeriodicSystem, f: VectorFunction, grid: Array, rule: Tableau
-) -> Iterator[tuple[slice, Array]]:
-    """[[A, f], [0, 0]] at the stages (k, s, n + 1, n + 1), before a jump at the end of a segment, of as many segments at a
-    time as have equations of CHUNK_BYTES."""
-    size = max(8, CHUNK_BYTES // (8 * (len(rule.c) * (system.n + 1)) ** 2))
-    for i in range(0, len(grid) - 1, size):
-        t = place_nodes(grid[i : i + size + 1], rule.c)
-        force = real_array("f", sample_at(f, t))
-        yield slice(i, i + size), hold_input(sample_at(system.resolved, t), force[..., None])
 
 
 def stagnant(misses: list[float]) -> bool:

@@ -16,7 +16,7 @@ from flexlin.periodic.interpolation import divide_evenly
 from flexlin.periodic.response.forced import STEP_STAGES
 from flexlin.periodic.system import PeriodicSystem, as_system, edges_between, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, choose_gauss_step, measure_pace
-from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.plots.view import Series, Shown, View
 from flexlin.precision import EPS, SAFETY, TINY
 from flexlin.summary import represent

@@ -183,7 +183,10 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
         F, M = samples.compare(X, nodes.slopes(X))
         with np.errstate(over="ignore", invalid="ignore"):  # of loops that are not stable
             if not k or (last > SLIGHT and samples.G.any()):
-                lyapunov = LoopLyapunov(M, nodes, samples.step(problem, nodes))
+                exact = (
+                    None if samples.G.any() else step_exactly(problem.A, nodes, units)
+                )  # without an input the loop is A
+                lyapunov = LoopLyapunov(M, nodes, exact)
             D = lyapunov.solve(F)
         if D is None:
             return None
@@ -365,10 +368,6 @@ class Samples:
         F -= transpose(pull) @ pull
         F += self.Q
         return F, self.A - self.G @ pull
-
-    def step(self, problem: LinearQuadratic, nodes: Nodes) -> Array | None:
-        """The loop's half steps where they are known exactly: without an input it is A."""
-        return None if self.G.any() else step_exactly(problem.A, nodes, self.units)
 
     def doubt(self, problem: LinearQuadratic, t: Array, X: Array) -> Array:
         """What A and Q, as they were represented and rounded, leave unknown of the residual of a loop without an input."""

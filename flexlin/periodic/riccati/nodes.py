@@ -201,20 +201,14 @@ class PanelNodes:
 
     def tail(self, X: Array) -> float:
         """The size of the last terms."""
-        return float(self._heights(X)[:, -1].max())
+        return float(self._heights(X).max())
 
     def refine(self, X: Array, seen: float) -> "PanelNodes | None":
         """Panels divided where their last terms are above `seen`; none where none is."""
-        heights = self._heights(X)
-        high = heights[:, -1]
-        wanted = max(seen, LOST_WAVES)
-        fall = np.log2(np.maximum(heights[:, 0], 2 * high) / high)
-        parts = np.where(high > wanted, np.clip(np.ceil((high / wanted) ** (1 / (PANEL_DEGREE + 1))), 2, 4), 1).astype(
-            int
-        )
-        parts = np.where((high > wanted) & (fall < 2), 4, parts)
-        if parts.max() == 1:
+        excess = self._heights(X) / max(seen, LOST_WAVES)
+        if excess.max() <= 1:
             return None
+        parts = np.clip(np.ceil(excess ** (1 / (PANEL_DEGREE + 1))), 1, 4).astype(int)
         return PanelNodes(np.unique(divide_evenly(self.edges, parts)), self.wraps)
 
     def resize(self, count: int) -> "PanelNodes":
@@ -222,11 +216,8 @@ class PanelNodes:
         return PanelNodes(np.unique(divide_segments(self.edges, max(1, round(count / self.count)))), self.wraps)
 
     def _heights(self, X: Array) -> Array:
-        """The largest of the middle and of the last terms of each panel (P, 2)."""
-        sizes = np.abs(self.series(X).coefficients).max(axis=(2, 3)) + TINY
-        return np.stack(
-            [sizes[:, PANEL_DEGREE // 2 - 2 : PANEL_DEGREE // 2 + 1].max(axis=1), sizes[:, -3:].max(axis=1)], axis=1
-        )
+        """The largest of the last terms of each panel (P,)."""
+        return np.asarray(np.abs(self.series(X).coefficients)[:, -3:].max(axis=(1, 2, 3)) + TINY)
 
     def _place(self, u: Array) -> Array:
         return np.asarray((self.edges[:-1, None] + np.outer(np.diff(self.edges), 0.5 * (u + 1))).ravel())

@@ -9,8 +9,7 @@ from flexlin.checks import Array
 from flexlin.errors import IllPosedSegment
 from flexlin.periodic.coefficients import Constant, MatrixFunction
 from flexlin.periodic.riccati.nodes import Nodes
-from flexlin.periodic.transition.factors import factor_states
-from flexlin.periodic.transition.gauss import DEFAULT_STAGES, collect_chunks, gauss, sample_at
+from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.precision import EPS, TINY
 
 MAX_DOUBLINGS = 64
@@ -311,9 +310,7 @@ def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
     fourth = np.linalg.matrix_power(halves.max() * A(nodes.t), 4)  # as fast as the modes, whatever the units
     if not np.abs(fourth).sum(axis=2).max() < 1:
         return None
-    rule, h = gauss(DEFAULT_STAGES), np.diff(edges)
-    steps = collect_chunks(lambda t, k: factor_states(sample_at(A, np.mod(t, nodes.period)), h[k], rule), edges, rule)
-    steps *= units[:, None] / units
+    steps = gauss_transitions(lambda t: A(np.mod(t, nodes.period)), edges) * (units[:, None] / units)
     return np.concatenate([steps[0::2], steps[1::2]])
 
 

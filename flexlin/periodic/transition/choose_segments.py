@@ -3,9 +3,9 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cache
 
 import numpy as np
+from scipy.special import factorial
 
 from flexlin._core import LANES
 from flexlin.checks import Array, check_size
@@ -13,7 +13,7 @@ from flexlin.errors import ArgumentError, TooManySegments, counted
 from flexlin.periodic.interpolation import NODES, FourierSeries, divide_evenly
 from flexlin.periodic.product import GROUP_CONDITION, Unknown
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.factors import MOST_UNKNOWNS, count_integrals, factor_segments, measure_segments
+from flexlin.periodic.transition.factors import factor_segments, measure_segments
 from flexlin.periodic.transition.gauss import Tableau, gauss, radau
 
 MAX_SEGMENTS, FEWER_SEGMENTS = 20_000, 4000
@@ -116,8 +116,7 @@ class Pace:
     """How fast a system moves on each panel of its resolved coefficients, (P,).
 
     length in s; rate: largest |eigenvalue| of A(t), at least the basic frequency (1/s); spread: of the real parts (1/s);
-    waves: polynomial degree or harmonics of the coefficients that matter at the wanted accuracy; top: the largest real part;
-    unknowns of each stage: the states that are no integrals of others.
+    waves: polynomial degree or harmonics of the coefficients that matter at the wanted accuracy; top: the largest real part.
     """
 
     length: Array
@@ -125,7 +124,6 @@ class Pace:
     spread: Array
     waves: Array
     top: float
-    unknowns: int
 
 
 def measure_pace(system: PeriodicSystem, accuracy: float = 1e-9) -> Pace:
@@ -134,12 +132,9 @@ def measure_pace(system: PeriodicSystem, accuracy: float = 1e-9) -> Pace:
     length = np.diff(resolved.edges)
     each = max(1, min(EIGENVALUE_TIMES, 16 * EIGENVALUE_TIMES // len(length)))
     t = (resolved.edges[:-1, None] + length[:, None] * (np.arange(each) + 0.37) / each).ravel()
-    A = resolved(t)
-    values = np.linalg.eigvals(A).reshape(len(length), -1)
+    values = np.linalg.eigvals(resolved(t)).reshape(len(length), -1)
     rate = np.maximum(np.abs(values).max(axis=1), 2 * np.pi / system.period)
-    waves = count_waves(system, accuracy)
-    unknowns = system.n - count_integrals(A)
-    return Pace(length, rate, np.ptp(values.real, axis=1), waves, float(values.real.max()), unknowns)
+    return Pace(length, rate, np.ptp(values.real, axis=1), count_waves(system, accuracy), float(values.real.max()))
 
 
 def count_waves(system: PeriodicSystem, accuracy: float) -> Array:
@@ -180,10 +175,9 @@ def choose_setting(
     stages = STAGE_CHOICES if order is None else np.array([order // 2])
     demand = gauss_demand(pace, tol, stages[:, None])
     counts = np.ceil(demand).sum(axis=1)
-    unknowns = pace.unknowns
     if len(pace.rate) == 1:  # a whole number of lanes costs no more
-        counts = np.where(stages * unknowns <= MOST_UNKNOWNS, LANES * np.ceil(counts / LANES), counts)
-    best = int(np.argmin(estimate_work(system.n, unknowns, stages, counts)))
+        counts = LANES * np.ceil(counts / LANES)
+    best = int(np.argmin(estimate_work(system, stages, counts)))
     eigenvalues = f"eigenvalues of A(t) up to {rate:.3g} 1/s"
     reason = f"least work for tol {tol:.0e} with {eigenvalues}" if segments is None else f"as asked, with {eigenvalues}"
     return spread_out("gauss", 2 * int(stages[best]), demand[best], reason, rate, segments or int(counts[best]))
@@ -216,27 +210,19 @@ def radau_demand(pace: Pace) -> Array:
 def choose_gauss_step(rate: Array, tol: float, stages: Array | int) -> Array:
     """The step at which s Gauss stages reach tol / GUESS_MARGIN on the eigenvalue `rate`."""
     s = np.asarray(stages)
-    return np.asarray((tol / GUESS_MARGIN * np.maximum(1.0, rate) / (rate * gauss_constants()[s])) ** (0.5 / s) / rate)
+    constant = factorial(s) ** 2 / (factorial(2 * s) * factorial(2 * s + 1))
+    return np.asarray((tol / GUESS_MARGIN * np.maximum(1.0, rate) / (rate * constant)) ** (0.5 / s) / rate)
 
 
-@cache
-def gauss_constants() -> Array:
-    """The constants c in the error of s Gauss stages, s = 0 ... 32."""
-    f = math.factorial
-    return np.array([f(s) ** 2 / (f(2 * s) * f(2 * s + 1)) for s in range(MOST_STAGES + 1)])
+def estimate_work(system: PeriodicSystem, stages: Array | int, segments: Array | int) -> Array:
+    """The work, in multiplications: elimination for s stages and for two more, and vectors along the product.
 
-
-def estimate_work(n: int, unknowns: int, stages: Array, segments: Array) -> Array:
-    """The work for n states, in multiplications: elimination for s stages and for two more, and vectors along the product."""
+    Unknown at each stage are the states, or the accelerations of a second-order system.
+    """
+    n, unknowns = system.n, system.n if system.second_order is None else system.n // 2
     sizes = [np.asarray(unknowns * (stages + extra), dtype=float) for extra in (0, 2)]
     solved = sum(size**2 * (size / 3 + n) for size in sizes)
     return np.asarray(segments * (solved + VECTOR_WORK * n**3 + OTHER_WORK))
-
-
-def estimate_segment_work(system: PeriodicSystem, setting: Setting) -> float:
-    """The work of a setting, in multiplications."""
-    unknowns = system.n if system.second_order is None else system.n // 2
-    return float(estimate_work(system.n, unknowns, np.array(setting.order // 2), np.array(setting.segments)))
 
 
 def fall_back(system: PeriodicSystem, tol: float) -> Setting:

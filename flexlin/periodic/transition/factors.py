@@ -8,22 +8,25 @@ from scipy.linalg import lapack
 
 from flexlin._core import declare
 from flexlin.checks import Array
+from flexlin.errors import SingularMassMatrix
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix
-from flexlin.periodic.coefficients import solve_mass, stack_companion
+from flexlin.periodic.coefficients import MatrixFunction, solve_mass, stack_companion
 from flexlin.periodic.product import Unknown
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
+    DEFAULT_STAGES,
     Tableau,
     collocate,
-    collocate_accelerations,
     fold_samples,
+    gauss,
     place_nodes,
+    sample_at,
 )
 from flexlin.precision import EPS
 
 Resolved = ResolvedMatrix | ResolvedCompanion
 MOST_UNKNOWNS = 300
-"""Stages times unknowns up to which the compiled code serves; LAPACK is as fast beyond."""
+"""Stages times states up to which the compiled code serves; LAPACK is faster beyond."""
 
 
 def shape_states(n: int, s: int, K: int, *_: object) -> tuple[object, ...]:
@@ -116,50 +119,26 @@ def sample_segments(
 def factor(values: Array, h: Array, rule: Tableau) -> Array:
     """Transition matrices (K, n, n) from A or [M D K] at the stages (K, s, rows, columns) and lengths h (K,)."""
     rows, columns = values.shape[-2:]
-    if columns == 3 * rows:
-        return factor_accelerations(values, h, rule)
-    m = count_integrals(values)
-    return factor_rates(values, m, h, rule) if m and rule.c[-1] != 1.0 else factor_states(values, h, rule)
-
-
-def count_integrals(A: Array) -> int:
-    """How many states are integrals of the ones behind them: m with A = [0 I 0; ...], rows (m, n - m), at all times (..., n, n)."""
-    n = A.shape[-1]
-    m = int(np.argmax(A.reshape(-1, n, n)[0, 0]))
-    return m if 2 * m <= n and not np.any(A[..., :m, :] != np.eye(m, n, m)) else 0
-
-
-def factor_rates(A: Array, m: int, h: Array, rule: Tableau) -> Array:
-    """From A (K, s, n, n) whose first m states y are integrals, x = [y; v; z], y' = v, as equations of second order.
-
-        q'' = A_rr q' + [A_ry 0] q,   q' = [v; z]
-
-    Only the rates of v and z are unknown; what z is the rate of stands nowhere. Units as for `factor_states`.
-    """
-    K, s, n = A.shape[:3]
-    r = n - m
-    size = np.abs(A[:, 0, m:]).sum(axis=0)
-    size[:, m : 2 * m] += h.max() * size[:, :m]
-    units = np.asarray(lapack.dgebal(size[:, m:], scale=1, permute=0)[3])
-    turn = -units / units[:, None]
-    blocks = np.zeros((K, s, r, 3 * r))
-    blocks[..., :r] = np.eye(r)
-    np.multiply(A[..., m:, m:], turn, out=blocks[..., r : 2 * r])
-    np.multiply(A[..., m:, :m], turn[:, :m], out=blocks[..., 2 * r : 2 * r + m])
-    kept, units = np.append(np.arange(m), np.arange(r, 2 * r)), np.append(units[:m], units)
-    return factor_accelerations(blocks, h, rule)[:, kept[:, None], kept] * (units[:, None] / units)
+    return (factor_accelerations if columns == 3 * rows else factor_states)(values, h, rule)
 
 
 def factor_accelerations(blocks: Array, h: Array, rule: Tableau) -> Array:
-    """From [M D K], with the accelerations as unknowns; what needs rows exchanged is left to LAPACK. Raises: SingularMassMatrix."""
+    """From [M D K], with the accelerations as unknowns; what needs rows exchanged is left to A. Raises: SingularMassMatrix."""
     K, s, m = blocks.shape[:3]
     Phi, good = np.empty((K, 2 * m, 2 * m)), np.zeros(K, np.intc)
-    if s * m <= MOST_UNKNOWNS and not factor_accelerations_in_core(m, s, K, blocks, h, tabulate(rule, True), Phi, good):
+    if not factor_accelerations_in_core(m, s, K, blocks, h, tabulate(rule, True), Phi, good):
         raise MemoryError("the stages of a segment")
     lost = np.flatnonzero(good == 0)
     if len(lost):
-        M, D, S = np.split(blocks[lost], 3, axis=-1)
-        Phi[lost] = collocate_accelerations(M, D, S, h[lost], rule)
+        M, damped = np.split(blocks[lost], [m], axis=-1)
+        try:
+            Y, X = np.split(-np.linalg.solve(M, damped), 2, axis=-1)
+        except np.linalg.LinAlgError:
+            raise SingularMassMatrix(
+                "the mass matrix is singular on some segment of the period",
+                todo="give every coordinate inertia, or remove the coordinate",
+            ) from None
+        Phi[lost] = factor_states(stack_companion(X, Y), h[lost], rule)
     return Phi
 
 
@@ -181,6 +160,29 @@ def factor_states(A: Array, h: Array, rule: Tableau) -> Array:
         turn = units / units[:, None]
         Phi[lost] = collocate(A[lost] * turn, h[lost], rule) / turn
     return Phi
+
+
+def gauss_transitions(A: MatrixFunction, edges: Array, stages: int = DEFAULT_STAGES) -> Array:
+    """Transition matrices of x' = A(t) x over the segments between consecutive edges.
+
+        Y_i = I + h sum_j a_ij A_j Y_j,   Phi = I + h sum_j b_j A_j Y_j
+
+    Assumes A smooth inside each segment. The error is O(h^(2 stages)); quadratic invariants (a symplectic form) are kept.
+
+    Parameters: A: function (N,) -> (N, n, n); edges: increasing times (K + 1,); stages >= 1.
+    Returns: Phi (K, n, n), x(edges[k + 1]) = Phi[k] x(edges[k]).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, II.1, IV.2.
+    """
+    rule, h = gauss(stages), np.diff(edges)
+    return np.concatenate([factor_states(values, h[part], rule) for part, values in sample_chunks(A, edges, rule)])
+
+
+def sample_chunks(A: MatrixFunction, edges: Array, rule: Tableau) -> Iterator[tuple[slice, Array]]:
+    """A at the stages (k, s, n, n), before a jump at the end of a segment, of as many at a time as have equations of CHUNK_BYTES."""
+    t = place_nodes(edges, rule.c)
+    size = max(8, CHUNK_BYTES // (8 * (t.shape[1] * A(t[0, :1]).shape[-1]) ** 2))
+    for part in (slice(i, i + size) for i in range(0, len(t), size)):
+        yield part, np.ascontiguousarray(sample_at(A, t[part]), dtype=float)
 
 
 @lru_cache(maxsize=64)

@@ -1,6 +1,5 @@
 """Gauss-Legendre and Radau collocation: their tableaus, and the transition matrices of all segments in one batched solve."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
 from flexlin.checks import Array
-from flexlin.errors import NumericalError, SingularMassMatrix
+from flexlin.errors import NumericalError
 from flexlin.periodic.coefficients import MatrixFunction, check_finite
 
 DEFAULT_STAGES = 8
@@ -52,22 +51,6 @@ def place_nodes(edges: Array, c: Array) -> Array:
     return np.minimum(t, np.nextafter(edges[1:, None], -np.inf))
 
 
-def gauss_transitions(A: MatrixFunction, edges: Array, stages: int = DEFAULT_STAGES) -> Array:
-    """Transition matrices of x' = A(t) x over the segments between consecutive edges.
-
-        Y_i = I + h sum_j a_ij A_j Y_j,   Phi = I + h sum_j b_j A_j Y_j
-
-    Assumes A smooth inside each segment. The error is O(h^(2 stages)); quadratic invariants (a symplectic form) are kept.
-
-    Parameters: A: function (N,) -> (N, n, n); edges: increasing times (K + 1,); stages >= 1.
-    Returns: Phi (K, n, n), x(edges[k + 1]) = Phi[k] x(edges[k]).
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, II.1, IV.2.
-    """
-    rule = gauss(stages)
-    h = np.diff(edges)
-    return collect_chunks(lambda t, k: collocate(sample_at(A, t), h[k], rule), edges, rule)
-
-
 def sample_at(A: MatrixFunction, t: Array) -> Array:
     """Sample a coefficient at times of any shape: (..., n, m)."""
     return fold_samples(A(t.ravel()), t)
@@ -81,16 +64,6 @@ def fold_samples(values: Array, t: Array) -> Array:
     if not np.isfinite(values).all():
         check_finite("a coefficient", values, t.ravel())
     return values.reshape(*t.shape, *values.shape[1:])
-
-
-def collect_chunks(part: Callable[[Array, slice], Array], edges: Array, rule: Tableau) -> Array:
-    """Collect `part(stage times, segments)` over all segments, with few enough at a time to stay within CHUNK_BYTES."""
-    t = place_nodes(edges, rule.c)
-    segments, stages = t.shape
-    done = [part(t[:1], slice(0, 1))]  # which shows the size of the matrices
-    size = max(1, CHUNK_BYTES // (8 * (stages * done[0].shape[-1]) ** 2))
-    done += [part(t[i : i + size], slice(i, i + size)) for i in range(1, segments, size)]
-    return np.concatenate(done)
 
 
 def collocate(A: Array, h: Array, rule: Tableau) -> Array:
@@ -127,52 +100,6 @@ def solve_stages(hA: Array, rule: Tableau, right: Array) -> Array:
             "the stages of a segment are not determined: it is too long for A(t)",
             todo="ask for more segments, or leave method and segments to the solver",
         ) from None
-
-
-def collocate_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau) -> Array:
-    """Transition matrices (..., 2n, 2n) for x = [y; y'] of M y'' + D y' + K y = 0, collocated in the accelerations.
-
-        M_i w_i + D_i v_i + K_i y_i = 0,   v_i = v_0 + h sum_j a_ij w_j,   y_i = y_0 + h c_i v_0 + h^2 sum_j (a^2)_ij w_j
-
-    The linear systems have s n unknowns for n coordinates, half of those in x, and M is never inverted.
-    Parameters: M, D, K at the stages (..., s, n, n) and lengths h (...). Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14.
-    """
-    s, n = K.shape[-3:-1]
-    lead, h = K.shape[:-3], h[..., None, None]
-    right = np.concatenate([K, D + rule.c[:, None, None] * (h[..., None] * K)], axis=-1)
-    w = -solve_accelerations(M, D, K, h[..., 0, 0], rule, right)
-    rows = np.stack([rule.b * (1 - rule.c), rule.b]) @ w.reshape(*lead, s, 2 * n * n)
-    Phi = rows.reshape(*lead, 2 * n, 2 * n)
-    Phi[..., :n, :] *= h * h
-    Phi[..., n:, :] *= h
-    diagonal = np.arange(2 * n)
-    Phi[..., diagonal, diagonal] += 1
-    Phi[..., diagonal[:n], diagonal[n:]] += h[..., 0]
-    return Phi
-
-
-def solve_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau, right: Array) -> Array:
-    """Solve M_i w_i + sum_j (a_ij h D_i + (a^2)_ij h^2 K_i) w_j = right_i for the stages, all (..., s, n, r).
-
-    Raises: SingularMassMatrix.
-    """
-    s, n, r = right.shape[-3:]
-    h = h[..., None, None, None]
-    # unknowns coordinate by coordinate, stage by stage inside: NumPy's inner loops then run over the stages
-    hD, hhK = (np.moveaxis(A, -3, -2)[..., None] for A in (h * D, h * h * K))
-    G = rule.a[:, None, :] * hD
-    G += (rule.a @ rule.a)[:, None, :] * hhK
-    stage = np.arange(s)
-    G[..., stage, :, stage] += np.moveaxis(M, -3, 0)
-    lead, by_coordinate = right.shape[:-3], np.swapaxes(right, -3, -2)
-    try:
-        w = np.linalg.solve(G.reshape(*lead, n * s, n * s), by_coordinate.reshape(*lead, n * s, r))
-    except np.linalg.LinAlgError:
-        raise SingularMassMatrix(
-            "the accelerations are not determined on some segment of the period",
-            todo="give every coordinate inertia, or remove the coordinate",
-        ) from None
-    return np.swapaxes(w.reshape(*lead, n, s, r), -3, -2)
 
 
 @lru_cache(maxsize=16)

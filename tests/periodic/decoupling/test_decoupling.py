@@ -1,6 +1,5 @@
 """Decoupling: exponents of systems with very fast modes, that hide, take turns or stand close, against exact ones; refusals."""
 
-import re
 from dataclasses import replace
 from functools import reduce
 from itertools import pairwise, permutations
@@ -12,7 +11,7 @@ from scipy.linalg import expm
 
 import flexlin as fl
 from flexlin.errors import TooManySegments
-from flexlin.periodic import Coupled, Group, Refusal, as_real, decouple, decoupled_exponents, sylvester
+from flexlin.periodic import Coupled, Group, as_real, decouple, decoupled_exponents, sylvester
 from flexlin.periodic.decoupling.coupling import Decoupled, residual_effect
 from flexlin.periodic.floquet import exponents as routes
 from flexlin.periodic.floquet.by_segments import SegmentedSpectrum
@@ -37,7 +36,7 @@ def fast_and_slow(fast, period=2.0):
 def test_no_exponent_is_further_off_than_its_error(kind, least):
     cases = [draw(kind, seed) for seed in range(24)]
     done = [(case, decouple(case.A, case.period, tol=1e-8)) for case in cases]
-    done = [(case, decoupled_exponents(one)) for case, one in done if not isinstance(one, Refusal)]
+    done = [(case, decoupled_exponents(one)) for case, one in done if one is not None]
     assert all(covers(one, case.exponents, case.period, doubt=1e-15) for case, one in done)
     assert len(done) >= least
 
@@ -100,20 +99,20 @@ def test_harmonics_that_the_nodes_take_for_others_are_seen(turns):
     """
     modes = [(Wave(-0.5), None), (Wave(-3.0), None), (Wave(-1.2), None)]
     answer = decouple(Rotated(1.0, modes, [Rotation(0, 1, Wave(0.0, turns))], [(0, 1, 2.0)]), 1.0)
-    assert "take for others" in answer.reason
+    assert answer is None
 
 
 @pytest.mark.parametrize(
-    ("A", "words"),
+    "A",
     [
-        (lambda t: np.array([[0, 1], [-1, -0.1]]) + 0 * t, "stand apart"),
-        (lambda t: np.array([[0, 1.0], [0, 0]]) + 0 * t, "depend on each other|stand apart"),
-        (lambda t: np.diag([-1.0, -500]) * (1 + 0.3 * (t > 1.0002)), "fall off too slowly"),
+        lambda t: np.array([[0, 1], [-1, -0.1]]) + 0 * t,
+        lambda t: np.array([[0, 1.0], [0, 0]]) + 0 * t,
+        lambda t: np.diag([-1.0, -500]) * (1 + 0.3 * (t > 1.0002)),
     ],
     ids=["slow", "defective", "jump"],
 )
-def test_refusals_say_why(A, words):
-    assert re.search(words, decouple(lambda t: A(t[:, None, None]), 2.0).reason)
+def test_what_does_not_part_is_not_decoupled(A):
+    assert decouple(lambda t: A(t[:, None, None]), 2.0) is None
 
 
 @pytest.mark.parametrize("corner", [0.0, 0.0078125, 0.00390625, 0.71, 1.3])
@@ -275,7 +274,7 @@ def test_segments_give_the_same_exponents(changes):
     system = closed(changes=changes).periodic_system() if changes else fl.PeriodicSystem(loop_with_integral_action(), T)
     exact, found = fl.floquet(system, 1e-10, method="gauss"), [fl.floquet(system, 1e-8)]
     decoupled = decouple(system.resolved, system.period, tol=1e-8)
-    found += [] if isinstance(decoupled, Refusal) else [decoupled_exponents(decoupled, 1e-8)]
+    found += [] if decoupled is None else [decoupled_exponents(decoupled, 1e-8)]
     assert all(covers(one, exact.exponents, system.period, exact.errors) for one in found)
 
 
@@ -307,7 +306,7 @@ def test_means_of_followed_modes_are_not_claimed_where_others_may_be_followed(ro
     """
     A, exponents = cycling(rate, roots)
     decoupled = decouple(A, 2 * np.pi, tol=1e-8)
-    if isinstance(decoupled, Refusal):
+    if decoupled is None:
         return
     answer = decoupled_exponents(decoupled)
     assert covers(answer, exponents, 2 * np.pi)

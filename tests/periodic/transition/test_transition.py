@@ -9,8 +9,7 @@ import flexlin as fl
 from flexlin.errors import SingularMassMatrix
 from flexlin.periodic import factor_by, gauss_transitions, place_edges
 from flexlin.periodic.transition import factors
-from flexlin.periodic.transition import gauss as collocation
-from flexlin.periodic.transition.gauss import collocate_accelerations, fold_samples, gauss, place_nodes
+from flexlin.periodic.transition.gauss import gauss, place_nodes
 from tests.periodic.judge import covers
 from tests.periodic.systems import lyapunov_transformed, mathieu, meissner, waving_arm
 
@@ -37,7 +36,7 @@ def test_constant_coefficients_give_the_exponential():
 def test_chunks_do_not_change_the_result(monkeypatch):
     grid = np.linspace(0, np.pi, 12)
     whole = gauss_transitions(mathieu(3.0, 2.0), grid, 3)
-    monkeypatch.setattr(collocation, "CHUNK_BYTES", 2 * 6 * 6 * 8)
+    monkeypatch.setattr(factors, "CHUNK_BYTES", 2 * 6 * 6 * 8)
     np.testing.assert_array_equal(gauss_transitions(mathieu(3.0, 2.0), grid, 3), whole)
 
 
@@ -70,20 +69,29 @@ EPS = np.finfo(float).eps
 
 def second_order_transitions(second, edges, stages):
     """By NumPy alone, of M y'' + D y' + K y = 0 for x = [y; y'], (K, 2n, 2n); second: times (N,) -> M, D, K."""
-    t, rule = place_nodes(edges, gauss(stages).c), gauss(stages)
-    return collocate_accelerations(*(fold_samples(part, t) for part in second(t.ravel())), np.diff(edges), rule)
+    rule, found = gauss(stages), []
+    for t, h in zip(place_nodes(edges, rule.c), np.diff(edges), strict=True):
+        M, D, K = second(t)
+        n, (a, b, c) = M.shape[1], (rule.a, rule.b, rule.c[:, None, None])
+        G = np.einsum("ij,ikl->ikjl", h * a, D) + np.einsum("ij,ikl->ikjl", h * h * a @ a, K)
+        G += np.einsum("ij,ikl->ikjl", np.eye(stages), M)
+        right = -np.concatenate([K, D + h * c * K], axis=2)
+        w = np.linalg.solve(G.reshape(stages * n, -1), right.reshape(stages * n, -1)).reshape(right.shape)
+        moved = np.vstack([h * h * np.tensordot(b * (1 - rule.c), w, 1), h * np.tensordot(b, w, 1)])
+        found.append(np.kron([[1, h], [0, 1]], np.eye(n)) + moved)
+    return np.array(found)
 
 
 @pytest.fixture
 def left(monkeypatch):
-    """How many segments compiled code leaves to NumPy, each time that it does."""
-    counts = []
+    """How many segments the accelerations leave to the states, each time that they do."""
+    counts, solve = [], factors.factor_states
 
-    def counted(M, *rest):
-        counts.append(len(M))
-        return collocate_accelerations(M, *rest)
+    def counted(A, *rest):
+        counts.append(len(A))
+        return solve(A, *rest)
 
-    monkeypatch.setattr(factors, "collocate_accelerations", counted)
+    monkeypatch.setattr(factors, "factor_states", counted)
     return counts
 
 
@@ -107,29 +115,6 @@ def test_compiled_code_and_numpy_give_the_same_matrices(n, monkeypatch):
         other = second_order_transitions(random_arm(seed, n, np.ones(n)).resolved.sample, grid, stages)
         scale = np.concatenate([units, units])
         apart = np.abs(found * (scale[:, None] / scale) - other).max(axis=(1, 2))
-        assert (apart <= 500 * EPS * np.linalg.norm(other, axis=(1, 2))).all(), (seed, apart.max())
-
-
-@pytest.mark.parametrize(("m", "k"), [(1, 0), (1, 3), (3, 1), (4, 6), (6, 5)])
-def test_integrals_among_the_states_are_left_out_of_the_unknowns(m, k):
-    """x = [y; v; z], y' = v, as of an arm with a controller, in units of any size; the other way has all states as unknowns."""
-    n, stages, segments = 2 * m + k, 9, 13
-    for seed in range(4):
-        rng = np.random.default_rng([seed, m, k])
-        edges, units = np.sort(rng.uniform(0, 1, segments + 1)), 10.0 ** rng.uniform(-3, 3, n)
-        units[m : 2 * m] = units[:m]
-        fixed, waves = 10 ** rng.uniform(0, 1.5) * rng.standard_normal((2, n, n))
-        fixed[:m], waves[:m] = np.eye(m, n, m), 0.0
-
-        def A(t, fixed=fixed, waves=waves):
-            return fixed + 0.1 * np.cos(2 * np.pi * t)[:, None, None] * waves
-
-        system = fl.PeriodicSystem(lambda t, A=A, u=units: A(t) * u[:, None] / u, 1.0, complete=True)
-        found, other = (
-            factors.factor_segments(system.resolved, edges, gauss(stages)),
-            gauss_transitions(A, edges, stages),
-        )
-        apart = np.abs(found / units[:, None] * units - other).max(axis=(1, 2))
         assert (apart <= 500 * EPS * np.linalg.norm(other, axis=(1, 2))).all(), (seed, apart.max())
 
 
@@ -164,7 +149,7 @@ def test_inertias_far_apart_lose_no_more_than_with_rows_exchanged(seed, left):
     assert np.linalg.norm(found - right, 2) <= 2 * allowed + 20 * EPS * np.linalg.norm(right, 2)
 
 
-def test_what_needs_rows_exchanged_is_seen_and_left_to_numpy(left):
+def test_what_needs_rows_exchanged_is_seen_and_left_to_the_states(left):
     """A pivot that vanishes: h^2 (a a)_11 k = -1, with the residual as the only witness."""
     stiffness, grid = -1.0 / (gauss(3).a @ gauss(3).a)[0, 0], np.array([0.0, 1.0])
     system = fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], [[stiffness]], 1.0)
