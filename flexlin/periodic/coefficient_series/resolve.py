@@ -1,6 +1,7 @@
 """The coefficients of a periodic system over one period, resolved before anything is integrated: smooth ones by a Fourier series."""
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,12 +11,12 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficient_series.matrix import Discontinuity, ResolvedMatrix
 from flexlin.periodic.coefficient_series.panels import resolve_on_panels
 from flexlin.periodic.coefficient_series.sampling import (
-    CHUNK,
     LEAST_SIZE,
     NOISE_DEVIATIONS,
     POINTS,
     RESOLVED_TOL,
     SEARCH_BLOCKS,
+    TIMES_IN_BLOCK,
     Least,
     Sampler,
     end_phases,
@@ -31,6 +32,7 @@ from flexlin.periodic.interpolation import (
     FourierSeries,
     fourier_basis,
     fourier_nodes,
+    fourier_waves,
     real_fourier_coefficients,
 )
 from flexlin.precision import EPS, SAFETY
@@ -208,15 +210,17 @@ class FourierFit:
         self.noise = noise_level(self.sample, half[:-1], half[1:]).max(axis=0)
 
     def agrees(self) -> bool:
-        """Whether the series is as near to A as it may be where it was looked at, and wherever else A is looked at."""
+        """Whether the series is as near to A as it may be where it was looked at, and wherever A is loudest beside it."""
         self.trim()
         self.deviation = self.apart(self.phases, self.there)
         searched = not self.wary
         while True:
-            if (self.deviation <= 2 * self.allowed).all():
-                if searched:
-                    return True
-                searched = self.search()
+            good = bool((self.deviation <= 2 * self.allowed).all())
+            if good and searched:
+                return True
+            if good:
+                self.search()
+                searched = True
             elif self.noise is None:
                 self.measure_noise()
             else:
@@ -236,16 +240,26 @@ class FourierFit:
         waves = fourier_basis(phases, H)[:, 1:] @ self.coefficients[1:]
         return np.abs(there - self.coefficients[0] - waves).max(axis=0)
 
-    def search(self) -> bool:
-        """Hold A against the series at many times, up to those where it is further off than it may be; whether there are none."""
-        every = search_phases()
-        for phases in (*np.split(every, len(every) // CHUNK), end_phases()):
-            there = self.sample(self.sample.period * phases)
-            self.deviation = np.maximum(self.deviation, self.apart(phases, there))
-            if not (self.deviation <= 2 * self.allowed).all():
-                self.phases, self.there = np.append(self.phases, phases), np.concatenate([self.there, there])
-                return False
-        return True
+    def search(self) -> None:
+        """Find the times at which A is furthest from the series, and hold it against these there.
+
+        At each of many times one sum of all entries is compared, sum_e w_e A_e(t), with weights that make the deviations seen so far,
+        which are mostly rounding, of the same size: no entry hides below another. They are drawn at random, so no pattern of
+        entries cancels in the sum but with probability zero.
+        """
+        sample, T, c = self.sample, self.sample.period, self.coefficients
+        weights = _draw(c.shape[1]) / (np.maximum(self.deviation, EPS * sample.scale) + LEAST_SIZE)
+        heard = sample.contract(T * search_phases(), weights)
+        with np.errstate(over="ignore", invalid="ignore"):
+            apart = np.abs(heard - _evaluate_search(c @ weights))
+        in_block = apart.reshape(SEARCH_BLOCKS, TIMES_IN_BLOCK).argmax(axis=1) + TIMES_IN_BLOCK * np.arange(
+            SEARCH_BLOCKS
+        )
+        loudest = in_block[np.argpartition(apart[in_block], -POINTS)[-POINTS:]]  # what is no number comes last too
+        phases = np.concatenate([search_phases()[loudest], end_phases()])
+        there = sample(T * phases)
+        self.deviation = np.maximum(self.deviation, self.apart(phases, there))
+        self.phases, self.there = np.append(self.phases, phases), np.concatenate([self.there, there])
 
 
 def _last(size: Array) -> Array:
@@ -257,3 +271,27 @@ def _flat(size: Array) -> bool:
     """Whether some entry's last harmonics have stopped falling: noise, a narrow feature, or a place that is not smooth."""
     quarter = len(size) // 4
     return bool(np.any(np.median(size[-quarter:], axis=0) >= 0.1 * np.median(size[-2 * quarter : -quarter], axis=0)))
+
+
+@lru_cache(maxsize=16)
+def _draw(entries: int) -> Array:
+    """A weight of each entry, of size 1 to 2 and either sign; always the same ones, so that answers repeat."""
+    rng = np.random.default_rng(entries)
+    return rng.uniform(1, 2, entries) * rng.choice([-1.0, 1.0], entries)
+
+
+@lru_cache(maxsize=16)
+def _search_waves(harmonics: int) -> tuple[Array, Array]:
+    """Waves at the beginnings of the blocks, (SEARCH_BLOCKS, 2 H): cosines and sines, and complex ones within, (H, TIMES_IN_BLOCK)."""
+    outer = fourier_waves(np.arange(SEARCH_BLOCKS) / SEARCH_BLOCKS, harmonics)
+    return np.concatenate([outer.real, -outer.imag], axis=1), fourier_waves(
+        search_phases()[:TIMES_IN_BLOCK], harmonics
+    ).T
+
+
+def _evaluate_search(series: Array) -> Array:
+    """A scalar series (2 H + 1,) at `search_phases`: the waves of a block turn those within it, so it takes one product of matrices."""
+    H = len(series) // 2
+    outer, inner = _search_waves(H)
+    turned = (series[1 : H + 1] - 1j * series[H + 1 :])[:, None] * inner
+    return (outer @ np.concatenate([turned.real, turned.imag])).ravel() + series[0]

@@ -1,6 +1,6 @@
-"""One counted door to the user's function: checked, some times in a call; and the times at which it is asked."""
+"""One counted door to the user's function: checked, in chunks that stay in the processor's cache; and the times at which it is asked."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from math import factorial
 
@@ -9,7 +9,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
 from flexlin.periodic.coefficients import check_array, check_finite
-from flexlin.periodic.interpolation import chebyshev_coefficients, chebyshev_nodes, golden
+from flexlin.periodic.interpolation import CACHED_BYTES, chebyshev_coefficients, chebyshev_nodes, golden
 from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, ROOT_EPS, SLIGHT, TINY
 
 LEAST_SIZE = TINY / EPS
@@ -17,8 +17,6 @@ RESOLVED_TOL = 1e-13
 """Of an entry's size: agreement of its series with A that is asked for."""
 SEARCH_BLOCKS, TIMES_IN_BLOCK = 128, 80
 """The times of a search: blocks of a period, and times in each, at the same places in all: gaps stay below T / 10000."""
-CHUNK = 2 * SEARCH_BLOCKS
-"""Times that go into one call."""
 JUMP_WIDTH = 1e-11
 """Of the period: what happens closer to a jump counts as part of it, and edges closer to another are left out."""
 NOISE_DEVIATIONS = 6.0
@@ -61,8 +59,27 @@ class Sampler:
         """Sample at the times as they are; sizes beyond the period do not count."""
         if not len(t):
             return np.empty((0, len(self.scale)))
-        parts = (t[i : i + CHUNK] for i in range(0, len(t), CHUNK))
-        return np.concatenate([check_finite("A", self._ask(part), part) for part in parts]).reshape(len(t), -1)
+        return np.concatenate([check_finite("A", self._ask(part), part) for part in self._parts(t)]).reshape(len(t), -1)
+
+    def contract(self, t: Array, weights: Array) -> Array:
+        """The sum of A's entries, each times its weight (E,), at times in [0, T): (N,); no numbers or infinite where A is."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.concatenate([self._ask(part).reshape(len(part), -1) @ weights for part in self._parts(t)])
+
+    def _parts(self, t: Array) -> Iterator[Array]:
+        """The times, as many at once as go into one call."""
+        while len(t):
+            some = self.chunk
+            yield t[:some]
+            t = t[some:]
+
+    @property
+    def chunk(self) -> int:
+        """How many times go into one call: at first a few hundred; of large matrices fewer than that, but enough to be worth a call."""
+        if self.shape is None:
+            return 2 * SEARCH_BLOCKS
+        few = CACHED_BYTES // (8 * self.shape[0] * self.shape[1])
+        return max(few, min(10 * few, 2 * TIMES_IN_BLOCK), POINTS)
 
     def _ask(self, t: Array) -> Array:
         """A at the times, (N, rows, columns)."""
