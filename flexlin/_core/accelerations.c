@@ -3,18 +3,27 @@
  * There are half as many unknowns as states, and M is never inverted. Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14. */
 #include "accelerations.h"
 
+/* Blocks [M D K] of the stages (stages, m, 3 m) in units d: times d d'. */
+static void gather_blocks(const Rule *r, int segments, const double *from, const double *d, vec *to) {
+  int m = r->m, rows = r->stages * m;
+  for (int l = 0; l < L; l++) { /* the last segment again where there are fewer */
+    const double *x = from + (long)rows * 3 * m * (l < segments ? l : segments - 1);
+    vec *y = to;
+    for (int i = 0; i < r->stages; i++)
+      for (int p = 0; p < m; p++)
+        for (int block = 0; block < 3; block++)
+          for (int q = 0; q < m; q++) (*y++)[l] = *x++ * (d[p] * d[q]);
+  }
+}
+
 /* G w = right for the accelerations of all stages, G_ij = M_i (i = j) + h a_ij D_i + h^2 (a a)_ij K_i. The units are powers of two, which round
  * nothing. */
 vec build_equations(const Rule *r, int segments, const double *blocks, const double *lengths, double *d, vec *own, vec *G, vec *right) {
   int m = r->m, s = r->stages, n = s * m;
   vec h;
   for (int p = 0; p < m; p++) d[p] = exp2(-round(0.5 * log2(fabs(blocks[p * 3 * m + p]))));
-  for (int l = 0; l < L; l++) { /* the last segment again where there are fewer */
-    int which = l < segments ? l : segments - 1;
-    const double *x = blocks + (long)n * 3 * m * which;
-    h[l] = lengths[which];
-    for (int e = 0; e < n * 3 * m; e++) own[e][l] = x[e] * (d[e / (3 * m) % m] * d[e % m]);
-  }
+  for (int l = 0; l < L; l++) h[l] = lengths[l < segments ? l : segments - 1];
+  gather_blocks(r, segments, blocks, d, own);
   for (int i = 0; i < s; i++)
     for (int p = 0; p < m; p++) {
       const vec *M = own + (i * m + p) * 3 * m, *D = M + m, *K = D + m;

@@ -99,10 +99,10 @@ class Law:
             raise ArgumentError("the gain does not fit the arm", got=got, expected=str(expected))
         return replace(self, gain=chosen, controller=controller)
 
-    def offset(self, t: Array) -> Array:
-        """What the law commands at x = 0: forward + gain [reference; 0], (N, m)."""
-        reference = self.reference(t)
-        return self.forward(t) + np.einsum("tij,tj->ti", self.gain(t)[:, :, : reference.shape[1]], reference)
+    def offset(self, t: Array, forward: Array | None = None) -> Array:
+        """What the law commands at x = 0: forward + gain [reference; 0], (N, m); `forward` where it is known."""
+        reference, forward = self.reference(t), self.forward(t) if forward is None else forward
+        return forward + np.einsum("tij,tj->ti", self.gain(t)[:, :, : reference.shape[1]], reference)
 
     def torque(self, t: Array, x: Array) -> Array:
         """The commanded torque (N, m) for states x = [y; y'; z] (N, 2n + k)."""

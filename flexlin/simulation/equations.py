@@ -67,12 +67,18 @@ class LinearEquations:
     def places(self, t: Array) -> Places:
         """The coefficients and the law; a law lasts for a period, and after a one-way motion stays as it is at the end."""
         lin, law, own, now = self.lin, self.law, self._own, law_times(self.lin, t)
-        c, gain, taken = lin.sample(t), law.gain(now), own.gain(now)
-        offset, other = law.offset(now), own.offset(now)
-        at = self.follow(t, lin.about.place(t), gain, offset)
+        c, gain, place = lin.sample(t), law.gain(now), lin.about.place(t)
+        offset = law.offset(now, self.known(law, c.tau))
+        if law is own:
+            return Places(t, place, gain, offset, (c.M, c.D, c.K), c.h)
+        at, taken = self.follow(t, place, gain, offset), own.gain(now)
         more = gain - np.pad(taken, ((0, 0), (0, 0), (0, self.k)))
-        at.force[:, : self.n] = c.h + np.einsum("tij,tj->ti", c.B, offset - other)
+        at.force[:, : self.n] = c.h + np.einsum("tij,tj->ti", c.B, offset - own.offset(now, self.known(own, c.tau)))
         return replace(at, linear=self.extended(at, c.M, c.D, c.K, c.B, self.widened(more)))
+
+    def known(self, law: Law, tau: Array) -> Array | None:
+        """The forward part of a law, where it is the torque tau (N, m) of a periodic rigid motion."""
+        return tau if self.lin.motion.periodic and law.forward == self.lin.feedforward else None
 
     def follow(self, t: Array, place: list[Array], gain: Array, offset: Array) -> Places:
         """What a gain (N, m, 2n + k), an offset and the controller do, without the equations of the arm."""
