@@ -10,7 +10,7 @@ from flexlin.analyses.judging import REPEATABILITY, Loop
 from flexlin.checks import SUM_ROUNDING
 from flexlin.control.drives import Demand, DriveLoad
 from flexlin.plots.scales import write_powers
-from flexlin.report.wording import caution, format_quantity, is_dimensionless, reason
+from flexlin.report.wording import caution, describe_pace, doubt, format_quantity, is_dimensionless, reason
 from flexlin.simulation.result import OUTGROWN, Simulation
 
 WORTHWHILE = 1.05
@@ -243,6 +243,16 @@ def comment_on_gains(a: Analysis, loop: Loop) -> str:
 def name_loop(loop: Loop) -> str:
     """A loop within a sentence."""
     return "the arm without feedback" if loop.kind == "open" else f"the {loop.name}"
+
+
+def first_sentence(a: Analysis) -> tuple[str, str]:
+    """The report's first sentence: the verdict, with doubt where there is one, and what it means for a disturbance."""
+    own, period = a.own, a.plant.period
+    model = a.validity(own)
+    doubted, why = doubt(own, period, model), reason(model)
+    verdict = own.verdict.capitalize() + (f", {doubted}" if doubted else "")
+    pace = (f"{why}. In the linear model " if why else "") + describe_pace(own, period)
+    return verdict, f"{name_condition(own)}: {pace}."
 
 
 def name_condition(loop: Loop) -> str:
