@@ -13,17 +13,8 @@ import flexlin as fl
 from flexlin.analyses import Analysis
 from flexlin.cli import main
 from flexlin.errors import SceneError
-from flexlin.report import (
-    FIGURES,
-    draw_pictures,
-    format_quantity,
-    record,
-    render_page,
-    scale_radius,
-    scale_values,
-    typeset,
-    units_of,
-)
+from flexlin.report import FIGURES, draw_pictures, format_quantity, scale_radius, scale_values, typeset, units_of
+from tests.report.test_advice import page_of
 
 
 class Links(HTMLParser):
@@ -34,12 +25,12 @@ class Links(HTMLParser):
             assert name not in ("src", "href", "xlink:href", "data") or (value or "").startswith("#"), tag
 
 
-def page_of(a: Analysis) -> str:
-    return render_page(a, record(a), list(draw_pictures(a)), "flexlin report single-link")
+def drawn_page_of(a: Analysis) -> str:
+    return page_of(a, *draw_pictures(a))
 
 
 def test_the_page_fetches_nothing_and_its_verdict_comes_before_the_figures(single_link: Analysis) -> None:
-    html = page_of(single_link)
+    html = drawn_page_of(single_link)
     Links().feed(html)
     assert not re.search(r"@import|url\((?!#)|<script", html)
     assert html.index("Stable") < html.index("What to do next") < html.index("<svg")
@@ -68,7 +59,7 @@ def test_extreme_multipliers_can_be_drawn(single_link: Analysis) -> None:
     exponents, errors = np.array([2e3 + 1j, -2e3 + 0j, -1.0 + 0j, -1.0 + 0j]), np.array([1e-9, np.inf, 1e-9, 1e-9])
     far = replace(found, exponents=exponents, errors=errors, verdict="unstable")
     extreme = replace(single_link, own=replace(single_link.own, floquet=far))
-    html = page_of(extreme)
+    html = drawn_page_of(extreme)
     assert "nan" not in html.lower().replace("nanoseconds", "")
     assert "10¹⁷³⁷" in html  # exp(2e3 T) with T = 2 s
     assert '−2000</td><td class="number">–</td>' in html
@@ -81,7 +72,7 @@ def test_deflections_are_said_in_one_unit(single_link: Analysis, factor: float, 
     nonlinear, linear = (s.tip_rigid + factor * (tip - s.tip_rigid) for tip in (s.tip, s.tip_linear))
     run = replace(s, tip=nonlinear, tip_linear=linear, peaks=None)
     tip = replace(r, tip=factor * r.tip, tip_by_bending=factor * r.tip_by_bending)
-    page = page_of(replace(single_link, own=replace(single_link.own, response=tip), simulation=run))
+    page = drawn_page_of(replace(single_link, own=replace(single_link.own, response=tip), simulation=run))
     text = re.sub(r"<[^>]+>", " ", page[: page.index("Everything that went in")])
     found = set(re.findall(r"[0-9][ \u00a0](nm|µm|mm|m)\b(?! of)(?!/)", text))
     assert found == {unit}
@@ -133,7 +124,7 @@ def test_numbers_stand_as_on_paper_and_keep_their_units(text: str, written: str)
 
 def test_what_went_in_has_the_units_of_its_tables(single_link: Analysis) -> None:
     """Of every table; none beside a text that bears its own; TOML's true and false."""
-    shown = re.sub(r"<[^>]+>", "", page_of(single_link)).replace("\u00a0", " ")
+    shown = re.sub(r"<[^>]+>", "", drawn_page_of(single_link)).replace("\u00a0", " ")
     shown = shown[shown.index("Everything that went in") :]
     numbers = "length = 0.96 m,", "bending_stiffness = 3.6866 N m²", "frequency = 0.5 Hz", "kp = 3 N m/rad,"
     for said in (*numbers, "passive = false", "casadi", "numpy"):
