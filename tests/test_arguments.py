@@ -36,10 +36,7 @@ KINDS: dict[Any, tuple[list[Any], list[Any]]] = {
     Callable[[Array], Array] | ArrayLike | None: ([np.sin, lambda: 1, [1.0], None], ["a", {}, [["a"]]]),
     Mapping[str, Any] | None: ([{}, {"a": 1}, None], [[], "a", 1]),
     Sequence[str]: ([["a"], ("a", "b"), []], ["ab", [1], 3, {"a": 1}, None]),
-    Sequence[tuple[float, float]]: (
-        [[(0.1, 0.2)], [[1, 2]], np.ones((2, 2))],
-        [[1, 2], [(1, 2, 3)], [("a", "b")], "ab"],
-    ),
+    Sequence[tuple[float, float]]: ([[(0.1, 0.2)], [[1, 2]], np.eye(2)], [[1, 2], [(1, 2, 3)], [("a", "b")], "ab"]),
     Iterable[int]: ([[1], range(3), {1, 2}, iter([1])], ["12", [1.5], 3]),
     Any: ([object()], []),
 }

@@ -89,8 +89,7 @@ def test_export_writes_what_other_tools_read(tmp_path):
     system = {"flexlin-results.json", "load_arm.m", "system.mat", "system.nc", "system.npz"}
     assert names == gains | system | {"c/linearization.c", "c/linearization.h", "c/main.c"}
     with np.load(tmp_path / "system.npz") as arrays:
-        assert arrays["A"].shape == (8, 4, 4)
-        assert arrays["K_0"].shape == (8, 1, 4)
+        assert (arrays["A"].shape, arrays["K_0"].shape) == ((8, 4, 4), (8, 1, 4))
 
 
 def export_designs(folder: Path, *names: str) -> int:

@@ -210,8 +210,7 @@ def test_margins_say_where_the_verdict_changes_and_where_it_does_not():
     kept = "keeps its verdict for a payload mass from 0.05 to 0.2 kg"
     assert describe_margins(scene, margins) == f"becomes unstable at a motion frequency of 2.476 Hz (now 0.5); {kept}"
     (critical,) = record_margin(margins[0])["critical"]
-    assert critical["kind"] == "onset"
-    assert critical["value"] == pytest.approx(2.4760282, abs=1e-6)
+    assert (critical["kind"], critical["value"]) == ("onset", pytest.approx(2.4760282, abs=1e-6))
     assert choose_margins(scene) == {"motion.frequency": (0.125, 4.0), "parameters.payload_mass": (0.025, 0.8)}
 
 

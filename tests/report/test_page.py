@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -17,22 +16,14 @@ from flexlin.report import FIGURES, draw_pictures, format_quantity, scale_radius
 from tests.report.test_advice import page_of
 
 
-class Links(HTMLParser):
-    """Refuses what a page would fetch."""
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        for name, value in attrs:
-            assert name not in ("src", "href", "xlink:href", "data") or (value or "").startswith("#"), tag
-
-
 def drawn_page_of(a: Analysis) -> str:
     return page_of(a, *draw_pictures(a))
 
 
 def test_the_page_fetches_nothing_and_its_verdict_comes_before_the_figures(single_link: Analysis) -> None:
     html = drawn_page_of(single_link)
-    Links().feed(html)
-    assert not re.search(r"@import|url\((?!#)|<script", html)
+    fetched = r"@import|url\((?!#)|<script|<[^>]*[\s:](src|href|data)\s*=\s*(?!\"#|'#|#)"
+    assert not re.search(fetched, html, re.IGNORECASE)
     assert html.index("Stable") < html.index("What to do next") < html.index("<svg")
 
 
@@ -40,8 +31,7 @@ def test_each_figure_is_well_formed_and_takes_its_colours_from_the_page(single_l
     drawn = list(draw_pictures(single_link))
     assert len(drawn) == len(FIGURES) - 3  # neither gains, sensitivities nor effects: nobody asks for them
     for picture in drawn:
-        root = ElementTree.fromstring(picture.svg)
-        assert root.find(".//{*}svg") is not None
+        assert ElementTree.fromstring(picture.svg).find(".//{*}svg") is not None
         assert not re.search(r"(?:fill|stroke)(?:: |=\")#[0-9a-f]{6}", picture.svg), picture.name
 
 

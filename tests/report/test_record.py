@@ -21,8 +21,7 @@ from tests.closed_arm import control_loop
 
 def test_the_record_holds_what_the_library_computes(single_link: Analysis) -> None:
     data = json.loads(to_json(record(single_link)))
-    scene = single_link.scene
-    expected = fl.floquet(control_loop(scene).periodic_system())
+    expected = fl.floquet(control_loop(single_link.scene))
     block = data["floquet"]
     exponents = np.array(block["exponents"]) @ [1, 1j]
     assert data["schema"] == 1
@@ -43,8 +42,7 @@ def test_numbers_beyond_floating_point_become_null_and_keep_their_logs(single_li
     period = found.period
     overflown, vanished, ordinary = block["multipliers"]
     assert overflown[0] is None  # exp(2e4): a number that JSON cannot hold, nor a float
-    assert vanished == [0.0, 0.0]
-    assert ordinary == [pytest.approx(np.exp(-period), rel=1e-12), 0.0]
+    assert (vanished, ordinary) == ([0.0, 0.0], [pytest.approx(np.exp(-period), rel=1e-12), 0.0])
     logs = np.array(block["log_multipliers"])
     assert logs[:, 0] == pytest.approx([1e4 * period, -1e4 * period, -period], rel=1e-12)
 
@@ -109,8 +107,7 @@ def test_the_picture_shows_every_change_and_a_bar_for_each_that_was_judged(audit
 
 def test_the_data_survive_what_json_cannot_hold(audited: Audit) -> None:
     data = json.loads(to_json(audit_block(audited)))
-    assert data["needed"] == ["gravity", "payload"]
-    assert data["droppable"] == ["hub"]
+    assert (data["needed"], data["droppable"]) == (["gravity", "payload"], ["hub"])
     assert [entry["significance"] for entry in data["rows"]] == [None, 0.5, 0.02, 0.0, None]
 
 
