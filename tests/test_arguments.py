@@ -21,11 +21,9 @@ from flexlin.lazy import lazy
 from flexlin.summary import represent
 from tests.public_results import public_results
 
+NO_NUMBERS = [None, "1", True, np.True_, [1.0], np.ones(1), 1j, b"1"]
 KINDS: dict[Any, tuple[list[Any], list[Any]]] = {
-    float: (
-        [1, 2.5, np.float32(1), np.int64(3), np.array(2.0), np.nan],
-        [None, "1", True, np.True_, [1.0], np.ones(1), 1j, b"1"],
-    ),
+    float: ([1, 2.5, np.float32(1), np.int64(3), np.array(2.0), np.nan], NO_NUMBERS),
     int: ([1, np.int64(3), -5], [1.0, "1", True, None, np.float64(2)]),
     str: (["", "a"], [None, 1, b"a", ["a"]]),
     bool: ([False, np.True_], [0, 1, "yes", None, np.ones(1)]),

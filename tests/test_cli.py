@@ -48,8 +48,7 @@ def test_design_writes_the_gains(tmp_path, capsys):
     assert main([*scene, "linear-stable"]) == 0
     assert main([*scene, "stable"]) == 3  # its link would bend by 0.6 of its length
     assert "stable, but the linear model does not hold here" in capsys.readouterr().out
-    light = ["payload_mass=0.01", "links.0.mass_per_length=0.03"]
-    assert main([*scene, "stable", "--set", *light]) == 0
+    assert main([*scene, "stable", "--set", "payload_mass=0.01", "links.0.mass_per_length=0.03"]) == 0
     assert "does not hold" not in capsys.readouterr().out
     with xarray.open_dataset(tmp_path / "gains.nc", engine="scipy") as data:
         assert data["K"].shape == (1, 8, 1, 4)

@@ -95,8 +95,7 @@ def test_a_card_survives_what_cannot_be_drawn():
 
 def test_summaries_are_short_and_say_the_verdict(results):
     for name, result in results.items():
-        lines = result.summary().splitlines()
-        assert 2 <= len(lines) <= 12, name
+        assert 2 <= len(result.summary().splitlines()) <= 12, name
         assert isinstance(result, Shown)
         assert str(result) == result.summary(), name
     floquet = results["floquet"]

@@ -73,8 +73,7 @@ def test_what_is_fed_forward_already_is_no_advice(single_link: Analysis) -> None
     bare = a.scene.control.model_copy(update={"feedforward": "none"})
     none = replace(a, scene=a.scene.model_copy(update={"control": bare}))
     assert 'feed the rigid torque forward (control.feedforward = "rigid"), or raise the gains' in told(none)
-    free = replace(none, own=replace(none.own, kind="open"))
-    assert "or add feedback" in told(free)
+    assert "or add feedback" in told(replace(none, own=replace(none.own, kind="open")))
 
 
 HOLDS = "the linear model holds for this motion"

@@ -48,8 +48,7 @@ def test_extreme_multipliers_can_be_drawn(single_link: Analysis) -> None:
     found = single_link.own.floquet
     exponents, errors = np.array([2e3 + 1j, -2e3 + 0j, -1.0 + 0j, -1.0 + 0j]), np.array([1e-9, np.inf, 1e-9, 1e-9])
     far = replace(found, exponents=exponents, errors=errors, verdict="unstable")
-    extreme = replace(single_link, own=replace(single_link.own, floquet=far))
-    html = drawn_page_of(extreme)
+    html = drawn_page_of(replace(single_link, own=replace(single_link.own, floquet=far)))
     assert "nan" not in html.lower().replace("nanoseconds", "")
     assert "10¹⁷³⁷" in html  # exp(2e3 T) with T = 2 s
     assert '−2000</td><td class="number">–</td>' in html

@@ -12,7 +12,6 @@ import flexlin as fl
 from flexlin.analyses import analyse
 from flexlin.cli import main
 from flexlin.report import advise, draw_sensitivity, record, to_json
-from tests.closed_arm import closed
 
 
 @pytest.mark.slow
@@ -85,12 +84,6 @@ def test_the_report_follows_the_elastic_motion():
     assert np.array_equal(found.own.floquet.exponents, plain.own.floquet.exponents)
     assert to_json(record(found))
     assert "tip-exact feedforward" in " ".join(advise(found))
-
-
-def test_simulate_takes_the_scenes_feedforward_unless_another_is_given():
-    lin = closed("single-link", EXACT)
-    own, rigid = (fl.simulate(lin, 0.5, tol=1e-6, law=law) for law in (None, lin.law))
-    assert own.tip_error < 0.05 * rigid.tip_error
 
 
 TILTED = ["links.0.mount.rpy=[1.5707963267948966,0,0]", "effects.gravity.direction=[0,0,-1]"]
