@@ -21,11 +21,9 @@ from flexlin.lazy import lazy
 from flexlin.summary import represent
 from tests.public_results import public_results
 
+NO_NUMBERS = [None, "1", True, np.True_, [1.0], np.ones(1), 1j, b"1"]
 KINDS: dict[Any, tuple[list[Any], list[Any]]] = {
-    float: (
-        [1, 2.5, np.float32(1), np.int64(3), np.array(2.0), np.nan],
-        [None, "1", True, np.True_, [1.0], np.ones(1), 1j, b"1"],
-    ),
+    float: ([1, 2.5, np.float32(1), np.int64(3), np.array(2.0), np.nan], NO_NUMBERS),
     int: ([1, np.int64(3), -5], [1.0, "1", True, None, np.float64(2)]),
     str: (["", "a"], [None, 1, b"a", ["a"]]),
     bool: ([False, np.True_], [0, 1, "yes", None, np.ones(1)]),
@@ -36,10 +34,7 @@ KINDS: dict[Any, tuple[list[Any], list[Any]]] = {
     Callable[[Array], Array] | ArrayLike | None: ([np.sin, lambda: 1, [1.0], None], ["a", {}, [["a"]]]),
     Mapping[str, Any] | None: ([{}, {"a": 1}, None], [[], "a", 1]),
     Sequence[str]: ([["a"], ("a", "b"), []], ["ab", [1], 3, {"a": 1}, None]),
-    Sequence[tuple[float, float]]: (
-        [[(0.1, 0.2)], [[1, 2]], np.ones((2, 2))],
-        [[1, 2], [(1, 2, 3)], [("a", "b")], "ab"],
-    ),
+    Sequence[tuple[float, float]]: ([[(0.1, 0.2)], [[1, 2]], np.eye(2)], [[1, 2], [(1, 2, 3)], [("a", "b")], "ab"]),
     Iterable[int]: ([[1], range(3), {1, 2}, iter([1])], ["12", [1.5], 3]),
     Any: ([object()], []),
 }

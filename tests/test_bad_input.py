@@ -44,6 +44,7 @@ def test_a_name_without_letters_is_not_the_current_folder(arguments, tmp_path, m
     assert list(tmp_path.iterdir()) == []
 
 
+ONE_WEIGHT = 'designs=[{name="a", kind="periodic-lqr", state_weight=[1.0], input_weight=[1.0]}]'
 # One row each: the override, then what the message must name.
 OVERRIDES = {
     "wrong type": ('links.0.length="long"', "links.0.length", "'long'", "expected a number"),
@@ -59,9 +60,7 @@ OVERRIDES = {
     "no joints": ("motion.joints=[]", "motion.joints", "1 or more"),
     "too many gains": ("control.feedback.kp=[1.0, 2.0]", "control.feedback.kp", "got 2", "expected 1"),
     "integral action without its gain": ('control.feedback.kind="pid"', "control.feedback.ki", "required"),
-    "too few weights": (
-        'designs=[{name="a", kind="periodic-lqr", state_weight=[1.0], input_weight=[1.0]}]', "designs.0.state_weight", "expected 6"
-    ),
+    "too few weights": (ONE_WEIGHT, "designs.0.state_weight", "expected 6"),
     "weights twice": ("designs.0.state_weight=[1.0, 1.0, 1.0, 1.0, 1.0, 1.0]", "designs.0", "either weights"),
     "another dimension": ('designs.0.weights.tip="2 deg"', "designs.0.weights.tip", "'2 deg'", "a length such as 2 mm"),
     "an unknown design": ('designs.0.kind="magic"', "designs.0.kind", "'magic'", "periodic-lqr"),
@@ -84,10 +83,10 @@ def test_a_bad_override_is_named(kind, tmp_path, capsys):
     assert "problems" not in message, "one mistake is one problem"
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [('weights={joints="2 mm", input="1 N m"}', "weights.joints"), ("sample_time=0.0123", "sample_time")],
-)
+UNFIT = [('weights={joints="2 mm", input="1 N m"}', "weights.joints"), ("sample_time=0.0123", "sample_time")]
+
+
+@pytest.mark.parametrize(("change", "words"), UNFIT)
 def test_a_design_that_does_not_fit_is_refused_before_any_loop_is_judged(change, words, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("flexlin.analyses.analysis.judge_own_loops", lambda _: pytest.fail("too late"))
     refused(capsys, ["single-link", "--set", f"designs.1.{change}"], words, folder=tmp_path)
@@ -152,6 +151,7 @@ def test_a_bad_table_motion(kind, tmp_path, capsys):
     refused(capsys, [str(put_scene(tmp_path, "motion.csv"))], "scene.toml", "motion.file", *words, folder=tmp_path)
 
 
+NO_LIMITS = "2_Hz:1_Hz", "1_mm:2_mm", "1:", "one:two", "nan:1"
 NO_COMMANDS = """
 dance single-link; report single-link --require luck; report single-link --colour; linearize single-link --points few
 ; simulate single-link --periods long; chart single-link; chart single-link --over motion.frequency=3
@@ -159,18 +159,13 @@ dance single-link; report single-link --require luck; report single-link --colou
 """
 REFUSED = {
     **{command.strip(): "error:" for command in NO_COMMANDS.split(";")},
-    **{
-        f"chart single-link --over motion.frequency={limits.replace(' ', '_')}:3": "LOW below HIGH"
-        for limits in ("2 Hz:1 Hz", "1 mm:2 mm", "1:", "one:two", "nan:1")
-    },
+    **{f"chart single-link --over motion.frequency={limits}:3": "LOW below HIGH" for limits in NO_LIMITS},
     **{f"simulate spinning-link --periods {periods}": "periods" for periods in ("0", "-1", "nan")},
     **{f"chart single-link --over {path}=1:2": path for path in ("motion.speed", "title")},
     "chart single-link --over motion.frequency=1:2 motion.frequency=1:3": "motion.frequency",
     "chart single-link --over motion.frequency=-1:3": "motion.frequency: got ",
     "chart single-link --over links.0.length=5e-324:1:4": "links.0.length: got ",
-    **{
-        f"linearize single-link --points={points}": "expected a whole number from 2 on" for points in ("1e9", "-5", "1")
-    },
+    **{f"linearize single-link --points={count}": "expected a whole number from 2 on" for count in ("1e9", "-5", "1")},
     "design spinning-link": "[[designs]]",
     **{f"report single-link --tol={tol}": "accuracy.tol" for tol in ("0", "-1e-9", "nan", "inf", "1e9", "1e-30")},
     **dict.fromkeys(

@@ -48,8 +48,7 @@ def test_design_writes_the_gains(tmp_path, capsys):
     assert main([*scene, "linear-stable"]) == 0
     assert main([*scene, "stable"]) == 3  # its link would bend by 0.6 of its length
     assert "stable, but the linear model does not hold here" in capsys.readouterr().out
-    light = ["payload_mass=0.01", "links.0.mass_per_length=0.03"]
-    assert main([*scene, "stable", "--set", *light]) == 0
+    assert main([*scene, "stable", "--set", "payload_mass=0.01", "links.0.mass_per_length=0.03"]) == 0
     assert "does not hold" not in capsys.readouterr().out
     with xarray.open_dataset(tmp_path / "gains.nc", engine="scipy") as data:
         assert data["K"].shape == (1, 8, 1, 4)
@@ -89,8 +88,7 @@ def test_export_writes_what_other_tools_read(tmp_path):
     system = {"flexlin-results.json", "load_arm.m", "system.mat", "system.nc", "system.npz"}
     assert names == gains | system | {"c/linearization.c", "c/linearization.h", "c/main.c"}
     with np.load(tmp_path / "system.npz") as arrays:
-        assert arrays["A"].shape == (8, 4, 4)
-        assert arrays["K_0"].shape == (8, 1, 4)
+        assert (arrays["A"].shape, arrays["K_0"].shape) == ((8, 4, 4), (8, 1, 4))
 
 
 def export_designs(folder: Path, *names: str) -> int:

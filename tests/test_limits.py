@@ -221,10 +221,10 @@ def test_memory_and_linear_algebra_that_give_out_are_the_stage_s_message():
         raise ZeroDivisionError
 
 
-def raising(error: Exception) -> Callable[[], None]:
+def raising(error: BaseException) -> Callable[..., None]:
     """Work that ends in this error."""
 
-    def work() -> None:
+    def work(*_: object) -> None:
         raise error
 
     return work

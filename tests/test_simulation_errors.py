@@ -18,6 +18,7 @@ from flexlin.simulation.result import find_peaks, subdivide
 from tests.closed_arm import closed, opened
 from tests.mechanics.scenes import scene_of
 from tests.mechanics.test_large_bending import THIN, light_arm
+from tests.thinned import thin
 
 
 @pytest.fixture(scope="module")
@@ -207,10 +208,7 @@ def test_steps_are_divided_and_output_times_kept():
     assert subdivide(t, np.array([0.5, 1.0]), 2**25) is t
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [{"motion.frequency": 0.02}, pytest.param({"links.0.modes": 3, "motion.frequency": 0.1}, marks=pytest.mark.slow)],
-)
+@pytest.mark.parametrize("changes", thin([{"motion.frequency": 0.02}, {"links.0.modes": 3, "motion.frequency": 0.1}]))
 def test_peaks_do_not_depend_on_the_output_times(changes):
     """A link that rings at 2 to 15 Hz on a motion of 50 s: a few output times meet no peak of it."""
     lin = closed(changes=changes)

@@ -47,10 +47,11 @@ def test_a_sliding_block_stops_at_its_time_and_place_and_stays():
     assert run.sticking == "q1 comes to rest 1 times and sticks for 23.1 % of the time"
 
 
+PULLED = [(0.05, 0.08, 4.0, 0.3), (0.2, 0.25, 9.0, 1.1), (0.02, 0.3, 2.0, 0.7)]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("sliding", "static", "stiffness", "pull"), [(0.05, 0.08, 4.0, 0.3), (0.2, 0.25, 9.0, 1.1), (0.02, 0.3, 2.0, 0.7)]
-)
+@pytest.mark.parametrize(("sliding", "static", "stiffness", "pull"), PULLED)
 def test_a_mass_pulled_by_a_spring_sticks_and_slips_at_its_exact_times(sliding, static, stiffness, pull):
     """M x'' = k (V t - x) - F: with w^2 = k/M, a = (F_s - F_c)/k each slip lasts 2 (pi - atan(a w/V))/w, each rest 2 a/V."""
     lin = block(friction(sliding, static), spring(stiffness, rate=pull))
@@ -121,9 +122,11 @@ def test_an_elastic_arm_of_two_joints_sticks_while_its_links_ring():
     assert np.ptp(run.nonlinear[rest, place]) < 1e-12 < 1e-6 < np.ptp(run.nonlinear[rest, 2])
 
 
-def test_what_cannot_stick_is_refused_by_its_key():
+def test_what_does_not_fit_is_refused_by_its_key():
     with pytest.raises(SceneError, match="static of at least torque"):
         block(friction(0.05, 0.04))
+    with pytest.raises(SceneError, match=r"control\.saturation\.rate"):
+        block(limited(1.0), PD, {"control.sampling": {"period": 1e-3}})
     with pytest.raises(SceneError, match="static beside stribeck"):
         block({"effects.coulomb_friction": {"torque": 0.05, "stribeck": 0.4}})
     pinned = closed(changes={"designs": [], "links.0.mode_shapes": "pinned-hub"} | friction(0.1, 0.2))
@@ -230,21 +233,16 @@ def test_a_rate_that_is_never_reached_changes_nothing():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("gains", "size", "rate", "begin"), [((25.0, 4.0), 0.9, 3.0, 0.1), ((300.0, 3.0), 0.2, 5.0, 0.05)]
+    ("gains", "size", "rate", "at"), [((25.0, 4.0), 0.9, 3.0, 0.1), ((300.0, 3.0), 0.2, 5.0, 0.05)]
 )
-def test_rate_and_size_are_limited_together_on_an_elastic_arm(gains, size, rate, begin):
+def test_rate_and_size_are_limited_together_on_an_elastic_arm(gains, size, rate, at):
     """Under high gains what is asked falls, and soon rises again, when the ramp has caught up with it."""
     lin = closed(changes={"designs": []} | spring(*gains) | limited(rate, size))
-    run = fl.simulate(lin, 0.25, initial=[begin, 0.0, 0.0, 0.0, 0.0, 0.0], tol=1e-6, points_per_period=512)
+    run = fl.simulate(lin, 0.25, initial=[at, 0.0, 0.0, 0.0, 0.0, 0.0], tol=1e-6, points_per_period=512)
     assert np.abs(run.torque).max() <= size * (1 + 1e-9)
     assert np.abs(np.diff(run.torque[:, 0]) / np.diff(run.t)).max() <= rate * (1 + 1e-4)
     assert run.energy_error < 1e-4
     assert run.error < 1e-5
-
-
-def test_a_rate_beside_sampling_is_refused_by_its_key():
-    with pytest.raises(SceneError, match=r"control\.saturation\.rate"):
-        block(limited(1.0), PD, {"control.sampling": {"period": 1e-3}})
 
 
 def test_events_that_never_end_end_the_run(monkeypatch):

@@ -45,8 +45,7 @@ ENDS = {
     "all is said": ("print('done')", 0, "done\n", ""),
     "an exit code of its own": ("sys.exit(3)", 3, "", ""),
     "something is left for the end": ("import atexit; atexit.register(print, 'closed'); print('done')", 0, "done\nclosed\n", ""),
-    "a thread goes on": (
-        "import threading; threading.Thread(target=lambda: (time.sleep(0.3), print('late'))).start()", 0, "late\n", ""),
+    "a thread goes on": ("from threading import Timer; Timer(0.3, print, ['late']).start()", 0, "late\n", ""),
     "clearing away goes on": (
         "import atexit; atexit.register(time.sleep, 60); limit(0.5, 1e9); print('done', flush=True)", 0, "done\n", ""),
     "abort in a library": ("os.abort()", 1, "", "(signal SIGABRT); most often there is not enough memory"),

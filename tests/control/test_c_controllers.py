@@ -128,10 +128,8 @@ def test_the_c_estimator_follows_the_filter(arm, tmp_path):
 
 
 PID = {"kind": "pid", "kp": [3.0], "kd": [0.5], "ki": [2.0]}
-FILTERS = [
-    {"kind": "low-pass", "on": "rates", "cutoff": "35 Hz", "order": 1},
-    {"kind": "notch", "frequency": "4.5 Hz", "damping": 0.3, "gain": 0.2},
-]
+NOTCH = {"kind": "notch", "frequency": "4.5 Hz", "damping": 0.3, "gain": 0.2}
+FILTERS = [{"kind": "low-pass", "on": "rates", "cutoff": "35 Hz", "order": 1}, NOTCH]
 
 
 @needs_compiler

@@ -25,11 +25,6 @@ def loop_of(changes=None, name="single-link"):
     return closed(name, CONTROLLED | (changes or {}))
 
 
-@pytest.fixture(scope="module")
-def lin():
-    return loop_of()
-
-
 def state_matrices(plant, t):
     """A of [y; y'; integral; rate filter; low-pass w, w'; notch v, v'] (N, 12, 12), in states that flexlin does not use."""
     c, a, b, d = plant.sample(t), *(2 * np.pi * np.array([35.0, 200.0, 4.5]))
@@ -46,8 +41,9 @@ def state_matrices(plant, t):
     return A
 
 
-def test_a_moving_loop_has_the_eigenvalues_of_its_filters_in_other_states(lin):
+def test_a_moving_loop_has_the_eigenvalues_of_its_filters_in_other_states():
     """The two forms differ by a constant change of states, so their eigenvalues agree at every time."""
+    lin = loop_of()
     t = np.array([0.0, 0.37, 1.1])
     found, wanted = (np.linalg.eigvals(A) for A in (lin.A(t), state_matrices(linearize(lin.arm, lin.motion), t)))
     assert found.shape == (3, 6 + 6)
@@ -56,7 +52,7 @@ def test_a_moving_loop_has_the_eigenvalues_of_its_filters_in_other_states(lin):
     assert fl.floquet(lin.periodic_system()).verdict == "stable"
 
 
-def test_integral_action_leaves_no_mean_error_behind_a_constant_torque(lin):
+def test_integral_action_leaves_no_mean_error_behind_a_constant_torque():
     """The forced response and the nonlinear periodic motion: the joint's mean error is zero, that of the PD is not."""
     bent = loop_of({"control.feedforward": "none"})
     response = fl.forced_response(bent.periodic_system(), bent.forcing)
@@ -111,14 +107,11 @@ def test_an_elastic_arm_agrees_with_steps_over_the_corners_of_its_torque(feedbac
     assert run.error < 1e-5
 
 
-STILL = BLOCK | {"control.filters": []}
-
-
 def test_a_drive_at_its_limit_winds_an_integral_up_unless_a_tracking_time_unwinds_it():
     """A rigid link swings back from 2 rad under a tenth of the torque it asks for: J q'' = clip(u), against SciPy's LSODA."""
     overshoot = []
     for share in (None, 0.2):
-        changes = STILL | {"control.saturation": {"torque": [0.5]}}
+        changes = BLOCK | {"control.filters": [], "control.saturation": {"torque": [0.5]}}
         changes["control.feedback"] = PID | ({} if share is None else {"tracking_time": share})
         lin = loop_of(changes)
         inertia = lin.M(0.0)[0, 0]

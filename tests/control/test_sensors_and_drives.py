@@ -165,8 +165,7 @@ def test_built_in_designs_bear_any_number_of_modes(name):
     for modes in (1, 2 if name == "spatial-four-bar" else 4):  # its links bend and twist, each in so many shapes
         scene, lin = opened(name, {"links.0.modes": modes})
         for table in scene.designs:
-            made = design(lin, table, tol=1e-6)
-            assert fl.floquet(made.closed_loop, tol=1e-6).verdict == "stable"
+            assert fl.floquet(design(lin, table, tol=1e-6).closed_loop, tol=1e-6).verdict == "stable"
 
 
 @pytest.mark.slow

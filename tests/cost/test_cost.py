@@ -143,13 +143,10 @@ def test_the_engines_choices_are_a_staircase_in_any_order_of_noise():
         rows = [Row("exponents", "", "", 10.0**-k, s, f"1e-0{k}") for k, s in zip(tols, seconds, strict=True)]
         panel = draw_choices(Panel(), rows)
         line, dots = (next(mark for mark in panel.marks if mark.kind == kind) for kind in ("line", "dots"))
-        steps = np.diff(line.x), np.diff(line.y)
-        assert (steps[0] <= 0).all()
-        assert (steps[1] >= 0).all()
-        assert (steps[0] * steps[1] == 0).all()
+        across, up = np.diff(line.x), np.diff(line.y)
+        assert ((across <= 0) & (up >= 0) & (across * up == 0)).all()
         assert line.y[-1] == 1e3 * seconds[3]
-        assert len(dots.x) == 5
-        assert sum(mark.kind == "words" for mark in panel.marks) == 5
+        assert len(dots.x) == sum(mark.kind == "words" for mark in panel.marks) == 5
     together = [Row("exponents", "auto", "", 0.0, 0.1, f"1e-0{k}") for k in (4, 6)]
     assert [mark.texts for mark in draw_choices(Panel(), together).marks if mark.kind == "words"] == [("10⁻⁴, 10⁻⁶",)]
 

@@ -39,10 +39,8 @@ def tip_and_force(lin, t):
 @pytest.mark.slow
 def test_a_push_is_answered_as_by_dop853(closed):
     """At two phases, with a push longer than the distance of two phases; the tip by differences of positions."""
-    found, grid = (
-        respond(closed, state_disturbance("push", "tip 0.2 N 0.3 s", closed), periods=0.5),
-        np.linspace(0, 0.9, 1201),
-    )
+    found = respond(closed, state_disturbance("push", "tip 0.2 N 0.3 s", closed), periods=0.5)
+    grid = np.linspace(0, 0.9, 1201)
     stops = np.union1d(found.t[found.t <= 0.9], [0.3])
     for k in (0, 5):
         t = found.phases[k] * closed.period + grid
@@ -145,7 +143,6 @@ def test_words_that_say_nothing_are_refused(closed, kind, words, expected):
 
 def test_what_settles_at_no_phase_is_said_so(closed):
     found = respond(closed, state_disturbance("push", "tip 0.2 N 0.3 s", closed), periods=0.25)
-    found = replace(found, settling=np.full(len(found.settling), np.inf))
-    said = draw_answer(found).caption
+    said = draw_answer(replace(found, settling=np.full(len(found.settling), np.inf))).caption
     assert "has not settled after" in said
     assert "nor has it at any other" in said

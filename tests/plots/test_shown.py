@@ -95,8 +95,7 @@ def test_a_card_survives_what_cannot_be_drawn():
 
 def test_summaries_are_short_and_say_the_verdict(results):
     for name, result in results.items():
-        lines = result.summary().splitlines()
-        assert 2 <= len(lines) <= 12, name
+        assert 2 <= len(result.summary().splitlines()) <= 12, name
         assert isinstance(result, Shown)
         assert str(result) == result.summary(), name
     floquet = results["floquet"]
@@ -108,12 +107,10 @@ def test_datasets_bear_names_units_and_the_numbers(results):
     floquet, design, run, response = (results[name] for name in ("floquet", "periodic", "simulation", "response"))
     data = floquet.to_xarray()
     np.testing.assert_array_equal(data["exponents"], floquet.exponents)
-    assert data["growth_rate"].attrs["units"] == "1/s"
-    assert data.attrs["verdict"] == floquet.verdict
+    assert (data["growth_rate"].attrs["units"], data.attrs["verdict"]) == ("1/s", floquet.verdict)
     gains = design.to_xarray(9, ["q1", "w11", "q1_rate", "w11_rate"], ["q1"])
     np.testing.assert_array_equal(gains["K"].sel(input="q1"), design.K(gains["time"].values)[:, 0])
-    assert gains["time"].attrs["units"] == "s"
-    assert gains.attrs["error"] == design.error
+    assert (gains["time"].attrs["units"], gains.attrs["error"]) == ("s", design.error)
     series = run.to_xarray()
     units = dict(zip(series["state"].values, series["unit"].values, strict=True))
     assert units == {"q1": "rad", "w11": "m", "q1_rate": "rad/s", "w11_rate": "m/s"}

@@ -1,4 +1,4 @@
-"""Every sentence of advice: a case that calls for it, and one that does not."""
+"""Every sentence of advice: a case that calls for it, and one that does not; where the verdict changes."""
 
 import re
 from dataclasses import replace
@@ -7,12 +7,16 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import Analysis, Loop
-from flexlin.report import advise, format_quantity, loop_line, record, render_page
+from flexlin.analyses import Analysis, CriticalValue, Loop, Margin, choose_margins, find_margin
+from flexlin.report import advise, describe_margins, format_quantity, loop_line, record, record_margin, render_page
 
 
 def told(analysis: Analysis) -> str:
     return "\n".join(advise(analysis))
+
+
+def page_of(a, *pictures):
+    return render_page(a, record(a), list(pictures), "flexlin report single-link")
 
 
 def growing(a: Analysis, rate: float, kind: str = "pd", error: float = 1e-16) -> Loop:
@@ -69,8 +73,7 @@ def test_what_is_fed_forward_already_is_no_advice(single_link: Analysis) -> None
     bare = a.scene.control.model_copy(update={"feedforward": "none"})
     none = replace(a, scene=a.scene.model_copy(update={"control": bare}))
     assert 'feed the rigid torque forward (control.feedforward = "rigid"), or raise the gains' in told(none)
-    free = replace(none, own=replace(none.own, kind="open"))
-    assert "or add feedback" in told(free)
+    assert "or add feedback" in told(replace(none, own=replace(none.own, kind="open")))
 
 
 HOLDS = "the linear model holds for this motion"
@@ -104,11 +107,7 @@ CASES = [
     (lambda a: replace(a, elastic=growing(a, 0.5, "elastic")), "verdict becomes unstable: believe this one", True),
     (lambda a: replace(a, elastic=Loop("e", "elastic", None, "none")), "elastic motion instead", False),
     # what is missing is said
-    (
-        lambda a: replace(with_response(a, None), problems={"response": "resonant"}),
-        "response was found: resonant.",
-        True,
-    ),
+    (lambda a: replace(with_response(a, None), problems={"response": "resonant"}), "was found: resonant.", True),
     (lambda a: replace(a, simulation=None, problems={"simulation": "lost"}), "simulation has no answer: lost.", True),
     (lambda a: replace(a, simulation=None, problems={"simulation": "lost"}), "disturbances of up to", True),
     # a loop without verdict is not called unstable
@@ -122,9 +121,7 @@ CASES = [
 def test_a_sentence_is_said_where_it_is_called_for(single_link: Analysis, case: int) -> None:
     change, words, said = CASES[case]
     assert (words in told(change(single_link))) is said, words
-    assert not re.search(
-        "motion instead|no answer|is no verdict|distinguished from zero|is unstable", told(single_link)
-    )
+    assert not re.search("motion instead|no answer|no verdict|distinguished from zero|is unstable", told(single_link))
 
 
 def test_the_model_is_not_said_to_hold_beside_a_range_that_the_motion_leaves(single_link: Analysis) -> None:
@@ -138,9 +135,6 @@ def test_the_model_is_not_said_to_hold_beside_a_range_that_the_motion_leaves(sin
     assert "may leave it" not in wide
 
 
-PERIOD = 2.0
-
-
 DECAYS = [
     (-0.4e-9, "practically marginal"),
     (0.4e-9, "practically marginal"),
@@ -152,11 +146,10 @@ DECAYS = [
 
 @pytest.mark.parametrize(("rate", "words"), DECAYS)
 def test_a_decay_that_nobody_feels_is_called_so(single_link: Analysis, rate: float, words: str) -> None:
-    assert single_link.plant.period == PERIOD
     a = replace(single_link, own=growing(single_link, rate))
-    weak = re.match(r"  scene's PD +\w+, (.*); a disturbance", loop_line(a.own, PERIOD, a.validity(a.own)))
+    weak = re.match(r"  scene's PD +\w+, (.*); a disturbance", loop_line(a.own, a.plant.period, a.validity(a.own)))
     assert (weak[1] if weak else "") == words
-    html = render_page(a, record(a), [], "").replace("\u00a0", " ")
+    html = page_of(a).replace("\u00a0", " ")
     headline = html[html.index('<section class="verdict') :].split("</p>")[0]
     assert words in headline
     assert ('class="verdict undecided"' in headline) is bool(words or rate == 0.0)
@@ -206,3 +199,32 @@ def test_a_design_that_is_faster_but_leads_the_tip_astray_is_called_a_trade(sing
     text = told(replace(single_link, designs=(design("lqr", 10.0), design("good", 0.1))))
     assert "“good” is better than the scene's PD" in text
     assert f"its tip error is {tips[2]} instead of {tips[0]}" in text
+
+
+@pytest.mark.slow
+def test_margins_say_where_the_verdict_changes_and_where_it_does_not():
+    scene = fl.load_scene("khang-2019")
+    chosen = {"motion.frequency": (0.5, 3.0), "parameters.payload_mass": (0.05, 0.2)}
+    margins = tuple(find_margin(scene, path, limits) for path, limits in chosen.items())
+    kept = "keeps its verdict for a payload mass from 0.05 to 0.2 kg"
+    assert describe_margins(scene, margins) == f"becomes unstable at a motion frequency of 2.476 Hz (now 0.5); {kept}"
+    (critical,) = record_margin(margins[0])["critical"]
+    assert (critical["kind"], critical["value"]) == ("onset", pytest.approx(2.4760282, abs=1e-6))
+    assert choose_margins(scene) == {"motion.frequency": (0.125, 4.0), "parameters.payload_mass": (0.025, 0.8)}
+
+
+def test_a_search_that_had_to_end_says_where_a_change_may_hide():
+    scene = fl.load_scene("single-link")
+    path, limits = "motion.frequency", (0.125, 4.0)
+    onset = CriticalValue(path, 2.5, 0.25, "onset", "not looked for", 2.0, np.nan)
+    margin = Margin(path, *limits, 0.5, 9, (), 0.5, (0.4, 0.9))
+    left = "shows the same verdict at the 9 values of motion frequency from 0.125 to 4 Hz that time allowed, "
+    left += "which leave gaps of up to 0.5 Hz"
+    kept = "keeps its verdict for a motion frequency from 0.4 to 0.9 Hz"
+    assert describe_margins(scene, (margin,)) == f"{kept}; {left}"
+    assert describe_margins(scene, (replace(margin, searched=(0.6, 0.4)),)) == left
+    said = describe_margins(scene, (replace(margin, critical=(onset,)),))
+    known = "becomes unstable at a motion frequency between 2.25 and 2.75 Hz (now 0.5)"
+    assert said.startswith(f"{known}; shows no other change")
+    record = record_margin(replace(margin, critical=(onset,)))
+    assert (record["gap"], record["critical"][0]["error"]) == (0.5, 0.25)

@@ -17,6 +17,7 @@ from flexlin.cli import main
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
 from flexlin.report import page as pages
 from flexlin.report import write_report
+from tests.test_limits import raising
 
 WEIGHTS = "state_weight=[1, 1, 1, 1], input_weight=[1.0]"
 DESIGNS = f"designs=[{{name='one', kind='periodic-lqr', {WEIGHTS}}}, {{name='two', kind='frozen-lqr', {WEIGHTS}}}]"
@@ -63,13 +64,9 @@ def test_broken_stages_leave_the_rest(broken: dict[str, str], report, monkeypatc
 
 @pytest.mark.parametrize("fault", [NumericalError("no equations within 1 s"), TooLarge("equations too large")])
 def test_a_report_without_equations_says_why(fault: Exception, report, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(*_: object) -> None:
-        raise fault
-
-    monkeypatch.setattr(stages, "linearize", fails)
+    monkeypatch.setattr(stages, "linearize", raising(fault))
     ran = report(*SCENE)
-    assert ran.code == (2 if isinstance(fault, TooLarge) else 4)
-    assert ran.data["problem"] == str(fault)
+    assert (ran.code, ran.data["problem"]) == (2 if isinstance(fault, TooLarge) else 4, str(fault))
     assert [step["name"] for step in ran.data["steps"] if "problem" in step] == ["linearization"]
     assert ran.data["scene"]["links"][0]["length"] == 0.96
     assert str(fault) in ran.page.replace("\u00a0", " ")
@@ -77,23 +74,17 @@ def test_a_report_without_equations_says_why(fault: Exception, report, monkeypat
     assert f"single-link: {fault}" in ran.err
 
 
-def fail_to_draw(_: object) -> None:
-    raise TimeLimit("figures: stopped at the time limit")
-
-
-def end_the_program(_: object) -> None:
-    raise KeyboardInterrupt
+FAULTS = [(TimeLimit("figures: stopped at the time limit"), 2), (KeyboardInterrupt(), 0)]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("fault", "drawn"), [(fail_to_draw, 2), (end_the_program, 0)])
+@pytest.mark.parametrize(("fault", "drawn"), FAULTS)
 def test_numbers_stand_whatever_becomes_of_the_figures(fault, drawn, report, monkeypatch: pytest.MonkeyPatch) -> None:
     """A figure that meets a limit leaves the others; a kill, or a call that no alarm ends, leaves the numbers."""
-    monkeypatch.setattr(pages, "FIGURES", (*pages.FIGURES[:drawn], fault, *pages.FIGURES[drawn:]))
+    monkeypatch.setattr(pages, "FIGURES", (*pages.FIGURES[:drawn], raising(fault), *pages.FIGURES[drawn:]))
     ran = report(*SCENE[:3], "designs=[]")
     why = "figures: stopped at the time limit" if drawn else "the program was ended before they were drawn"
-    assert ran.code == (0 if drawn else 1)
-    assert ran.data["floquet"]["verdict"] == "stable"
+    assert (ran.code, ran.data["floquet"]["verdict"]) == (0 if drawn else 1, "stable")
     assert why in ran.data["steps"][-1]["problem"]
     assert why in ran.page
     assert ran.page.count("<figure") == drawn
@@ -168,9 +159,7 @@ def exhaust(scene: str, folder: Path, monkeypatch: pytest.MonkeyPatch, exhausted
     stage = Clock.stage
 
     def hurried(self, name, accuracy, work, *rest, **options):
-        def late():
-            raise TimeLimit(f"{name}: stopped at the time limit")
-
+        late = raising(TimeLimit(f"{name}: stopped at the time limit"))
         return stage(self, name, accuracy, late if name == exhausted else work, *rest, **options)
 
     with monkeypatch.context() as patch:

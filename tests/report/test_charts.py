@@ -1,7 +1,6 @@
 """Charts: contours, scales that do not enlarge rounding, frequencies without ambiguity, plain names, pictures of many values."""
 
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,19 +8,9 @@ import pytest
 import xarray
 
 import flexlin as fl
-from flexlin.analyses import Clock, CriticalValue, Margin, choose_margins, find_margin, unfold_frequencies
+from flexlin.analyses import Clock, CriticalValue, find_margin, unfold_frequencies
 from flexlin.cli import main
-from flexlin.report import (
-    Chart,
-    choose_scale,
-    describe_margins,
-    draw_charts,
-    find_boundary,
-    record_margin,
-    say_bending,
-    thin,
-    trace_contour,
-)
+from flexlin.report import Chart, choose_scale, draw_charts, find_boundary, say_bending, thin, trace_contour
 from flexlin.scene import label_number
 from tests.files.reader import standing
 from tests.mechanics.scenes import plain_scene, swinging
@@ -67,36 +56,6 @@ def test_numbers_have_plain_names_with_units():
         ("effects.modal_damping.ratio", "modal damping ratio"),
     ):
         assert label_number(fl.load_scene("single-link"), path) == words
-
-
-@pytest.mark.slow
-def test_margins_say_where_the_verdict_changes_and_where_it_does_not():
-    scene = fl.load_scene("khang-2019")
-    chosen = {"motion.frequency": (0.5, 3.0), "parameters.payload_mass": (0.05, 0.2)}
-    margins = tuple(find_margin(scene, path, limits) for path, limits in chosen.items())
-    kept = "keeps its verdict for a payload mass from 0.05 to 0.2 kg"
-    assert describe_margins(scene, margins) == f"becomes unstable at a motion frequency of 2.476 Hz (now 0.5); {kept}"
-    (critical,) = record_margin(margins[0])["critical"]
-    assert critical["kind"] == "onset"
-    assert critical["value"] == pytest.approx(2.4760282, abs=1e-6)
-    assert choose_margins(scene) == {"motion.frequency": (0.125, 4.0), "parameters.payload_mass": (0.025, 0.8)}
-
-
-def test_a_search_that_had_to_end_says_where_a_change_may_hide():
-    scene = fl.load_scene("single-link")
-    path, limits = "motion.frequency", (0.125, 4.0)
-    onset = CriticalValue(path, 2.5, 0.25, "onset", "not looked for", 2.0, np.nan)
-    margin = Margin(path, *limits, 0.5, 9, (), 0.5, (0.4, 0.9))
-    left = "shows the same verdict at the 9 values of motion frequency from 0.125 to 4 Hz that time allowed, "
-    left += "which leave gaps of up to 0.5 Hz"
-    kept = "keeps its verdict for a motion frequency from 0.4 to 0.9 Hz"
-    assert describe_margins(scene, (margin,)) == f"{kept}; {left}"
-    assert describe_margins(scene, (replace(margin, searched=(0.6, 0.4)),)) == left
-    said = describe_margins(scene, (replace(margin, critical=(onset,)),))
-    known = "becomes unstable at a motion frequency between 2.25 and 2.75 Hz (now 0.5)"
-    assert said.startswith(f"{known}; shows no other change")
-    record = record_margin(replace(margin, critical=(onset,)))
-    assert (record["gap"], record["critical"][0]["error"]) == (0.5, 0.25)
 
 
 @pytest.mark.slow

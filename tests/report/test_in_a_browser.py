@@ -34,10 +34,7 @@ for (const width of WIDTHS) {
 }
 </script></body>"""
 
-pytestmark = [
-    pytest.mark.xdist_group("browser"),
-    pytest.mark.skipif(BROWSER is None, reason="no browser on this machine"),
-]
+pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.skipif(BROWSER is None, reason="no browser here")]
 
 
 def browse(folder: Path, *options: str) -> str:

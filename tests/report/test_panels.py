@@ -37,12 +37,9 @@ def large() -> Analysis:
     plant = fl.linearize(closed.arm, scene.motion)
     t = np.linspace(0.0, plant.period, 129)
     response = find_response(closed, closed.periodic_system(), t, 1e-6)
-    own, open_loop = (
-        Loop("PD", "pd", None, "not asked", response=response),
-        Loop("open loop", "open", None, "not asked"),
-    )
-    found = {"coefficients": plant.sample(t), "own": own, "open_loop": open_loop}
-    return Analysis(scene, Clock(), plant, closed, t, **found)
+    own = Loop("PD", "pd", None, "not asked", response=response)
+    found = {"coefficients": plant.sample(t), "open_loop": Loop("open loop", "open", None, "not asked")}
+    return Analysis(scene, Clock(), plant, closed, t, own=own, **found)
 
 
 @pytest.fixture

@@ -12,26 +12,16 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import Analysis, Audit, Clock, Loop, Measure, Row, analyse, find_loop_margins
+from flexlin.analyses import Analysis, Audit, Clock, Measure, Row, analyse, find_loop_margins
 from flexlin.cli import main
 from flexlin.periodic import Margins
-from flexlin.report import (
-    audit_block,
-    audit_lines,
-    describe_endured,
-    draw_effects,
-    record,
-    record_endured,
-    record_loop,
-    to_json,
-)
+from flexlin.report import audit_block, audit_lines, describe_endured, draw_effects, record, record_endured, to_json
 from tests.closed_arm import control_loop
 
 
 def test_the_record_holds_what_the_library_computes(single_link: Analysis) -> None:
     data = json.loads(to_json(record(single_link)))
-    scene = single_link.scene
-    expected = fl.floquet(control_loop(scene).periodic_system())
+    expected = fl.floquet(control_loop(single_link.scene))
     block = data["floquet"]
     exponents = np.array(block["exponents"]) @ [1, 1j]
     assert data["schema"] == 1
@@ -48,14 +38,12 @@ def test_the_record_holds_what_the_library_computes(single_link: Analysis) -> No
 def test_numbers_beyond_floating_point_become_null_and_keep_their_logs(single_link: Analysis) -> None:
     found = single_link.own.floquet
     far = replace(found, exponents=np.array([1e4 + 1j, -1e4 + 0j, -1.0 + 0j]), errors=np.full(3, 1e-9))
-    block = record_loop(Loop("far", "pd", far))
-    text = to_json(block)
+    block = json.loads(to_json(record(replace(single_link, own=replace(single_link.own, floquet=far)))["floquet"]))
     period = found.period
-    overflown, vanished, ordinary = json.loads(text)["multipliers"]
+    overflown, vanished, ordinary = block["multipliers"]
     assert overflown[0] is None  # exp(2e4): a number that JSON cannot hold, nor a float
-    assert vanished == [0.0, 0.0]
-    assert ordinary == [pytest.approx(np.exp(-period), rel=1e-12), 0.0]
-    logs = np.array(json.loads(text)["log_multipliers"])
+    assert (vanished, ordinary) == ([0.0, 0.0], [pytest.approx(np.exp(-period), rel=1e-12), 0.0])
+    logs = np.array(block["log_multipliers"])
     assert logs[:, 0] == pytest.approx([1e4 * period, -1e4 * period, -period], rel=1e-12)
 
 
@@ -113,15 +101,13 @@ def test_the_picture_shows_every_change_and_a_bar_for_each_that_was_judged(audit
     for change in ("without gravity", "without payload", "with motor", "without hub", "with shear"):
         assert change in picture.svg
     assert "nan" not in picture.svg
-    assert picture.svg.count("fill:var(--blue)") == 2
-    assert picture.svg.count("fill:var(--orange)") == 1
+    assert [picture.svg.count(f"fill:var(--{colour})") for colour in ("blue", "orange")] == [2, 1]
     assert "needed: gravity, payload" in picture.caption
 
 
 def test_the_data_survive_what_json_cannot_hold(audited: Audit) -> None:
     data = json.loads(to_json(audit_block(audited)))
-    assert data["needed"] == ["gravity", "payload"]
-    assert data["droppable"] == ["hub"]
+    assert (data["needed"], data["droppable"]) == (["gravity", "payload"], ["hub"])
     assert [entry["significance"] for entry in data["rows"]] == [None, 0.5, 0.02, 0.0, None]
 
 
@@ -130,9 +116,8 @@ def test_the_lines_are_sorted_and_tell_the_problem(audited: Audit) -> None:
     assert [line.split()[1] for line in lines[1:6]] == ["gravity", "payload", "motor", "hub", "shear"]
     assert "it cannot be judged" in lines[5]
     assert lines[6].startswith("the scene: stable, −1 ± 1×10⁻⁹ 1/s")
-    assert lines[7] == "effects of the scene, with its figures"
-    assert lines[8:11] == ["  gravity: none", "  payload: none", "  hub: none"]
-    assert lines[11:] == ["effects that are off were tried with", "  motor: gear_ratio 2", "  shear: none"]
+    on = ["effects of the scene, with its figures", "  gravity: none", "  payload: none", "  hub: none"]
+    assert lines[7:] == [*on, "effects that are off were tried with", "  motor: gear_ratio 2", "  shear: none"]
 
 
 @pytest.mark.slow

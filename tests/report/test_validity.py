@@ -57,8 +57,7 @@ def test_an_answer_that_grows_without_bound_has_no_share() -> None:
 
 def test_a_model_that_holds_is_said_to(single_link: Analysis) -> None:
     data = record(single_link)
-    assert data["validity"]["verdict"] == "valid"
-    assert data["validity"]["reason"] == ""
+    assert (data["validity"]["verdict"], data["validity"]["reason"]) == ("valid", "")
     assert not any(figure["against"] for figure in data["validity"]["figures"])
     assert "does not hold" not in render_page(single_link, data, [], "") + "".join(advise(single_link))
 
@@ -91,8 +90,7 @@ def test_two_answers_apart_speak_against_the_model_where_it_matters() -> None:
 def test_an_end_of_the_simulation_counts_where_the_arm_left_the_equations(single_link, left, verdict) -> None:
     end = SimulationStopped("the nonlinear simulation stopped at t = 0.1 s", t=0.1, left_range=left)
     a = replace(single_link, simulation=None, stopped=end, problems={"simulation": str(end)})
-    found = a.validity(a.own)
-    assert found.verdict == verdict
+    assert a.validity(a.own).verdict == verdict
     assert ("lose their meaning after 100 ms" in "".join(advise(a))) is left
 
 

@@ -12,18 +12,16 @@ import flexlin as fl
 from flexlin.analyses import analyse
 from flexlin.cli import main
 from flexlin.report import advise, draw_sensitivity, record, to_json
-from tests.closed_arm import closed
 
 
 @pytest.mark.slow
 def test_a_design_without_an_answer_is_told_and_the_others_stand(report, tmp_path: Path) -> None:
-    blind = "designs=[{name='blind', kind='frozen-lqr', state_weight=[0.0, 0.0], input_weight=[1.0]}]"
-    scene = ["single-link", "--set", "links.0.modes=0", "effects.gravity=off", blind]
+    table = "designs=[{name='blind', kind='frozen-lqr', state_weight=[0.0, 0.0], input_weight=[1.0]}]"
+    scene = ["single-link", "--set", "links.0.modes=0", "effects.gravity=off", table]
     ran = report(*scene)
-    assert ran.code == 0
-    assert ran.data["floquet"]["verdict"] == "stable"
-    assert ran.data["designs"]["blind"]["verdict"] == "failed"
-    assert "weight Q" in ran.data["designs"]["blind"]["status"]
+    blind = ran.data["designs"]["blind"]
+    assert (ran.code, ran.data["floquet"]["verdict"], blind["verdict"]) == (0, "stable", "failed")
+    assert "weight Q" in blind["status"]
     assert "no answer" in ran.page
     assert "has no answer" in ran.out
     assert main(["design", *scene, "--out", str(tmp_path)]) == 4
@@ -31,8 +29,7 @@ def test_a_design_without_an_answer_is_told_and_the_others_stand(report, tmp_pat
 
 def test_a_motion_without_a_periodic_response_says_so(report) -> None:
     ran = report("single-link", "--set", "links.0.modes=0", "effects.gravity=off", "control={}", "designs=[]")
-    assert ran.code == 0
-    assert ran.data["floquet"]["verdict"] == "undecided"
+    assert (ran.code, ran.data["floquet"]["verdict"]) == (0, "undecided")
     assert "multiplier" in ran.data["forced_response"]["problem"]
     assert "No periodic response was found" in ran.out
 
@@ -89,12 +86,6 @@ def test_the_report_follows_the_elastic_motion():
     assert "tip-exact feedforward" in " ".join(advise(found))
 
 
-def test_simulate_takes_the_scenes_feedforward_unless_another_is_given():
-    lin = closed("single-link", EXACT)
-    own, rigid = (fl.simulate(lin, 0.5, tol=1e-6, law=law) for law in (None, lin.law))
-    assert own.tip_error < 0.05 * rigid.tip_error
-
-
 TILTED = ["links.0.mount.rpy=[1.5707963267948966,0,0]", "effects.gravity.direction=[0,0,-1]"]
 
 
@@ -117,9 +108,7 @@ def test_an_arm_that_swings_in_another_plane_is_the_same_arm(extra, tmp_path):
 
 WEIGHTS = 'weights={joints="1 deg", rates="30 deg/s", deflection="10 mm", deflection_rates=1.0, input="1 N m"}'
 DESIGNS = f'designs=[{{name="end", kind="finite-horizon-lqr", {WEIGHTS}}}]'
-MOTION = (
-    "motion={kind='point-to-point', move_time=0.5, dwell_time=0.2, course='one-way', joints=[{waypoints=[0, 0.8]}]}"
-)
+MOTION = "motion={kind='point-to-point', move_time=0.5, dwell_time=0.2, course='one-way', joints=[{waypoints=[0,1]}]}"
 SETS = ["--set", "links.0.modes=1", MOTION, DESIGNS, "--tol", "1e-5"]
 
 

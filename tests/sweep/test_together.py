@@ -43,8 +43,7 @@ SCENES = {"two links": "de-luca-siciliano-1991", "undamped": "spinning-link"}
 def test_the_kernel_agrees_with_floquet_within_its_errors(name):
     changes, word, limits = CASES[name]
     rng = np.random.default_rng(5)
-    scene = fl.load_scene(SCENES.get(name, "single-link"), changes)
-    loop = choose_loop(scene, limits, word)
+    loop = choose_loop(fl.load_scene(SCENES.get(name, "single-link"), changes), limits, word)
     points = np.stack([rng.uniform(low, high, 37) for low, high in limits.values()], axis=1)
     found = Together.prepare(loop, points, 1e-8).compute(points)
     assert not found.one_by_one.any()
