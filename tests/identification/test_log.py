@@ -68,10 +68,7 @@ def test_parts_and_every_tenth_row():
 @pytest.mark.parametrize(
     ("columns", "said"),
     [
-        (
-            COLUMNS | {"ms": 1000 * np.r_[T[:7], T[6], T[8:]]},
-            "do not increase; got 0.03 s before 0.03 s in rows 7 and 8",
-        ),
+        (COLUMNS | {"ms": 1000 * np.r_[T[:7], T[6], T[8:]]}, "increase; got 0.03 s before 0.03 s in rows 7 and 8"),
         ({"ms": T, "current_A": T}, "lacks columns.*expected angle_rad"),
         ({k: v[:10] for k, v in COLUMNS.items()}, "too short; got 10 samples, expected 20"),
         (COLUMNS | {"angle_rad": np.full(200, np.nan)}, "q1 has no reading"),
