@@ -62,17 +62,14 @@ def test_rotations_share_a_period():
     np.testing.assert_allclose(q1[0], [3.0, -2.0, 0.0], atol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("table", "says"),
-    [
+def test_joints_that_do_not_move_together_are_refused():
+    for table, says in (
         ({"kind": "rotation", "joints": [{"rate": 0.0}]}, "no joint turns"),
         ({"kind": "rotation", "joints": [{"rate": 1.0}, {"rate": np.sqrt(2.0)}]}, "no common period"),
         ({**MOTIONS["quintic"], "joints": [{"waypoints": [0.0, 1.0]}, {"waypoints": [0.0, 1.0, 2.0]}]}, "unequal"),
-    ],
-)
-def test_joints_that_do_not_move_together_are_refused(table, says):
-    with pytest.raises(fl.errors.MotionError, match=says):
-        build_motion(table)
+    ):
+        with pytest.raises(fl.errors.MotionError, match=says):
+            build_motion(table)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from scipy.special import mathieu_a
 import flexlin as fl
 from flexlin.checks import memory_limit
 from flexlin.errors import TooManySegments
-from flexlin.periodic import hill_spectrum
+from flexlin.periodic import METHODS, hill_spectrum
 from tests.periodic.judge import covers
 from tests.periodic.systems import mathieu, meissner, oscillator, random_waves
 from tests.thinned import thin
@@ -84,6 +84,17 @@ def test_identities(seed):
     }
     for name, (A, period, expected) in related.items():
         assert covers(fl.floquet(fl.PeriodicSystem(A, period)), expected, period, base.errors), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_all_methods_agree(seed):
+    system = random_system(seed, 1 + seed % 5)
+    base = fl.floquet(system)
+    for method in (*METHODS, "hill"):
+        other = fl.floquet(system, tol=1e-7, method=method)
+        assert covers(other, base.exponents, system.period, base.errors), method
+        assert other.error < 1e-6, method
 
 
 def test_the_memory_of_the_factors_is_bounded():
