@@ -34,10 +34,6 @@ def log_of(*seconds):
     return fl.Log(time, {"q1": 0.3 * swing(time)[0]}, readings), states
 
 
-def test_another_payload_is_seen():
-    assert fl.predict(load(**{"effects.payload.mass": 0.5}), log_of()[0]).fit["q1"] < 90
-
-
 def test_a_column_in_another_unit_is_named_with_its_factor():
     log, _ = log_of()
     column = log.outputs["q1"]

@@ -87,9 +87,8 @@ def test_a_pulse_that_the_kernel_would_step_over_is_seen():
 def test_values_with_no_answer_do_not_disturb_the_others():
     """sqrt(a) is no number below zero; the mass matrix is singular at q = 1."""
     M = ca.blockcat([[1, q], [q, 1]])
-    family = fl.PeriodicFamily.from_second_order(
-        M, 0.1 * ca.SX.eye(2), (2 + ca.sqrt(a) * ca.cos(t)) * ca.SX.eye(2), t, [a, q], 2 * np.pi
-    )
+    K = (2 + ca.sqrt(a) * ca.cos(t)) * SQUARE
+    family = fl.PeriodicFamily.from_second_order(M, 0.1 * SQUARE, K, t, [a, q], 2 * np.pi)
     found = fl.sweep(family, {"a": [1.0, -1.0, 1.0, 0.5], "q": [0.2, 0.2, 1.0, 0.3]})
     assert found.verdict.values[1:3].tolist() == ["failed", "failed"]
     assert np.isfinite(found.error.values[[0, 3]]).all()

@@ -115,10 +115,8 @@ def test_linear_equations_of_every_make(tmp_path):
     table = closed("single-link", {"motion": {"kind": "table", "file": str(file)}}, tmp_path)
     objects = {}
     for name, lin in {"table": table, **{name: closed(name) for name in SCENES}}.items():
-        plant, parts = (
-            fl.linearize(lin.arm, lin.motion),
-            {"": lin, "arm": lin.arm, "deviation": lin.about, "law": lin.law},
-        )
+        plant = fl.linearize(lin.arm, lin.motion)
+        parts = {"": lin, "arm": lin.arm, "deviation": lin.about, "law": lin.law}
         parts |= {"plant": plant, "system": lin.periodic_system(), "horizon": fl.control.horizon_system(plant)}
         objects |= {f"{name} {part}": value for part, value in parts.items()}
     check(objects, tmp_path)

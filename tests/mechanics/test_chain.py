@@ -36,11 +36,7 @@ def test_what_a_link_is_said_to_carry_shapes_it():
         ({"modes": {"torsion": 1}, "polar_inertia": 1.0}, {}, "links.0.torsional_stiffness"),
         ({"modes": {"torsion": 1}, "torsional_stiffness": 1.0}, {}, "links.0.polar_inertia"),
         ({"modes": {"z": 1}, "bending_stiffness": None}, {}, "links.0.bending_stiffness"),
-        (
-            {"polar_inertia": 1e-4},
-            {"rotary_inertia": {"radius_of_gyration": 0.03}},
-            "got 0.03, expected 0.02236 at most",
-        ),
+        ({"polar_inertia": 1e-4}, {"rotary_inertia": {"radius_of_gyration": 0.03}}, "0.03, expected 0.02236 at most"),
         ({"modes": {"x": 1}}, {}, "links.0.modes.x"),
         ({"modes": {"y": 1, "z": 1}, "mode_shapes": "pinned-free"}, {}, "links.0.mode_shapes"),
         ({"modes": 1, "bending_stiffness": [1.0, 2.0, 3.0]}, {}, "links.0.bending_stiffness"),
@@ -175,8 +171,6 @@ def test_a_curve_costs_the_square_of_its_places(modes):
 def test_a_curve_of_many_elements_costs_as_many_places():
     """Of 40 finite elements all pairs of places would be 64,000 instructions, and hundreds of MB with Coriolis terms."""
     link = {"modes": 2, "mode_shapes": "finite-element"}
-    coarse, fine = (
-        arm_of({**link, "elements": count}, effects={"geometric_stiffening": {}}).functions["residual"].n_instructions()
-        for count in (20, 40)
-    )
+    arms = (arm_of({**link, "elements": count}, effects={"geometric_stiffening": {}}) for count in (20, 40))
+    coarse, fine = (arm.functions["residual"].n_instructions() for arm in arms)
     assert fine < 2.1 * coarse < 20_000

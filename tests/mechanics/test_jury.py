@@ -53,6 +53,9 @@ def effect_tables(rng, space, gyration):
     def numbers(low, high):
         return rng.uniform(low, high, len(gyration)).tolist()
 
+    def springs():
+        return numbers(20, 90)[1:]
+
     payload = {"mass": numbers(0, 0.3), "inertia": numbers(0, 0.01), "offset": numbers(0, 0.1)}
     if space:
         payload |= {"centre": vector(0.05), "tensor": table_of(random_inertia(rng, 0.2))}
@@ -66,23 +69,15 @@ def effect_tables(rng, space, gyration):
         "modal_damping": {"ratio": [0.01, 0.03]},
         "rayleigh_damping": {"mass_factor": 0.1, "stiffness_factor": 1e-3},
         "kelvin_voigt_damping": {"retardation_time": numbers(1e-3, 1e-2)},
-        "joint_flexibility": {
-            "stiffness": [*numbers(20, 90)[1:], 0.0],
-            "motor_inertia": numbers(0.01, 0.1),
-            "damping": 0.3,
-        },
-        "bearing_compliance": {
-            "stiffness": [0.0, *numbers(20, 90)[1:]],
-            "damping": numbers(0, 1),
-            "inertia": numbers(0.01, 0.1),
-        },
+        "joint_flexibility": {"stiffness": [*springs(), 0.0], "motor_inertia": numbers(0.01, 0.1), "damping": 0.3},
+        "bearing_compliance": {"stiffness": [0.0, *springs()], "damping": numbers(0, 1), "inertia": numbers(0.01, 0.1)},
         "viscous_friction": {"coefficient": numbers(0, 1), "at": str(rng.choice(["joint", "motor"]))},
         "coulomb_friction": {"torque": numbers(0, 0.4), "rate": 0.5, "static": 0.5, "stribeck": 0.8},
         "motor": {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": numbers(10, 60), "rotor_inertia": 1e-5},
         "rotor_spin": {"inertia": numbers(1e-6, 3e-5), "gear_ratio": numbers(-80, 80)},
         "tip_force": {
             "force": vector(2.0),
-            "torque": [0, 0, 0.4] if not space else vector(0.4),
+            "torque": vector(0.4) if space else [0, 0, 0.4],
             "harmonic": 2,
             "phase": 0.3,
         },
@@ -91,10 +86,8 @@ def effect_tables(rng, space, gyration):
 
 def random_effects(rng, space, links, gyration):
     """Raw tables of effects, each on with even chances."""
-    tables, pinned = (
-        effect_tables(rng, space, gyration),
-        any(link["mode_shapes"].startswith("pinned") for link in links),
-    )
+    tables = effect_tables(rng, space, gyration)
+    pinned = any(link["mode_shapes"].startswith("pinned") for link in links)
     assert set(tables) | {"hub"} == set(known_effects())
     if rng.random() < 0.5:
         tables["tip_force"]["frame"] = "tip"

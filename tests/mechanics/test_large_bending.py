@@ -59,10 +59,8 @@ def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed, sof
     """Random light links in the plane and in space, 1 to 6 modes, no hub, tips bent by 2 to 30 % of the length; on soft bearings that
     tilt by up to 0.1 rad, with motors that hold the inertia of their rotors and hardly more.
     """
-    rotors = {
-        "rotor_spin": {"inertia": 1e-5, "gear_ratio": 60.0 * (-1) ** seed},
-        "bearing_compliance": {"stiffness": 80.0},
-    }
+    rotors = {"rotor_spin": {"inertia": 1e-5, "gear_ratio": 60.0 * (-1) ** seed}}
+    rotors |= {"bearing_compliance": {"stiffness": 80.0}}
     motors = {"joint_flexibility": {"stiffness": 50.0, "motor_inertia": 1.1e-5 * 60.0**2}}
     arm, rng = light_arm(seed, **(rotors | motors if soft else {}))
     kinds = np.array([one.kind for one in arm.coordinates])
@@ -173,9 +171,8 @@ def swing_segments(across, up, count, t, beside):
         sine = np.linalg.norm(theta, axis=1, keepdims=True) + 1e-300
         theta = theta * np.arcsin(sine) / sine
         K = skew(theta[:, :, None])
-        moment = (E - K / 2 + K @ K / 12) @ (
-            springs @ theta[:, :, None]
-        )  # in the axes of the segment behind; to the fourth order
+        # in the axes of the segment behind; to the fourth order
+        moment = (E - K / 2 + K @ K / 12) @ (springs @ theta[:, :, None])
         moment = (R[1:] @ moment)[:, :, 0]
         force[1:] -= moment
         force[:-1] += moment

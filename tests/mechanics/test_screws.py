@@ -31,13 +31,6 @@ def test_helical_joint_advances_by_its_pitch():
     assert_allclose(moved, [2, 0, 0.25 * np.pi, 1], atol=1e-14)
 
 
-def test_adjoint_identities():
-    t, s = np.random.default_rng(1).normal(size=(2, 6))
-    assert_allclose(hat(Ad(HOME) @ t), HOME @ hat(t) @ np.linalg.inv(HOME), atol=1e-13)
-    assert_allclose(ad(Ad(HOME) @ t), Ad(HOME) @ ad(t) @ np.linalg.inv(Ad(HOME)), atol=1e-12)  # (4), corrected
-    assert_allclose(hat(ad(t) @ s), hat(t) @ hat(s) - hat(s) @ hat(t), atol=1e-13)
-
-
 def symbolic_exponential(t, q):
     """A series-free symbolic exponential: the closed form from the minimal polynomial, written anew."""
     X, w = ca.DM(hat(t)), float(np.linalg.norm(t[:3]))

@@ -36,13 +36,6 @@ def test_rates_are_derivatives_and_a_period_closes(name):
         np.testing.assert_allclose(np.sin(later), np.sin(now), atol=1e-9)
 
 
-def test_harmonic_formula():
-    t, w = np.linspace(0, 1, 5), 2 * np.pi * 1.7
-    sine, cosine = np.sin(w * t + 0.3), np.cos(w * t + 0.3)
-    found = np.array(build_motion(MOTIONS["harmonic"]).sample(t))[:, :, 0]
-    np.testing.assert_allclose(found, [0.1 + 0.5 * sine, 0.5 * w * cosine, -0.5 * w**2 * sine], rtol=1e-13, atol=1e-13)
-
-
 @pytest.mark.parametrize("profile", ["quintic", "septic"])
 def test_point_to_point_rests_at_its_waypoints(profile):
     times, joints = {"move_time": 0.5, "dwell_time": 0.25}, [{"waypoints": [0.2, 1.2]}]
@@ -69,17 +62,14 @@ def test_rotations_share_a_period():
     np.testing.assert_allclose(q1[0], [3.0, -2.0, 0.0], atol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("table", "says"),
-    [
+def test_joints_that_do_not_move_together_are_refused():
+    for table, says in (
         ({"kind": "rotation", "joints": [{"rate": 0.0}]}, "no joint turns"),
         ({"kind": "rotation", "joints": [{"rate": 1.0}, {"rate": np.sqrt(2.0)}]}, "no common period"),
         ({**MOTIONS["quintic"], "joints": [{"waypoints": [0.0, 1.0]}, {"waypoints": [0.0, 1.0, 2.0]}]}, "unequal"),
-    ],
-)
-def test_joints_that_do_not_move_together_are_refused(table, says):
-    with pytest.raises(fl.errors.MotionError, match=says):
-        build_motion(table)
+    ):
+        with pytest.raises(fl.errors.MotionError, match=says):
+            build_motion(table)
 
 
 @pytest.mark.parametrize(

@@ -67,10 +67,8 @@ def test_random_arms_follow_random_circles(seed):
     rng = np.random.default_rng(seed)
     joints = int(rng.integers(4, 8))  # the last one only turns the tip
     links = [link | {"joint": "revolute"} for link in random_chain(rng, joints, fixed=0.0)]
-    arm, q0 = (
-        fl.build_manipulator(plain_scene(links, swinging(*[{"amplitude": 0.0}] * joints))),
-        rng.uniform(-2, 2, joints),
-    )
+    arm = fl.build_manipulator(plain_scene(links, swinging(*[{"amplitude": 0.0}] * joints)))
+    q0 = rng.uniform(-2, 2, joints)
     R, p = value(arm, "rotation", q0), value(arm, "points", q0)[:, -1]
     turned = bool(joints >= 6 and rng.random() < 0.7)
     more = {"rpy": Rotation.from_matrix(R).as_euler("xyz").tolist()} if turned else {}

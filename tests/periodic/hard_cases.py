@@ -12,7 +12,8 @@ from scipy.special import mathieu_a
 
 import flexlin as fl
 from flexlin.periodic import place_edges
-from tests.closed_arm import closed
+from tests.closed_arm import closed, control_loop
+from tests.mechanics.test_features import scene as rubbing_link
 from tests.periodic.chains import TWO_PI, Real
 from tests.periodic.jumping_systems import reference_jump, reference_pulse
 from tests.periodic.non_normal_systems import reference_non_normal
@@ -254,17 +255,7 @@ def narrow_pulse():
 @hard("friction at a turn-around", "integration with the pulses as intervals of their own", 1e-7, "stable")
 def turning_link():
     """Coulomb's tanh(q'/eps) is a pulse of 1e-4 of the period at each turn-around."""
-    scene = fl.parse_scene(
-        {
-            "schema": 1,
-            "title": "dry friction",
-            "links": [{"length": 0.5, "mass_per_length": 0.4, "modes": 0}],
-            "effects": {"coulomb_friction": {"torque": [0.02], "rate": 0.001}},
-            "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"mean": 0.0, "amplitude": 0.5}]},
-            "control": {"feedback": {"kind": "pd", "kp": [0.2], "kd": [0.001]}},
-        }
-    )
-    system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+    system = control_loop(rubbing_link(1.0, 0.0, 0.001)).periodic_system()
     panels = panels_of(1.0, 20.0, (), [(turn, 0.004, 300) for turn in (0.25, 0.75)])
     return system, integrated(turning_link_matrix, panels, 1.0)[0]
 

@@ -47,9 +47,8 @@ def turned(A, B, C, speed=2.0, i=0, j=1):
 
 
 def mathieu_second_order(a, q, damping=0.0):
-    return PeriodicSystem.from_second_order(
-        np.eye(1), [[2 * damping]], lambda t: (a - 2 * q * np.cos(2 * t))[:, None, None], np.pi
-    )
+    stiffness = lambda t: (a - 2 * q * np.cos(2 * t))[:, None, None]  # noqa: E731
+    return PeriodicSystem.from_second_order(np.eye(1), [[2 * damping]], stiffness, np.pi)
 
 
 def meissner(t):

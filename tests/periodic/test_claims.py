@@ -108,12 +108,6 @@ def test_a_kink_that_nobody_named_is_claimed_as_well_as_it_is_known(tol):
     assert found.errors[0] < 1e-14
 
 
-@pytest.mark.parametrize("tol", [1e-9, 1e-4])
-@pytest.mark.parametrize("make", [reference_non_normal, reference_jump, reference_pulse])
-def test_reference_systems(make, tol):
-    check(judged(make(tol)))
-
-
 def test_a_narrow_pulse_is_answered_when_its_place_is_named():
     """With breaks around it the pulse is an interval of its own: there is no reason to refuse."""
     outcome = judged(replace(reference_pulse(), breaks=(0.0, 0.3 - 2e-3, 0.3, 0.3 + 2e-3)))

@@ -14,13 +14,6 @@ from tests.periodic.systems import colaneri, mathieu, mathieu_second_order
 from tests.periodic.truths import apart, eigenvalues
 
 
-@pytest.mark.parametrize("system", [fl.PeriodicSystem(mathieu(1, 0.2), np.pi), mathieu_second_order(1, 0.2)])
-def test_mathieu_exponent(system):
-    result = fl.floquet(system, tol=1e-12)
-    np.testing.assert_allclose(result.exponents, [0.099536437275513447 + 1j, -0.099536437275513447 + 1j], atol=1e-14)
-    assert result.verdict == "unstable"
-
-
 @pytest.mark.parametrize(("characteristic", "side"), [(mathieu_a, -1), (mathieu_b, +1)])
 @pytest.mark.parametrize("index", [1, 2, 3])
 def test_verdicts_on_both_sides_of_a_tongue(characteristic, side, index):

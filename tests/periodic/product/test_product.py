@@ -159,10 +159,8 @@ def test_first_order_motion_is_exact_to_second_order(rng):
     """Of factors with two complex pairs in unrelated well-conditioned frames."""
     frames = np.eye(5) + 0.3 * rng.standard_normal((6, 5, 5)) / np.sqrt(5)
     sizes, angles = np.exp(rng.uniform(-1, 0, 3)), rng.uniform(0.1, 3, 2)
-    turns = [
-        r * np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) for r, a in zip(sizes[:2], angles, strict=True)
-    ]
-    block = scipy.linalg.block_diag(*turns, sizes[2])
+    turns = (np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) for a in angles)
+    block = scipy.linalg.block_diag(*map(np.multiply, sizes, turns), sizes[2])
     F = np.roll(frames, -1, axis=0) @ block @ np.linalg.inv(frames)
     change = rng.standard_normal(F.shape) * np.abs(F).max(axis=(1, 2), keepdims=True)
     missed = []

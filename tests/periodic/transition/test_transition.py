@@ -3,7 +3,7 @@
 import mpmath as mp
 import numpy as np
 import pytest
-from scipy.linalg import block_diag, expm
+from scipy.linalg import block_diag
 
 import flexlin as fl
 from flexlin.errors import SingularMassMatrix
@@ -25,12 +25,6 @@ def test_order_of_convergence(method, order):
     found = [product(factor_by(system, np.linspace(0, np.pi, k + 1), method, order)) for k in count]
     slope = -np.polyfit(np.log(count), np.log(np.abs(found - exact).max(axis=(1, 2))), 1)[0]
     assert abs(slope - order) < 0.3
-
-
-def test_constant_coefficients_give_the_exponential():
-    A = np.array([[0, 1.0], [-4, -0.3]])
-    Phi = gauss_transitions(lambda t: np.broadcast_to(A, (len(t), 2, 2)), np.array([0, 0.3, 1.0]), 9)
-    np.testing.assert_allclose(Phi, [expm(0.3 * A), expm(0.7 * A)], rtol=1e-14, atol=1e-15)
 
 
 def test_chunks_do_not_change_the_result(monkeypatch):
