@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh, eigvals, expm
 from scipy.optimize import brentq, root
+from scipy.special import jv
 
 import flexlin as fl
 from flexlin.motion import SampledMotion
@@ -96,17 +97,73 @@ def test_a_bearing_that_does_not_give_has_no_coordinates():
         fl.parse_scene({**table, "effects": {"bearing_compliance": {"stiffness": -1.0}}})
 
 
+def column(effects, angle=0.0):
+    """M and K of the unit column with eight modes, its joint held at an angle."""
+    lin = linear(plain_scene([{**BEAM, "modes": 8}], held(angle), effects={"geometric_stiffening": {}, **effects}))
+    return lin.M(0.0), lin.K(0.0)
+
+
+def push(load, frame="world", angle=0.0):
+    """A force against the column's axis."""
+    x, y = (1.0, 0.0) if frame == "tip" else (np.cos(angle), np.sin(angle))
+    return {"tip_force": {"force": [-load * x, -load * y, 0.0], "frame": frame}}
+
+
+def smallest_load(loaded, angle=0.0):
+    """The smallest P with det(K_0 + P (K_1 - K_0)) = 0: K is linear in the load."""
+    bare = column({}, angle)[1]
+    found = eigvals(bare, bare - column(loaded, angle)[1])
+    return float(found[(abs(found.imag) < 1e-9) & (found.real > 0)].real.min())
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.7])
 def test_euler_buckling(angle):
     """P = pi^2 EI / (4 l^2), at any angle of the column against the world."""
-    column, found = {**BEAM, "modes": 8}, []
-    for load in (0.0, 1.0):
-        push = {"force": [-load * np.cos(angle), -load * np.sin(angle), 0.0]}
-        effects = {"geometric_stiffening": {}, "tip_force": push}
-        found.append(linear(plain_scene([column], held(angle), effects=effects)).K(0.0))
-    loads = eigvals(found[0], found[0] - found[1])  # K is linear in the load
-    smallest = loads[(abs(loads.imag) < 1e-9) & (loads.real > 0)].real.min()
-    assert 0 < smallest / (np.pi**2 / 4) - 1 < 1.3e-4
+    assert 0 < smallest_load(push(1.0, angle=angle), angle) / (np.pi**2 / 4) - 1 < 1.3e-4
+
+
+def test_buckling_under_the_own_weight():
+    """q l^3 = 7.8373 EI, where J_-1/3(2/3 sqrt(q)) = 0 (Greenhill 1881)."""
+    exact = brentq(lambda q: jv(-1 / 3, 2 / 3 * np.sqrt(q)), 7.0, 8.5)
+    assert 0 < smallest_load({"gravity": {"acceleration": 1.0, "direction": [-1.0, 0.0, 0.0]}}) / exact - 1 < 1e-5
+
+
+def test_beck_column():
+    """A follower never buckles the column; at P = 20.05 EI/l^2 two frequencies meet at omega = 11.02 (Beck 1952)."""
+    (M, bare), (_, unit) = column({}), column(push(1.0, "tip"))
+
+    def squares(load):
+        found = eigvals(bare + load * (unit - bare), M)
+        return found[np.argsort(found.real)]
+
+    low, high = 10.0, 30.0
+    while high - low > 1e-6:
+        middle = (low + high) / 2
+        low, high = (low, middle) if abs(squares(middle)[:2].imag).max() > 1e-6 else (middle, high)
+    assert low == pytest.approx(20.0509, rel=1e-4)
+    assert np.sqrt(squares(low)[0].real) == pytest.approx(11.016, rel=1e-3)
+    assert all(np.linalg.det(bare + load * (unit - bare)) > 0 for load in np.linspace(0.0, 20.0, 9))
+
+
+def characteristic(load, follows):
+    """Determinant of EI w'''' + P w'' = rhoA omega^2 w, w = w' = 0 at the base, w'' = 0 and w''' + P w' (follower: w''') = 0 at the tip."""
+
+    def determinant(omega):
+        roots = np.roots([1.0, 0.0, load, 0.0, -(omega**2)]).astype(complex)
+        tip = np.exp(roots)
+        shear = roots**3 + (0 if follows else load * roots)
+        found = np.linalg.det(np.array([np.ones(4), roots, roots**2 * tip, shear * tip]))
+        return float((found / np.linalg.det(np.vander(roots))).real)
+
+    return determinant
+
+
+@pytest.mark.parametrize(("load", "frame"), [(2.0, "world"), (-5.0, "world"), (8.0, "tip"), (-5.0, "tip")])
+def test_prestressed_frequencies(load, frame):
+    M, K = column(push(load, frame))
+    exact = characteristic(load, frame == "tip")
+    for omega in np.sqrt(np.sort(eigvals(K, M).real)[:2]):
+        assert brentq(exact, 0.97 * omega, 1.03 * omega) == pytest.approx(omega, rel=2e-3)
 
 
 def shaken():

@@ -152,3 +152,14 @@ def test_modes_are_orthogonal_in_the_whole_mass_and_in_the_stiffness(shapes, pro
 def test_a_mode_on_a_hub_has_no_angular_momentum():
     hub = shape_integrals(pinned_with_hub(5, 0.3))
     np.testing.assert_allclose(hub.mode_moment + 0.3 * hub.base_slope, 0, atol=1e-13)
+
+
+def test_cantilever_constants():
+    """Khang, Dat, Tuan (2019) with l = 1: C1, D1, m11, k11, recomputed by SymPy to 8 digits."""
+    integrals = shape_integrals(bending_shapes(3))
+    np.testing.assert_allclose(integrals.tip, [2, -2, 2], rtol=1e-13)
+    np.testing.assert_allclose(integrals.mode, [0.78299176, 0.43393590, 0.25442530], atol=6e-9)
+    np.testing.assert_allclose(integrals.mode_moment, [0.56882574, 0.09076679, 0.03241637], atol=6e-9)
+    assert integrals.bending[0, 0] == pytest.approx(12.36236337, abs=6e-9)
+    assert integrals.shortening_moment[0, 0] == pytest.approx(1.1933, abs=6e-5)  # 1/2 int (1 - x^2) X'^2
+    np.testing.assert_allclose([integrals.mass, integrals.first, integrals.second], [1, 1 / 2, 1 / 3], rtol=1e-14)
