@@ -52,17 +52,6 @@ def lin():
     return closed()
 
 
-def late_tip_error(run):
-    late = run.t > run.t[-1] / 2
-    return np.linalg.norm(run.tip - run.tip_rigid, axis=1)[late].max()
-
-
-def test_tip_exact_feedforward_lowers_the_nonlinear_tip_error_twentyfold(lin):
-    rigid, exact = (simulate(lin, 4, feedforward=feedforward(lin, kind), tol=1e-6) for kind in ("rigid", "tip-exact"))
-    assert 20 * late_tip_error(exact) < late_tip_error(rigid)
-    assert late_tip_error(exact) == pytest.approx(feedforward(lin, "tip-exact").tip_error, rel=1e-3)
-
-
 def test_rigid_feedforward_is_the_scenes_own_law(lin):
     own, given = (simulate(lin, 0.5, feedforward=f) for f in (None, feedforward(lin, "rigid")))
     np.testing.assert_allclose(given.nonlinear, own.nonlinear, atol=1e-9)

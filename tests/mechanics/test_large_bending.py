@@ -19,10 +19,11 @@ from scipy.spatial.transform import Rotation
 import flexlin as fl
 from flexlin.mechanics import bending_shapes
 from flexlin.scene import builtin_scenes
+from tests.closed_arm import control_loop
 from tests.thinned import thin
 
 from .jury import skew
-from .scenes import LINK, arm_of, scene_of
+from .scenes import LINK, arm_of, plain_scene, scene_of, swinging
 from .test_jury import random_scene
 
 STIFFENED = {"geometric_stiffening": {}}
@@ -75,6 +76,19 @@ def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed, sof
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [4, 5, 13, 15, 103])
+def test_light_links_swing_to_the_end_and_keep_their_energy(seed):
+    """The same links, bent in all their shapes and let go without damping; the last took steps so short that they lost its motion."""
+    arm, rng = light_arm(seed)
+    w = np.r_[0.0, 0.0, rng.normal(size=arm.n - 2)]
+    w *= rng.uniform(0.02, 0.3) / 2 / np.abs(w).sum()
+    lin = fl.linearize(arm, scene_of(THIN, THIN).motion)
+    run = fl.simulate(lin, 0.03, initial=np.r_[w, 0 * w], tol=1e-7, points_per_period=256)
+    assert np.abs(run.nonlinear[:, 2 : arm.n]).max() > 0.5 * np.abs(w).max()
+    assert max(run.energy_error / 1e-8, run.error / 1e-7) < 1
+
+
+@pytest.mark.slow
 def test_a_payload_that_may_vanish_and_a_link_that_bends_upward_alone():
     """Free numbers give what written ones do, also a payload of no mass whose centre lies beyond the tip."""
     for mass in (0.0, 0.2):
@@ -112,6 +126,19 @@ def test_to_first_order_the_curve_is_the_energy_of_second_order(case):
         found.append([part.full() for part in slopes])
     for curve, second in zip(*found, strict=True):
         np.testing.assert_allclose(curve, second, atol=1e-12 + 1e-8 * np.abs(second).max())
+
+
+@pytest.mark.slow
+def test_a_strip_that_bends_is_judged_alike_with_any_number_of_modes():
+    """A strip of 1 m without a hub, 30 x 2 mm of aluminium: with 2 and 3 modes it used to end in a mass matrix without meaning."""
+    effects = {**STIFFENED, "payload": {"mass": 0.1}, "modal_damping": {"ratio": 0.01}}
+    tables = {"effects": effects, "control": {"feedback": {"kind": "pd", "kp": [20.0], "kd": [3.0]}}}
+    motion, errors = swinging({"amplitude": 0.3}, frequency=0.5), []
+    for modes in (1, 2, 3, 4):
+        run = fl.simulate(control_loop(plain_scene([{**THIN, "modes": modes}], motion, **tables)), 1.0, tol=1e-6)
+        assert "the linear model holds here" in run.status
+        errors.append(run.tip_error)
+    np.testing.assert_allclose(errors[1:], errors[-1], rtol=0.02)
 
 
 def test_scenes_without_the_effect_pay_nothing():
