@@ -104,9 +104,8 @@ def column(effects, angle=0.0):
 
 
 def push(load, frame="world", angle=0.0):
-    """A force against the column's axis."""
-    x, y = (1.0, 0.0) if frame == "tip" else (np.cos(angle), np.sin(angle))
-    return {"tip_force": {"force": [-load * x, -load * y, 0.0], "frame": frame}}
+    """A force against the column's axis, which stands at an angle in that frame."""
+    return {"tip_force": {"force": [-load * np.cos(angle), -load * np.sin(angle), 0.0], "frame": frame}}
 
 
 def smallest_load(loaded, angle=0.0):

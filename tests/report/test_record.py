@@ -47,11 +47,6 @@ def test_numbers_beyond_floating_point_become_null_and_keep_their_logs(single_li
     assert logs[:, 0] == pytest.approx([1e4 * period, -1e4 * period, -period], rel=1e-12)
 
 
-def test_numbers_keep_every_digit() -> None:
-    values = np.array([[1 / 3, np.pi], [1e-300, -0.1]])
-    assert np.array_equal(np.array(json.loads(to_json({"values": values}))["values"]), values)
-
-
 def test_margins_in_words_and_as_data():
     """A margin that is unknown is not said to be without limit."""
     errors, reason = (0.0, 0.0, 1e-7, 1e-9), "tol 1e-7 needs too many segments"

@@ -4,6 +4,7 @@ goes on, and one that is none is refused."""
 import os
 import shutil
 import socket
+import tracemalloc
 from unittest.mock import Mock
 
 import casadi as ca
@@ -93,13 +94,16 @@ def test_damage_is_computed_again_or_refused(store, kept, kind, seed, capfd):
 
 
 def test_blocks_of_another_place_or_sweep_are_told(store, kept, tmp_path):
-    """Each is whole by the checksums of its file."""
+    """Each is whole by the checksums of its file; and one of 200 kB that would unpack to 200 MB is not unpacked."""
     fl.sweep(SCENE, VALUES, tol=1e-7, store=tmp_path / "other", workers=1)
     blocks, others = (sorted(path.glob("block*")) for path in (store, tmp_path / "other"))
     shutil.copy(blocks[0], blocks[1])
     shutil.copy(others[2], blocks[2])
+    np.savez_compressed(blocks[0], **{**np.load(blocks[0]), "verdict": np.zeros(2 * 10**8, np.int8)})
+    tracemalloc.start()
     found = sweep_into(store)
-    assert found.attrs.pop("repaired") == 2
+    assert (found.attrs.pop("repaired"), tracemalloc.get_traced_memory()[1] < 1.2e8) == (3, True)
+    tracemalloc.stop()
     assert_same(found, kept[1])
     assert "repaired" not in sweep_into(store).attrs
 

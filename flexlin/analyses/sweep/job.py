@@ -351,6 +351,8 @@ class Store:
         try:
             refuse_odd(self._file(start).stat(), LARGEST_TABLE)
             with self._file(start).open("rb") as file, np.load(file) as kept:
+                if sum(part.file_size for part in kept.zip.infolist()) > LARGEST_TABLE:
+                    raise ValueError
                 same = (str(kept["question"]), int(kept["start"])) == (self._question, start)
                 block = Found(**{one.name: kept[one.name] for one in fields(Found)})
             if not same or len(block.verdict) != stop - start:

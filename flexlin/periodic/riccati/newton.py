@@ -183,9 +183,8 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
         F, M = samples.compare(X, nodes.slopes(X))
         with np.errstate(over="ignore", invalid="ignore"):  # of loops that are not stable
             if not k or (last > SLIGHT and samples.G.any()):
-                exact = (
-                    None if samples.G.any() else step_exactly(problem.A, nodes, units)
-                )  # without an input the loop is A
+                free = not samples.G.any()  # without an input the loop is A
+                exact = step_exactly(problem.A, nodes, units) if free else None
                 lyapunov = LoopLyapunov(M, nodes, exact)
             D = lyapunov.solve(F)
         if D is None:
