@@ -29,7 +29,7 @@ FOUND = {
     "kinks not named": (59,),
     "rotation": (143,),
     "exponential": (167,),
-    "non-normal constant": (18,),
+    "non-normal constant": (18, 996400142),
     "non-normal, f(t) C": (18, 13),
     "multipliers 1e-300 to 1e300": (7707000584,),
     "kept shapes": (13, 777000016, 251123000079),

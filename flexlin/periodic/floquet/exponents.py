@@ -255,9 +255,22 @@ def solve_constant(system: PeriodicSystem) -> tuple[Array, Array]:
     sides = (left / scale)[None], (scale[:, None] * right)[None]
     coupling += couple_uncertainty(system.resolved, np.zeros(1), *sides)[0] / unit
     own = np.diagonal(coupling)
-    errors = own + bound_pairs(coupling, own, np.abs(values[:, None] - values), shared)
+    gap = np.abs(values[:, None] - values)
+    errors = own + bound_pairs(coupling, own, gap, shared)
+    errors = np.maximum(errors, bound_reached(coupling, errors, gap))
     order = np.argsort(-values.real, kind="stable")
     return unit * values[order], unit * errors[order]
+
+
+def bound_reached(coupling: Array, errors: Array, gap: Array) -> Array:
+    """How far each eigenvalue (n,) may move with the m - 1 others that reach it, being lost within R: |d lambda|^m <= c^2 R^(m - 2).
+
+    They solve (z - lambda_i) det(z - L) = a adj(z - L) b, c^2 being the largest |a_j b_j|. Parameters: as of `bound_pairs`; errors (n,).
+    """
+    reached = (errors >= gap) & (errors > errors[:, None])
+    c, R = (np.where(reached, size, 0).max(axis=1) for size in (np.sqrt(coupling * coupling.T), errors))
+    m = np.maximum(2, 1 + reached.sum(axis=1))
+    return np.asarray(c ** (2 / m) * R ** (1 - 2 / m))
 
 
 def is_hamiltonian(system: PeriodicSystem) -> bool:
