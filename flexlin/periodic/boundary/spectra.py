@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -14,8 +15,20 @@ SCAN_SHARE = 0.6
 """Share of the time that the scan may take: the rest is for the places that it finds."""
 
 
+class Columns:
+    """A record of arrays with one row for each case."""
+
+    def at(self, which: Array) -> Self:
+        """Some of the cases."""
+        return type(self)(*(column[which] for column in vars(self).values()))
+
+    def beside(self, more: Self) -> Self:
+        """These cases and more behind them."""
+        return type(self)(*map(np.concatenate, zip(vars(self).values(), vars(more).values(), strict=True)))
+
+
 @dataclass(frozen=True)
-class Spectra:
+class Spectra(Columns):
     """Logs of the Floquet multipliers of V systems, (V, n), and their errors, (V, n); not finite where there is no answer."""
 
     logs: Array
@@ -42,14 +55,6 @@ class Spectra:
     def leading(self) -> Array:
         """Index (V,) of the log that grows fastest for certain."""
         return np.argmax(self.logs.real - np.where(np.isfinite(self.errors), self.errors, np.inf), axis=1)
-
-    def at(self, which: Array) -> "Spectra":
-        """The spectra of some of the systems."""
-        return Spectra(self.logs[which], self.errors[which])
-
-    def beside(self, more: "Spectra") -> "Spectra":
-        """These spectra and more behind them."""
-        return Spectra(np.concatenate([self.logs, more.logs]), np.concatenate([self.errors, more.errors]))
 
 
 SpectraFunction = Callable[[Array], Spectra]
