@@ -163,7 +163,7 @@ def differentiate(row: ResolvedMatrix, A: MatrixFunction) -> MatrixFunction:
 
 def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) -> list[Chain]:
     """Each output's derivatives until the input appears. Raises: NumericalError where it never does, or a derivative jumps before."""
-    t, A, B, chains = system.period * stratified(4 * SAMPLES), system.resolved, system.resolved_input, []
+    t, A, B, chains = system.period * stratified(4 * SAMPLES), system.resolved, system.resolved_input, list[Chain]()
     A_at, B_at, every = np.abs(A(t)), np.abs(B(t)), np.eye(system.n)
     for i in range(system.m):
         of_output = itemgetter((slice(None), slice(i, i + 1)))

@@ -378,16 +378,15 @@ def add_quiet_strips(scan: Scan, accuracy: float) -> Scan:
     Zero of the squared growth, taken as positive where the growing multiplier stands nearer to the first one's angle; none where one
     tongue goes over into the next.
     """
-    angle = np.abs(scan.spectra.logs.imag[np.arange(len(scan.line)), scan.spectra.leading])
+    angle = np.abs(scan.spectra.lead.imag)
     unstable = scan.spectra.verdicts > 0
     index = np.flatnonzero(unstable[1:] & unstable[:-1] & scan.joined & (np.abs(np.diff(angle)) > UNLIKE_ANGLES))
 
     def signed(which: Array, values: Array) -> tuple[Array, Array]:
         found, cell = scan.at(scan.line[index[which]], values), index[which]
-        lead = found.logs[np.arange(len(which)), found.leading]
-        place = np.abs(lead.imag)
+        place = np.abs(found.lead.imag)
         nearer = np.abs(place - angle[cell]) <= np.abs(place - angle[cell + 1])
-        return np.where(found.verdicts > 0, np.where(nearer, 1.0, -1.0) * lead.real**2, 0.0), 0 * place
+        return np.where(found.verdicts > 0, np.where(nearer, 1.0, -1.0) * found.lead.real**2, 0.0), 0 * place
 
     start = SignedEnds.between(signed, scan.values[[index, index + 1]])
     place, size, _ = solve_brackets(signed, start, accuracy).best
@@ -404,7 +403,7 @@ def list_changes(scan: Scan) -> Changes:
     beyond = np.clip(quiet + np.where(rising, -1, 1), 0, len(verdicts) - 1)
     move = (verdicts[quiet] == 0) & (verdicts[beyond] < 0) & (scan.line[beyond] == scan.line[quiet])
     quiet, stable = np.where(move, beyond, quiet), stable | move
-    angles = scan.spectra.logs.imag[np.arange(len(verdicts)), scan.spectra.leading][unstable]
+    angles = scan.spectra.lead.imag[unstable]
     margins = [measure_margins(scan.spectra.at(end), ~stable, angles) for end in (quiet, unstable)]
     ends = SignedEnds(scan.values[[quiet, unstable]], *map(np.array, zip(*margins, strict=True)))
     return Changes(scan.line[unstable], ends, between, angles, ~stable)

@@ -1,6 +1,7 @@
 """All curves in a rectangle of two parameters at which a periodic system becomes unstable, and the tips where two of them meet."""
 
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -39,13 +40,8 @@ MARGIN_DEGREE = 5
 """Of the polynomials through the margin on a box, along either side."""
 
 
-@dataclass(frozen=True)
-class Tip:
-    """Where two sides of the boundary meet, (2,), how far from it they may part, and whether the margin there is zero but for rounding."""
-
-    point: Array
-    error: float
-    zero: bool
+Tip = tuple[float, Array]
+"""How far from the point where two sides of the boundary meet they may part, and the point, (2,)."""
 
 
 @dataclass(frozen=True)
@@ -159,15 +155,16 @@ class Tracer:
 
     def join_through(self, pairs: Array, tip: Tip) -> list[Piece]:
         """The pairs (P, 2) of nodes joined by two parabolas each that end in a tip; each counts as wrong by what it bends."""
+        error, point = tip
         ends, sides = (
             self.vertices.at(pairs.ravel()),
             np.tile([1.0, -1.0], len(pairs)),
         )  # it comes from one, goes to the next
-        chord = (tip.point - ends.points) * sides[:, None]
+        chord = (point - ends.points) * sides[:, None]
         length = np.linalg.norm(chord, axis=1)
         unit = chord / np.maximum(length, TINY)[:, None]
         bends = length * np.linalg.norm(unit - ends.directions, axis=1) ** 2
-        there, errors = np.tile(tip.point, (len(sides), 1)), np.full(len(sides), tip.error)
+        there, errors = np.tile(point, (len(sides), 1)), np.full(len(sides), error)
         tips = self.add(replace(ends, points=there, directions=2 * unit - ends.directions, errors=errors))
         pieces = list[Piece]()
         for (node, last), (arrive, leave), (before, behind) in zip(
@@ -275,17 +272,16 @@ def find_tip(
     tail, rounding = float(np.abs(margin[-1]).sum() + np.abs(margin[:, -1]).sum()), float(np.median(errors))
     borders = [(axis, end) for axis in range(2) for end, at in ((-1, low[axis] <= 0), (1, high[axis] >= 1)) if at]
     for sides in (borders, [None]):
-        close = []
+        close = list[Tip]()
         for side in sides:
             point, bend = find_critical(margin, side)
             if np.abs(point).max() <= 1 + CUBE_ROOT_EPS and bend > 0:
-                left = abs(float(value_of(margin, point)))
-                apart = np.sqrt(2 * (left + rounding + tail) / bend) * (high - low).max() / 2
-                place = np.clip((low + high) / 2 + point * (high - low) / 2, 0.0, 1.0)
-                close.append(Tip(place, float(apart), left + tail <= EXACT_PARTS * rounding))
-        close = [tip for tip in close if tip.zero or tip.error <= tol]
+                left = abs(float(value_of(margin, point))) + tail
+                apart = float(np.sqrt(2 * (left + rounding) / bend) * (high - low).max() / 2)
+                if left <= EXACT_PARTS * rounding or apart <= tol:
+                    close.append((apart, np.clip((low + high) / 2 + point * (high - low) / 2, 0.0, 1.0)))
         if close:
-            return min(close, key=lambda tip: tip.error)
+            return min(close, key=itemgetter(0))
     return None
 
 

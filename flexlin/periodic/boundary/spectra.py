@@ -56,10 +56,13 @@ class Spectra(Columns):
         """Index (V,) of the log that grows fastest for certain."""
         return np.argmax(self.logs.real - np.where(np.isfinite(self.errors), self.errors, np.inf), axis=1)
 
+    @property
+    def lead(self) -> Array:
+        """That log, (V,)."""
+        return np.asarray(self.logs[np.arange(len(self.logs)), self.leading])
+
 
 SpectraFunction = Callable[[Array], Spectra]
-
-
 """Points (V, P) of the parameters -> spectra."""
 
 
