@@ -90,7 +90,9 @@ def measure_meetings(spectra: Spectra) -> tuple[Array, Array]:
     in a resonance. Column 0: a pair and its conjugate at angle 0; the last: at angle pi; between them: neighbours in angle.
     Source: Seyranian, Mailybaev, Multiparameter Stability Theory (2003), section 1.4 (strong interaction of eigenvalues).
     """
-    logs = drop_odd(spectra.felt)
+    logs = spectra.felt
+    if logs.shape[1] % 2:  # the fastest decaying meets nobody near the unit circle
+        logs = np.take_along_axis(logs, np.argsort(logs.real, axis=1, kind="stable")[:, 1:], axis=1)
     angle = np.abs(wrap_angle(logs.imag))
     order = np.lexsort((-logs.real, np.round(angle, 9)), axis=1)
     angle, growth = np.take_along_axis(angle, order, axis=1), np.take_along_axis(logs.real, order, axis=1)
@@ -101,14 +103,6 @@ def measure_meetings(spectra: Spectra) -> tuple[Array, Array]:
     first = np.concatenate([growth[:, :1], growth[:, 1:-1:2], growth[:, -2:-1]], axis=1)
     second = np.concatenate([growth[:, 1:2], growth[:, 2::2], growth[:, -1:]], axis=1)
     return (((first - second) / 2) ** 2 - (across / 2) ** 2), (first + second) / 2
-
-
-def drop_odd(logs: Array) -> Array:
-    """An even number of logs: without the fastest decaying of an odd number, which meets nobody near the unit circle."""
-    if logs.shape[1] % 2 == 0:
-        return logs
-    alone = np.argsort(logs.real, axis=1, kind="stable")[:, 1:]
-    return np.take_along_axis(logs, np.sort(alone, axis=1), axis=1)
 
 
 def measure_margins(spectra: Spectra, undamped: Array, angles: Array) -> tuple[Array, Array]:

@@ -139,11 +139,11 @@ def multiply_on(
     given = [one.stacked for one in second if one is not None]
     functions = given if len(given) == count else [one.A for one in systems]
     products = []
-    with np.errstate(over="ignore", invalid="ignore"):
-        for grid, rule in zip(grids, rules, strict=True):
-            times = place_nodes(grid, rule.c)
-            sampled = np.array([A(one.period * times.ravel()) for A, one in zip(functions, systems, strict=True)])
-            values = sampled.reshape(count * len(times), len(rule.c), *sampled.shape[2:])
+    for grid, rule in zip(grids, rules, strict=True):
+        times = place_nodes(grid, rule.c)
+        sampled = np.array([A(one.period * times.ravel()) for A, one in zip(functions, systems, strict=True)])
+        values = sampled.reshape(count * len(times), len(rule.c), *sampled.shape[2:])
+        with np.errstate(over="ignore", invalid="ignore"):
             factors = factor(values, (periods[:, None] * np.diff(grid)).ravel(), rule)
             products.append(multiply_up(factors.reshape(count, len(times), n, n)))
     (coarse, _), (P, rounding) = products
