@@ -92,8 +92,6 @@ class Interpolant:
             found = cls(low, high, known, missed, inverse)
             here = found.at(between)
             found = replace(found, missed=SAFETY * np.abs(here.P - sure.P).max(axis=0))
-            if not np.isfinite(found.missed).all():
-                return None
             if found.at(between).meets(tol).all():
                 return found
             count = 2 * len(known.P) - 1
