@@ -107,13 +107,8 @@ class Changes:
     undamped: Array
 
     @property
-    def unstable(self) -> Array:
-        """The unstable ends, (V,)."""
-        return np.asarray(self.ends.points[1])
-
-    @property
     def rising(self) -> Array:
-        """Where these stand behind the quiet ones, (V,)."""
+        """Where the unstable end stands behind the quiet one, (V,)."""
         return np.asarray(self.ends.points[1] > self.ends.points[0])
 
 
@@ -161,7 +156,7 @@ def find_crossings(
         values, errors, slopes = solve_changes(changes, without_rest(fine), tol / 4, effort, values, 4 * near)
     else:
         effort.unfinished = True
-    columns = values, errors, changes.rising, changes.unstable, slopes, changes.undamped
+    columns = values, errors, changes.rising, changes.ends.points[1], slopes, changes.undamped
     found = (Crossing(*row) for row in zip(*(one.tolist() for one in columns), strict=True))
     return sorted([*found, *touching], key=lambda one: (one.value, not one.onset))
 

@@ -17,6 +17,7 @@ from flexlin.periodic.boundary.follow import (
     find_middles,
     find_nodes,
     link_nodes,
+    measure_chords,
     measure_quarters,
     place_cubic,
     spread,
@@ -30,7 +31,7 @@ from flexlin.periodic.boundary.spectra import (
     measure_margins,
 )
 from flexlin.periodic.interpolation import NODES, chebyshev_nodes, divide_evenly
-from flexlin.precision import CUBE_ROOT_EPS, TINY
+from flexlin.precision import CUBE_ROOT_EPS
 
 INNER_CELLS = 4
 """Cells on either side of a cell that is divided again."""
@@ -160,9 +161,8 @@ class Tracer:
             self.vertices.at(pairs.ravel()),
             np.tile([1.0, -1.0], len(pairs)),
         )  # it comes from one, goes to the next
-        chord = (point - ends.points) * sides[:, None]
-        length = np.linalg.norm(chord, axis=1)
-        unit = chord / np.maximum(length, TINY)[:, None]
+        length, unit = measure_chords(ends.points, point)
+        unit *= sides[:, None]
         bends = length * np.linalg.norm(unit - ends.directions, axis=1) ** 2
         there, errors = np.tile(point, (len(sides), 1)), np.full(len(sides), error)
         tips = self.add(replace(ends, points=there, directions=2 * unit - ends.directions, errors=errors))
@@ -241,9 +241,7 @@ def draw_curve(chain: list[Piece], vertices: Vertices, tol: float) -> Curve:
 
 def count_points(first: Vertices, second: Vertices, tol: float) -> Array:
     """How many chords each cubic needs, so that none is farther from it than tol / 4."""
-    chord = second.points - first.points
-    length = np.linalg.norm(chord, axis=1)
-    unit = chord / np.maximum(length, TINY)[:, None]
+    length, unit = measure_chords(first.points, second.points)
     turn = np.linalg.norm(first.directions - unit, axis=1) + np.linalg.norm(second.directions - unit, axis=1)
     return np.where(length > 0, np.maximum(np.ceil(np.sqrt(turn * length / (2 * tol))), 1), 1).astype(int)
 

@@ -116,7 +116,7 @@ def find_nodes(
     scan = add_quiet_strips(divide_unsettled(scan) if narrow else scan, accuracy)
     found = list_changes(add_tongues(scan, accuracy, Effort())[0] if narrow else scan)
     zeros, errors, _ = solve_changes(found, scan.at, accuracy, Effort())
-    points, inside = place(found.line, zeros), place(found.line, found.unstable)
+    points, inside = place(found.line, zeros), place(found.line, found.ends.points[1])
     nodes = Vertices(points, np.zeros(points.shape), errors, found.angles, found.undamped, inside)
     along, middle = found.line < shape[1], place(found.line, found.between)
     cell = np.stack([np.searchsorted(xs, middle[:, 0]), np.searchsorted(ys, middle[:, 1])], axis=1)
@@ -128,6 +128,13 @@ def find_nodes(
     return nodes, entered, left
 
 
+def measure_chords(points: Array, others: Array) -> tuple[Array, Array]:
+    """Lengths (...,) and directions (..., 2) of the ways from points (..., 2) to others."""
+    chord = others - points
+    length = np.linalg.norm(chord, axis=-1)
+    return length, chord / np.maximum(length, TINY)[..., None]
+
+
 def link_nodes(nodes: Vertices, entered: Array, left: Array) -> Array:
     """The node that follows each one (V,), -1 where the boundary leaves the range.
 
@@ -137,9 +144,7 @@ def link_nodes(nodes: Vertices, entered: Array, left: Array) -> Array:
     follower = np.full(len(entered), -1)
     for cell in np.unique(entered[entered[:, 0] >= 0], axis=0):
         coming, going = (np.flatnonzero((cells == cell).all(axis=1)) for cells in (entered, left))
-        chord = nodes.points[going][None] - nodes.points[coming][:, None]
-        length = np.linalg.norm(chord, axis=2)
-        unit = chord / np.maximum(length, TINY)[..., None]
+        length, unit = measure_chords(nodes.points[coming][:, None], nodes.points[going])
         ahead = np.einsum("ik,ijk->ij", nodes.directions[coming], unit)
         after = np.einsum("jk,ijk->ij", nodes.directions[going], unit)
         rows, columns = linear_sum_assignment(length * (2 - ahead - after))
