@@ -222,7 +222,7 @@ def find_first(
 
     better: the perturbed loops that the error is judged by, where those that are searched are not exact.
     """
-    known = dict([start])
+    known = {start[0]: start[1]}
 
     def growth_of(value: float) -> float:
         if value not in known:
