@@ -228,14 +228,12 @@ def serves(found: "Logs", tol: float) -> Array:
 class FunctionFamily(Family):
     """Systems that a function makes; of one number in a range, their transition matrices are interpolated where that is known to serve.
 
-    `smooth`: whether those at the ends and in the middle are, but for jumps at equal `phases`, once it is known; `start`: where
-    `find_together` begins.
+    `smooth`: whether those at the ends and in the middle are, but for jumps at equal `phases`, once it is known.
     """
 
     box: Array = field(kw_only=True)
     smooth: bool | None = None
     phases: tuple[float, ...] = ()
-    start: int = 0
 
     @lazy
     def interpolant(self) -> Interpolant | None:
@@ -246,11 +244,11 @@ class FunctionFamily(Family):
         found = try_to(lambda: Interpolant.fit(self.products, low, high, self.coarsest))
         return found if isinstance(found, Interpolant) else None
 
-    def products(self, values: Array, start: int) -> Products:
+    def products(self, values: Array) -> Products:
         """Together, at values (V,) of the one number, to a part of what is wanted between them."""
         systems = [self.system_at(np.array([value])) for value in values.tolist()]
         self.evaluations += len(systems)
-        return find_together(systems, MINOR * self.coarsest, start, self.phases)
+        return find_together(systems, MINOR * self.coarsest, self.phases)
 
     def look(self, systems: list[PeriodicSystem]) -> None:
         """See whether a few systems are smooth between the same phases."""
@@ -280,9 +278,7 @@ class FunctionFamily(Family):
             return None
         if self.interpolant is not None:
             return self.interpolant.at(points[:, 0])
-        products = find_together(list(map(self.system_at, points)), self.coarsest, self.start, self.phases)
-        self.start = products.enough
-        return products
+        return find_together(list(map(self.system_at, points)), self.coarsest, self.phases)
 
 
 def blank(values: int, states: int) -> tuple[Array, Array]:

@@ -8,7 +8,6 @@ __getattr__, __dir__, __all__ = load_lazily(
     within={
         "periodic.boundary.crossings": "find_crossings",
         "periodic.boundary.curves": "find_curves find_tip",
-        "periodic.boundary.follow": "find_directions",
         "periodic.boundary.spectra": "Effort Spectra",
         "periodic.boundary.together": "find_together",
         "periodic.certificate": "digest",
@@ -37,7 +36,6 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.riccati.scattering": "LoopLyapunov",
         "periodic.coefficient_series.matrix": "weigh_entries",
         "periodic.coefficient_series.resolve": "resolve",
-        "periodic.roots": "SignedEnds solve_brackets",
         "periodic.system": "extend_system",
         "periodic.transition.factors": "gauss_transitions",
         "periodic.transition.gauss": "radau",

@@ -3,13 +3,13 @@
 import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from math import factorial
 
 import numpy as np
 
 from flexlin._core import LANES, address, declare_sized
 from flexlin.checks import Array
-from flexlin.lazy import lazy
 from flexlin.periodic.interpolation import NODES, divide_segments, place_edges
 from flexlin.periodic.transition.gauss import gauss, place_nodes
 
@@ -116,7 +116,7 @@ class Logs:
 class Kernel:
     """A model and all that follows from it; `breaks`: phases in [0, 1).
 
-    `of_phase`: phases (N,) -> (N, phase_inputs), the inputs of the phase's program. Pickled without what is found again.
+    `of_phase`: phases (N,) -> (N, phase_inputs), the inputs of the phase's program.
     """
 
     model: Model
@@ -142,7 +142,7 @@ class Kernel:
         """
         V, n, points = len(points), self.model.states, np.ascontiguousarray(points, dtype=float)
         found = Logs(np.empty((V, n), complex), np.empty((V, n)), np.empty(V, bool), np.empty(V), np.empty(V, bool))
-        counts, *tables = self.tabulate(segments, levels)
+        counts, *tables = lay_grids(self, segments, levels)
         reach = (accuracy * factorial(DEGREE + 1)) ** (1 / DEGREE)
         tables += [np.ascontiguousarray(scale / scale[:, None])]
         grids, model = CGrids(levels, int(counts.sum()), *map(address, (counts, *tables)), reach), self.model.describe()
@@ -183,29 +183,20 @@ class Kernel:
             sizes = np.concatenate([places, places + factor])
         return np.asarray(2.0**sizes)
 
-    def tabulate(self, segments: int, levels: int) -> list[Array]:
-        """What of a computation the resolutions alone decide: segments, their lengths and nodes, gains; kept for the next one."""
-        key = segments, levels
-        if key not in self.tables:
-            base = place_edges(1.0, self.breaks, segments)
-            grids = [divide_segments(base, multiple) for multiple in MULTIPLES[:levels]]
-            gains = [find_gains(*MULTIPLES[k - 2 : k + 1]) if k > 1 else np.zeros(4) for k in range(levels)]
-            nodes = np.concatenate([place_nodes(grid, gauss(2).c).ravel() for grid in grids])
-            self.tables[key] = [
-                np.array([len(grid) - 1 for grid in grids], dtype=np.intc),
-                np.concatenate([np.diff(grid) for grid in grids]),
-                np.ascontiguousarray(self.of_phase(nodes)),
-                np.array(gains),
-            ]
-        return self.tables[key]
 
-    @lazy
-    def tables(self) -> dict[tuple[int, int], list[Array]]:
-        """Of `tabulate`."""
-        return {}
-
-    def __getstate__(self) -> dict[str, object]:
-        return {name: getattr(self, name) for name in ("model", "of_phase", "breaks")}
+@lru_cache(maxsize=128)
+def lay_grids(kernel: Kernel, segments: int, levels: int) -> list[Array]:
+    """What of a computation the resolutions alone decide: segments, their lengths and nodes, gains; kept for the next one."""
+    base = place_edges(1.0, kernel.breaks, segments)
+    grids = [divide_segments(base, multiple) for multiple in MULTIPLES[:levels]]
+    gains = [find_gains(*MULTIPLES[k - 2 : k + 1]) if k > 1 else np.zeros(4) for k in range(levels)]
+    nodes = np.concatenate([place_nodes(grid, gauss(2).c).ravel() for grid in grids])
+    return [
+        np.array([len(grid) - 1 for grid in grids], dtype=np.intc),
+        np.concatenate([np.diff(grid) for grid in grids]),
+        np.ascontiguousarray(kernel.of_phase(nodes)),
+        np.array(gains),
+    ]
 
 
 def take_phases(phases: Array) -> Array:

@@ -17,7 +17,7 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of, with_matrices
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
-from flexlin.precision import ROOT_EPS, TINY
+from flexlin.precision import ROOT_EPS
 from flexlin.summary import represent
 
 LARGEST_GAIN, GAIN_RATIO = 1e3, 1.4
@@ -222,19 +222,16 @@ def find_first(
 
     better: the perturbed loops that the error is judged by, where those that are searched are not exact.
     """
-    known = {start[0]: (start[1], True)}
+    known = {start[0]: start[1]}
 
     def growth_of(value: float) -> float:
         if value not in known:
-            found = judge_growth(make(value))
-            known[value] = float(found.exponents[0].real), found.verdict != "undecided"
-        return known[value][0]
+            known[value] = float(judge_growth(make(value)).exponents[0].real)
+        return known[value]
 
     before = start[0]
     for value in map(float, values):
         if growth_of(value) > 0:
-            if not (known[before][1] or known[value][1]):  # no loop between them has a verdict either
-                return value, np.inf
             root = float(brentq(growth_of, before, value, xtol=tol * abs(value) / 8, rtol=1e-14))
             return find_near(better or make, root, tol * abs(root))
         before = value
@@ -247,15 +244,10 @@ def judge_growth(loop: PeriodicSystem) -> FloquetResult:
 
 
 def find_near(make: Perturbed, value: float, reach: float) -> Found:
-    """The middle and half width of an interval about a value, at whose ends the verdicts are decided and differ.
-
-    The next interval is twice as wide, or as wide as growth rates in proportion to it need to be to exceed their errors.
-    """
+    """The middle and half width, doubled as need be, of an interval about a value at whose ends the verdicts are decided and differ."""
     while reach < abs(value):
         found = [judge_growth(make(value + side * reach)) for side in (-1, 1)]
         if {one.verdict for one in found} == {"stable", "unstable"}:
             return value, reach
-        growth = max(abs(float(one.exponents[0].real)) for one in found)
-        error = max(float(one.errors[0]) for one in found)
-        reach *= max(2.0, error / max(growth, TINY))
+        reach *= 2
     return value, np.inf

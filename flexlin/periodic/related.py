@@ -134,11 +134,6 @@ def join(*matrices: Array, wires: Wires, which: int) -> Array:
     return np.asarray((A + B @ u, B @ r, L @ (C + D @ u), L @ D @ r)[which])
 
 
-def functions(one: PeriodicStateSpace) -> tuple[MatrixFunction, MatrixFunction, MatrixFunction, MatrixFunction]:
-    """A, B, C, D."""
-    return one.system.A, input_of(one.system), one.C, one.D
-
-
 def beside(first: Array, second: Array) -> Array:
     """Two stacks of matrices as the blocks of a diagonal."""
     rows, columns = first.shape[1:]
@@ -159,7 +154,7 @@ def connect(
         raise ArgumentError(
             "inputs and outputs do not fit each other", got=str(list(fitting)), expected="equal numbers"
         )
-    known = *functions(first), *functions(second)
+    known = tuple(f for one in (first, second) for f in (one.system.A, input_of(one.system), one.C, one.D))
     complete = all(one.system.complete and all(map(has_nothing_narrow, (one.C, one.D))) for one in (first, second))
     parts: list[MatrixFunction] = [
         Combined(partial(join, wires=wires, which=which), known, complete) for which in range(4)

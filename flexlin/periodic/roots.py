@@ -11,79 +11,69 @@ MOST_STEPS = 200
 """Steps of a search; halving alone needs some 50, and a size may be as far off as doubling goes."""
 
 
+UncertainFunction = Callable[[Array, Array], tuple[Array, Array]]
+"""Indices (W,) and points (W,) -> values (W,) and their errors (W,)."""
+
+
 @dataclass(frozen=True)
 class SignedEnds:
-    """Two points (V,) each and the values there, of unlike sign; the first is the latest point."""
+    """Two points each (2, V), the first the latest, with the functions' values there, of unlike sign, and the errors of these."""
 
-    a: Array
-    b: Array
-    at_a: Array
-    at_b: Array
+    points: Array
+    values: Array
+    errors: Array
+
+    @classmethod
+    def between(cls, function: UncertainFunction, points: Array) -> "SignedEnds":
+        """The points (2, V) with what the function says there."""
+        values, errors = zip(*(function(np.arange(len(one)), one) for one in points), strict=True)
+        return cls(points, np.array(values), np.array(errors))
 
     @property
-    def best(self) -> Array:
-        """The point whose value is nearer to zero."""
-        return np.where(np.abs(self.at_a) <= np.abs(self.at_b), self.a, self.b)
+    def best(self) -> tuple[Array, Array, Array]:
+        """The point whose value is nearer to zero, that value's size, and its error, (V,) each."""
+        nearer = np.abs(self.values).argmin(axis=0), np.arange(self.values.shape[1])
+        return self.points[nearer], np.abs(self.values[nearer]), self.errors[nearer]
 
     @property
     def width(self) -> Array:
-        return np.abs(self.b - self.a)
+        """Between the two points, (V,)."""
+        return np.asarray(np.abs(self.points[1] - self.points[0]))
 
 
 def solve_brackets(
-    function: Callable[[Array, Array], Array],
+    function: UncertainFunction,
     start: SignedEnds,
-    accuracy: Array | float,
+    accuracy: float,
     affords: Callable[[int], bool] = lambda _: True,
 ) -> SignedEnds:
     """Narrow brackets until they are as wide as `accuracy`, by inverse quadratic interpolation where that is safe, else by halves.
 
-    Parameters: function: (indices (W,), points (W,)) -> values (W,), all brackets that are still wide in one call;
+    Parameters: function: called with all brackets that are still wide at once;
     affords: whether so many values more may be computed; brackets stay wide where not.
     Source: Chandrupatla, A new hybrid quadratic/bisection algorithm, Advances in Engineering Software 28 (1997).
     """
-    a, b, at_a, at_b = (np.array(values, dtype=float) for values in (start.a, start.b, start.at_a, start.at_b))
-    limit = np.broadcast_to(accuracy, a.shape)
-    t = np.full(a.shape, 0.5)
+    found = SignedEnds(start.points.copy(), start.values.copy(), start.errors.copy())
+    t = np.full(len(start.width), 0.5)
     for _ in range(MOST_STEPS):
-        which = np.flatnonzero((np.abs(b - a) > limit) & (at_a != 0) & (at_b != 0))
+        which = np.flatnonzero((found.width > accuracy) & (found.values != 0).all(axis=0))
         if not len(which) or not affords(len(which)):
             break
-        x1, x2, f1, f2 = a[which], b[which], at_a[which], at_b[which]
+        (x1, x2), (f1, f2) = found.points[:, which], found.values[:, which]
         x = x1 + t[which] * (x2 - x1)
-        f = function(which, x)
+        f, error = function(which, x)
         same = np.sign(f) == np.sign(f1)
-        x3, f3 = np.where(same, x1, x2), np.where(same, f1, f2)
-        a[which], at_a[which] = x, f
-        b[which], at_b[which] = np.where(same, x2, x1), np.where(same, f2, f1)
-        t[which] = choose_steps(x, b[which], x3, f, at_b[which], f3, limit[which])
-    return SignedEnds(a, b, at_a, at_b)
+        for known, latest in ((found.points, x), (found.values, f), (found.errors, error)):
+            known[:, which] = latest, np.where(same, known[1, which], known[0, which])
+        three = np.array([*found.points[:, which], np.where(same, x1, x2)])
+        t[which] = choose_steps(three, np.array([*found.values[:, which], np.where(same, f1, f2)]), accuracy)
+    return found
 
 
-def solve_uncertain(
-    function: Callable[[Array, Array], tuple[Array, Array]],
-    start: SignedEnds,
-    accuracy: float,
-    affords: Callable[[int], bool] = lambda _: True,
-) -> tuple[SignedEnds, Array]:
-    """As `solve_brackets`, of functions with an error each; also how far from zero the best point's value may be, (V,)."""
-    seen = dict[tuple[int, float], float]()
-
-    def note(which: Array, points: Array) -> Array:
-        values, errors = function(which, points)
-        seen.update(zip(zip(which.tolist(), points.tolist(), strict=True), errors.tolist(), strict=True))
-        return values
-
-    ends = solve_brackets(note, start, accuracy, affords)
-    missing = np.array([k for k, x in enumerate(ends.best.tolist()) if (k, x) not in seen], dtype=int)
-    if len(missing):
-        note(missing, ends.best[missing])
-    left = np.minimum(np.abs(ends.at_a), np.abs(ends.at_b))
-    return ends, left + np.array([seen[key] for key in enumerate(ends.best.tolist())])
-
-
-def choose_steps(x1: Array, x2: Array, x3: Array, f1: Array, f2: Array, f3: Array, limit: Array) -> Array:
-    """Where to look next, as a share of the way from x1 to x2; never nearer to an end than a part of the limit."""
+def choose_steps(x: Array, f: Array, limit: float) -> Array:
+    """Where to look next, as a share of the way from the first to the second of three points (3, W), of which the third was left out last;
+    never nearer to an end than a part of the limit."""
+    (x1, x2, x3), (f1, f2, f3) = x, f
     with np.errstate(divide="ignore", invalid="ignore"):
         place, value, alpha = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2), (x3 - x1) / (x2 - x1)
         safe = (1 - np.sqrt(1 - place) < value) & (value < np.sqrt(place))

@@ -1,6 +1,7 @@
 """Invariant zeros: the motions that a system may make while its output stays zero."""
 
 from dataclasses import dataclass
+from functools import partial
 from operator import itemgetter
 
 import numpy as np
@@ -13,7 +14,7 @@ from flexlin.periodic.circle import assign
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficient_series.sampling import RESOLVED_TOL, stratified
-from flexlin.periodic.coefficients import MatrixFunction, combine
+from flexlin.periodic.coefficients import MatrixFunction, close_loop, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
 from flexlin.precision import EPS, FAINT, SAFETY, SLIGHT, TINY
@@ -115,31 +116,43 @@ def invariant_zeros(
     as_many = system.period, ": outputs as inputs"
     output = as_port("C", C, (m, n), *as_many)
     through = as_port("D", np.zeros((m, m)) if D is None else D, (m, m), *as_many)
+    A, B = system.resolved, system.resolved_input
     chains = find_chains(system, *(resolve_beside(system, one) for one in (output, through)))
-    poles = [2 * np.pi / system.period * (0.5 + 0.23 * k) for k in range(sum(one.degree for one in chains))]
-    loop = ZeroedOutput(system, tuple(chains), tuple(poles))
-    loop.check()
-    found = floquet(PeriodicSystem(loop, system.period, breaks=loop.breaks, complete=True), tol)
-    apart = np.abs(found.exponents[:, None] + np.array(poles)) if poles else np.empty((n, 0))
-    kept = np.setdiff1d(np.arange(n), assign(apart.T)) if poles else np.arange(n)
-    exponents, errors = found.exponents[kept], found.errors[kept] + loop.unknown()
+    degrees = tuple(len(rows) - 1 for rows, _ in chains)
+    poles = 2 * np.pi / system.period * (0.5 + 0.23 * np.arange(sum(degrees)))
+    weights = (np.atleast_1d(np.poly(-own))[::-1] for own in np.split(poles, np.cumsum(degrees)[:-1]))
+    decay = combine(
+        gather_rows, *(combine(partial(weigh, w), *rows) for w, (rows, _) in zip(weights, chains, strict=True))
+    )
+    E = combine(gather_rows, *(by_input for _, by_input in chains))
+    check_degrees(E, system.period)
+    edges = edges_between(A, B, *(row for rows, _ in chains for row in rows))
+    loop = combine(close_loop, A, B, combine(np.linalg.solve, E, decay))
+    found = floquet(PeriodicSystem(loop, system.period, breaks=edges, complete=True), tol)
+    apart = np.abs(found.exponents[:, None] + poles)
+    kept = np.setdiff1d(np.arange(n), assign(apart.T)) if len(poles) else np.arange(n)
+    t = system.period * stratified(64)
+    by_row, unknown = np.abs(B(t) @ np.linalg.inv(E(t))), np.concatenate([rows[-1].error for rows, _ in chains])
+    exponents = found.exponents[kept]
+    errors = found.errors[kept] + float(np.linalg.norm(by_row @ unknown, 2, axis=(1, 2)).max())
     real = exponents.real
     grows, decays = np.any(real > errors), np.all(real < -errors)
     verdict = "non-minimum phase" if grows else "minimum phase" if decays else "undecided"
-    return InvariantZeros(exponents, errors, tuple(one.degree for one in chains), verdict)
+    return InvariantZeros(exponents, errors, degrees, verdict)
 
 
-@dataclass(frozen=True, eq=False)
-class Chain:
-    """One output and its derivatives: h_0 ... h_k, each (1, n), and the row by which u acts on the last."""
+Chain = tuple[list[ResolvedMatrix], MatrixFunction]
+"""One output and its derivatives, h_0 ... h_k, each (1, n), k its relative degree, and the row by which u acts on the last."""
 
-    rows: tuple[ResolvedMatrix, ...]
-    by_input: MatrixFunction
 
-    @property
-    def degree(self) -> int:
-        """The output's relative degree k."""
-        return len(self.rows) - 1
+def weigh(weights: Array, *rows: Array) -> Array:
+    """A sum of rows, each by its weight."""
+    return np.asarray(sum(weight * row for weight, row in zip(weights, rows, strict=True)))
+
+
+def gather_rows(*rows: Array) -> Array:
+    """Rows (N, 1, n) one above the other."""
+    return np.concatenate(rows, axis=1)
 
 
 def differentiate(row: ResolvedMatrix, A: MatrixFunction) -> MatrixFunction:
@@ -150,7 +163,7 @@ def differentiate(row: ResolvedMatrix, A: MatrixFunction) -> MatrixFunction:
 
 def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) -> list[Chain]:
     """Each output's derivatives until the input appears. Raises: NumericalError where it never does, or a derivative jumps before."""
-    t, A, B, chains = system.period * stratified(4 * SAMPLES), system.resolved, system.resolved_input, []
+    t, A, B, chains = system.period * stratified(4 * SAMPLES), system.resolved, system.resolved_input, list[Chain]()
     A_at, B_at, every = np.abs(A(t)), np.abs(B(t)), np.eye(system.n)
     for i in range(system.m):
         of_output = itemgetter((slice(None), slice(i, i + 1)))
@@ -175,7 +188,7 @@ def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) ->
             row = take(system, differentiate(row, A), row.breaks, (np.abs(slope(t)) + row_at @ A_at).max(axis=0))
             unknown = unknown + row.error
             rows.append(row)
-        chains.append(Chain(tuple(rows), by_input))
+        chains.append((rows, by_input))
     return chains
 
 
@@ -199,51 +212,18 @@ def jumps(row: ResolvedMatrix) -> bool:
     return bool(np.any(apart > SAFETY * row.error + FAINT * np.abs(row(edges)).max()))
 
 
-@dataclass(frozen=True, eq=False)
-class ZeroedOutput:
-    """A - B E^-1 [h_k + sum of a_j h_j] as a function of time, for outputs that decay with the poles given."""
-
-    system: PeriodicSystem
-    chains: tuple[Chain, ...]
-    poles: tuple[float, ...]
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Edges of all panels."""
-        rows = (row for one in self.chains for row in one.rows)
-        return tuple(edges_between(self.system.resolved, self.system.resolved_input, *rows))
-
-    def __call__(self, t: Array) -> Array:
-        return self.system.resolved(t) - self.system.resolved_input(t) @ np.linalg.solve(*self._gain(t))
-
-    def _gain(self, t: Array) -> tuple[Array, Array]:
-        E, wanted, left = [], [], list(self.poles)
-        for one in self.chains:
-            own, left = left[: one.degree], left[one.degree :]
-            weights = np.poly(-np.array(own))[::-1] if own else np.ones(1)
-            wanted.append(sum(a * row(t) for a, row in zip(weights, one.rows, strict=True)))
-            E.append(one.by_input(t))
-        return np.concatenate(E, axis=1), np.concatenate(wanted, axis=1)
-
-    def check(self) -> None:
-        """Raises: NumericalError where E is singular at some time."""
-        t = self.system.period * stratified(4 * SAMPLES)
-        E = self._gain(t)[0]
-        E = E / (np.abs(E).max(axis=(0, 2)) + TINY)[:, None]
-        E = E / (np.abs(E).max(axis=(0, 1)) + TINY)
-        sizes = np.linalg.svd(E, compute_uv=False)
-        k = int(np.argmin(sizes[:, -1]))
-        signs = np.sign(np.linalg.det(E))
-        if sizes[k, -1] < SLIGHT * sizes.max() or np.any(signs != signs[0]):
-            raise NumericalError(
-                "the input does not act on the outputs in the same derivatives at all times",
-                got=f"a matrix E whose smallest singular value at t = {t[k]:.4g} s is {sizes[k, -1]:.1g} of the largest",
-                expected="outputs and inputs of a uniform relative degree",
-            )
-
-    def unknown(self) -> float:
-        """What is not known of the rows, as it acts on the states, in 1/s."""
-        t = self.system.period * stratified(64)
-        by_row = np.abs(self.system.resolved_input(t) @ np.linalg.inv(self._gain(t)[0]))
-        known = np.concatenate([one.rows[-1].error for one in self.chains])
-        return float(np.linalg.norm(by_row @ known, 2, axis=(1, 2)).max())
+def check_degrees(E: MatrixFunction, period: float) -> None:
+    """Raises: NumericalError where E, the matrix of the rows by which u acts, is singular at some time."""
+    t = period * stratified(4 * SAMPLES)
+    scaled = E(t)
+    scaled = scaled / (np.abs(scaled).max(axis=(0, 2)) + TINY)[:, None]
+    scaled = scaled / (np.abs(scaled).max(axis=(0, 1)) + TINY)
+    sizes = np.linalg.svd(scaled, compute_uv=False)
+    k = int(np.argmin(sizes[:, -1]))
+    signs = np.sign(np.linalg.det(scaled))
+    if sizes[k, -1] < SLIGHT * sizes.max() or np.any(signs != signs[0]):
+        raise NumericalError(
+            "the input does not act on the outputs in the same derivatives at all times",
+            got=f"a matrix E whose smallest singular value at t = {t[k]:.4g} s is {sizes[k, -1]:.1g} of the largest",
+            expected="outputs and inputs of a uniform relative degree",
+        )

@@ -1,7 +1,7 @@
 """All values of one parameter at which a periodic system becomes unstable or stable again: scans along one line or many."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from flexlin.periodic.boundary.spectra import (
     measure_meetings,
 )
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.roots import MOST_STEPS, SignedEnds, solve_brackets, solve_uncertain
+from flexlin.periodic.roots import MOST_STEPS, SignedEnds, solve_brackets
 from flexlin.precision import MINOR, PARTIAL, ROOT_EPS, SAFETY, TINY
 
 SCAN_VALUES = 1025
@@ -97,16 +97,19 @@ class Peaks:
 
 @dataclass(frozen=True)
 class Changes:
-    """Values on a line (V,) with unlike verdicts: the quiet and the unstable end, a place between the two neighbours among whose cells
-    the verdict changes, angle of the growing multiplier, kind of margin; the spectra at both ends."""
+    """Changes of the verdict on lines (V,): margins at the quiet and at the unstable end, a place between the two neighbours among whose
+    cells the verdict changes, angle of the growing multiplier, kind of margin."""
 
     line: Array
-    quiet: Array
-    unstable: Array
+    ends: SignedEnds
     between: Array
     angles: Array
     undamped: Array
-    known: tuple[Spectra, Spectra]
+
+    @property
+    def rising(self) -> Array:
+        """Where the unstable end stands behind the quiet one, (V,)."""
+        return np.asarray(self.ends.points[1] > self.ends.points[0])
 
 
 def find_crossings(
@@ -153,7 +156,7 @@ def find_crossings(
         values, errors, slopes = solve_changes(changes, without_rest(fine), tol / 4, effort, values, 4 * near)
     else:
         effort.unfinished = True
-    columns = values, errors, changes.unstable > changes.quiet, changes.unstable, slopes, changes.undamped
+    columns = values, errors, changes.rising, changes.ends.points[1], slopes, changes.undamped
     found = (Crossing(*row) for row in zip(*(one.tolist() for one in columns), strict=True))
     return sorted([*found, *touching], key=lambda one: (one.value, not one.onset))
 
@@ -370,21 +373,19 @@ def add_quiet_strips(scan: Scan, accuracy: float) -> Scan:
     Zero of the squared growth, taken as positive where the growing multiplier stands nearer to the first one's angle; none where one
     tongue goes over into the next.
     """
-    angle = np.abs(scan.spectra.logs.imag[np.arange(len(scan.line)), scan.spectra.leading])
+    angle = np.abs(scan.spectra.lead.imag)
     unstable = scan.spectra.verdicts > 0
     index = np.flatnonzero(unstable[1:] & unstable[:-1] & scan.joined & (np.abs(np.diff(angle)) > UNLIKE_ANGLES))
 
-    def signed(which: Array, values: Array) -> Array:
+    def signed(which: Array, values: Array) -> tuple[Array, Array]:
         found, cell = scan.at(scan.line[index[which]], values), index[which]
-        lead = found.logs[np.arange(len(which)), found.leading]
-        place = np.abs(lead.imag)
+        place = np.abs(found.lead.imag)
         nearer = np.abs(place - angle[cell]) <= np.abs(place - angle[cell + 1])
-        return np.where(found.verdicts > 0, np.where(nearer, 1.0, -1.0) * lead.real**2, 0.0)
+        return np.where(found.verdicts > 0, np.where(nearer, 1.0, -1.0) * found.lead.real**2, 0.0), 0 * place
 
-    every, a, b = np.arange(len(index)), scan.values[index], scan.values[index + 1]
-    ends = solve_brackets(signed, SignedEnds(a, b, signed(every, a), signed(every, b)), accuracy)
-    quiet = (ends.at_a == 0) | (ends.at_b == 0)
-    return scan.with_values(scan.line[index[quiet]], np.where(ends.at_a == 0, ends.a, ends.b)[quiet])
+    start = SignedEnds.between(signed, scan.values[[index, index + 1]])
+    place, size, _ = solve_brackets(signed, start, accuracy).best
+    return scan.with_values(scan.line[index[size == 0]], place[size == 0])
 
 
 def list_changes(scan: Scan) -> Changes:
@@ -397,9 +398,10 @@ def list_changes(scan: Scan) -> Changes:
     beyond = np.clip(quiet + np.where(rising, -1, 1), 0, len(verdicts) - 1)
     move = (verdicts[quiet] == 0) & (verdicts[beyond] < 0) & (scan.line[beyond] == scan.line[quiet])
     quiet, stable = np.where(move, beyond, quiet), stable | move
-    angles = scan.spectra.logs.imag[np.arange(len(verdicts)), scan.spectra.leading][unstable]
-    ends = scan.spectra.at(quiet), scan.spectra.at(unstable)
-    return Changes(scan.line[unstable], scan.values[quiet], scan.values[unstable], between, angles, ~stable, ends)
+    angles = scan.spectra.lead.imag[unstable]
+    margins = [measure_margins(scan.spectra.at(end), ~stable, angles) for end in (quiet, unstable)]
+    ends = SignedEnds(scan.values[[quiet, unstable]], *map(np.array, zip(*margins, strict=True)))
+    return Changes(scan.line[unstable], ends, between, angles, ~stable)
 
 
 def solve_changes(
@@ -419,22 +421,21 @@ def solve_changes(
     def margin(which: Array, values: Array) -> tuple[Array, Array]:
         return measure_margins(at(found.line[which], values), found.undamped[which], found.angles[which])
 
-    every = np.arange(len(found.line))
-    a, b = found.quiet, found.unstable
-    at_a, at_b = (measure_margins(known, found.undamped, found.angles)[0] for known in found.known)
+    ends = found.ends
     if guess is not None:
-        step = np.sign(b - a) * np.minimum(reach, np.minimum(np.abs(guess - a), np.abs(guess - b)))
-        near = margin(every, guess - step)[0], margin(every, guess + step)[0]
-        met = (near[0] < 0) & (near[1] > 0)
-        a, b = np.where(met, guess - step, a), np.where(met, guess + step, b)
-        at_a, at_b = np.where(met, near[0], at_a), np.where(met, near[1], at_b)
-    start = SignedEnds(a, b, np.minimum(at_a, -TINY), np.maximum(at_b, TINY))
-    ends, left = solve_uncertain(margin, start, accuracy, effort.affords)
+        step = np.where(found.rising, 1, -1) * np.minimum(reach, np.abs(guess - ends.points).min(axis=0))
+        near = SignedEnds.between(margin, np.array([guess - step, guess + step]))
+        met = (near.values[0] < 0) & (near.values[1] > 0)
+        ends = SignedEnds(
+            *(np.where(met, *both) for both in zip(vars(near).values(), vars(ends).values(), strict=True))
+        )
+    unlike = np.array([np.minimum(ends.values[0], -TINY), np.maximum(ends.values[1], TINY)])
+    narrow = solve_brackets(margin, replace(ends, values=unlike), accuracy, effort.affords)
+    zero, left, unknown = narrow.best
     with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = np.array([at_a / (a - ends.best), at_b / (b - ends.best)]) * np.sign(b - a)
+        slopes = ends.values / (ends.points - zero) * np.where(found.rising, 1, -1)
     slope = np.nanmin(np.where(slopes > 0, slopes, np.inf), axis=0)
-    error = np.minimum(left / slope, np.abs(found.unstable - found.quiet))
-    early = (ends.width > accuracy) & (ends.at_a != 0) & (ends.at_b != 0)
+    early = (narrow.width > accuracy) & (left > 0)
     effort.unfinished |= bool(early.any())
-    error = np.where(early, ends.width, error)
-    return ends.best, error + 2 * np.spacing(np.abs(ends.best)), slope
+    error = np.where(early, narrow.width, np.minimum((left + unknown) / slope, found.ends.width))
+    return zero, error + 2 * np.spacing(np.abs(zero)), slope

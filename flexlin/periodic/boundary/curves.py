@@ -1,6 +1,7 @@
 """All curves in a rectangle of two parameters at which a periodic system becomes unstable, and the tips where two of them meet."""
 
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -13,10 +14,12 @@ from flexlin.periodic.boundary.follow import (
     Vertices,
     find_directions,
     find_islands,
+    find_middles,
     find_nodes,
     link_nodes,
+    measure_chords,
+    measure_quarters,
     place_cubic,
-    refine_pieces,
     spread,
 )
 from flexlin.periodic.boundary.spectra import (
@@ -28,7 +31,7 @@ from flexlin.periodic.boundary.spectra import (
     measure_margins,
 )
 from flexlin.periodic.interpolation import NODES, chebyshev_nodes, divide_evenly
-from flexlin.precision import CUBE_ROOT_EPS, TINY
+from flexlin.precision import CUBE_ROOT_EPS
 
 INNER_CELLS = 4
 """Cells on either side of a cell that is divided again."""
@@ -38,13 +41,8 @@ MARGIN_DEGREE = 5
 """Of the polynomials through the margin on a box, along either side."""
 
 
-@dataclass(frozen=True)
-class Tip:
-    """Where two sides of the boundary meet, (2,), how far from it they may part, and whether the margin there is zero but for rounding."""
-
-    point: Array
-    error: float
-    zero: bool
+Tip = tuple[float, Array]
+"""How far from the point where two sides of the boundary meet they may part, and the point, (2,)."""
 
 
 @dataclass(frozen=True)
@@ -57,39 +55,26 @@ class Curve:
     inside: Array
 
 
-@dataclass(frozen=True)
-class Trace:
-    """Vertices of the boundary; for each the one that follows (-1: none), and how far the boundary lay off the cubic between them."""
-
-    vertices: Vertices
-    follower: Array
-    off: Array
-
-    def passes(self, node: int, last: int) -> list[int]:
-        """The vertices from one node to before another, as far as they are joined."""
-        passed = list[int]()
-        while node not in (-1, last):
-            passed.append(node)
-            node = int(self.follower[node])
-        return passed
-
-    def is_followed(self, node: int, last: int) -> bool:
-        """Whether every piece from one node to another has met the boundary."""
-        passed = self.passes(node, last)
-        return self.follower[passed[-1]] == last and bool(np.isfinite(self.off[passed]).all())
+Piece = tuple[int, int, float]
+"""Two vertices, one behind the other, and how far the boundary lay off the cubic between them: infinite where it was not met."""
 
 
-@dataclass(frozen=True)
 class Tracer:
     """What follows the boundary through boxes: spectra, wanted distance, whether tongues between lattice points are looked for, and the
-    effort, at whose end cells through which the boundary could not be followed at once stay open."""
+    effort, at whose end cells through which the boundary could not be followed at once stay open; all vertices that were found."""
 
-    function: SpectraFunction
-    tol: float
-    narrow: bool
-    effort: Effort
+    def __init__(self, function: SpectraFunction, tol: float, narrow: bool, effort: Effort):
+        self.function, self.tol, self.narrow, self.effort = function, tol, narrow, effort
+        nowhere, nothing = np.empty((0, 2)), np.empty(0)
+        self.vertices = Vertices(nowhere, nowhere, nothing, nothing, nothing > 0, nowhere)
 
-    def trace(self, low: Array, high: Array, cells: int) -> Trace:
+    def add(self, more: Vertices) -> Array:
+        """The places of further vertices among all."""
+        first = len(self.vertices.points)
+        self.vertices = self.vertices.beside(more)
+        return np.arange(first, len(self.vertices.points))
+
+    def trace(self, low: Array, high: Array, cells: int) -> list[Piece]:
         """Follow the boundary through a box of the unit square; parts that could not be followed are left out.
 
         Crossings of lattice lines are linked through the cells and joined by cubics.
@@ -98,42 +83,95 @@ class Tracer:
         spectra, whole = self.function(spread(xs, ys)), low.max() == 0.0 and high.min() == 1.0
         if whole:
             xs, ys, spectra = find_islands(xs, ys, spectra, self.function)
-        nodes, entered, left = find_nodes(xs, ys, spectra, self.function, self.tol / EXACT_PARTS, self.narrow)
-        size = float((high - low).max())
-        step = GRADIENT_STEP * min(1.0, CELLS * size)
-        directions = find_directions(nodes.points, nodes.angles, nodes.undamped, self.function, step)
-        nodes = replace(nodes, directions=directions)
-        following = link_nodes(nodes, entered, left)
+        found, entered, left = find_nodes(xs, ys, spectra, self.function, self.tol / EXACT_PARTS, self.narrow)
+        step = GRADIENT_STEP * min(1.0, CELLS * float((high - low).max()))
+        found = find_directions(found, self.function, step)
+        following = link_nodes(found, entered, left)
         linked = np.flatnonzero(following >= 0)
-        pairs = np.stack([linked, following[linked]], axis=1)
-        trace = Trace(*refine_pieces(nodes, pairs, self.function, self.tol, step, self.effort))
-        broken = [node for node, last in pairs.tolist() if not trace.is_followed(node, last)]
-        for i, j in np.unique(entered[broken], axis=0) if broken else ():
+        pairs, cell = self.add(found)[np.stack([linked, following[linked]], axis=1)], entered[linked]
+        links = self.refine(pairs, step)
+        broken = [not np.isfinite([off for *_, off in link]).all() for link in links]
+        for i, j in np.unique(cell[broken], axis=0):
             if not self.effort.affords(0):
                 self.effort.unfinished = True
-                return replace(trace, follower=np.where(np.isfinite(trace.off), trace.follower, -1))
-            through = pairs[(entered[pairs[:, 0]] == (i, j)).all(axis=1)]
-            trace = self.divide(trace, through, np.array([xs[i], ys[j]]), np.array([xs[i + 1], ys[j + 1]]))
-        return trace
+                break
+            through = np.flatnonzero((cell == (i, j)).all(axis=1))
+            for k in through:
+                links[k] = []
+            links.append(self.divide(pairs[through], np.array([xs[i], ys[j]]), np.array([xs[i + 1], ys[j + 1]])))
+        return [piece for link in links for piece in link if np.isfinite(piece[2])]
 
-    def divide(self, trace: Trace, pairs: Array, low: Array, high: Array) -> Trace:
+    def refine(self, pairs: Array, step: float) -> list[list[Piece]]:
+        """The pieces between pairs (P, 2) of vertices, for each as many as it takes: they are halved until each cubic lies within tol / 4
+        of the boundary at middle and quarter, or the effort ends: twice that, the chords and a vertex stay below tol together."""
+        links, owner = [list[Piece]() for _ in pairs], np.arange(len(pairs))
+        while len(pairs):
+            first, second = (self.vertices.at(ends) for ends in pairs.T)
+            found, off, slope = find_middles(first, second, self.function, self.tol / EXACT_PARTS)
+            length = np.linalg.norm(second.points - first.points, axis=1)
+            short = length <= np.maximum(self.tol, EXACT_PARTS * np.maximum(first.errors, second.errors))
+            near = np.flatnonzero((off <= self.tol / 4) & ~short)
+            quarters = measure_quarters(first.at(near), second.at(near), found.at(near), slope[near], self.function)
+            off[near] = np.maximum(off[near], quarters)
+            done = (off <= self.tol / 4) | short | ~np.isfinite(off)
+            if not self.effort.affords(0):
+                self.effort.unfinished |= not done.all()
+                off[~done] *= EXACT_PARTS  # between an end and the middle of such a piece nobody looked
+                done = np.full(len(pairs), True)
+            off = np.where(short, np.minimum(off, length), off)
+            for k in np.flatnonzero(done):
+                links[owner[k]].append((int(pairs[k, 0]), int(pairs[k, 1]), float(off[k])))
+            first, last = pairs[~done].T
+            middle = self.add(find_directions(found.at(~done), self.function, step))
+            pairs = np.concatenate([np.stack([first, middle], axis=1), np.stack([middle, last], axis=1)])
+            owner = np.tile(owner[~done], 2)
+        return links
+
+    def divide(self, pairs: Array, low: Array, high: Array) -> list[Piece]:
         """Join the pairs (P, 2) of nodes on a cell's border anew: through a tongue's tip in it, or on a lattice of its own.
 
         In a cell as small as the wanted error they are joined straight.
         """
-        follower, off, size = trace.follower.copy(), trace.off.copy(), float((high - low).max())
-        for node, last in pairs.tolist():
-            follower[trace.passes(node, last)] = -1
+        size = float((high - low).max())
         if size <= self.tol * EXACT_PARTS / 2:
-            follower[pairs[:, 0]], off[pairs[:, 0]] = pairs[:, 1], size
-            return Trace(trace.vertices, follower, off)
-        trace = Trace(trace.vertices, follower, off)
-        if size <= SMALLEST_BOX:
-            first = trace.vertices.at(pairs[:1, 0])
-            tip = find_tip(low, high, first.angles, first.undamped, self.function, self.tol)
-            if tip is not None:
-                return join_through(trace, pairs, tip)
-        return join_traces(trace, self.trace(low, high, INNER_CELLS), pairs, self.tol)
+            return [(node, last, size) for node, last in pairs.tolist()]
+        of = self.vertices.at(pairs[:1, 0])
+        tip = find_tip(low, high, of.angles, of.undamped, self.function, self.tol) if size <= SMALLEST_BOX else None
+        return self.join_inside(pairs, low, high) if tip is None else self.join_through(pairs, tip)
+
+    def join_inside(self, pairs: Array, low: Array, high: Array) -> list[Piece]:
+        """The boundary through a box, joined where its ends lie on the pairs (P, 2) of nodes."""
+        before = len(self.vertices.points)
+        pieces = self.trace(low, high, INNER_CELLS)
+        points = self.vertices.points
+        inner, joints = np.arange(before, len(points)), list[Piece]()
+        starts, ends = (np.setdiff1d(inner, [piece[side] for piece in pieces]) for side in (1, 0))
+        for nodes, others in ((pairs[:, 0], starts), (pairs[:, 1], ends)):
+            for node in nodes if len(others) else ():
+                apart = np.linalg.norm(points[others] - points[node], axis=1)
+                partner = int(others[apart.argmin()])
+                if apart.min() <= self.tol:
+                    joints.append((int(node), partner, 0.0) if others is starts else (partner, int(node), 0.0))
+        return pieces + joints
+
+    def join_through(self, pairs: Array, tip: Tip) -> list[Piece]:
+        """The pairs (P, 2) of nodes joined by two parabolas each that end in a tip; each counts as wrong by what it bends."""
+        error, point = tip
+        ends, sides = (
+            self.vertices.at(pairs.ravel()),
+            np.tile([1.0, -1.0], len(pairs)),
+        )  # it comes from one, goes to the next
+        length, unit = measure_chords(ends.points, point)
+        unit *= sides[:, None]
+        bends = length * np.linalg.norm(unit - ends.directions, axis=1) ** 2
+        there, errors = np.tile(point, (len(sides), 1)), np.full(len(sides), error)
+        tips = self.add(replace(ends, points=there, directions=2 * unit - ends.directions, errors=errors))
+        pieces = list[Piece]()
+        for (node, last), (arrive, leave), (before, behind) in zip(
+            pairs.tolist(), tips.reshape(-1, 2).tolist(), bends.reshape(-1, 2).tolist(), strict=True
+        ):
+            pieces += [(node, arrive, before), (arrive, leave, 0.0), (leave, last, behind)]
+        return pieces
 
 
 def find_curves(
@@ -156,8 +194,9 @@ def find_curves(
     def moving(points: Array) -> Spectra:
         return drop_resting(function(points), resting)
 
-    trace = Tracer(moving, tol, not constant, effort or Effort()).trace(np.zeros(2), np.ones(2), cells)
-    curves = [draw_curve(chain, trace, tol) for chain in list_chains(trace.follower)]
+    tracer = Tracer(moving, tol, not constant, effort or Effort())
+    chains = list_chains(tracer.trace(np.zeros(2), np.ones(2), cells))
+    curves = [draw_curve(chain, tracer.vertices, tol) for chain in chains]
     return [curve for curve in curves if np.ptp(curve.points, axis=0).max() > SMALLEST_BOX]
 
 
@@ -171,79 +210,38 @@ def find_lost_ends(curves: list[Curve]) -> list[Array]:
     return [ends[2 * k : 2 * k + 2][lost[k]] for k in range(len(curves))]
 
 
-def join_through(trace: Trace, pairs: Array, tip: Tip) -> Trace:
-    """The trace with each pair (P, 2) of nodes joined by two parabolas that end in a tip; each counts as wrong by what it bends."""
-    count, size = len(trace.follower), len(pairs)
-    ends = trace.vertices.at(pairs.T.ravel())  # where the boundary comes from, then where it goes to
-    chord = (tip.point - ends.points) * np.repeat([1.0, -1.0], size)[:, None]
-    length = np.linalg.norm(chord, axis=1)
-    unit = chord / np.maximum(length, TINY)[:, None]
-    bends = length * np.linalg.norm(unit - ends.directions, axis=1) ** 2
-    more = replace(
-        ends,
-        points=np.tile(tip.point, (2 * size, 1)),
-        directions=2 * unit - ends.directions,
-        errors=np.full(2 * size, tip.error),
-    )
-    arrive, leave = count + np.arange(size), count + size + np.arange(size)
-    follower, off = np.concatenate([trace.follower, leave, pairs[:, 1]]), np.append(trace.off, 0.0 * bends)
-    follower[pairs[:, 0]] = arrive
-    off[pairs[:, 0]], off[leave] = bends[:size], bends[size:]
-    return Trace(trace.vertices.beside(more), follower, off)
-
-
-def join_traces(outer: Trace, inner: Trace, pairs: Array, near: float) -> Trace:
-    """Both traces, joined where the ends of the inner one lie on the outer one's nodes."""
-    count = len(outer.follower)
-    follower = np.concatenate([outer.follower, np.where(inner.follower >= 0, inner.follower + count, -1)])
-    off, points = np.concatenate([outer.off, inner.off]), inner.vertices.points
-    starts, ends = np.setdiff1d(np.arange(len(points)), inner.follower), np.flatnonzero(inner.follower < 0)
-    off[[*pairs[:, 0], *(count + ends)]] = 0.0
-    for column, others in enumerate((starts, ends)):
-        for node in pairs[:, column] if len(others) else ():
-            apart = np.linalg.norm(points[others] - outer.vertices.points[node], axis=1)
-            partner = count + others[apart.argmin()]
-            if apart.min() <= near:
-                one, next_ = (node, partner) if column == 0 else (partner, node)
-                follower[one] = next_
-    return Trace(outer.vertices.beside(inner.vertices), follower, off)
-
-
-def list_chains(follower: Array) -> list[Array]:
-    """The curves as vertices in order; a closed one ends where it begins."""
-    first = np.setdiff1d(np.arange(len(follower)), follower)
-    seen = np.zeros(len(follower), dtype=bool)
+def list_chains(pieces: list[Piece]) -> list[list[Piece]]:
+    """The curves as pieces in order; a closed one ends where it begins."""
+    left = {piece[0]: piece for piece in sorted(pieces)}
+    begun = left.keys() - {last for _, last, _ in pieces}
     chains = []
-    for start in (*first, *range(len(follower))):
-        chain, node = list[int](), int(start)
-        while node >= 0 and not seen[node]:
-            seen[node] = True
-            chain.append(node)
-            node = int(follower[node])
-        if chain:
-            chains.append(np.array([*chain, node] if node == chain[0] else chain))
-    return [chain for chain in chains if len(chain) > 1]
+    for node in (*sorted(begun), *left):
+        chain = list[Piece]()
+        while node in left:
+            chain.append(left.pop(node))
+            node = chain[-1][1]
+        chains.append(chain)
+    return [chain for chain in chains if chain]
 
 
-def draw_curve(chain: Array, trace: Trace, tol: float) -> Curve:
+def draw_curve(chain: list[Piece], vertices: Vertices, tol: float) -> Curve:
     """Points on the cubics, as close as the wanted error asks of a polyline; errors of the vertices and of the cubics together."""
-    first, second = trace.vertices.at(chain[:-1]), trace.vertices.at(chain[1:])
+    begin, end, off = map(np.array, zip(*chain, strict=True))
+    first, second = vertices.at(begin), vertices.at(end)
     counts = count_points(first, second, tol)
     piece = np.repeat(np.arange(len(counts)), counts)
     share = divide_evenly(np.arange(len(counts) + 1.0), counts)[:-1] - piece
     points = place_cubic(first.at(piece), second.at(piece), share[:, None])[:, 0]
-    between = np.where(share > 0, 2 * trace.off[chain[piece]] + tol / 4, 0.0)
+    between = np.where(share > 0, 2 * off[piece] + tol / 4, 0.0)
     errors = np.maximum(first.errors, second.errors)[piece] + between
-    inside = trace.vertices.inside[chain[len(chain) // 2]]
+    inside = second.inside[(len(chain) - 1) // 2]
     points, errors = np.append(points, second.points[-1:], axis=0), np.append(errors, second.errors[-1])
-    return Curve(np.clip(points, 0.0, 1.0), errors, bool(chain[0] == chain[-1]), inside)
+    return Curve(np.clip(points, 0.0, 1.0), errors, bool(begin[0] == end[-1]), inside)
 
 
 def count_points(first: Vertices, second: Vertices, tol: float) -> Array:
     """How many chords each cubic needs, so that none is farther from it than tol / 4."""
-    chord = second.points - first.points
-    length = np.linalg.norm(chord, axis=1)
-    unit = chord / np.maximum(length, TINY)[:, None]
+    length, unit = measure_chords(first.points, second.points)
     turn = np.linalg.norm(first.directions - unit, axis=1) + np.linalg.norm(second.directions - unit, axis=1)
     return np.where(length > 0, np.maximum(np.ceil(np.sqrt(turn * length / (2 * tol))), 1), 1).astype(int)
 
@@ -272,17 +270,16 @@ def find_tip(
     tail, rounding = float(np.abs(margin[-1]).sum() + np.abs(margin[:, -1]).sum()), float(np.median(errors))
     borders = [(axis, end) for axis in range(2) for end, at in ((-1, low[axis] <= 0), (1, high[axis] >= 1)) if at]
     for sides in (borders, [None]):
-        close = []
+        close = list[Tip]()
         for side in sides:
             point, bend = find_critical(margin, side)
             if np.abs(point).max() <= 1 + CUBE_ROOT_EPS and bend > 0:
-                left = abs(float(value_of(margin, point)))
-                apart = np.sqrt(2 * (left + rounding + tail) / bend) * (high - low).max() / 2
-                place = np.clip((low + high) / 2 + point * (high - low) / 2, 0.0, 1.0)
-                close.append(Tip(place, float(apart), left + tail <= EXACT_PARTS * rounding))
-        close = [tip for tip in close if tip.zero or tip.error <= tol]
+                left = abs(float(value_of(margin, point))) + tail
+                apart = float(np.sqrt(2 * (left + rounding) / bend) * (high - low).max() / 2)
+                if left <= EXACT_PARTS * rounding or apart <= tol:
+                    close.append((apart, np.clip((low + high) / 2 + point * (high - low) / 2, 0.0, 1.0)))
         if close:
-            return min(close, key=lambda tip: tip.error)
+            return min(close, key=itemgetter(0))
     return None
 
 

@@ -14,8 +14,8 @@ from flexlin.periodic.boundary.crossings import (
     list_changes,
     solve_changes,
 )
-from flexlin.periodic.boundary.spectra import Effort, Spectra, SpectraFunction, measure_margins
-from flexlin.periodic.roots import SignedEnds, solve_uncertain
+from flexlin.periodic.boundary.spectra import Columns, Effort, Spectra, SpectraFunction, measure_margins
+from flexlin.periodic.roots import SignedEnds, solve_brackets
 from flexlin.precision import FOURTH_ROOT_EPS, TINY
 
 GRADIENT_STEP = FOURTH_ROOT_EPS
@@ -32,7 +32,7 @@ PEAK_ROUNDS = 4
 
 
 @dataclass(frozen=True)
-class Vertices:
+class Vertices(Columns):
     """Points (V, 2) of the boundary in the unit square: direction (V, 2) with the unstable side on the left, error (V,), and the margin
     by which they were found: angle of the growing multiplier and whether it is undamped; an unstable point nearby (V, 2)."""
 
@@ -42,17 +42,6 @@ class Vertices:
     angles: Array
     undamped: Array
     inside: Array
-
-    def at(self, which: Array) -> "Vertices":
-        """Some of the vertices."""
-        return Vertices(*(one[which] for one in self.columns()))
-
-    def beside(self, more: "Vertices") -> "Vertices":
-        """These vertices and more behind them."""
-        return Vertices(*(np.concatenate(pair) for pair in zip(self.columns(), more.columns(), strict=True)))
-
-    def columns(self) -> list[Array]:
-        return [getattr(self, name) for name in Vertices.__annotations__]
 
 
 def spread(xs: Array, ys: Array) -> Array:
@@ -127,16 +116,23 @@ def find_nodes(
     scan = add_quiet_strips(divide_unsettled(scan) if narrow else scan, accuracy)
     found = list_changes(add_tongues(scan, accuracy, Effort())[0] if narrow else scan)
     zeros, errors, _ = solve_changes(found, scan.at, accuracy, Effort())
-    points, inside = place(found.line, zeros), place(found.line, found.unstable)
+    points, inside = place(found.line, zeros), place(found.line, found.ends.points[1])
     nodes = Vertices(points, np.zeros(points.shape), errors, found.angles, found.undamped, inside)
     along, middle = found.line < shape[1], place(found.line, found.between)
     cell = np.stack([np.searchsorted(xs, middle[:, 0]), np.searchsorted(ys, middle[:, 1])], axis=1)
     ahead = cell - np.stack([along, ~along], axis=1)
     behind = cell - 1
-    forward = (along != (found.unstable > found.quiet))[:, None]
+    forward = (along != found.rising)[:, None]
     cells = [np.where(forward, ahead, behind), np.where(forward, behind, ahead)]
     entered, left = (np.where(np.all((one >= 0) & (one < shape - 1), axis=1)[:, None], one, -1) for one in cells)
     return nodes, entered, left
+
+
+def measure_chords(points: Array, others: Array) -> tuple[Array, Array]:
+    """Lengths (...,) and directions (..., 2) of the ways from points (..., 2) to others."""
+    chord = others - points
+    length = np.linalg.norm(chord, axis=-1)
+    return length, chord / np.maximum(length, TINY)[..., None]
 
 
 def link_nodes(nodes: Vertices, entered: Array, left: Array) -> Array:
@@ -148,9 +144,7 @@ def link_nodes(nodes: Vertices, entered: Array, left: Array) -> Array:
     follower = np.full(len(entered), -1)
     for cell in np.unique(entered[entered[:, 0] >= 0], axis=0):
         coming, going = (np.flatnonzero((cells == cell).all(axis=1)) for cells in (entered, left))
-        chord = nodes.points[going][None] - nodes.points[coming][:, None]
-        length = np.linalg.norm(chord, axis=2)
-        unit = chord / np.maximum(length, TINY)[..., None]
+        length, unit = measure_chords(nodes.points[coming][:, None], nodes.points[going])
         ahead = np.einsum("ik,ijk->ij", nodes.directions[coming], unit)
         after = np.einsum("jk,ijk->ij", nodes.directions[going], unit)
         rows, columns = linear_sum_assignment(length * (2 - ahead - after))
@@ -158,17 +152,16 @@ def link_nodes(nodes: Vertices, entered: Array, left: Array) -> Array:
     return follower
 
 
-def find_directions(
-    points: Array, angles: Array, undamped: Array, function: SpectraFunction, step: float = GRADIENT_STEP
-) -> Array:
-    """Unit tangents (V, 2) of the boundary, unstable side on the left, by central differences of the margin."""
+def find_directions(vertices: Vertices, function: SpectraFunction, step: float) -> Vertices:
+    """Vertices with unit tangents of the boundary, unstable side on the left, by central differences of the margin."""
     moves = step * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-    places = np.clip(points[None] + moves[:, None], 0.0, 1.0)
+    places = np.clip(vertices.points[None] + moves[:, None], 0.0, 1.0)
     spectra = function(places.reshape(-1, 2))
-    margin = measure_margins(spectra, np.tile(undamped, 4), np.tile(angles, 4))[0].reshape(4, -1)
+    margin = measure_margins(spectra, np.tile(vertices.undamped, 4), np.tile(vertices.angles, 4))[0].reshape(4, -1)
     across = (margin[0] - margin[1]) / (places[0, :, 0] - places[1, :, 0])
     up = (margin[2] - margin[3]) / (places[2, :, 1] - places[3, :, 1])
-    return np.stack([up, -across], axis=1) / np.maximum(np.hypot(across, up), TINY)[:, None]
+    directions = np.stack([up, -across], axis=1) / np.maximum(np.hypot(across, up), TINY)[:, None]
+    return replace(vertices, directions=directions)
 
 
 def place_cubic(first: Vertices, second: Vertices, share: Array) -> Array:
@@ -198,22 +191,24 @@ def find_middles(
         places = np.clip(middle[which] + offsets[:, None] * normal[which], 0.0, 1.0)
         return measure_margins(function(places), undamped[which], angles[which])
 
-    every = np.arange(len(middle))
-    here, outer = margin(every, 0.0 * length)[0], np.zeros(len(middle))
-    there, offset, which = here.copy(), GRADIENT_STEP, np.flatnonzero(here)
+    here, unknown = margin(np.arange(len(middle)), 0.0 * length)
+    there, farther, outer = here.copy(), unknown.copy(), np.zeros(len(middle))
+    offset, which = GRADIENT_STEP, np.flatnonzero(here)
     while len(which):  # the margin's sign says on which side the boundary lies
         outer[which] = -np.sign(here[which]) * min(offset, 1.0) * length[which]
-        there[which] = margin(which, outer[which])[0]
+        there[which], farther[which] = margin(which, outer[which])
         which = which[(np.sign(there) == np.sign(here))[which] & (offset < 1)]
         offset *= EXACT_PARTS
     met = np.flatnonzero(here * there <= 0)
-    start = SignedEnds(np.zeros(len(met)), outer[met], here[met], there[met])
-    ends, left = solve_uncertain(lambda k, x: margin(met[k], x), start, accuracy)
+    both = (0.0 * outer, outer), (here, there), (unknown, farther)
+    start = SignedEnds(*(np.array(pair)[:, met] for pair in both))
+    ends = solve_brackets(lambda k, x: margin(met[k], x), start, accuracy)
+    best, left, unsure = ends.best
     off, error, slope = np.full(len(middle), np.inf), np.zeros(len(middle)), np.full(len(middle), TINY)
     reach = np.maximum(start.width, TINY)
     slope[met] = np.maximum(np.abs(there - here)[met] / reach, TINY)
-    error[met] = np.minimum(left / slope[met], reach) + ends.width / 2
-    off[met], middle[met] = np.abs(ends.best), middle[met] + ends.best[:, None] * normal[met]
+    error[met] = np.minimum((left + unsure) / slope[met], reach) + ends.width / 2
+    off[met], middle[met] = np.abs(best), middle[met] + best[:, None] * normal[met]
     points = np.clip(middle, 0.0, 1.0)
     return Vertices(points, np.zeros(points.shape), error, angles, undamped, first.inside), off, slope
 
@@ -235,36 +230,3 @@ def mean_angles(first: Array, second: Array) -> Array:
     """Half-way between angles on the circle; the first where they are opposite, as for a multiplier at -1."""
     together = np.exp(1j * first) + np.exp(1j * second)
     return np.where(np.abs(together) > 0.5, np.angle(together), first)
-
-
-def refine_pieces(
-    vertices: Vertices, pairs: Array, function: SpectraFunction, tol: float, step: float, effort: Effort
-) -> tuple[Vertices, Array, Array]:
-    """Halve the pieces between pairs (P, 2) of vertices until each cubic lies within tol / 4 of the boundary at middle and quarter, or the
-    effort ends: twice that, the chords and a vertex stay below tol together.
-
-    Returns: all vertices; for each the one that follows it, -1 where none does, and how far the boundary lay off; inf: it was not met.
-    """
-    follower, distance = np.full(len(vertices.points), -1), np.zeros(len(vertices.points))
-    while len(pairs):
-        first, second = vertices.at(pairs[:, 0]), vertices.at(pairs[:, 1])
-        found, off, slope = find_middles(first, second, function, tol / EXACT_PARTS)
-        length = np.linalg.norm(second.points - first.points, axis=1)
-        short = length <= np.maximum(tol, EXACT_PARTS * np.maximum(first.errors, second.errors))
-        near = np.flatnonzero((off <= tol / 4) & ~short)
-        quarters = measure_quarters(first.at(near), second.at(near), found.at(near), slope[near], function)
-        off[near] = np.maximum(off[near], quarters)
-        done = (off <= tol / 4) | short | ~np.isfinite(off)
-        if not effort.affords(0):
-            effort.unfinished |= not done.all()
-            off = np.where(done, off, EXACT_PARTS * off)  # between an end and the middle of such a piece nobody looked
-            done = np.full(len(pairs), True)
-        follower[pairs[done, 0]] = pairs[done, 1]
-        distance[pairs[done, 0]] = np.where(short, np.minimum(off, length), off)[done]
-        new, halved = found.at(~done), pairs[~done]
-        directions = find_directions(new.points, new.angles, new.undamped, function, step)
-        fresh = np.arange(len(vertices.points), len(vertices.points) + len(new.points))
-        vertices = vertices.beside(replace(new, directions=directions))
-        follower, distance = np.append(follower, 0 * fresh - 1), np.append(distance, 0.0 * fresh)
-        pairs = np.concatenate([np.stack([halved[:, 0], fresh], axis=1), np.stack([fresh, halved[:, 1]], axis=1)])
-    return vertices, follower, distance

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -14,8 +15,20 @@ SCAN_SHARE = 0.6
 """Share of the time that the scan may take: the rest is for the places that it finds."""
 
 
+class Columns:
+    """A record of arrays with one row for each case."""
+
+    def at(self, which: Array) -> Self:
+        """Some of the cases."""
+        return type(self)(*(column[which] for column in vars(self).values()))
+
+    def beside(self, more: Self) -> Self:
+        """These cases and more behind them."""
+        return type(self)(*map(np.concatenate, zip(vars(self).values(), vars(more).values(), strict=True)))
+
+
 @dataclass(frozen=True)
-class Spectra:
+class Spectra(Columns):
     """Logs of the Floquet multipliers of V systems, (V, n), and their errors, (V, n); not finite where there is no answer."""
 
     logs: Array
@@ -43,18 +56,13 @@ class Spectra:
         """Index (V,) of the log that grows fastest for certain."""
         return np.argmax(self.logs.real - np.where(np.isfinite(self.errors), self.errors, np.inf), axis=1)
 
-    def at(self, which: Array) -> "Spectra":
-        """The spectra of some of the systems."""
-        return Spectra(self.logs[which], self.errors[which])
-
-    def beside(self, more: "Spectra") -> "Spectra":
-        """These spectra and more behind them."""
-        return Spectra(np.concatenate([self.logs, more.logs]), np.concatenate([self.errors, more.errors]))
+    @property
+    def lead(self) -> Array:
+        """That log, (V,)."""
+        return np.asarray(self.logs[np.arange(len(self.logs)), self.leading])
 
 
 SpectraFunction = Callable[[Array], Spectra]
-
-
 """Points (V, P) of the parameters -> spectra."""
 
 
@@ -82,7 +90,9 @@ def measure_meetings(spectra: Spectra) -> tuple[Array, Array]:
     in a resonance. Column 0: a pair and its conjugate at angle 0; the last: at angle pi; between them: neighbours in angle.
     Source: Seyranian, Mailybaev, Multiparameter Stability Theory (2003), section 1.4 (strong interaction of eigenvalues).
     """
-    logs = drop_odd(spectra.felt)
+    logs = spectra.felt
+    if logs.shape[1] % 2:  # the fastest decaying meets nobody near the unit circle
+        logs = np.take_along_axis(logs, np.argsort(logs.real, axis=1, kind="stable")[:, 1:], axis=1)
     angle = np.abs(wrap_angle(logs.imag))
     order = np.lexsort((-logs.real, np.round(angle, 9)), axis=1)
     angle, growth = np.take_along_axis(angle, order, axis=1), np.take_along_axis(logs.real, order, axis=1)
@@ -93,14 +103,6 @@ def measure_meetings(spectra: Spectra) -> tuple[Array, Array]:
     first = np.concatenate([growth[:, :1], growth[:, 1:-1:2], growth[:, -2:-1]], axis=1)
     second = np.concatenate([growth[:, 1:2], growth[:, 2::2], growth[:, -1:]], axis=1)
     return (((first - second) / 2) ** 2 - (across / 2) ** 2), (first + second) / 2
-
-
-def drop_odd(logs: Array) -> Array:
-    """An even number of logs: without the fastest decaying of an odd number, which meets nobody near the unit circle."""
-    if logs.shape[1] % 2 == 0:
-        return logs
-    alone = np.argsort(logs.real, axis=1, kind="stable")[:, 1:]
-    return np.take_along_axis(logs, np.sort(alone, axis=1), axis=1)
 
 
 def measure_margins(spectra: Spectra, undamped: Array, angles: Array) -> tuple[Array, Array]:

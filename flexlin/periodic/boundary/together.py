@@ -23,13 +23,11 @@ SEGMENT_NUMBERS = tuple(NODES // 4 << k for k in range(6))
 
 @dataclass(frozen=True)
 class Products:
-    """Transition matrices of periods (V, n, n), what is not known of each entry, and the periods (V,) in s; `enough`: the first of
-    SEGMENT_NUMBERS on which half of them meet the tolerance."""
+    """Transition matrices of periods (V, n, n), what is not known of each entry, and the periods (V,) in s."""
 
     P: Array
     moved: Array
     periods: Array
-    enough: int = 0
 
     @lazy
     def spectra(self) -> Spectra:
@@ -43,29 +41,25 @@ class Products:
         return np.asarray((np.isfinite(errors) & (errors <= wanted)).all(axis=1))
 
 
-def find_together(
-    systems: Sequence[PeriodicSystem], tol: float, start: int = 0, phases: Sequence[float] = ()
-) -> Products:
+def find_together(systems: Sequence[PeriodicSystem], tol: float, phases: Sequence[float] = ()) -> Products:
     """The products of systems of n states, on segments that serve for exponents to tol, where any do.
 
     Nothing is resolved: what A does between the nodes is seen by the difference of the two rules alone.
-    Parameters: start: the first of SEGMENT_NUMBERS that is tried; phases: of the period at which the systems may jump.
+    Parameters: phases: of the period at which the systems may jump.
     """
     if len(sizes := {one.n for one in systems}) > 1:
         raise ArgumentError("the systems are not of one size", got=sorted(sizes), expected="as many states in each")
-    n, left, enough = systems[0].n, np.arange(len(systems)), start
+    n, left = systems[0].n, np.arange(len(systems))
     periods = np.array([one.period for one in systems])
     P, moved = np.full((len(left), n, n), np.nan), np.full((len(left), n, n), np.inf)
-    for place, segments in enumerate(SEGMENT_NUMBERS[start:], start):
+    for segments in SEGMENT_NUMBERS:
         size = max(1, CHUNK_BYTES // (8 * segments * ((RULE_STAGES + 1) * n) ** 2))
         for part in (left[i : i + size] for i in range(0, len(left), size)):
             P[part], moved[part] = multiply_on([systems[i] for i in part.tolist()], periods[part], segments, phases)
         left = left[~Products(P[left], moved[left], periods[left]).meets(tol)]
-        if 2 * len(left) > len(systems):
-            enough = min(place + 1, len(SEGMENT_NUMBERS) - 1)
         if not len(left):
             break
-    return Products(P, moved, periods, enough)
+    return Products(P, moved, periods)
 
 
 @dataclass(frozen=True)
@@ -83,34 +77,30 @@ class Interpolant:
     inverse: bool = False
 
     @classmethod
-    def fit(
-        cls, products_at: Callable[[Array, int], Products], low: float, high: float, tol: float
-    ) -> "Interpolant | None":
-        """The interpolant on as few points as serve, none where the most do not; `products_at` values, from a number of segments on."""
+    def fit(cls, products_at: Callable[[Array], Products], low: float, high: float, tol: float) -> "Interpolant | None":
+        """The interpolant on as few points as serve, none where the most do not of `products_at` values."""
         fewest = SEGMENT_NUMBERS[1] + 1
         between = low + (high - low) * golden(np.arange(1, fewest + 1))
-        sure = products_at(between, 0)
+        sure = products_at(between)
         if not sure.meets(tol).all():  # none does where even these do not: growth hides the other multipliers
             return None
         scaled = sure.periods * between
         inverse = bool(low > 0 and np.ptp(scaled) < ROOT_EPS * scaled[0])
         missed = np.zeros(sure.P.shape[1:])
-        known = products_at(cls.place(low, high, fewest, inverse), sure.enough)
+        known = products_at(cls.place(low, high, fewest, inverse))
         while True:
             found = cls(low, high, known, missed, inverse)
             here = found.at(between)
             found = replace(found, missed=SAFETY * np.abs(here.P - sure.P).max(axis=0))
-            if not np.isfinite(found.missed).all():
-                return None
             if found.at(between).meets(tol).all():
                 return found
             count = 2 * len(known.P) - 1
             if count > SEGMENT_NUMBERS[-1] + 1:
                 return None
-            more = products_at(cls.place(low, high, count, inverse)[1::2], known.enough)
+            more = products_at(cls.place(low, high, count, inverse)[1::2])
             both, every = ((one.P, one.moved, one.periods) for one in (known, more)), np.arange(1, len(known.P))
             P, moved, periods = (np.insert(even, every, odd, axis=0) for even, odd in zip(*both, strict=True))
-            known = Products(P, moved, periods, more.enough)
+            known = Products(P, moved, periods)
 
     @staticmethod
     def place(low: float, high: float, count: int, inverse: bool) -> Array:
@@ -143,20 +133,17 @@ def multiply_on(
     corners = np.array([0.0, *phases, 1.0])
     grids = np.union1d(corners, shifted), even  # where an unnamed jump seems to lie for one rule, it does for no other
     rules = gauss(RULE_STAGES), gauss(RULE_STAGES + 1)
-    shares = [place_nodes(grid, rule.c).ravel() for grid, rule in zip(grids, rules, strict=True)]
-    times, second = np.concatenate(shares), [one.second_order for one in systems]
+    second = [one.second_order for one in systems]
     given = [one.stacked for one in second if one is not None]
     functions = given if len(given) == count else [one.A for one in systems]
-    sampled = [A(one.period * times) for A, one in zip(functions, systems, strict=True)]
     products = []
-    with np.errstate(over="ignore", invalid="ignore"):
-        for grid, rule, first in zip(grids, rules, (0, len(shares[0])), strict=True):
-            segments, stages = len(grid) - 1, len(rule.c)
-            values = np.array([one[first : first + segments * stages] for one in sampled])
-            values = values.reshape(count * segments, stages, *values.shape[2:])
-            lengths = (periods[:, None] * np.diff(grid)).ravel()
-            factors = factor(values, lengths, rule)
-            products.append(multiply_up(factors.reshape(count, segments, n, n)))
+    for grid, rule in zip(grids, rules, strict=True):
+        times = place_nodes(grid, rule.c)
+        sampled = np.array([A(one.period * times.ravel()) for A, one in zip(functions, systems, strict=True)])
+        values = sampled.reshape(count * len(times), len(rule.c), *sampled.shape[2:])
+        with np.errstate(over="ignore", invalid="ignore"):
+            factors = factor(values, (periods[:, None] * np.diff(grid)).ravel(), rule)
+            products.append(multiply_up(factors.reshape(count, len(times), n, n)))
     (coarse, _), (P, rounding) = products
     return P, np.where(np.isfinite(P) & np.isfinite(coarse), np.abs(P - coarse) + rounding, np.inf)
 
