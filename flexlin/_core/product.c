@@ -130,7 +130,7 @@ CALLED int find_spectrum(int n, int count, const double *plain, const double *be
     *stretched = count_roundings(lapack, n, count, c.F, steps, scale, counts, work);
     if (start) {
       for (int e = 0; e < square; e++) work[e] = start[e] / scale[e / n];
-      make_orthogonal(n, work, bases, work + square);
+      make_orthogonal(lapack, n, work, bases, work + square);
     }
     int groups = group(lapack, n, count, limit, &c, work, &every);
     Noise noise = {p, q, pick_first(groups, every, (long)n * p, left, sided), c.size,

@@ -16,7 +16,7 @@ GROUP_CONDITION = 1000.0
 """Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""
 COHERENT_PART = 0.25
 """The part of the rounding errors that may add up with one sign."""
-ROUTINES = ("dgebal", "zgees", "zgeqrf", "zungqr", "dgesv", "ztrexc")
+ROUTINES = ("dgebal", "zgees", "dgelq2", "zgelq2", "dorgl2", "zungl2", "dgesv", "ztrexc")
 """Of LAPACK, as the compiled code takes them."""
 
 
@@ -49,10 +49,12 @@ class CyclicSystem:
 
     def solve(self, g: Array) -> Array:
         """Return x_0 ... x_(K-1) of shape (..., K, n, r) for right sides g of the same shape."""
-        tops = []
+        n, tops = g.shape[-2], []
         for level in self.levels:
-            top, g = condense_right(level, g)
-            tops.append(top)
+            last = g.shape[-3] - level.odd
+            rotated = level.Q @ np.concatenate([g[..., 0:last:2, :, :], g[..., 1:last:2, :, :]], axis=-2)
+            tops.append(rotated[..., :n, :])
+            g = np.concatenate([rotated[..., n:, :], g[..., last:, :, :]], axis=-3)
         return self.expand(solve_batch(self.closure, g[..., 0, :, :]), tops)
 
     def expand(self, x: Array, tops: list[Array] | None = None) -> Array:
@@ -69,15 +71,6 @@ class CyclicSystem:
             both = np.stack([left, middle], axis=-3).reshape(*middle.shape[:-3], 2 * pairs, *middle.shape[-2:])
             x = np.concatenate([both, x[..., pairs:, :, :]], axis=-3) if level.odd else both
         return x
-
-    def null_vectors(self, count: int) -> tuple[Array, Array]:
-        """Return x_k (..., K, n, count) of nearly zero residual, and the singular values of the closure, smallest first.
-
-        Scaling: x_0 has orthonormal columns; the other x_k follow.
-        """
-        _, sigma, Vh = np.linalg.svd(self.closure)
-        x0 = np.conj(np.swapaxes(Vh[..., ::-1, :][..., :count, :], -1, -2))
-        return self.expand(x0), sigma[..., ::-1]
 
 
 def solve_batch(R: Array, right: Array) -> Array:
@@ -117,25 +110,20 @@ def halve_rows(C: Array, D: Array) -> tuple[Halving, Array, Array]:
     return level, C_next, D_next
 
 
-def condense_right(level: Halving, g: Array) -> tuple[Array, Array]:
-    """Rotate the right sides of one level: those of the eliminated rows, and of the rows that remain."""
-    n, last = g.shape[-2], g.shape[-3] - level.odd
-    rotated = level.Q @ np.concatenate([g[..., 0:last:2, :, :], g[..., 1:last:2, :, :]], axis=-2)
-    rest = rotated[..., n:, :]
-    return rotated[..., :n, :], np.concatenate([rest, g[..., last:, :, :]], axis=-3) if level.odd else rest
-
-
 def periodic_vectors(factors: Array, times: Array, exponents: Array, ranks: Array) -> tuple[Array, Array]:
     """p_k (K, n, m) with p_(k+1) = exp(-lambda_i h_k) F_k p_k, p_K = p_0, for factors (K, n, n) between times (K + 1,).
 
-    They are null vectors of cyclic systems, of which members of a cluster take different ones, by their ranks (m,).
+    They are null vectors of cyclic systems, the orthonormal p_0 those of the closure, of which members of a cluster take different ones,
+    by their ranks (m,).
     Returns: p, and whether the factors know such vectors (m,): not where a mode is too fast for them.
     """
     turns = -exponents[:, None] * np.diff(times)
     loss = np.clip(turns.real, -LARGEST_LOG_GROWTH, LARGEST_LOG_GROWTH)
     system = cyclic_system(np.exp(loss + 1j * turns.imag)[..., None, None] * factors)
-    x, sigma = system.null_vectors(int(ranks.max()) + 1)
-    small = sigma[:, : x.shape[-1]] < CUBE_ROOT_EPS * system.size[:, None]
+    _, sigma, Vh = np.linalg.svd(system.closure)
+    smallest = slice(None, -int(ranks.max()) - 2, -1)
+    x = system.expand(np.conj(np.swapaxes(Vh[:, smallest], -1, -2)))
+    small = sigma[:, smallest] < CUBE_ROOT_EPS * system.size[:, None]
     vectors = [one[:, :, rank if known[rank] else 0] for one, known, rank in zip(x, small, ranks, strict=True)]
     return np.stack(vectors, axis=-1), small[:, 0] & (np.abs(loss) < LARGEST_LOG_GROWTH).all(axis=1)
 
