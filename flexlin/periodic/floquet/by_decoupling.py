@@ -1,15 +1,13 @@
 """Floquet exponents and modes of systems with fast modes: decoupled first, where that is cheaper than following every oscillation."""
 
-from functools import partial
-
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.periodic.circle import assign, match_logs, pair_conjugates, wrap_angle, wrap_log
-from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix, couple_uncertainty
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.decoupling.coupling import UNRESOLVED_LOG, Decoupled, DecoupledExponents, as_real
-from flexlin.periodic.decoupling.decouple import FIRST_NODES, decouple
+from flexlin.periodic.decoupling.decouple import FIRST_NODES
 from flexlin.periodic.decoupling.frames import (
     Group,
     aliasing,
@@ -37,21 +35,6 @@ COUPLING_TURNS = 40
 def estimate_decoupling_work(n: int) -> float:
     """Multiplications to decouple n states, as measured: overhead, and eigenvectors and products at the nodes and between them."""
     return 2 * FIRST_NODES * (OTHER_WORK * (40 + 2.4 * n) + 6 * VECTOR_WORK * n**3)
-
-
-def solve_decoupled(system: PeriodicSystem, tol: float, tries: int) -> tuple[Array, Array, Decoupled] | None:
-    """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; None where that does not serve.
-
-    What was decoupled is handed on. tries: as of `decouple`.
-    """
-    coefficients, T = system.resolved, system.period
-    if coefficients.breaks:
-        return None
-    decoupled = decouple(coefficients, T, tol, partial(couple_uncertainty, coefficients), tries)
-    if decoupled is None:
-        return None
-    found = decoupled_exponents(decoupled, tol)
-    return found.exponents, hide_enclosed(found.exponents, found.errors), decoupled
 
 
 def hide_enclosed(exponents: Array, errors: Array) -> Array:
