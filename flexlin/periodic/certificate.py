@@ -56,8 +56,7 @@ def represent_on_panels(resolved: Resolved, solution: RiccatiSolution) -> Common
     waves = max(one.degree / share if isinstance(one, FourierSeries) else 0.0 for one, share in both)
     edges = divided(solution.series.edges, resolved.period * PANEL_HARMONICS / max(waves, PANEL_HARMONICS))
     t = panel_times(edges[:-1], edges[1:], NODES)
-    A, X = (chebyshev_coefficients(f(t.ravel()).reshape(*t.shape, -1)) for f in (resolved, solution.X))
-    A, X = (one.reshape(*one.shape[:2], n, n) for one in (A, X))
+    A, X = (find_coefficients(f(t.ravel()).reshape(*t.shape, n, n)) for f in (resolved, solution.X))
     X = symmetrize(X)
     u = np.linspace(-1.0, 1.0, 2 * NODES + 1)[1:-1]
     t = (edges[:-1, None] + edges[1:, None]) / 2 + np.diff(edges)[:, None] / 2 * u
@@ -114,9 +113,9 @@ def bound_margin(
 ) -> tuple[float, float, float]:
     """The margin proved with so many samples a panel, the change that leaves some of it, and what the bound between samples costs."""
     slope = ChebyshevPanels(edges, X).derivative().coefficients
-    R = chebyshev_coefficients(flat(sum_terms(A, X, slope, chebyshev_nodes(A.shape[1] + X.shape[1] - 1))))
+    R = find_coefficients(sum_terms(A, X, slope, chebyshev_nodes(A.shape[1] + X.shape[1] - 1)))
     u = np.linspace(-1.0, 1.0, count)
-    bends = [float(bend(one).max()) * (u[1] - u[0]) ** 2 / 8 for one in (R, flat(X))]
+    bends = [float(bend(one).max()) * (u[1] - u[0]) ** 2 / 8 for one in (R, X)]
     values, size = sum_terms(A, X, slope, u), evaluate(X, u)
     eye = np.broadcast_to(np.eye(size.shape[-1]), size.shape)
     low, high = (bound_ratio(part, eye) + bends[1] for part in (-size, size))
@@ -146,15 +145,15 @@ def evaluate(coefficients: Array, u: Array) -> Array:
     )
 
 
-def flat(values: Array) -> Array:
-    """Matrices as rows."""
-    return values.reshape(*values.shape[:2], -1)
+def find_coefficients(values: Array) -> Array:
+    """Chebyshev coefficients of matrices at the nodes of panels, both (P, K, n, n)."""
+    return chebyshev_coefficients(values.reshape(*values.shape[:2], -1)).reshape(values.shape)
 
 
 def bend(coefficients: Array) -> Array:
     """A bound on the second derivative of each panel's polynomial in [-1, 1], by |T_k''| <= k^2 (k^2 - 1) / 3 (P,)."""
     k = np.arange(coefficients.shape[1])
-    return np.linalg.norm(coefficients, axis=2) @ (k**2 * (k**2 - 1.0) / 3)
+    return np.linalg.norm(coefficients, axis=(2, 3)) @ (k**2 * (k**2 - 1.0) / 3)
 
 
 def largest_ratios(R: Array, X: Array) -> Array:

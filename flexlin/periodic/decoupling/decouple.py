@@ -193,7 +193,8 @@ def part_frame(T: Array, groups: tuple[Group, ...], A: Array, period: float, all
     stuck = share > MINOR
     if not stuck.any():
         T, S, left = part_groups(T, B, S, groups, period, allowed)
-        stuck = left > MINOR * allowed + transformation_noise(T, A)
+        rounding = 30 * EPS * (np.abs(np.linalg.inv(T)) @ (np.abs(A) @ np.abs(T))).max(axis=0)
+        stuck = left > MINOR * allowed + np.sqrt(rounding * rounding.T)
         share = mixing(S)
     if (strongest := share[stuck].max(initial=0.0)) > SLIGHT:  # put those together that mix the most
         stuck &= share >= PARTIAL * strongest
@@ -227,10 +228,3 @@ def part_groups(
         T, B = T @ step, np.linalg.solve(step, B @ step - circle_derivative(step, period))
         S = sylvester(B, groups)
     return best
-
-
-def transformation_noise(T: Array, A: Array) -> Array:
-    """Rounding of T^-1 A T, entry by entry (n, n)."""
-    size = np.abs(np.linalg.inv(T)) @ (np.abs(A) @ np.abs(T))
-    rounding = 30 * EPS * size.max(axis=0)
-    return np.sqrt(rounding * rounding.T)

@@ -182,7 +182,12 @@ def solve_decoupled_modes(decoupled: Decoupled, exponents: Array) -> tuple[Array
     column, apart = match_logs(exponents * period, own * period)
     if not apart.max() < CUBE_ROOT_EPS * max(1.0, float(np.abs(own).max()) * period):
         return None
-    S, run = correct_modes(decoupled, V, own, moved), integrate_circle(moved, period)
+    k = harmonics(len(moved))
+    inside = (k != 0) & (np.abs(k) < len(k) / 2)  # what has an integral at the nodes
+    S, run = (
+        correct_modes(decoupled, V, own, moved),
+        weigh_harmonics(moved, inside / np.where(inside, 2j * np.pi / period * k, 1)),
+    )
     if S is None or not np.ptp(run.real, axis=0).max() < LARGEST_LOG_GROWTH:
         return None
     plain = decoupled.frame @ V @ (np.eye(n) + S)
@@ -216,13 +221,6 @@ def follow_block(decoupled: Decoupled, index: int, group: Group) -> tuple[Array,
     if not known.all() or not np.linalg.cond(V).max() < 1 / ROOT_EPS:  # else modes coincide nearly
         return None
     return exponents, V, np.zeros(V.shape[:2])
-
-
-def integrate_circle(values: Array, period: float) -> Array:
-    """The integral of values (N, n) without mean at equidistant times of a period."""
-    k = harmonics(len(values))
-    inside = (k != 0) & (np.abs(k) < len(values) / 2)
-    return weigh_harmonics(values, inside / np.where(inside, 2j * np.pi / period * k, 1))
 
 
 def correct_modes(decoupled: Decoupled, V: Array, own: Array, moved: Array) -> Array | None:

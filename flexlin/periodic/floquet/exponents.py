@@ -278,15 +278,10 @@ def is_hamiltonian(system: PeriodicSystem) -> bool:
     Source: Yakubovich, Starzhinskii, Linear Differential Equations with Periodic Coefficients (1975), ch. III.
     """
     resolved, t = system.resolved, system.period * stratified(SEARCH_BLOCKS)
-    if isinstance(resolved, ResolvedCompanion):
-        return is_symmetric_motion(resolved, t)
-    n, odd = divmod(system.n, 2)
-    A = resolved(t)
-    return not odd and is_symmetric(np.concatenate([A[:, n:], -A[:, :n]], axis=1))
-
-
-def is_symmetric_motion(resolved: ResolvedCompanion, t: Array) -> bool:
-    """The conditions of second order on samples of the series and their derivatives at times t (N,)."""
+    if not isinstance(resolved, ResolvedCompanion):
+        n, odd = divmod(system.n, 2)
+        A = resolved(t)
+        return not odd and is_symmetric(np.concatenate([A[:, n:], -A[:, :n]], axis=1))
     slope = resolved.series.derivative()
     M, D, K = resolved.sample(t)
     (dM, dD, _), (ddM, _, _) = (resolved.split(one(t)) for one in (slope, slope.derivative()))

@@ -28,25 +28,15 @@ MOST_UNKNOWNS = 300
 """Stages times states up to which the compiled code serves; LAPACK is faster beyond."""
 
 
-def shape_states(n: int, s: int, K: int, *_: object) -> tuple[object, ...]:
-    """What `factor_states` takes and makes."""
-    return (K, s, n, n), (K,), s * (s + 1), (n,), (K, n, n), (K,)
-
-
-def shape_accelerations(m: int, s: int, K: int, *_: object) -> tuple[object, ...]:
-    """What `factor_accelerations` takes and makes."""
-    return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)
-
-
 factor_states_in_core = declare(
     "int factor_states(int n, int stages, int segments, int stiff, const double *A, const double *lengths, const double *tableau, "
     "const double *units, double *Phi, int *good)",
-    shape_states,
+    lambda n, s, K, *_: ((K, s, n, n), (K,), s * (s + 1), (n,), (K, n, n), (K,)),
 )
 factor_accelerations_in_core = declare(
     "int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "double *Phi, int *good)",
-    shape_accelerations,
+    lambda m, s, K, *_: ((K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)),
 )
 
 
