@@ -73,10 +73,8 @@ class Decoupled:
         group = self.groups[index]
         B = self.generator[:, group.part, group.part]
         c = np.trace(B, axis1=1, axis2=2) / group.size
-        if self.is_real(index):
-            c = c.real
-        B = B - c[:, None, None] * np.eye(group.size)
-        return (B.real if self.is_real(index) else as_real(B)), complex(c.mean())
+        B, mean = B - c[:, None, None] * np.eye(group.size), complex(c.mean())
+        return (B.real, complex(mean.real)) if self.is_real(index) else (as_real(B), mean)
 
     @lazy
     def values(self) -> Array:
@@ -129,13 +127,14 @@ class Decoupled:
 
         Source: Berry, Uzdin, Slow non-Hermitian cycling, J. Phys. A 44 (2011), 435303.
         """
-        B, period = self.generator, self.period
-        if find_growth(B, period) < HIDING_GROWTH:
-            return np.zeros(B.shape[1:])
-        F, logs = self.missed, np.einsum("tii->ti", B).mean(axis=0) * period
+        own, period = np.einsum("tii->ti", self.generator), self.period
+        logs = own.mean(axis=0) * period
+        run = np.cumsum((own * period - logs).real, axis=0) / len(own)
+        if np.sort(np.ptp(run, axis=0))[-2:].sum() < HIDING_GROWTH:
+            return np.zeros_like(self.rounding)
         single = np.repeat([g.size == 1 for g in self.groups], [g.size for g in self.groups])
         gap = np.where(single[:, None] & single, measure_distances(logs, logs) / period, 0)
-        size = np.sqrt(F[:, :, None] * F) * self.catch_up[:, :, None]
+        size = np.sqrt(self.missed[:, :, None] * self.missed) * self.catch_up[:, :, None]
         share = size / np.maximum(np.maximum(gap[:, :, None], size), TINY)
         return np.where(self.apart.outside, 0, (size * share).sum(axis=1))
 
@@ -226,13 +225,6 @@ def measure_rough(R: Array, period: float, gap: Array) -> Array:
     """The largest size of the part of couplings (N, n, n) whose frequencies lie above SLOW_PART of their gaps (n, n)."""
     frequency = 2 * np.pi / period * np.abs(harmonics(len(R)))[:, None, None]
     return np.asarray(np.abs(weigh_harmonics(R, frequency >= SLOW_PART * gap)).max(axis=0))
-
-
-def find_growth(B: Array, period: float) -> float:
-    """The logarithm by which two modes may grow against each other within the period."""
-    real = B.reshape(len(B), -1)[:, :: B.shape[-1] + 1].real
-    run = np.cumsum(real - real.mean(axis=0), axis=0)
-    return float(np.sort(run.max(axis=0) - run.min(axis=0))[-2:].sum() * period / len(B))
 
 
 @dataclass(frozen=True)

@@ -259,20 +259,15 @@ def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
     single = scalar[:, None] & scalar & ~np.eye(len(scalar), dtype=bool)
     S[:, single] = -B[:, single] / (diagonal[:, :, None] - diagonal[:, None, :])[:, single]
     large, alone = [group for group in groups if group.size > 1], np.flatnonzero(scalar)
-    for group in large:
-        S[:, group.part, alone], S[:, alone, group.part] = solve_singles(B, group, alone)
+    for group in large:  # with all that are alone, in one call each way
+        apart = B[:, None, group.part, group.part] - diagonal[:, alone, None, None] * np.eye(group.size)
+        columns = np.linalg.solve(apart, -np.swapaxes(B[:, group.part, alone], 1, 2)[..., None])[..., 0]
+        S[:, group.part, alone] = np.swapaxes(columns, 1, 2)
+        S[:, alone, group.part] = np.linalg.solve(np.swapaxes(apart, 2, 3), B[:, alone, group.part, None])[..., 0]
         for other in large:
             if other is not group:
                 S[:, group.part, other.part] = solve_block(B, group, other)
     return S
-
-
-def solve_singles(B: Array, group: Group, alone: Array) -> tuple[Array, Array]:
-    """The blocks of S between a group and all modes that are `alone` (s,): (N, p, s) and (N, s, p), all in one call each."""
-    values, own = B[:, alone, alone], B[:, group.part, group.part]
-    apart = own[:, None] - values[:, :, None, None] * np.eye(group.size)
-    columns = np.linalg.solve(apart, -np.swapaxes(B[:, group.part, alone], 1, 2)[..., None])[..., 0]
-    return np.swapaxes(columns, 1, 2), np.linalg.solve(np.swapaxes(apart, 2, 3), B[:, alone, group.part, None])[..., 0]
 
 
 def solve_block(B: Array, group: Group, other: Group) -> Array:

@@ -85,12 +85,8 @@ def solve_by_segments(
             continue
         rounded = float((spectrum.rounding / wanted)[resolved].max(initial=0.0))
         twice = 2 * setting.segments
-        if (
-            1 < rounded < HELPED_PART * before
-            and spectrum.stretched
-            and not fixed
-            and twice <= min(max_segments, FEWER_SEGMENTS)
-        ):
+        may_help = spectrum.stretched and not fixed and twice <= min(max_segments, FEWER_SEGMENTS)
+        if may_help and 1 < rounded < HELPED_PART * before:
             setting, start, before, factored = setting.with_segments(twice), spectrum.start, rounded, None
             continue
         finer = np.clip(1.1 * excess ** (1 / setting.order), *FINER_BOUNDS) if np.isfinite(excess) else FINER_BOUNDS[1]

@@ -159,9 +159,8 @@ def answer_by_segments(system: PeriodicSystem, setting: Setting, tol: float, lim
 def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
     """The exponents by decoupling where that promises less work, else by segments; by the better one where decoupling misses tol."""
     decoupled = try_decoupling(system, setting, tol)
-    patient = (
-        setting.segments <= limit and estimate_work(system, setting.order // 2, setting.segments) < COLLOCATION_WORK
-    )
+    work = estimate_work(system, setting.order // 2, setting.segments)
+    patient = setting.segments <= limit and work < COLLOCATION_WORK
     if decoupled is not None and not (patient and count_missed(decoupled, tol)):
         return decoupled
     try:

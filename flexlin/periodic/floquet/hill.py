@@ -76,8 +76,8 @@ def truncate_hill(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]
     n, w = system.n, 2 * np.pi / system.period
     t = system.period * np.arange(NODES) / NODES
     scale = balance_factors(system.resolved(t))[1]  # rows and columns of A are made alike in size
-    sides = (np.broadcast_to(np.diag(one), (NODES, n, n)) for one in (1 / scale, scale))
-    unknown = float(np.linalg.norm(couple_uncertainty(system.resolved, t, *sides), 2, axis=(1, 2)).max())
+    left, right = (np.broadcast_to(np.diag(one), (NODES, n, n)) for one in (1 / scale, scale))
+    unknown = float(np.linalg.norm(couple_uncertainty(system.resolved, t, left, right), 2, axis=(1, 2)).max())
     H = assemble_hill(expand_fourier(system, 2 * harmonics) * (scale / scale[:, None]), w)
     values, left, right = eig(H, left=True, right=True)
     right, left = right / np.linalg.norm(right, axis=0), left / np.linalg.norm(left, axis=0)

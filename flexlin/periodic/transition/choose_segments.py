@@ -95,10 +95,9 @@ def factor_twice(system: PeriodicSystem, setting: Setting) -> tuple[list[Array],
     return measure_segments(system.resolved, place_segments(system, setting), rules)
 
 
-def factor_period(system: PeriodicSystem, setting: Setting) -> tuple[Array, Array]:
-    """Return the edges (K + 1,) and the transition matrices (K, n, n) of one period."""
-    grid = place_segments(system, setting)
-    return grid, factor_by(system, grid, setting.method, setting.order)
+def factor_period(system: PeriodicSystem, setting: Setting) -> Array:
+    """Return the transition matrices (K, n, n) of the segments of one period."""
+    return factor_by(system, place_segments(system, setting), setting.method, setting.order)
 
 
 def report_too_many(wanted: float, limit: int, tol: float) -> TooManySegments:
@@ -177,7 +176,9 @@ def choose_setting(
         order, count, reason = order or 9, np.ceil(demand).sum(), "as asked"
     else:
         stages = STAGE_CHOICES if order is None else np.array([order // 2])
-        demands = gauss_demand(pace, tol, stages[:, None])
+        least = np.maximum(pace.length * pace.spread / math.log(GROUP_CONDITION), max(1.0, LEAST_SEGMENTS / panels))
+        steps = pace.length / choose_gauss_step(pace.rate, tol, stages[:, None])
+        demands = np.maximum(np.maximum(steps, NODES_PER_HARMONIC * pace.waves / stages[:, None]), least)
         counts = np.ceil(demands).sum(axis=1)
         if panels == 1:  # a whole number of lanes costs no more
             counts = LANES * np.ceil(counts / LANES)
@@ -187,13 +188,6 @@ def choose_setting(
         reason += f" with eigenvalues of A(t) up to {rate:.3g} 1/s"
     shares = tuple((demand / demand.sum()).tolist()) if panels > 1 else ()
     return Setting(name, order, segments or int(count), reason, rate, shares)
-
-
-def gauss_demand(pace: Pace, tol: float, stages: Array) -> Array:
-    """Segments that each panel needs with s Gauss stages, (S, P) for stages (S, 1); in none do modes part by more than GROUP_CONDITION."""
-    least = np.maximum(pace.length * pace.spread / math.log(GROUP_CONDITION), max(1.0, LEAST_SEGMENTS / len(pace.rate)))
-    steps = pace.length / choose_gauss_step(pace.rate, tol, stages)
-    return np.maximum(np.maximum(steps, NODES_PER_HARMONIC * pace.waves / stages), least)
 
 
 def choose_gauss_step(rate: Array, tol: float, stages: Array | int) -> Array:
