@@ -128,7 +128,7 @@ def peer_runs(loop: ParametricLoop, points: np.ndarray) -> dict[str, Callable[[]
 
 def reference(loop: ParametricLoop, points: np.ndarray, units: np.ndarray) -> np.ndarray:
     """Transition matrices (V, n, n) by Gauss collocation of order 16, in `units` (V, n) of the states."""
-    every = [factor_period(loop.system_at(point), Setting("gauss", 16, 96, ""))[1] for point in points]
+    every = [factor_period(loop.system_at(point), Setting("gauss", 16, 96, "")) for point in points]
     P = np.array([reduce(lambda P, F: F @ P, factors) for factors in every])
     return P * units[:, :, None] / units[:, None, :]
 

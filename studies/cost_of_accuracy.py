@@ -57,7 +57,7 @@ class Row:
 
 def transition(system: fl.PeriodicSystem, setting: Setting) -> Array:
     """Transition matrix of one period, from the resolved coefficients on."""
-    return reduce(lambda P, F: F @ P, factor_period(system, setting)[1])
+    return reduce(lambda P, F: F @ P, factor_period(system, setting))
 
 
 def cheapest(

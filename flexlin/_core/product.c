@@ -84,22 +84,6 @@ static void sum_pairs(int count, long size, double *values) {
     for (long e = 0; e < size; e++) values[k * size + e] = values[2 * k * size + e] + (2 * k + 1 < count ? values[(2 * k + 1) * size + e] : 0.0);
 }
 
-/* What belongs to each factor: better factors (or none), roundings, what is not known (count, unknown; or none). */
-typedef struct { double *F, *better, *counts, *size; long unknown; } Chain;
-
-/* Multiply neighbours again and again, the first acts first, while that costs the weakest mode no more digits than the limit has; what belongs to
- * each factor is added up. Returns how many are left; every: how many were multiplied into one. work (3 n n). */
-static int group(const Lapack *lapack, int n, int count, double limit, Chain *c, double *work, int *every) {
-  for (*every = 1; count > 1 && can_pair(lapack, n, count, c->F, limit, work); *every *= 2) {
-    multiply_pairs(n, count, c->F, work);
-    if (c->better) multiply_pairs(n, count, c->better, work);
-    sum_pairs(count, 1, c->counts);
-    sum_pairs(count, c->unknown, c->size);
-    count = (count + 1) / 2;
-  }
-  return count;
-}
-
 /* Of rows (count, size) those of the groups' first factors, in `to`; none of none. */
 static const double *pick_first(int count, int every, long size, const double *from, double *to) {
   for (int k = 0; from && k < count; k++) memcpy(to + k * size, from + k * every * size, size * sizeof(double));
@@ -118,27 +102,33 @@ CALLED int find_spectrum(int n, int count, const double *plain, const double *be
     if (!isfinite(plain[e]) || (better && !isfinite(better[e]))) return NOT_FINITE;
   double *memory = malloc(((better ? 2 : 1) * all + count * (1 + unknown + sides) + 6 * square + 3 * n) * sizeof(double));
   cpx *space = malloc(((2L * count + 2) * square + n) * sizeof(cpx));
-  int code = NO_MEMORY, every = 1;
+  int code = NO_MEMORY, groups = count, every = 1;
   if (memory && space) {
     double *counts = memory + (better ? 2 : 1) * all, *scale = counts + count, *work = scale + n, *bases = work + 4 * square + 2 * n;
-    Chain c = {memory, better ? memory + all : NULL, counts, bases + square, unknown};
-    double *sided = c.size + count * unknown;
-    memcpy(c.F, plain, all * sizeof(double));
-    if (size) memcpy(c.size, size, count * unknown * sizeof(double));
-    balance(lapack, n, count, c.F, scale, work);
-    for (long e = 0; better && e < all; e++) c.better[e] = better[e] * (scale[e % n] / scale[e % square / n]);
-    *stretched = count_roundings(lapack, n, count, c.F, steps, scale, counts, work);
+    double *F = memory, *finer = better ? memory + all : NULL, *doubt = bases + square, *sided = doubt + count * unknown;
+    memcpy(F, plain, all * sizeof(double));
+    if (size) memcpy(doubt, size, count * unknown * sizeof(double));
+    balance(lapack, n, count, F, scale, work);
+    for (long e = 0; better && e < all; e++) finer[e] = better[e] * (scale[e % n] / scale[e % square / n]);
+    *stretched = count_roundings(lapack, n, count, F, steps, scale, counts, work);
     if (start) {
       for (int e = 0; e < square; e++) work[e] = start[e] / scale[e / n];
-      make_orthogonal(n, work, bases, work + square);
+      make_orthogonal(lapack, n, work, bases, work + square);
     }
-    int groups = group(lapack, n, count, limit, &c, work, &every);
-    Noise noise = {p, q, pick_first(groups, every, (long)n * p, left, sided), c.size,
+    /* Neighbours are multiplied again and again while that costs the weakest mode no more digits than the limit has; what belongs to each
+     * is added up. */
+    for (; groups > 1 && can_pair(lapack, n, groups, F, limit, work); every *= 2) {
+      sum_pairs(groups, 1, counts);
+      sum_pairs(groups, unknown, doubt);
+      if (better) multiply_pairs(n, groups, finer, work);
+      groups = multiply_pairs(n, groups, F, work);
+    }
+    Noise noise = {p, q, pick_first(groups, every, (long)n * p, left, sided), doubt,
                    pick_first(groups, every, (long)q * n, right, sided + (left ? (long)groups * n * p : 0))};
     cpx *closure = space + (2L * groups + 1) * square;
     Form form = {n, groups, space, space + (groups + 1) * square, closure, closure + square, (cpx *)logs, sided + count * sides, end};
-    code = find_schur_form(lapack, c.F, start ? bases : NULL, &form);
-    if (code == SOUND) code = bound_motion(&form, c.F, c.better, counts, size ? &noise : NULL, scale, part, (cpx *)shift, method, rounding);
+    code = find_schur_form(lapack, F, start ? bases : NULL, &form);
+    if (code == SOUND) code = bound_motion(&form, F, finer, counts, size ? &noise : NULL, scale, part, (cpx *)shift, method, rounding);
     for (int e = 0; code == SOUND && e < square; e++) end[e] *= scale[e / n];
   }
   free(memory);

@@ -22,55 +22,24 @@ int multiply_pairs(int n, int count, double *factors, double *work) {
   return (count + 1) / 2;
 }
 
-/* Rows first ... n - 1 of X, columns `from` on, less tau v (v' X), v_first = 1; v: the column `first` of A below its diagonal. */
-static void reflect(int n, int first, int from, double tau, const double *A, double *X, double *work) {
-  for (int j = from; j < n; j++) work[j] = X[(long)first * n + j];
-  for (int i = first + 1; i < n; i++) {
-    double v = A[(long)i * n + first];
-    const double *row = X + (long)i * n;
-    for (int j = from; j < n; j++) work[j] += v * row[j];
-  }
-  for (int j = from; j < n; j++) { work[j] *= tau; X[(long)first * n + j] -= work[j]; }
-  for (int i = first + 1; i < n; i++) {
-    double v = A[(long)i * n + first], *row = X + (long)i * n;
-    for (int j = from; j < n; j++) row[j] -= v * work[j];
-  }
-}
-
-/* A = Q R (n, n) by Householder's reflections; A becomes R. work (2 n). */
-void make_orthogonal(int n, double *A, double *Q, double *work) {
-  double *tau = work + n;
-  for (int k = 0; k < n; k++) {
-    double largest = 0.0, below = 0.0, alpha = A[(long)k * n + k];
-    for (int i = k + 1; i < n; i++) largest = fmax(largest, fabs(A[(long)i * n + k]));
-    tau[k] = 0.0;
-    if (!(largest > 0.0)) continue;
-    largest = fmax(largest, fabs(alpha));
-    for (int i = k; i < n; i++) {
-      double x = A[(long)i * n + k] / largest;
-      below += x * x;
-    }
-    double beta = -copysign(largest * sqrt(below), alpha), over = 1.0 / (alpha - beta);
-    tau[k] = (beta - alpha) / beta;
-    for (int i = k + 1; i < n; i++) A[(long)i * n + k] *= over;
-    reflect(n, k, k + 1, tau[k], A, A, work);
-    A[(long)k * n + k] = beta;
-  }
-  for (int e = 0; e < n * n; e++) Q[e] = e % (n + 1) == 0;
-  for (int k = n - 1; k >= 0; k--)
-    if (tau[k] != 0.0) reflect(n, k, k, tau[k], A, Q, work);
+/* A = Q R (n, n); A becomes R. For LAPACK, which counts by columns, these are the transposes: A' = L Q'. work (2 n). */
+void make_orthogonal(const Lapack *lapack, int n, double *A, double *Q, double *work) {
+  int failed;
+  lapack->dgelq2(&n, &n, A, &n, work, work + n, &failed);
+  memcpy(Q, A, (size_t)n * n * sizeof(double));
+  lapack->dorgl2(&n, &n, &n, Q, &n, work, work + n, &failed);
   for (int i = 1; i < n; i++)
     for (int j = 0; j < i; j++) A[(long)i * n + j] = 0.0;
 }
 
 /* F_k Q_k = Q_(k+1) R_k for factors (count, n, n): all R_k, and all Q_k (count + 1, n, n), or the first and then the last in turns (2, n, n).
  * work (2 n). */
-static void sweep_factors(int n, int count, int all, const double *factors, double *Q, double *R, double *work) {
+static void sweep_factors(const Lapack *lapack, int n, int count, int all, const double *factors, double *Q, double *R, double *work) {
   long size = (long)n * n;
   for (int k = 0; k < count; k++) {
     double *from = Q + (all ? k : k % 2) * size, *to = Q + (all ? k + 1 : (k + 1) % 2) * size;
     multiply_real(n, n, n, factors + k * size, from, R + k * size);
-    make_orthogonal(n, R + k * size, to, work);
+    make_orthogonal(lapack, n, R + k * size, to, work);
   }
 }
 
@@ -117,7 +86,7 @@ static int group_triangular(int n, int count, double *R, double *sizes, double *
 }
 
 /* Where sweeps work: triangular factors and those that they are multiplied together to, bases in turns, small matrices, logs. */
-typedef struct { double *R, *grouped, *ends, *W, *base, *work, *sizes; int *cut; } Bench;
+typedef struct { const Lapack *lapack; double *R, *grouped, *ends, *W, *base, *work, *sizes; int *cut; } Bench;
 
 /* Sweep from the bases Q (n, n) until every cluster is narrow; the width that is accepted rises slowly so that equal gaps end too.
  *
@@ -128,7 +97,7 @@ static void iterate(int n, int count, const double *factors, double *Q, const Be
   int limit = MAX_SWEEPS;
   for (int sweep = 1;; sweep++) {
     memcpy(at->ends, Q, size * sizeof(double));
-    sweep_factors(n, count, 0, factors, at->ends, at->R, at->work);
+    sweep_factors(at->lapack, n, count, 0, factors, at->ends, at->R, at->work);
     double *end = at->ends + count % 2 * size;
     multiply_transposed(n, n, n, Q, end, at->W);
     sum_log_moduli(n, count, at->R, at->sizes);
@@ -161,13 +130,13 @@ static void end_sweep(int n, int count, const double *Q, const Bench *at) {
 static void find_bases(int n, int count, const double *factors, double *Q, const Bench *at) {
   for (int attempt = 0; attempt < 2; attempt++) {
     iterate(n, count, factors, Q, at);
-    sweep_factors(n, count, 1, factors, Q, at->R, at->work);
+    sweep_factors(at->lapack, n, count, 1, factors, Q, at->R, at->work);
     end_sweep(n, count, Q, at);
     int ordered = 1;
     for (int i = 1; i < n; i++) ordered &= at->sizes[i] - at->sizes[i - 1] <= DISORDER;
     if (ordered || attempt) return;
     for (int e = 0; e < n * n; e++) at->work[e] = sin(1.0 + (double)e * e); /* in no special position */
-    make_orthogonal(n, at->work, at->base, at->work + n * n);
+    make_orthogonal(at->lapack, n, at->work, at->base, at->work + n * n);
     multiply_real(n, n, n, Q, at->base, at->W);
     memcpy(Q, at->W, (size_t)n * n * sizeof(double));
   }
@@ -179,13 +148,13 @@ static void clean_bases(int n, int count, double *Q, const Bench *at) {
   long size = (long)n * n;
   double *U = at->ends, *product = U + size;
   for (int sweep = 0; find_clusters(n, at->W, at->sizes, SLACK * CLEAN * n, at->cut) > 2 * SPREAD && sweep < MIN_SWEEPS; sweep++) {
-    make_orthogonal(n, at->W, U, at->work);
+    make_orthogonal(at->lapack, n, at->W, U, at->work);
     for (int k = 0; k <= count; k++) {
       multiply_real(n, n, n, Q + k * size, U, product);
       memcpy(Q + k * size, product, size * sizeof(double));
       if (k == count) break;
       multiply_real(n, n, n, at->R + k * size, U, product);
-      make_orthogonal(n, product, U, at->work);
+      make_orthogonal(at->lapack, n, product, U, at->work);
       memcpy(at->R + k * size, product, size * sizeof(double));
     }
     end_sweep(n, count, Q, at);
@@ -214,13 +183,11 @@ static int find_complex_schur(const Lapack *lapack, int b, cpx *A, cpx *Z, cpx *
   return !failed;
 }
 
-/* The unitary factor of A (b, b), in its place, all in rows; work (b (b + 1)). */
+/* The unitary factor of A (b, b), in its place, all in rows; work (2 b). */
 static void make_unitary(const Lapack *lapack, int b, cpx *A, cpx *work) {
-  int failed, room = b * b;
-  transpose(b, A);
-  lapack->zgeqrf(&b, &b, A, &b, work + room, work, &room, &failed);
-  lapack->zungqr(&b, &b, &b, A, &b, work + room, work, &room, &failed);
-  transpose(b, A);
+  int failed;
+  lapack->zgelq2(&b, &b, A, &b, work, work + b, &failed);
+  lapack->zungl2(&b, &b, &b, A, &b, work, work + b, &failed);
 }
 
 /* The block of b modes from `first` on of W R_(K-1) ... R_0, multiplied out and scaled. */
@@ -322,31 +289,19 @@ double wrap_angle(double angle) {
   return near <= -M_PI ? M_PI : near;
 }
 
-/* x is added to a sum, and what is lost kept beside it. Source: Neumaier, ZAMM 54 (1974) 39. */
-static void add_exactly(double x, double *sum, double *lost) {
-  double next = *sum + x;
-  *lost += fabs(*sum) >= fabs(x) ? (*sum - next) + x : (x - next) + *sum;
-  *sum = next;
-}
-
-/* Add an angle to a sum; half turns are counted. */
-static void add_angle(cpx t, double *sum, double *lost, int *halves) {
-  if (cimag(t) == 0.0) *halves ^= creal(t) < 0.0;
-  else add_exactly(carg(t), sum, lost);
-}
-
+/* The logs of the modes; roundings of many factors would add up in double precision, and half turns are counted. */
 static void sum_logs(Form *f) {
   int n = f->n;
   for (int i = 0; i < n; i++) {
     int halves = 0;
-    double size = 0.0, angle = 0.0, lost[2] = {0.0, 0.0};
-    add_angle(f->turn[i], &angle, lost + 1, &halves);
-    for (int k = 0; k < f->count; k++) {
-      cpx t = f->T[((long)k * n + i) * n + i];
-      add_exactly(log(fmax(cabs(t), TINY)), &size, lost);
-      add_angle(t, &angle, lost + 1, &halves);
+    long double size = 0.0, angle = 0.0;
+    for (int k = 0; k <= f->count; k++) {
+      cpx t = k < f->count ? f->T[((long)k * n + i) * n + i] : f->turn[i];
+      if (k < f->count) size += log(fmax(cabs(t), TINY));
+      if (cimag(t) == 0.0) halves ^= creal(t) < 0.0;
+      else angle += carg(t);
     }
-    f->logs[i] = CMPLX(size + lost[0], wrap_angle(angle + lost[1] + (halves ? M_PI : 0.0)));
+    f->logs[i] = CMPLX(size, wrap_angle(angle + (halves ? M_PI : 0.0)));
   }
 }
 
@@ -378,7 +333,7 @@ int find_schur_form(const Lapack *lapack, const double *factors, const double *s
   else if (count == 1) code = find_single_form(lapack, factors, f, work);
   else {
     double *bases = memory, *R = bases + (count + 1) * size, *ends = R + (2 * count + 1) * size;
-    Bench at = {R, R + count * size, ends, ends + 2 * size, ends + 3 * size, ends + 4 * size, ends + 5 * size + 2 * n, cut};
+    Bench at = {lapack, R, R + count * size, ends, ends + 2 * size, ends + 3 * size, ends + 4 * size, ends + 5 * size + 2 * n, cut};
     for (long e = 0; e < size; e++) bases[e] = start ? start[e] : e % (n + 1) == 0;
     find_bases(n, count, factors, bases, &at);
     clean_bases(n, count, bases, &at);

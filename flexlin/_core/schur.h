@@ -39,10 +39,10 @@ typedef void (*Balance)(const char *, const int *, double *, const int *, int *,
 typedef void (*Schur)(const char *, const char *, void *, const int *, cpx *, const int *, int *, cpx *, cpx *, const int *, cpx *, const int *,
                       double *, int *, int *, size_t, size_t);
 typedef void (*Exchange)(const char *, const int *, cpx *, const int *, cpx *, const int *, const int *, const int *, int *, size_t);
-typedef void (*Triangularize)(const int *, const int *, cpx *, const int *, cpx *, cpx *, const int *, int *);
-typedef void (*Generate)(const int *, const int *, const int *, cpx *, const int *, const cpx *, cpx *, const int *, int *);
+typedef void (*Triangularize)(const int *, const int *, void *, const int *, void *, void *, int *);
+typedef void (*Generate)(const int *, const int *, const int *, void *, const int *, const void *, void *, int *);
 typedef void (*Solve)(const int *, const int *, double *, const int *, int *, double *, const int *, int *);
-typedef struct { Balance dgebal; Schur zgees; Triangularize zgeqrf; Generate zungqr; Solve dgesv; Exchange ztrexc; } Lapack;
+typedef struct { Balance dgebal; Schur zgees; Triangularize dgelq2, zgelq2; Generate dorgl2, zungl2; Solve dgesv; Exchange ztrexc; } Lapack;
 
 /* F_k Q_k = Q_(k+1) T_k, Q_K = Q_0 closure, closure = diag(turn) up to `defect` (n, n): of a cluster, all that any of it misses. start: real bases
  * of the invariant subspaces at the beginning. */
@@ -52,7 +52,7 @@ enum { SOUND, NO_MEMORY, NOT_FINITE, NO_SCHUR_FORM };
 
 int multiply_pairs(int n, int count, double *factors, double *work);
 /* Q (n, n) of A = Q R; A becomes R; work (2 n). */
-void make_orthogonal(int n, double *A, double *Q, double *work);
+void make_orthogonal(const Lapack *lapack, int n, double *A, double *Q, double *work);
 int find_schur_form(const Lapack *lapack, const double *factors, const double *start, Form *form);
 double wrap_angle(double angle);
 

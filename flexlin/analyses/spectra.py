@@ -18,7 +18,7 @@ from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.boundary.together import Interpolant, Products, find_together
 from flexlin.periodic.circle import assign, measure_distances, wrap_angle
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import solve_floquet_modes
+from flexlin.periodic.floquet.modes import floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.interpolation import NODES
 from flexlin.periodic.system import PeriodicSystem
@@ -135,7 +135,7 @@ class Family:
         from flexlin.periodic.floquet.resonance import find_resonances
 
         system = self.system_at(point)
-        found = find_resonances(system, solve_floquet_modes(system, floquet(system, self.coarsest)))
+        found = find_resonances(system, floquet_modes(system, floquet(system, self.coarsest)))
         return sorted(found, key=lambda one: -one.exponent.real)
 
 
@@ -202,7 +202,7 @@ class SymbolicFamily(Family):
 
         loop = replace(self.loop, linearization=self.loop.at(self.place(point[None])[0]))
         system = loop.linearization.periodic_system()
-        modes = solve_floquet_modes(system, floquet(system, self.finest))
+        modes = floquet_modes(system, floquet(system, self.finest))
         return modes.exponents, modes.errors, integrate_derivatives(loop, modes)[self.places]
 
 

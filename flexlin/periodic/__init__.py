@@ -13,7 +13,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.certificate": "digest",
         "periodic.circle": "assign count_turns match_logs measure_distances wrap_angle wrap_log",
         "periodic.coefficients": "build_companion stack_companion",
-        "periodic.decoupling.coupling": "as_real Coupled",
+        "periodic.decoupling.coupling": "as_real Decoupled",
         "periodic.decoupling.decouple": "decouple",
         "periodic.decoupling.frames": "Group sylvester",
         "periodic.floquet.by_decoupling": "decoupled_exponents solve_decoupled_modes",

@@ -49,14 +49,6 @@ class CommonPanels:
     error: Array
 
 
-@dataclass(frozen=True)
-class Proof:
-    """X' + A' X + X A <= -margin X, in 1/s, and the spectral norm of a change of A, in 1/s, that leaves it negative; margin <= 0: none."""
-
-    margin: float
-    tolerates: float
-
-
 def represent_on_panels(resolved: Resolved, solution: RiccatiSolution) -> CommonPanels:
     """Interpolate A and X on panels; A's error: that of its representation, what the panels add between their nodes, and rounding."""
     n = len(resolved.mean())
@@ -64,26 +56,21 @@ def represent_on_panels(resolved: Resolved, solution: RiccatiSolution) -> Common
     waves = max(one.degree / share if isinstance(one, FourierSeries) else 0.0 for one, share in both)
     edges = divided(solution.series.edges, resolved.period * PANEL_HARMONICS / max(waves, PANEL_HARMONICS))
     t = panel_times(edges[:-1], edges[1:], NODES)
-    A, X = (chebyshev_coefficients(f(t.ravel()).reshape(*t.shape, -1)) for f in (resolved, solution.X))
-    A, X = (one.reshape(*one.shape[:2], n, n) for one in (A, X))
+    A, X = (find_coefficients(f(t.ravel()).reshape(*t.shape, n, n)) for f in (resolved, solution.X))
     X = symmetrize(X)
     u = np.linspace(-1.0, 1.0, 2 * NODES + 1)[1:-1]
     t = (edges[:-1, None] + edges[1:, None]) / 2 + np.diff(edges)[:, None] / 2 * u
     apart = np.abs(resolved(t.ravel()).reshape(*t.shape, n, n) - evaluate(A, u))
     between = 3 * apart.max(axis=(0, 1)) + np.abs(A[:, -TAIL:]).sum(axis=1).max(axis=0)
     units = np.sqrt(np.abs(X[..., range(n), range(n)]).sum(axis=1).max(axis=0))
-    error = error_of(resolved) + between + SUM_ROUNDING * np.abs(A).sum(axis=1).max(axis=0)
+    some = resolved.period * np.arange(257) / 257  # and half as much again for between them
+    eye = np.broadcast_to(np.eye(n), (len(some), n, n))
+    represented = 1.5 * couple_uncertainty(resolved, some, eye, eye).max(axis=0)
+    error = represented + between + SUM_ROUNDING * np.abs(A).sum(axis=1).max(axis=0)
     kept = trimmed(A, error / NODES)
     error = error + np.abs(A[:, kept.shape[1] :]).sum(axis=1).max(axis=0)
     error = np.where(np.any(A, axis=(0, 1)), error, 0.0)
     return CommonPanels(edges, kept, trimmed(X, ROOT_EPS * np.outer(units, units)), error)
-
-
-def error_of(resolved: Resolved) -> Array:
-    """A bound on the error of A's representation (n, n): that at 257 times, with half as much again for between them."""
-    t = resolved.period * np.arange(257) / 257
-    eye = np.broadcast_to(np.eye(len(resolved.mean())), (len(t), *resolved.mean().shape))
-    return 1.5 * couple_uncertainty(resolved, t, eye, eye).max(axis=0)
 
 
 def trimmed(coefficients: Array, least: Array) -> Array:
@@ -92,8 +79,9 @@ def trimmed(coefficients: Array, least: Array) -> Array:
     return coefficients[:, : int(counts.max(initial=0)) + 1]
 
 
-def prove(panels: CommonPanels) -> Proof:
-    """Bound the margin from below.
+def prove(panels: CommonPanels) -> tuple[float, float]:
+    """Bounds from below on the margin in 1/s, X' + A' X + X A <= -margin X, and on the spectral norm of a change of A in 1/s that leaves
+    this negative; a margin <= 0 says nothing.
 
     In coordinates z = L' x, L L' = mean X, with R = X' + A' X + X A:
 
@@ -103,37 +91,36 @@ def prove(panels: CommonPanels) -> Proof:
     |p''| <= sum_k |c_k| k^2 (k^2 - 1) / 3 (Markov). Where X grows from one panel to the next, the growth is paid from the margin.
     Rounding of the change of coordinates grows with the condition of L in units in which X has a diagonal of ones.
     """
-    even = np.arange(0, panels.X.shape[1], 2)
-    share = np.diff(panels.edges) / panels.edges[-1]
-    L = np.linalg.cholesky(np.einsum("p,k,pkij->ij", share, 1 / (1 - even**2.0), panels.X[:, ::2]))
+    L = np.linalg.cholesky(ChebyshevPanels(panels.edges, panels.X).mean())
     back = np.linalg.inv(L.T)
     A = L.T @ panels.A @ back
     X = np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, panels.X), -1, -2))
     unknown = float(np.linalg.norm(np.abs(L.T) @ panels.error @ np.abs(back)))
     rounding = SUM_ROUNDING * len(L) * float(np.linalg.cond(L / np.sqrt((L**2).sum(axis=1))[:, None]))
-    best, count = Proof(-np.inf, 0.0), TAIL * NODES + 1
+    best, count = (-np.inf, 0.0), TAIL * NODES + 1
     while count < NODES**2:
-        found, lost = bound_margin(panels.edges, A, X, unknown, rounding, count)
-        best, count = max(best, found, key=lambda one: one.margin), 4 * count - 3
-        if lost <= (1 - PROVED_SHARE) * max(found.margin, 0.0) or found.margin + lost <= 0 or found.margin == -np.inf:
+        margin, tolerates, lost = bound_margin(panels.edges, A, X, unknown, rounding, count)
+        best, count = max(best, (margin, tolerates)), 4 * count - 3
+        if lost <= (1 - PROVED_SHARE) * max(margin, 0.0) or margin + lost <= 0 or margin == -np.inf:
             break
-    tolerates = best.tolerates / float(np.linalg.cond(L))
+    margin, tolerates = best[0], best[1] / float(np.linalg.cond(L))
     # a certificate that bears next to no change says more of rounding than of the loop
-    return Proof(best.margin, tolerates) if tolerates > EPS**0.75 * best.margin else Proof(-np.inf, 0.0)
+    return (margin, tolerates) if tolerates > EPS**0.75 * margin else (-np.inf, 0.0)
 
 
-def bound_margin(edges: Array, A: Array, X: Array, unknown: float, rounding: float, count: int) -> tuple[Proof, float]:
-    """Return the margin proved with so many samples a panel, and what the bound between samples costs."""
-    half = np.diff(edges)[:, None, None, None] / 2
-    slope = np.polynomial.chebyshev.chebder(X, axis=1) / half if X.shape[1] > 1 else np.zeros_like(X)
-    R = chebyshev_coefficients(flat(sum_terms(A, X, slope, chebyshev_nodes(A.shape[1] + X.shape[1] - 1))))
+def bound_margin(
+    edges: Array, A: Array, X: Array, unknown: float, rounding: float, count: int
+) -> tuple[float, float, float]:
+    """The margin proved with so many samples a panel, the change that leaves some of it, and what the bound between samples costs."""
+    slope = ChebyshevPanels(edges, X).derivative().coefficients
+    R = find_coefficients(sum_terms(A, X, slope, chebyshev_nodes(A.shape[1] + X.shape[1] - 1)))
     u = np.linspace(-1.0, 1.0, count)
-    bends = [float(bend(one).max()) * (u[1] - u[0]) ** 2 / 8 for one in (R, flat(X))]
+    bends = [float(bend(one).max()) * (u[1] - u[0]) ** 2 / 8 for one in (R, X)]
     values, size = sum_terms(A, X, slope, u), evaluate(X, u)
     eye = np.broadcast_to(np.eye(size.shape[-1]), size.shape)
     low, high = (bound_ratio(part, eye) + bends[1] for part in (-size, size))
     if not low < 0:
-        return Proof(-np.inf, 0.0), np.inf
+        return -np.inf, 0.0, np.inf
     largest_A = float(np.linalg.norm(evaluate(A, u), axis=(-2, -1)).max())
     known = 2 * unknown * high + rounding * (2 * largest_A * high + float(np.abs(evaluate(slope, u)).max()))
     some = slice(None, None, isqrt(count))
@@ -142,7 +129,7 @@ def bound_margin(edges: Array, A: Array, X: Array, unknown: float, rounding: flo
     ends = evaluate(X, np.array([-1.0, 1.0]))
     paid = np.log(np.maximum(largest_ratios(ends[:, 0], np.roll(ends[:, 1], 1, axis=0)), 1.0))
     margin = -mu - float(paid.sum()) / float(edges[-1])
-    return Proof(margin, max(margin, 0.0) / 2 * float(np.sqrt(-low / high))), mu - first
+    return margin, max(margin, 0.0) / 2 * float(np.sqrt(-low / high)), mu - first
 
 
 def sum_terms(A: Array, X: Array, slope: Array, u: Array) -> Array:
@@ -158,15 +145,15 @@ def evaluate(coefficients: Array, u: Array) -> Array:
     )
 
 
-def flat(values: Array) -> Array:
-    """Matrices as rows."""
-    return values.reshape(*values.shape[:2], -1)
+def find_coefficients(values: Array) -> Array:
+    """Chebyshev coefficients of matrices at the nodes of panels, both (P, K, n, n)."""
+    return chebyshev_coefficients(values.reshape(*values.shape[:2], -1)).reshape(values.shape)
 
 
 def bend(coefficients: Array) -> Array:
     """A bound on the second derivative of each panel's polynomial in [-1, 1], by |T_k''| <= k^2 (k^2 - 1) / 3 (P,)."""
     k = np.arange(coefficients.shape[1])
-    return np.linalg.norm(coefficients, axis=2) @ (k**2 * (k**2 - 1.0) / 3)
+    return np.linalg.norm(coefficients, axis=(2, 3)) @ (k**2 * (k**2 - 1.0) / 3)
 
 
 def largest_ratios(R: Array, X: Array) -> Array:
@@ -239,14 +226,8 @@ class Certificate:
         dict
             edges (P + 1), A and X as Chebyshev coefficients (P, K, n, n), error of A (n, n), margin, tolerates, source, sha256.
         """
-        panels = self.panels
-        data: dict[str, Any] = {"edges": panels.edges.tolist(), "A": panels.A.tolist(), "X": panels.X.tolist()}
-        data |= {
-            "error": panels.error.tolist(),
-            "margin": self.margin,
-            "tolerates": self.tolerates,
-            "source": self.source,
-        }
+        data = {name: getattr(self.panels, name).tolist() for name in ("edges", "A", "X", "error")}
+        data |= {name: getattr(self, name) for name in ("margin", "tolerates", "source")}
         return data | {"sha256": digest(data)}
 
 
@@ -271,19 +252,14 @@ def certify(result: FloquetResult) -> Certificate:
         raise ArgumentError("the result does not know its loop", expected="a result of fl.floquet")
     try:
         panels = represent_on_panels(resolved, solve_equation(result, resolved))
-        proof = prove(panels)
+        margin, tolerates = prove(panels)
     except (NumericalError, np.linalg.LinAlgError) as error:
         raise NotCertified("no X(t) proves the stability", got=str(error)) from None
-    if not proof.margin > 0:
-        said = f"a margin of {proof.margin:.3g} 1/s" if np.isfinite(proof.margin) else "none beyond rounding"
+    if not margin > 0:
+        said = f"a margin of {margin:.3g} 1/s" if np.isfinite(margin) else "none beyond rounding"
         raise NotCertified("X(t) does not prove the stability", got=said)
     claimed = 1 - CLOSE_SHARE  # so that another program's rounding does not matter
-    return Certificate(panels, claimed * proof.margin, claimed * proof.tolerates, "Lyapunov equation")
-
-
-def find_shift(result: FloquetResult) -> float:
-    """What the Lyapunov equation is asked to prove, in 1/s."""
-    return -PROVED_SHARE * float((result.exponents.real + np.where(np.isinf(result.errors), 0, result.errors)).max())
+    return Certificate(panels, claimed * margin, claimed * tolerates, "Lyapunov equation")
 
 
 def choose_weights(resolved: Resolved, shift: float) -> Array:
@@ -308,7 +284,8 @@ def solve_equation(result: FloquetResult, resolved: Resolved) -> RiccatiSolution
 
     Raises: NumericalError where the decay is so slow against the fastest mode that the error of X hides it.
     """
-    shift, tol = find_shift(result), CLOSE_SHARE / 10
+    growth, tol = result.exponents.real + np.where(np.isinf(result.errors), 0, result.errors), CLOSE_SHARE / 10
+    shift = -PROVED_SHARE * float(growth.max())
     hidden = tol * float(np.abs(np.linalg.eigvals(resolved.mean())).max())
     if shift < hidden:
         raise NumericalError("the loop decays too slowly", got=f"{shift:.3g} 1/s", expected=f"above {hidden:.3g} 1/s")

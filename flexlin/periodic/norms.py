@@ -16,7 +16,7 @@ from flexlin.periodic.coefficient_series.panels import MOST_PANELS
 from flexlin.periodic.coefficient_series.resolve import resolve_constant
 from flexlin.periodic.coefficients import MatrixFunction, assemble_hamiltonian, combine
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import MODES_TOL, solve_floquet_modes
+from flexlin.periodic.floquet.modes import MODES_TOL, floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.interpolation import NODES, divide_segments, fourier_nodes
 from flexlin.periodic.response.frequency import Segments, condense
@@ -229,7 +229,7 @@ class PeakSearch:
         self.problem, system, found = problem, problem.system, problem.found
         rate = max(float(np.linalg.norm(system.resolved.mean(), 2)), 1 / system.period)
         self.floor = max(direct, EPS * largest[0] * largest[1] / rate)  # what rounding makes of nothing
-        modes = solve_floquet_modes(system, found)
+        modes = floquet_modes(system, found)
         reached, all_reached = measure_parts(np.swapaxes(problem.B(modes.times), 1, 2), modes.left.conj(), largest[0])
         seen, all_seen = measure_parts(problem.C(modes.times), modes.right, largest[1])
         self.exponents, self.period, damping = modes.exponents, system.period, np.abs(modes.exponents.real)

@@ -3,6 +3,7 @@
 import ctypes
 from dataclasses import dataclass
 from functools import cache
+from itertools import repeat
 
 import numpy as np
 from scipy.linalg import cython_lapack, lapack
@@ -16,7 +17,7 @@ GROUP_CONDITION = 1000.0
 """Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""
 COHERENT_PART = 0.25
 """The part of the rounding errors that may add up with one sign."""
-ROUTINES = ("dgebal", "zgees", "zgeqrf", "zungqr", "dgesv", "ztrexc")
+ROUTINES = ("dgebal", "zgees", "dgelq2", "zgelq2", "dorgl2", "zungl2", "dgesv", "ztrexc")
 """Of LAPACK, as the compiled code takes them."""
 
 
@@ -28,7 +29,6 @@ class Halving:
     R: Array
     left: Array
     right: Array
-    odd: bool
 
 
 @dataclass(frozen=True)
@@ -49,35 +49,24 @@ class CyclicSystem:
 
     def solve(self, g: Array) -> Array:
         """Return x_0 ... x_(K-1) of shape (..., K, n, r) for right sides g of the same shape."""
-        tops = []
+        n, tops = g.shape[-2], []
         for level in self.levels:
-            top, g = condense_right(level, g)
-            tops.append(top)
+            last = 2 * level.R.shape[-3]
+            rotated = level.Q @ np.concatenate([g[..., 0:last:2, :, :], g[..., 1:last:2, :, :]], axis=-2)
+            tops.append(rotated[..., :n, :])
+            g = np.concatenate([rotated[..., n:, :], g[..., last:, :, :]], axis=-3)
         return self.expand(solve_batch(self.closure, g[..., 0, :, :]), tops)
 
     def expand(self, x: Array, tops: list[Array] | None = None) -> Array:
         """Return all x_k (..., K, n, r) from x_0 (..., n, r); without tops for zero right sides."""
         x = x[..., None, :, :]
-        for i in range(len(self.levels) - 1, -1, -1):
-            level = self.levels[i]
+        for level, top in zip(self.levels[::-1], tops[::-1] if tops else repeat(0.0), strict=False):
             pairs = level.R.shape[-3]
             left, right = x[..., :pairs, :, :], np.roll(x, -1, axis=-3)[..., :pairs, :, :]
-            inner = -(level.left @ left + level.right @ right)
-            if tops is not None:
-                inner = inner + tops[i]
-            middle = solve_batch(level.R, inner)
+            middle = solve_batch(level.R, top - (level.left @ left + level.right @ right))
             both = np.stack([left, middle], axis=-3).reshape(*middle.shape[:-3], 2 * pairs, *middle.shape[-2:])
-            x = np.concatenate([both, x[..., pairs:, :, :]], axis=-3) if level.odd else both
+            x = np.concatenate([both, x[..., pairs:, :, :]], axis=-3)
         return x
-
-    def null_vectors(self, count: int) -> tuple[Array, Array]:
-        """Return x_k (..., K, n, count) of nearly zero residual, and the singular values of the closure, smallest first.
-
-        Scaling: x_0 has orthonormal columns; the other x_k follow.
-        """
-        _, sigma, Vh = np.linalg.svd(self.closure)
-        x0 = np.conj(np.swapaxes(Vh[..., ::-1, :][..., :count, :], -1, -2))
-        return self.expand(x0), sigma[..., ::-1]
 
 
 def solve_batch(R: Array, right: Array) -> Array:
@@ -94,48 +83,35 @@ def solve_batch(R: Array, right: Array) -> Array:
 def cyclic_system(F: Array) -> CyclicSystem:
     """Condense x_(k+1) - F_k x_k = g_k, x_K = x_0 for factors F (..., K, n, n), real or complex."""
     C, D = -F, np.broadcast_to(np.eye(F.shape[-1], dtype=F.dtype), F.shape)
-    levels = []
-    while C.shape[-3] > 1:
-        level, C, D = halve_rows(C, D)
-        levels.append(level)
+    levels, n = [], F.shape[-1]
+    while (count := C.shape[-3]) > 1:  # every second unknown of the rows C_k x_k + D_k x_(k+1) is eliminated
+        even, odd = slice(0, count - count % 2, 2), slice(1, None, 2)
+        Q, R = np.linalg.qr(np.concatenate([D[..., even, :, :], C[..., odd, :, :]], axis=-2), mode="complete")
+        Qh = np.conj(np.swapaxes(Q, -1, -2))
+        left, right = Qh[..., :n] @ C[..., even, :, :], Qh[..., n:] @ D[..., odd, :, :]
+        levels.append(Halving(Qh, R[..., :n, :], left[..., :n, :], right[..., :n, :]))
+        C, D = (
+            np.concatenate([rotated[..., n:, :], rows[..., even.stop :, :, :]], axis=-3)
+            for rotated, rows in ((left, C), (right, D))
+        )
     C, D = C[..., 0, :, :], D[..., 0, :, :]
     return CyclicSystem(tuple(levels), C + D, np.linalg.norm(C, axis=(-2, -1)) + np.linalg.norm(D, axis=(-2, -1)))
-
-
-def halve_rows(C: Array, D: Array) -> tuple[Halving, Array, Array]:
-    """Eliminate every second unknown from the rows C_k x_k + D_k x_(k+1)."""
-    count, n = C.shape[-3:-1]
-    even, odd = slice(0, count - count % 2, 2), slice(1, None, 2)
-    Q, R = np.linalg.qr(np.concatenate([D[..., even, :, :], C[..., odd, :, :]], axis=-2), mode="complete")
-    Qh = np.conj(np.swapaxes(Q, -1, -2))
-    left, right = Qh[..., :n] @ C[..., even, :, :], Qh[..., n:] @ D[..., odd, :, :]
-    level = Halving(Qh, R[..., :n, :], left[..., :n, :], right[..., :n, :], count % 2 == 1)
-    C_next, D_next = left[..., n:, :], right[..., n:, :]
-    if level.odd:
-        C_next = np.concatenate([C_next, C[..., -1:, :, :]], axis=-3)
-        D_next = np.concatenate([D_next, D[..., -1:, :, :]], axis=-3)
-    return level, C_next, D_next
-
-
-def condense_right(level: Halving, g: Array) -> tuple[Array, Array]:
-    """Rotate the right sides of one level: those of the eliminated rows, and of the rows that remain."""
-    n, last = g.shape[-2], g.shape[-3] - level.odd
-    rotated = level.Q @ np.concatenate([g[..., 0:last:2, :, :], g[..., 1:last:2, :, :]], axis=-2)
-    rest = rotated[..., n:, :]
-    return rotated[..., :n, :], np.concatenate([rest, g[..., last:, :, :]], axis=-3) if level.odd else rest
 
 
 def periodic_vectors(factors: Array, times: Array, exponents: Array, ranks: Array) -> tuple[Array, Array]:
     """p_k (K, n, m) with p_(k+1) = exp(-lambda_i h_k) F_k p_k, p_K = p_0, for factors (K, n, n) between times (K + 1,).
 
-    They are null vectors of cyclic systems, of which members of a cluster take different ones, by their ranks (m,).
+    They are null vectors of cyclic systems, the orthonormal p_0 those of the closure, of which members of a cluster take different ones,
+    by their ranks (m,).
     Returns: p, and whether the factors know such vectors (m,): not where a mode is too fast for them.
     """
     turns = -exponents[:, None] * np.diff(times)
     loss = np.clip(turns.real, -LARGEST_LOG_GROWTH, LARGEST_LOG_GROWTH)
     system = cyclic_system(np.exp(loss + 1j * turns.imag)[..., None, None] * factors)
-    x, sigma = system.null_vectors(int(ranks.max()) + 1)
-    small = sigma[:, : x.shape[-1]] < CUBE_ROOT_EPS * system.size[:, None]
+    _, sigma, Vh = np.linalg.svd(system.closure)
+    smallest = slice(None, -int(ranks.max()) - 2, -1)
+    x = system.expand(np.conj(np.swapaxes(Vh[:, smallest], -1, -2)))
+    small = sigma[:, smallest] < CUBE_ROOT_EPS * system.size[:, None]
     vectors = [one[:, :, rank if known[rank] else 0] for one, known, rank in zip(x, small, ranks, strict=True)]
     return np.stack(vectors, axis=-1), small[:, 0] & (np.abs(loss) < LARGEST_LOG_GROWTH).all(axis=1)
 
@@ -217,17 +193,13 @@ def find_routines() -> "ctypes.Array[ctypes.c_void_p]":
     return (ctypes.c_void_p * len(ROUTINES))(*places)
 
 
-def shape_spectrum(n: int, K: int, *given: object) -> tuple[object, ...]:
-    """What `find_spectrum` takes and makes."""
-    p, q = given[5:7]
-    return (K, n, n), (K, n, n), (n, n), (K, n, n), (K, n, p), (K, p, q), (K, q, n), n, n, n, n, (n, n), 1
-
-
 find_spectrum_in_core = declare(
     "int find_spectrum(int n, int count, const double *plain, const double *better, const double *start, double limit, "
     "const double *steps, int p, int q, int part, const double *left, const double *size, const double *right, "
     "const void *lapack, double complex *logs, double complex *shift, double *method, double *rounding, double *end, int *stretched)",
-    shape_spectrum,
+    lambda n, K, plain, better, start, limit, steps, p, q, *_: (
+        *((K, n, n), (K, n, n), (n, n), (K, n, n), (K, n, p), (K, p, q), (K, q, n), n, n, n, n, (n, n), 1),
+    ),
     ("better", "start", "steps", "left", "size", "right"),
 )
 

@@ -91,7 +91,7 @@ def try_coefficients(closed: Linearization) -> Trials:
 def multiply_period(system: PeriodicSystem, setting: Setting) -> Array:
     """The transition matrix of one period."""
     with np.errstate(over="ignore", invalid="ignore"):  # a method that is far too coarse may leave the range
-        return reduce(lambda P, F: F @ P, factor_period(system, setting)[1])
+        return reduce(lambda P, F: F @ P, factor_period(system, setting))
 
 
 def try_transition_matrices(system: PeriodicSystem) -> Iterator[Trial]:
@@ -124,7 +124,7 @@ def try_exponents(closed: Linearization) -> Trials:
     Each run starts from a new system, so its time holds the resolution of the coefficients.
     """
     system = closed.periodic_system()
-    exact = find_spectrum(factor_period(system, choose_reference(system))[1]).logs / system.period
+    exact = find_spectrum(factor_period(system, choose_reference(system))).logs / system.period
 
     def run(tol: float, method: str = "auto") -> FloquetResult:
         return floquet(replace(closed).periodic_system(), tol, method=method, max_segments=MOST_SEGMENTS)

@@ -1,21 +1,17 @@
 """Decouple the fast modes of a periodic linear system from the slow ones: group, frame, rounds, and what does not part put together."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.coefficient_series.sampling import POINTS, RESOLVED_TOL, stratified
 from flexlin.periodic.decoupling.coupling import (
-    Coupled,
     Decoupled,
     block_values,
+    combined,
     group_separation,
-    hidden_effect,
-    high_harmonics,
-    pair_effects,
-    residual_effect,
+    measure_rough,
 )
 from flexlin.periodic.decoupling.frames import (
     SLOW_PART,
@@ -112,7 +108,7 @@ def decouple(
             parted = built_on(samples, period, tol, tries)
             if parted is None:
                 return None
-            answer, settled = checked(parted, samples, between, tol, uncertainty)
+            answer, settled = checked(*parted, period, samples, between, tol, uncertainty)
         except np.linalg.LinAlgError:
             return None  # eigenvectors of A(t) depend on each other at some time
         if settled or len(samples) == MAX_NODES:
@@ -136,11 +132,16 @@ def hides_waves(A: MatrixFunction, period: float, samples: Array, between: Array
 
 
 def checked(
-    parted: "Parted", A: Array, between: Array, tol: float, uncertainty: Uncertainty | None
+    frame: Array,
+    groups: tuple[Group, ...],
+    period: float,
+    A: Array,
+    between: Array,
+    tol: float,
+    uncertainty: Uncertainty | None,
 ) -> tuple[Decoupled, bool]:
     """Evaluate the generator half-way between the nodes too, and state what rounding leaves beside the coupling: the denser result, and
     whether the two sets of nodes agree on every mode and its coupling is small enough."""
-    period, frame, groups = parted.period, parted.frame, parted.groups
     T = interleaved(frame, shifted(frame, 0.5))
     slope = interleaved(*(circle_derivative(frame, period, shift) for shift in (0.0, 0.5)))
     A = interleaved(A, between)
@@ -153,30 +154,17 @@ def checked(
     means = np.einsum("tii->ti", B)
     allowed, noise = tol * np.maximum(1, np.abs(means.mean(axis=0))), 4 * np.diagonal(rounding)
     apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
-    coupled = Coupled(B, period, groups)
-    residual, hidden = residual_effect(coupled), hidden_effect(coupled, rounding)
-    enough = np.diagonal(residual) < PARTIAL * allowed + noise
-    enough |= np.diagonal(hidden) > allowed  # more nodes would not help
-    done = Decoupled(period, times, T, inverse, B, groups, parted.turning, residual + hidden, rounding, coupled)
+    done = Decoupled(period, times, T, B, groups, rounding)
+    enough = np.diagonal(done.eliminated) < PARTIAL * allowed + noise
+    enough |= np.diagonal(done.hidden) > allowed  # more nodes would not help
     return done, bool(np.all((apart < MINOR * allowed + noise) & enough))
 
 
-@dataclass(frozen=True)
-class Parted:
-    """What the rounds reached from a frame on its nodes: a basis T (N, n, n) of the groups' subspaces.
+def built_on(samples: Array, period: float, tol: float, tries: int) -> tuple[Array, tuple[Group, ...]] | None:
+    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part; None where all are.
 
-    turning (G,): real groups whose basis is complex; stuck (n, n): pairs of modes whose coupling stays too large.
+    Returns: a basis T (N, n, n) of the groups' subspaces, and the groups.
     """
-
-    period: float
-    frame: Array
-    groups: tuple[Group, ...]
-    turning: Array
-    stuck: Array
-
-
-def built_on(samples: Array, period: float, tol: float, tries: int) -> Parted | None:
-    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part; None where all are."""
     modes = follow_modes(samples)
     apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
     together = apart < 2 * np.pi / period / ADIABATIC_GAP
@@ -184,20 +172,20 @@ def built_on(samples: Array, period: float, tol: float, tries: int) -> Parted | 
         columns, groups = grouped_modes(modes, together)
         if len(groups) == 1:
             return None  # no eigenvalues stand apart from the others along the period
-        taken = modes.taken(columns)
-        T, turning = find_frame(taken, groups)
-        allowed = tol * np.maximum(1, np.abs(taken.values).min(axis=0))[:, None]
-        found = part_frame(smooth(T), groups, turning, samples, period, allowed)
-        if not found.stuck.any():
-            return found
-        together[np.ix_(columns, columns)] |= found.stuck | found.stuck.T
+        T, groups = find_frame(modes.right[:, :, columns], modes.left[:, columns], groups)
+        allowed = tol * np.maximum(1, np.abs(modes.values[:, columns]).min(axis=0))[:, None]
+        T, stuck = part_frame(smooth(T), groups, samples, period, allowed)
+        if not stuck.any():
+            return T, groups
+        together[np.ix_(columns, columns)] |= stuck | stuck.T
     return None  # the coupling between groups does not shrink
 
 
-def part_frame(T: Array, groups: tuple[Group, ...], turning: Array, A: Array, period: float, allowed: Array) -> Parted:
+def part_frame(T: Array, groups: tuple[Group, ...], A: Array, period: float, allowed: Array) -> tuple[Array, Array]:
     """Make the rounds from a basis T (N, n, n) of the groups' subspaces, where no first step would mix modes by much.
 
-    Parameters: turning (G,): real groups whose basis is complex; allowed (n, 1): error of each exponent, in 1/s.
+    Parameters: allowed (n, 1): error of each exponent, in 1/s.
+    Returns: the basis that the rounds reached; pairs of modes whose coupling stays too large (n, n).
     """
     B = np.linalg.solve(T, A @ T - circle_derivative(T, period))
     S = sylvester(B, groups)
@@ -205,11 +193,12 @@ def part_frame(T: Array, groups: tuple[Group, ...], turning: Array, A: Array, pe
     stuck = share > MINOR
     if not stuck.any():
         T, S, left = part_groups(T, B, S, groups, period, allowed)
-        stuck = left > MINOR * allowed + transformation_noise(T, A)
+        rounding = 30 * EPS * (np.abs(np.linalg.inv(T)) @ (np.abs(A) @ np.abs(T))).max(axis=0)
+        stuck = left > MINOR * allowed + np.sqrt(rounding * rounding.T)
         share = mixing(S)
     if (strongest := share[stuck].max(initial=0.0)) > SLIGHT:  # put those together that mix the most
         stuck &= share >= PARTIAL * strongest
-    return Parted(period, T, groups, turning, stuck)
+    return T, stuck
 
 
 def part_groups(
@@ -223,10 +212,12 @@ def part_groups(
     Returns: T, S, and what the coupling that is left does to each mode by each other one (n, n).
     Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
     """
-    apart = group_separation(block_values(B, groups), period, groups)
-    apart, least = replace(apart, swing=np.minimum(apart.swing, GROUP_CONDITION)), np.inf
+    apart, least = group_separation(block_values(B, groups), period, groups), np.inf
+    swing = np.minimum(apart.swing, GROUP_CONDITION)
     for turn in range(MOST_TRIES + 1):
-        left = pair_effects(B, S, apart, np.abs(high_harmonics(B, period, apart.gap)).max(axis=0))
+        rough = measure_rough(B, period, apart.gap)
+        second = np.abs(B).max(axis=0) * np.abs(S).max(axis=0).T
+        left = np.where(apart.outside, combined(second, np.sqrt(rough * rough.T), apart.oblique, swing), 0)
         size = float((left / (MINOR * allowed)).max())  # couplings of a group add up, and it may amplify them
         if turn and not size < SLOW_PART * least:
             break
@@ -237,10 +228,3 @@ def part_groups(
         T, B = T @ step, np.linalg.solve(step, B @ step - circle_derivative(step, period))
         S = sylvester(B, groups)
     return best
-
-
-def transformation_noise(T: Array, A: Array) -> Array:
-    """Rounding of T^-1 A T, entry by entry (n, n)."""
-    size = np.abs(np.linalg.inv(T)) @ (np.abs(A) @ np.abs(T))
-    rounding = 30 * EPS * size.max(axis=0)
-    return np.sqrt(rounding * rounding.T)

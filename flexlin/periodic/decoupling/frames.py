@@ -1,6 +1,6 @@
 """Frames of groups of modes: eigenvalues followed along a period, grouped, and bases of the groups' subspaces."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,25 +28,18 @@ class Modes:
     conjugate: Array
     near: Array
 
-    def taken(self, columns: Array) -> "Modes":
-        """The same modes in another order."""
-        place = np.argsort(columns)
-        return Modes(
-            self.values[:, columns],
-            self.right[:, :, columns],
-            self.left[:, columns],
-            place[self.conjugate[:, columns]],
-            self.near[np.ix_(columns, columns)],
-        )
-
 
 @dataclass(frozen=True)
 class Group:
-    """Modes start..stop-1 of a decoupled system; `partner` is the group of their conjugates (itself: a real group)."""
+    """Modes start..stop-1 of a decoupled system; `partner` is the group of their conjugates (itself: a real group).
+
+    turning: a real group whose basis is complex, since it turns within a period.
+    """
 
     start: int
     stop: int
     partner: int
+    turning: bool = False
 
     @property
     def size(self) -> int:
@@ -136,8 +129,8 @@ def block_mask(groups: tuple[Group, ...]) -> Array:
     return label[:, None] == label
 
 
-def find_frame(modes: Modes, groups: tuple[Group, ...]) -> tuple[Array, Array]:
-    """Bases T (N, n, n) of the groups' subspaces, and the real groups whose basis is complex (G,).
+def find_frame(right: Array, left: Array, groups: tuple[Group, ...]) -> tuple[Array, tuple[Group, ...]]:
+    """Bases T (N, n, n) of the groups' subspaces from the modes' right and left vectors, and the groups, of which some are turning.
 
         T_g(t) = V_g(t) (R_g V_g(t))^-1,   R_g constant rows:  R_g T_g = 1
 
@@ -147,25 +140,25 @@ def find_frame(modes: Modes, groups: tuple[Group, ...]) -> tuple[Array, Array]:
 
     Source: Kato, Perturbation Theory for Linear Operators, II.4.2 (transformation functions), without their transport.
     """
-    mask, V = block_mask(groups), np.empty_like(modes.right)
-    V[0] = start_basis(modes, groups)
+    mask, V = block_mask(groups), np.empty_like(right)
+    V[0] = start_basis(right[0], left[0], groups)
     for k in range(1, len(V)):  # carried along, so that V at one node is like V at the next
-        V[k] = modes.right[k] @ ((modes.left[k] @ V[k - 1]) * mask)
-    L = np.linalg.solve((modes.left @ V) * mask, modes.left)
-    T, complex_basis = np.empty_like(V), np.zeros(len(groups), bool)
+        V[k] = right[k] @ ((left[k] @ V[k - 1]) * mask)
+    L = np.linalg.solve((left @ V) * mask, left)
+    T, found = np.empty_like(V), list(groups)
     for i, group in enumerate(groups):
         if group.partner < i:
             T[:, :, group.part] = T[:, :, groups[group.partner].part].conj()
             continue
-        R, U = L[0, group.part], V[:, :, group.part]
+        R, U, real = L[0, group.part], V[:, :, group.part], group.partner == i
         seen = measure_sight(R, U)
         if seen.min() < PARTIAL:
             turned = [R + sign * L[seen.argmin(), group.part] for sign in (1j, -1j)]
             R = max(turned, key=lambda rows: measure_sight(rows, U).min())
-            complex_basis[i] = group.partner == i
+            found[i] = replace(group, turning=real)
         own = U @ np.linalg.inv(R @ U)
-        T[:, :, group.part] = own.real if group.partner == i and not complex_basis[i] else own
-    return T, complex_basis
+        T[:, :, group.part] = own.real if real and not found[i].turning else own
+    return T, tuple(found)
 
 
 def measure_sight(R: Array, V: Array) -> Array:
@@ -173,16 +166,16 @@ def measure_sight(R: Array, V: Array) -> Array:
     return np.linalg.svd(R @ V, compute_uv=False)[:, -1]
 
 
-def start_basis(modes: Modes, groups: tuple[Group, ...]) -> Array:
+def start_basis(right: Array, left: Array, groups: tuple[Group, ...]) -> Array:
     """A basis at the first node: real vectors for real groups, the eigenvectors for the others, conjugates in pairs."""
-    T = modes.right[0].copy()
+    T = right.copy()
     for i, group in enumerate(groups):
         V = T[:, group.part]
         if group.partner == i:
             size = np.abs(V).max(axis=1, keepdims=True)
             size[size == 0] = 1
             U = np.linalg.svd(np.hstack([V.real, V.imag]) / size)[0][:, : group.size] * size
-            T[:, group.part] = (V @ (modes.left[0, group.part] @ U)).real
+            T[:, group.part] = (V @ (left[group.part] @ U)).real
         elif group.partner < i:
             T[:, group.part] = T[:, groups[group.partner].part].conj()
     return T
@@ -266,20 +259,15 @@ def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
     single = scalar[:, None] & scalar & ~np.eye(len(scalar), dtype=bool)
     S[:, single] = -B[:, single] / (diagonal[:, :, None] - diagonal[:, None, :])[:, single]
     large, alone = [group for group in groups if group.size > 1], np.flatnonzero(scalar)
-    for group in large:
-        S[:, group.part, alone], S[:, alone, group.part] = solve_singles(B, group, alone)
+    for group in large:  # with all that are alone, in one call each way
+        apart = B[:, None, group.part, group.part] - diagonal[:, alone, None, None] * np.eye(group.size)
+        columns = np.linalg.solve(apart, -np.swapaxes(B[:, group.part, alone], 1, 2)[..., None])[..., 0]
+        S[:, group.part, alone] = np.swapaxes(columns, 1, 2)
+        S[:, alone, group.part] = np.linalg.solve(np.swapaxes(apart, 2, 3), B[:, alone, group.part, None])[..., 0]
         for other in large:
             if other is not group:
                 S[:, group.part, other.part] = solve_block(B, group, other)
     return S
-
-
-def solve_singles(B: Array, group: Group, alone: Array) -> tuple[Array, Array]:
-    """The blocks of S between a group and all modes that are `alone` (s,): (N, p, s) and (N, s, p), all in one call each."""
-    values, own = B[:, alone, alone], B[:, group.part, group.part]
-    apart = own[:, None] - values[:, :, None, None] * np.eye(group.size)
-    columns = np.linalg.solve(apart, -np.swapaxes(B[:, group.part, alone], 1, 2)[..., None])[..., 0]
-    return np.swapaxes(columns, 1, 2), np.linalg.solve(np.swapaxes(apart, 2, 3), B[:, alone, group.part, None])[..., 0]
 
 
 def solve_block(B: Array, group: Group, other: Group) -> Array:

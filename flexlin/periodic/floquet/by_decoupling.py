@@ -1,28 +1,17 @@
 """Floquet exponents and modes of systems with fast modes: decoupled first, where that is cheaper than following every oscillation."""
 
-from collections.abc import Callable
-from functools import cache, partial
-
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.periodic.circle import assign, match_logs, pair_conjugates, wrap_angle, wrap_log
-from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix, couple_uncertainty
-from flexlin.periodic.decoupling.coupling import (
-    UNRESOLVED_LOG,
-    Coupled,
-    Decoupled,
-    DecoupledExponents,
-    as_real,
-    link_modes,
-)
-from flexlin.periodic.decoupling.decouple import FIRST_NODES, decouple
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
+from flexlin.periodic.decoupling.coupling import UNRESOLVED_LOG, Decoupled, DecoupledExponents, as_real
+from flexlin.periodic.decoupling.decouple import FIRST_NODES
 from flexlin.periodic.decoupling.frames import (
     Group,
     aliasing,
     block_mask,
-    connected,
     harmonics,
     interpolated,
     mixing,
@@ -48,21 +37,6 @@ def estimate_decoupling_work(n: int) -> float:
     return 2 * FIRST_NODES * (OTHER_WORK * (40 + 2.4 * n) + 6 * VECTOR_WORK * n**3)
 
 
-def solve_decoupled(system: PeriodicSystem, tol: float, tries: int) -> tuple[Array, Array, Decoupled] | None:
-    """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; None where that does not serve.
-
-    What was decoupled is handed on. tries: as of `decouple`.
-    """
-    coefficients, T = system.resolved, system.period
-    if coefficients.breaks:
-        return None
-    decoupled = decouple(coefficients, T, tol, partial(couple_uncertainty, coefficients), tries)
-    if decoupled is None:
-        return None
-    found = decoupled_exponents(decoupled, tol)
-    return found.exponents, hide_enclosed(found.exponents, found.errors), decoupled
-
-
 def hide_enclosed(exponents: Array, errors: Array) -> Array:
     """Mark by inf what is only enclosed, if it lies below all that is known: the others keep their enclosures as errors."""
     known = errors <= MINOR * np.maximum(1.0, np.abs(exponents))
@@ -81,24 +55,21 @@ def decoupled_exponents(decoupled: Decoupled, tol: float = 1e-9) -> DecoupledExp
     """
     T, n = decoupled.period, decoupled.generator.shape[-1]
     values, errors = np.zeros(n, complex), np.zeros(n)
-    enclose = cache(partial(enclosures, decoupled))
     single = [i for i, group in enumerate(decoupled.groups) if group.size == 1 and group.partner >= i]
     places = [decoupled.groups[i].start for i in single]
-    values[places], errors[places] = singles(decoupled, single, enclose)
+    values[places], errors[places] = singles(decoupled, single)
     for i, group in enumerate(decoupled.groups):
         if group.partner < i:
             mate = decoupled.groups[group.partner].part
             values[group.part], errors[group.part] = values[mate].conj(), errors[mate]
         elif group.size > 1:
-            values[group.part], errors[group.part] = solve_group(decoupled, i, tol, enclose)
+            values[group.part], errors[group.part] = solve_group(decoupled, i, tol)
     values = wrap_log(values * T) / T
     order = np.argsort(-values.real, kind="stable")
     return DecoupledExponents(values[order], errors[order])
 
 
-def singles(
-    decoupled: Decoupled, indices: list[int], enclose: Callable[[], tuple[Array, Array]]
-) -> tuple[Array, Array]:
+def singles(decoupled: Decoupled, indices: list[int]) -> tuple[Array, Array]:
     """The exponents (s,) of groups of one, and their errors (s,).
 
     Where the coupling's bound exceeds what the real parts of the coupled modes `enclose`, the enclosure counts.
@@ -114,15 +85,13 @@ def singles(
     coupling = SAFETY * decoupled.residual[places, places]
     loose = coupling * decoupled.period > UNRESOLVED_LOG
     if loose.any():
-        low, high = (each[places] for each in enclose())
+        low, high = (each[places] for each in decoupled.enclosures)
         reach = np.hypot(np.maximum(high - values.real, values.real - low), np.pi / decoupled.period)
         coupling[loose] = np.minimum(coupling, reach)[loose]
     return values, apart + coupling + SAFETY * decoupled.rounding[places, places]
 
 
-def solve_group(
-    decoupled: Decoupled, index: int, tol: float, enclose: Callable[[], tuple[Array, Array]]
-) -> tuple[Array, Array]:
+def solve_group(decoupled: Decoupled, index: int, tol: float) -> tuple[Array, Array]:
     """The exponents (p,) of a group of several modes, and their errors: by segments of its small system, or enclosed.
 
     Where the group may take the place of others at any time its own equations say nothing; then its enclosure is that of all of them.
@@ -135,7 +104,7 @@ def solve_group(
     own, mean = decoupled.traceless(index)
     low, high = (mean.real + bound for bound in bound_growth(own))
     if linked:
-        below, above = (each[group.part] for each in enclose())
+        below, above = (each[group.part] for each in decoupled.enclosures)
         low, high = min(low, below.min()), max(high, above.max())
     reach = np.hypot((high - low) / 2, np.pi / T)
     return np.full(group.size, (low + high) / 2 + 1j * mean.imag), np.full(group.size, reach)
@@ -181,19 +150,6 @@ def solve_series(values: Array, period: float, unknown: Array, tol: float) -> Se
     return solve_by_segments(system, choose_setting(system, tol), tol, FEWER_SEGMENTS)
 
 
-def enclosures(decoupled: Decoupled) -> tuple[Array, Array]:
-    """Bounds from below and above on the real part of each exponent (n,): the means of the least and the largest of modes that are linked.
-
-    Those may take each other's place at any time.
-    """
-    B, groups, period = decoupled.generator, decoupled.groups, decoupled.period
-    coupled = decoupled.coupled or Coupled(B, period, groups)
-    member = connected(link_modes(coupled, decoupled.rounding) | block_mask(groups))
-    linked, real = member[:, None] == member, coupled.values.real[:, :, None]
-    low, high = np.where(linked, real, np.inf).min(axis=1), np.where(linked, real, -np.inf).max(axis=1)
-    return low.mean(axis=0), high.mean(axis=0)
-
-
 def bound_growth(values: Array) -> tuple[float, float]:
     """Bounds on the real parts of all exponents of w' = B w (N, m, m), in units S in which rows and columns of B are of like size.
 
@@ -226,7 +182,12 @@ def solve_decoupled_modes(decoupled: Decoupled, exponents: Array) -> tuple[Array
     column, apart = match_logs(exponents * period, own * period)
     if not apart.max() < CUBE_ROOT_EPS * max(1.0, float(np.abs(own).max()) * period):
         return None
-    S, run = correct_modes(decoupled, V, own, moved), integrate_circle(moved, period)
+    k = harmonics(len(moved))
+    inside = (k != 0) & (np.abs(k) < len(k) / 2)  # what has an integral at the nodes
+    S, run = (
+        correct_modes(decoupled, V, own, moved),
+        weigh_harmonics(moved, inside / np.where(inside, 2j * np.pi / period * k, 1)),
+    )
     if S is None or not np.ptp(run.real, axis=0).max() < LARGEST_LOG_GROWTH:
         return None
     plain = decoupled.frame @ V @ (np.eye(n) + S)
@@ -260,13 +221,6 @@ def follow_block(decoupled: Decoupled, index: int, group: Group) -> tuple[Array,
     if not known.all() or not np.linalg.cond(V).max() < 1 / ROOT_EPS:  # else modes coincide nearly
         return None
     return exponents, V, np.zeros(V.shape[:2])
-
-
-def integrate_circle(values: Array, period: float) -> Array:
-    """The integral of values (N, n) without mean at equidistant times of a period."""
-    k = harmonics(len(values))
-    inside = (k != 0) & (np.abs(k) < len(values) / 2)
-    return weigh_harmonics(values, inside / np.where(inside, 2j * np.pi / period * k, 1))
 
 
 def correct_modes(decoupled: Decoupled, V: Array, own: Array, moved: Array) -> Array | None:

@@ -72,7 +72,7 @@ def solve_by_segments(
     setting = setting.with_segments(min(setting.segments, max_segments))
     start, before, refined, factored, part = None, np.inf, False, None, False
     while True:
-        factored = factored or factor_twice(system, place_segments(system, setting), setting)
+        factored = factored or factor_twice(system, setting)
         spectrum, method = measure_spectrum(system, setting, factored, start, part)
         wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / METHOD_SAFETY
         if setting.method == "radau":
@@ -85,12 +85,8 @@ def solve_by_segments(
             continue
         rounded = float((spectrum.rounding / wanted)[resolved].max(initial=0.0))
         twice = 2 * setting.segments
-        if (
-            1 < rounded < HELPED_PART * before
-            and spectrum.stretched
-            and not fixed
-            and twice <= min(max_segments, FEWER_SEGMENTS)
-        ):
+        may_help = spectrum.stretched and not fixed and twice <= min(max_segments, FEWER_SEGMENTS)
+        if may_help and 1 < rounded < HELPED_PART * before:
             setting, start, before, factored = setting.with_segments(twice), spectrum.start, rounded, None
             continue
         finer = np.clip(1.1 * excess ** (1 / setting.order), *FINER_BOUNDS) if np.isfinite(excess) else FINER_BOUNDS[1]
@@ -132,8 +128,7 @@ def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum) -> Segmen
     """
     setting, panels = spectrum.setting, len(spectrum.setting.shares)
     finer = setting.with_segments(int(np.ceil(FINER_BOUNDS[0] * setting.segments)) + panels)  # more in every panel
-    factored = factor_twice(system, place_segments(system, finer), finer)
-    other = measure_spectrum(system, finer, factored, spectrum.start)[0]
+    other = measure_spectrum(system, finer, factor_twice(system, finer), spectrum.start)[0]
     moved = match_logs(spectrum.logs, other.logs)[1]
     return replace(spectrum, errors=np.maximum(spectrum.errors, METHOD_SAFETY * moved))
 

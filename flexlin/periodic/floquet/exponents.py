@@ -1,6 +1,7 @@
 """`floquet`: which way leads to the exponents of a periodic system; each (segments, decoupling, Hill, constant A) makes its own errors."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -11,8 +12,12 @@ from flexlin.periodic.circle import match_logs, pair_conjugates, wrap_log
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, couple_uncertainty
 from flexlin.periodic.coefficient_series.sampling import SEARCH_BLOCKS, stratified
 from flexlin.periodic.decoupling.coupling import Decoupled
-from flexlin.periodic.decoupling.decouple import MOST_TRIES
-from flexlin.periodic.floquet.by_decoupling import estimate_decoupling_work, solve_decoupled
+from flexlin.periodic.decoupling.decouple import MOST_TRIES, decouple
+from flexlin.periodic.floquet.by_decoupling import (
+    decoupled_exponents,
+    estimate_decoupling_work,
+    hide_enclosed,
+)
 from flexlin.periodic.floquet.by_segments import solve_by_segments
 from flexlin.periodic.floquet.result import FloquetResult, find_coinciding_within, find_reached, judge
 from flexlin.periodic.product import balance_factors, bound_pairs, complex_schur, separate_triangular
@@ -22,7 +27,6 @@ from flexlin.periodic.transition.choose_segments import (
     Setting,
     choose_setting,
     estimate_work,
-    fall_back,
 )
 from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, SAFETY
 
@@ -155,9 +159,8 @@ def answer_by_segments(system: PeriodicSystem, setting: Setting, tol: float, lim
 def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
     """The exponents by decoupling where that promises less work, else by segments; by the better one where decoupling misses tol."""
     decoupled = try_decoupling(system, setting, tol)
-    patient = (
-        setting.segments <= limit and estimate_work(system, setting.order // 2, setting.segments) < COLLOCATION_WORK
-    )
+    work = estimate_work(system, setting.order // 2, setting.segments)
+    patient = setting.segments <= limit and work < COLLOCATION_WORK
     if decoupled is not None and not (patient and count_missed(decoupled, tol)):
         return decoupled
     try:
@@ -165,22 +168,26 @@ def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit
     except TooManySegments:
         if decoupled is not None:
             return decoupled
-        answer = answer_by_segments(system, fall_back(system, tol), tol, limit)
+        bound = choose_setting(system, tol, "radau")
+        reason = "other methods would take too many segments; modes that decay too fast for these are only bounded"
+        answer = answer_by_segments(system, replace(bound, segments=4 * bound.segments, reason=reason), tol, limit)
     return answer if decoupled is None or count_missed(answer, tol) <= count_missed(decoupled, tol) else decoupled
 
 
 def try_decoupling(system: PeriodicSystem, setting: Setting, tol: float) -> FloquetResult | None:
     """The exponents by decoupling, where that promises less work than segments, and serves."""
+    resolved, T = system.resolved, system.period
     tries = float(estimate_work(system, setting.order // 2, setting.segments)) / estimate_decoupling_work(system.n)
-    if tries < 1:
+    if tries < 1 or resolved.breaks:
         return None
-    found = solve_decoupled(system, tol, int(min(tries, MOST_TRIES)))
-    if found is None:
+    decoupled = decouple(resolved, T, tol, partial(couple_uncertainty, resolved), int(min(tries, MOST_TRIES)))
+    if decoupled is None:
         return None
-    exponents, errors, decoupled = found
-    reason = f"eigenvalues of A(t) up to {setting.rate:.3g} 1/s beside a motion of {2 * np.pi / system.period:.3g} 1/s"
+    found = decoupled_exponents(decoupled, tol)
+    errors = hide_enclosed(found.exponents, found.errors)
+    reason = f"eigenvalues of A(t) up to {setting.rate:.3g} 1/s beside a motion of {2 * np.pi / T:.3g} 1/s"
     chosen = Setting("decoupling", 0, 1, reason, setting.rate)
-    return finish(system, exponents, errors, chosen, tol, decoupled)
+    return finish(system, found.exponents, errors, chosen, tol, decoupled)
 
 
 def count_missed(found: FloquetResult, tol: float) -> int:
@@ -283,15 +290,10 @@ def is_hamiltonian(system: PeriodicSystem) -> bool:
     Source: Yakubovich, Starzhinskii, Linear Differential Equations with Periodic Coefficients (1975), ch. III.
     """
     resolved, t = system.resolved, system.period * stratified(SEARCH_BLOCKS)
-    if isinstance(resolved, ResolvedCompanion):
-        return is_symmetric_motion(resolved, t)
-    n, odd = divmod(system.n, 2)
-    A = resolved(t)
-    return not odd and is_symmetric(np.concatenate([A[:, n:], -A[:, :n]], axis=1))
-
-
-def is_symmetric_motion(resolved: ResolvedCompanion, t: Array) -> bool:
-    """The conditions of second order on samples of the series and their derivatives at times t (N,)."""
+    if not isinstance(resolved, ResolvedCompanion):
+        n, odd = divmod(system.n, 2)
+        A = resolved(t)
+        return not odd and is_symmetric(np.concatenate([A[:, n:], -A[:, :n]], axis=1))
     slope = resolved.series.derivative()
     M, D, K = resolved.sample(t)
     (dM, dD, _), (ddM, _, _) = (resolved.split(one(t)) for one in (slope, slope.derivative()))

@@ -46,7 +46,11 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
     Raises: ArgumentError unless harmonics is a whole number from 1 on; TooLarge.
     Source: Hill (1886); sorting by the mean harmonic after Lazarus, Thomas, C. R. Mecanique 338 (2010).
     """
-    n, waves = system.n, count_harmonics(system, tol)
+    n, panels = system.n, np.diff(system.resolved.edges)
+    # two nodes of a panel's polynomials make a wave
+    waves = int(
+        np.ceil((count_waves(system, 0.01 * tol) / (2 if len(panels) > 1 else 1) * system.period / panels).max())
+    )
     # so that half of them hold A too, as far as its size allows
     twice = max(8, min(2 * waves, (MAX_SIZE // n - 1) // 2))
     count = twice if harmonics is None else whole("harmonics", harmonics)
@@ -65,20 +69,15 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
         coarse, fine = fine, truncate_hill(system, count)
 
 
-def count_harmonics(system: PeriodicSystem, tol: float) -> int:
-    """The highest harmonic of A that matters at the wanted accuracy; two nodes of a panel's polynomials make a wave."""
-    waves = count_waves(system, 0.01 * tol)
-    if system.resolved.panels == 1:
-        return int(waves.max())
-    return int(np.ceil((waves / 2 * system.period / np.diff(system.resolved.edges)).max()))
-
-
 def truncate_hill(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]:
     """Exponents (n,) from harmonics -N ... N, and what rounding and the error of A's series do to each, by its condition."""
     from scipy.linalg import eig  # takes longer to load than most matrices to solve
 
     n, w = system.n, 2 * np.pi / system.period
-    scale, unknown = look_at_entries(system)
+    t = system.period * np.arange(NODES) / NODES
+    scale = balance_factors(system.resolved(t))[1]  # rows and columns of A are made alike in size
+    left, right = (np.broadcast_to(np.diag(one), (NODES, n, n)) for one in (1 / scale, scale))
+    unknown = float(np.linalg.norm(couple_uncertainty(system.resolved, t, left, right), 2, axis=(1, 2)).max())
     H = assemble_hill(expand_fourier(system, 2 * harmonics) * (scale / scale[:, None]), w)
     values, left, right = eig(H, left=True, right=True)
     right, left = right / np.linalg.norm(right, axis=0), left / np.linalg.norm(left, axis=0)
@@ -88,16 +87,6 @@ def truncate_hill(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]
     size = np.linalg.norm(H, 2)
     noise = SAFETY * EPS * size + unknown
     return values[taken], np.minimum(noise / angle, np.sqrt(noise * size))
-
-
-def look_at_entries(system: PeriodicSystem) -> tuple[Array, float]:
-    """Powers of two (n,) that make rows and columns of A alike in size, and a bound on what is not known of the balanced A."""
-    t = system.period * np.arange(NODES) / NODES
-    scale = balance_factors(system.resolved(t))[1]
-    shape = (NODES, system.n, system.n)
-    left, right = np.broadcast_to(np.diag(1 / scale), shape), np.broadcast_to(np.diag(scale), shape)
-    unknown = couple_uncertainty(system.resolved, t, left, right)
-    return scale, float(np.linalg.norm(unknown, 2, axis=(1, 2)).max())
 
 
 def expand_fourier(system: PeriodicSystem, count: int) -> Array:

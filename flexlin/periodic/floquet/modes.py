@@ -189,18 +189,13 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
     system = as_system(system)
     if result is not None:
         instance("result", result, FloquetResult, "give what floquet hands back")
-    return solve_floquet_modes(system, result or floquet(system, tol))
-
-
-def solve_floquet_modes(system: PeriodicSystem, result: FloquetResult) -> FloquetModes:
-    """The modes of some exponents, from the decoupled system where there is one."""
-    decoupled = result.decoupled
-    if decoupled is not None and not find_coinciding(result.log_multipliers)[~np.eye(system.n, dtype=bool)].any():
+    result = result or floquet(system, tol)
+    alike = find_coinciding(result.log_multipliers).sum() > system.n
+    if (decoupled := result.decoupled) is not None and not alike:
         modes = solve_decoupled_modes(decoupled, result.exponents)
         if modes is not None:
-            times = decoupled.times
-            weights = np.full(len(times), 1 / len(times))
-            return FloquetModes(times, weights, system.period, result.exponents, result.errors, *modes)
+            weights = np.full(len(decoupled.times), 1 / len(decoupled.times))
+            return FloquetModes(decoupled.times, weights, system.period, result.exponents, result.errors, *modes)
     return solve_modes_at_nodes(system, result)
 
 

@@ -25,7 +25,7 @@ from flexlin.periodic.transition.choose_segments import (
     choose_setting,
     report_too_many,
 )
-from flexlin.periodic.transition.factors import factor_states, sample_chunks
+from flexlin.periodic.transition.factors import factor_segments, sample_segments
 from flexlin.periodic.transition.gauss import (
     Tableau,
     gauss,
@@ -339,14 +339,14 @@ def solve_periodic(
         return hold_input(system.resolved(t), real_array("f", f(t))[..., None])
 
     n, h = system.n, np.diff(grid)
-    Phi = np.concatenate([factor_states(A, h[part], rule) for part, A in sample_chunks(driven, grid, rule)])[:, :n]
+    Phi = factor_segments(driven, grid, rule)[:, :n]
     cyclic = cyclic_system(Phi[:, :, :n])
     sigma = float(np.linalg.svd(cyclic.closure, compute_uv=False)[-1])
     if sigma <= SAFETY * EPS:
         return None, sigma, Phi[:, :, :n]
     x = cyclic.solve(Phi[:, :, n:])[..., 0]
     start, rates = np.append(x, np.ones((len(x), 1)), axis=1)[:, None, :, None], list[Array]()
-    for part, A in sample_chunks(driven, grid, rule):
+    for part, (A,), _ in sample_segments(driven, (n + 1, n + 1), grid, (rule,)):
         right = np.broadcast_to(start[part], (*A.shape[:3], 1))
         rates.append((A @ solve_stages(h[part, None, None, None] * A, rule, right))[..., :n, 0])
     slope = np.linalg.solve(legvander(2 * rule.c - 1, len(rule.c) - 1), np.concatenate(rates))

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.special import factorial
+from scipy.special import gamma
 
 from flexlin._core import LANES
 from flexlin.checks import Array, check_size
@@ -86,19 +86,18 @@ def place_segments(system: PeriodicSystem, setting: Setting) -> Array:
 
 def factor_by(system: PeriodicSystem, edges: Array, method: str, order: int) -> Array:
     """Transition matrices (K, n, n) over the segments between consecutive edges. Raises: NumericalError where stages are singular."""
-    return factor_segments(system.resolved, edges, find_rule(method, order))
+    return factor_segments(system.resolved.series, edges, find_rule(method, order))
 
 
-def factor_twice(system: PeriodicSystem, edges: Array, setting: Setting) -> tuple[list[Array], Array, Unknown]:
+def factor_twice(system: PeriodicSystem, setting: Setting) -> tuple[list[Array], Array, Unknown]:
     """As `measure_segments`, by the setting's method and by two stages more, which share no node. Raises: as `factor_by`."""
     rules = find_rule(setting.method, setting.order), find_rule(setting.method, setting.order + 4)
-    return measure_segments(system.resolved, edges, rules)
+    return measure_segments(system.resolved, place_segments(system, setting), rules)
 
 
-def factor_period(system: PeriodicSystem, setting: Setting) -> tuple[Array, Array]:
-    """Return the edges (K + 1,) and the transition matrices (K, n, n) of one period."""
-    grid = place_segments(system, setting)
-    return grid, factor_by(system, grid, setting.method, setting.order)
+def factor_period(system: PeriodicSystem, setting: Setting) -> Array:
+    """Return the transition matrices (K, n, n) of the segments of one period."""
+    return factor_by(system, place_segments(system, setting), setting.method, setting.order)
 
 
 def report_too_many(wanted: float, limit: int, tol: float) -> TooManySegments:
@@ -159,7 +158,8 @@ def choose_setting(
         error of the exponents ~ rate c (h rate)^(2 s),   c = (s!)^2 / ((2 s)! (2 s + 1)!)
 
     so h follows from tol and s, and the s of least work is taken. No segment may separate two modes by more than
-    GROUP_CONDITION: beyond that its transition matrix cannot hold the weaker one.
+    GROUP_CONDITION: beyond that its transition matrix cannot hold the weaker one. Those of an L-stable method are so short that it does
+    not damp what grows: h times the fastest growth stays below 1/2.
     """
     if method not in ("auto", *METHODS):
         raise ArgumentError("unknown method", got=repr(method), expected=", ".join(["auto", "hill", *METHODS]))
@@ -168,49 +168,32 @@ def choose_setting(
     if order is not None and not (order % 2 == odd and order <= 2 * MOST_STAGES):
         expected = f"an {'odd' if odd else 'even'} number up to {2 * MOST_STAGES}"
         raise ArgumentError(f"{name} has no such order", got=order, expected=expected)
-    pace = measure_pace(system, 0.01 * tol)
+    pace, panels = measure_pace(system, 0.01 * tol), system.resolved.panels
     rate = float(pace.rate.max())
-    if method == "radau":
-        return spread_out("radau", order or 9, radau_demand(pace), "as asked", rate, segments)
-    stages = STAGE_CHOICES if order is None else np.array([order // 2])
-    demand = gauss_demand(pace, tol, stages[:, None])
-    counts = np.ceil(demand).sum(axis=1)
-    if len(pace.rate) == 1:  # a whole number of lanes costs no more
-        counts = LANES * np.ceil(counts / LANES)
-    best = int(np.argmin(estimate_work(system, stages, counts)))
-    eigenvalues = f"eigenvalues of A(t) up to {rate:.3g} 1/s"
-    reason = f"least work for tol {tol:.0e} with {eigenvalues}" if segments is None else f"as asked, with {eigenvalues}"
-    return spread_out("gauss", 2 * int(stages[best]), demand[best], reason, rate, segments or int(counts[best]))
-
-
-def spread_out(method: str, order: int, demand: Array, reason: str, rate: float, segments: int | None) -> Setting:
-    """A setting whose segments are shared among the panels by their demand (P,)."""
-    shares = tuple((demand / demand.sum()).tolist()) if len(demand) > 1 else ()
-    return Setting(method, order, segments or int(np.ceil(demand).sum()), reason, rate, shares)
-
-
-def gauss_demand(pace: Pace, tol: float, stages: Array) -> Array:
-    """Segments that each panel needs with s Gauss stages, (S, P) for stages (S, 1); in none do modes part by more than GROUP_CONDITION."""
-    least = np.maximum(pace.length * pace.spread / math.log(GROUP_CONDITION), max(1.0, LEAST_SEGMENTS / len(pace.rate)))
-    steps = pace.length / choose_gauss_step(pace.rate, tol, stages)
-    return np.maximum(np.maximum(steps, NODES_PER_HARMONIC * pace.waves / stages), least)
-
-
-def radau_demand(pace: Pace) -> Array:
-    """Segments short enough that an L-stable method does not damp what grows: h times the fastest growth stays below 1/2, (P,)."""
-    return np.maximum.reduce(
-        [
-            2 * pace.length * pace.top,
-            NODES_PER_HARMONIC * pace.waves / 5,
-            np.full(len(pace.rate), 32.0 / len(pace.rate)),
-        ]
-    )
+    if name == "radau":
+        waves, least = NODES_PER_HARMONIC * pace.waves / 5, np.full(panels, 32.0 / panels)
+        demand = np.maximum.reduce([2 * pace.length * pace.top, waves, least])
+        order, count, reason = order or 9, np.ceil(demand).sum(), "as asked"
+    else:
+        stages = STAGE_CHOICES if order is None else np.array([order // 2])
+        least = np.maximum(pace.length * pace.spread / math.log(GROUP_CONDITION), max(1.0, LEAST_SEGMENTS / panels))
+        steps = pace.length / choose_gauss_step(pace.rate, tol, stages[:, None])
+        demands = np.maximum(np.maximum(steps, NODES_PER_HARMONIC * pace.waves / stages[:, None]), least)
+        counts = np.ceil(demands).sum(axis=1)
+        if panels == 1:  # a whole number of lanes costs no more
+            counts = LANES * np.ceil(counts / LANES)
+        best = int(np.argmin(estimate_work(system, stages, counts)))
+        order, demand, count = 2 * int(stages[best]), demands[best], counts[best]
+        reason = f"least work for tol {tol:.0e}" if segments is None else "as asked,"
+        reason += f" with eigenvalues of A(t) up to {rate:.3g} 1/s"
+    shares = tuple((demand / demand.sum()).tolist()) if panels > 1 else ()
+    return Setting(name, order, segments or int(count), reason, rate, shares)
 
 
 def choose_gauss_step(rate: Array, tol: float, stages: Array | int) -> Array:
     """The step at which s Gauss stages reach tol / GUESS_MARGIN on the eigenvalue `rate`."""
     s = np.asarray(stages)
-    constant = factorial(s) ** 2 / (factorial(2 * s) * factorial(2 * s + 1))
+    constant = gamma(s + 1.0) ** 2 / (gamma(2 * s + 1.0) * gamma(2 * s + 2.0))
     return np.asarray((tol / GUESS_MARGIN * np.maximum(1.0, rate) / (rate * constant)) ** (0.5 / s) / rate)
 
 
@@ -223,10 +206,3 @@ def estimate_work(system: PeriodicSystem, stages: Array | int, segments: Array |
     sizes = [np.asarray(unknowns * (stages + extra), dtype=float) for extra in (0, 2)]
     solved = sum(size**2 * (size / 3 + n) for size in sizes)
     return np.asarray(segments * (solved + VECTOR_WORK * n**3 + OTHER_WORK))
-
-
-def fall_back(system: PeriodicSystem, tol: float) -> Setting:
-    """A setting for modes that are too fast for Gauss collocation: Radau, which only bounds those that decay too fast."""
-    pace = measure_pace(system, 0.01 * tol)
-    reason = "other methods would take too many segments; modes that decay too fast for these are only bounded"
-    return spread_out("radau", 9, 4 * radau_demand(pace), reason, float(pace.rate.max()), None)

@@ -20,7 +20,6 @@ from flexlin.periodic.transition.gauss import (
     fold_samples,
     gauss,
     place_nodes,
-    sample_at,
 )
 from flexlin.precision import EPS
 
@@ -29,36 +28,25 @@ MOST_UNKNOWNS = 300
 """Stages times states up to which the compiled code serves; LAPACK is faster beyond."""
 
 
-def shape_states(n: int, s: int, K: int, *_: object) -> tuple[object, ...]:
-    """What `factor_states` takes and makes."""
-    return (K, s, n, n), (K,), s * (s + 1), (n,), (K, n, n), (K,)
-
-
-def shape_accelerations(m: int, s: int, K: int, *_: object) -> tuple[object, ...]:
-    """What `factor_accelerations` takes and makes."""
-    return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)
-
-
 factor_states_in_core = declare(
     "int factor_states(int n, int stages, int segments, int stiff, const double *A, const double *lengths, const double *tableau, "
     "const double *units, double *Phi, int *good)",
-    shape_states,
+    lambda n, s, K, *_: ((K, s, n, n), (K,), s * (s + 1), (n,), (K, n, n), (K,)),
 )
 factor_accelerations_in_core = declare(
     "int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "double *Phi, int *good)",
-    shape_accelerations,
+    lambda m, s, K, *_: ((K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)),
 )
 
 
-def factor_segments(resolved: Resolved, edges: Array, rule: Tableau) -> Array:
-    """Transition matrices (K, n, n) over the segments between consecutive edges (K + 1,).
+def factor_segments(sample: MatrixFunction, edges: Array, rule: Tableau) -> Array:
+    """Transition matrices (K, n, n) over the segments between consecutive edges (K + 1,), from A(t) or [M D K](t).
 
     Raises: SingularMassMatrix, MemoryError; NumericalError where the stages of a segment are not determined.
     """
-    h = np.diff(edges)
-    parts = [factor(staged, h[part], rule) for part, (staged,), _ in sample_segments(resolved, edges, (rule,))]
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+    h, some = np.diff(edges), sample_segments(sample, sample(edges[:1]).shape[1:], edges, (rule,))
+    return np.concatenate([factor(staged, h[part], rule) for part, (staged,), _ in some])
 
 
 def measure_segments(
@@ -79,7 +67,7 @@ def measure_segments(
     size, sides = np.empty((K, m, columns)), list[Array]()
     if second:
         sides = [np.zeros((K, n, m)), np.zeros((K, columns, n))]
-    for part, staged, starts in sample_segments(resolved, edges, rules, True):
+    for part, staged, starts in sample_segments(resolved.series, resolved.shape, edges, rules, True):
         lengths = h[part, None, None]
         size[part] = lengths * (EPS * np.abs(starts) + error[part])
         for made, values, rule in zip((plain, better), staged, rules, strict=True):
@@ -99,20 +87,20 @@ def measure_segments(
 
 
 def sample_segments(
-    resolved: Resolved, edges: Array, rules: tuple[Tableau, ...], starts: bool = False
+    sample: MatrixFunction, shape: tuple[int, ...], edges: Array, rules: tuple[Tableau, ...], starts: bool = False
 ) -> Iterator[tuple[slice, list[Array], Array]]:
-    """The coefficients, A or [M D K], segment by segment, CHUNK_BYTES at a time: which, at the stages of each rule (k, s, rows, columns),
-    and at their beginnings (k, rows, columns) where asked for.
+    """The coefficients, A or [M D K], of as many segments at a time as have equations of CHUNK_BYTES: which, at the stages of each rule
+    (k, s, rows, columns), and at their beginnings (k, rows, columns) where asked for.
 
     A stage at the end of a segment stands just before it, so jumps there do no harm."""
     nodes = [rule.c for rule in rules] + [np.zeros(1)] * starts
-    rows, columns = resolved.shape
-    size = max(8, CHUNK_BYTES // (8 * rows * columns * sum(map(len, nodes))))
+    size = max(8, CHUNK_BYTES // (8 * (shape[0] * max(map(len, nodes))) ** 2))
     for i in range(0, len(edges) - 1, size):
         times = [place_nodes(edges[i : i + size + 1], c) for c in nodes]
         t = np.concatenate([part.ravel() for part in times])
-        values = np.split(fold_samples(resolved.series(t), t), np.cumsum([part.size for part in times])[:-1])
-        split = [part.reshape(len(times[0]), -1, rows, columns) for part in values]
+        sampled = np.ascontiguousarray(fold_samples(sample(t), t), dtype=float)
+        values = np.split(sampled, np.cumsum([part.size for part in times])[:-1])
+        split = [part.reshape(len(times[0]), -1, *shape) for part in values]
         yield slice(i, i + size), split[: len(rules)], split[-1][:, 0]
 
 
@@ -173,16 +161,7 @@ def gauss_transitions(A: MatrixFunction, edges: Array, stages: int = DEFAULT_STA
     Returns: Phi (K, n, n), x(edges[k + 1]) = Phi[k] x(edges[k]).
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, II.1, IV.2.
     """
-    rule, h = gauss(stages), np.diff(edges)
-    return np.concatenate([factor_states(values, h[part], rule) for part, values in sample_chunks(A, edges, rule)])
-
-
-def sample_chunks(A: MatrixFunction, edges: Array, rule: Tableau) -> Iterator[tuple[slice, Array]]:
-    """A at the stages (k, s, n, n), before a jump at the end of a segment, of as many at a time as have equations of CHUNK_BYTES."""
-    t = place_nodes(edges, rule.c)
-    size = max(8, CHUNK_BYTES // (8 * (t.shape[1] * A(t[0, :1]).shape[-1]) ** 2))
-    for part in (slice(i, i + size) for i in range(0, len(t), size)):
-        yield part, np.ascontiguousarray(sample_at(A, t[part]), dtype=float)
+    return factor_segments(A, edges, gauss(stages))
 
 
 @lru_cache(maxsize=64)

@@ -11,8 +11,7 @@ from scipy.linalg import expm
 
 import flexlin as fl
 from flexlin.errors import TooManySegments
-from flexlin.periodic import Coupled, Group, as_real, decouple, decoupled_exponents, sylvester
-from flexlin.periodic.decoupling.coupling import Decoupled, residual_effect
+from flexlin.periodic import Decoupled, Group, as_real, decouple, decoupled_exponents, sylvester
 from flexlin.periodic.floquet import exponents as routes
 from flexlin.periodic.floquet.by_segments import SegmentedSpectrum
 from studies import scaling
@@ -131,8 +130,8 @@ def group_of(values, size, period):
     for k, part in enumerate([slice(0, p)] if real else [slice(0, p), slice(p, 2 * p)]):
         whole[:, part, part], unknown[part, part] = values.conj() if k else values, size
     groups = (Group(0, p, 0),) if real else (Group(0, p, 1), Group(p, 2 * p, 0))
-    times, none = period * np.arange(len(values)) / len(values), np.zeros(len(groups), bool)
-    return Decoupled(period, times, whole, whole, whole, groups, none, unknown, np.zeros_like(unknown), 1)
+    times = period * np.arange(len(values)) / len(values)
+    return Decoupled(period, times, whole, whole, groups, unknown)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -170,14 +169,14 @@ def test_resonances_move_exponents_by_no_more_than_is_bounded():
             values[:, 0, 1], values[:, 1, 0] = size[0] * np.exp(-1j * gap * t), size[1] * np.exp(1j * gap * t)
             return values
 
-        coupled = Coupled(B(t), 2 * np.pi, (Group(0, 1, 0), Group(1, 2, 1)))
+        coupled = Decoupled(2 * np.pi, t, B(t), B(t), (Group(0, 1, 0), Group(1, 2, 1)), np.zeros((2, 2)))
         # turns with the second mode, so that one factor serves a long step
         phases = np.exp(1j * gap * np.outer(steps, [0, 1]))
         slow = phases.conj()[:, :, None] * B(steps) * phases[:, None, :] - 1j * gap * np.diag([0, 1])
         whole = reduce(np.matmul, expm(2 * np.pi / 400 * slow)[::-1])
         logs = np.log(np.linalg.eigvals(whole)) / (2 * np.pi)
         moved = apart(mean - [0, 1j * gap], logs, 2 * np.pi).min(axis=1)
-        bound = np.diagonal(residual_effect(coupled))
+        bound = np.diagonal(coupled.eliminated)
         assert np.all(moved <= 1.05 * bound + 1e-7 * c)
         softer.append(bound.max() / c)
     assert min(softer) < 0.02

@@ -105,7 +105,7 @@ def test_compiled_code_and_numpy_give_the_same_matrices(n, monkeypatch):
         monkeypatch.setattr(factors, "CHUNK_BYTES", 24 * stages * n * n * 16)
         grid = np.sort(np.random.default_rng(seed).uniform(0, 1, segments + 1))
         units = 10.0 ** np.random.default_rng(seed).uniform(-3, 3, n)
-        found = factors.factor_segments(random_arm(seed, n, units).resolved, grid, gauss(stages))
+        found = factors.factor_segments(random_arm(seed, n, units).resolved.series, grid, gauss(stages))
         other = second_order_transitions(random_arm(seed, n, np.ones(n)).resolved.sample, grid, stages)
         scale = np.concatenate([units, units])
         apart = np.abs(found * (scale[:, None] / scale) - other).max(axis=(1, 2))
@@ -133,7 +133,7 @@ def test_inertias_far_apart_lose_no_more_than_with_rows_exchanged(seed, left):
     modes, rates = turn * np.array([1.0, 10 ** rng.uniform(-4, -2)]) @ back, rng.uniform(3, 10, n)
     M, D, K = (modes.T @ (part[:, None] * modes) for part in (np.ones(n), 0.1 * rates, rates**2))
     system, edges = fl.PeriodicSystem.from_second_order(M, D, K, 1.0), np.array([0.0, 1.0])
-    found = factors.factor_segments(system.resolved, edges, gauss(9))[0]
+    found = factors.factor_segments(system.resolved.series, edges, gauss(9))[0]
     assert not left
     right = exact_transition(M, D, K, gauss(9))
     allowed = 0.0
@@ -147,7 +147,7 @@ def test_what_needs_rows_exchanged_is_seen_and_left_to_the_states(left):
     """A pivot that vanishes: h^2 (a a)_11 k = -1, with the residual as the only witness."""
     stiffness, grid = -1.0 / (gauss(3).a @ gauss(3).a)[0, 0], np.array([0.0, 1.0])
     system = fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], [[stiffness]], 1.0)
-    found = factors.factor_segments(system.resolved, grid, gauss(3))
+    found = factors.factor_segments(system.resolved.series, grid, gauss(3))
     assert left == [1]
     np.testing.assert_allclose(found, second_order_transitions(system.resolved.sample, grid, 3), rtol=1e-12)
 
@@ -157,4 +157,4 @@ def test_a_mass_matrix_that_is_singular_is_named():
     for part in (slice(0, 2), slice(4, 6)):
         system.resolved.series.coefficients[0, :, part] = np.diag([1.0, 0.0])
     with pytest.raises(SingularMassMatrix):
-        factors.factor_segments(system.resolved, np.linspace(0, 1, 4), gauss(2))
+        factors.factor_segments(system.resolved.series, np.linspace(0, 1, 4), gauss(2))
