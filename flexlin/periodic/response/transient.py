@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
-from flexlin.periodic.interpolation import divide_evenly
+from flexlin.periodic.interpolation import NODES, divide_evenly, divide_segments, edges_of_short
 from flexlin.periodic.response.forced import STEP_STAGES
-from flexlin.periodic.system import PeriodicSystem, as_system, edges_between, input_of
+from flexlin.periodic.system import PeriodicSystem, as_system, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, choose_gauss_step, measure_pace
 from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.plots.view import Series, Shown, View
@@ -23,6 +24,10 @@ from flexlin.summary import represent
 
 if TYPE_CHECKING:
     import xarray
+
+PANEL_STEPS = NODES // STEP_STAGES
+"""Steps, at the least, over a panel of the coefficients: it may hold more waves than the stages of one follow."""
+MOST_STEPS = NODES * MAX_SEGMENTS
 
 Input = Callable[[Array], Array] | ArrayLike
 
@@ -157,18 +162,22 @@ def respond(
     return Transient(times, better, spread, float(SAFETY * change / size + EPS * len(edges)))
 
 
-def divide_times(system: PeriodicSystem, times: Array, tol: float) -> Array:
-    """The times, the corners of A and B between them, and steps short enough for tol."""
-    T, parts = system.period, [system.resolved] if system.B is None else [system.resolved, system.resolved_input]
-    corners = np.array(edges_between(*parts))
-    turns = np.arange(np.floor(times[0] / T), np.floor(times[-1] / T) + 1)
-    marks = np.union1d(times, (turns[:, None] * T + corners).ravel())
-    marks = marks[(marks >= times[0]) & (marks <= times[-1])]
+def divide_times(system: PeriodicSystem, marks: Array, tol: float, others: Sequence[ResolvedMatrix] = ()) -> Array:
+    """Edges of steps between marks, short enough for tol; none passes over a corner or a part of a panel of A, B or others.
+
+    Raises: TooManySegments.
+    """
+    T, every = system.period, [system.resolved, *([] if system.B is None else [system.resolved_input]), *others]
     longest = float(choose_gauss_step(measure_pace(system).rate.max(keepdims=True), tol, STEP_STAGES).min())
+    panels = [divide_segments(one.edges, PANEL_STEPS) for one in every if one.panels > 1]
+    corners = np.concatenate([edges_of_short(edges, longest) for edges in panels] + [one.breaks for one in every])
+    turns = T * np.arange(np.floor(marks[0] / T), np.floor(marks[-1] / T) + 1)
+    inner = (turns[:, None] + corners).ravel()
+    marks = np.union1d(marks, inner[(inner > marks[0]) & (inner < marks[-1])])
     counts = np.maximum(np.ceil(np.diff(marks) / longest), 1).astype(int)
-    if counts.sum() > 16 * MAX_SEGMENTS:
+    if counts.sum() > MOST_STEPS:
         raise TooManySegments(
-            "the response takes too many steps", got=int(counts.sum()), expected=f"at most {16 * MAX_SEGMENTS}"
+            "the answer takes too many steps", got=int(counts.sum()), expected=f"at most {MOST_STEPS}"
         )
     return divide_evenly(marks, counts)
 

@@ -6,7 +6,7 @@ from math import inf, sqrt
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import IllPosedSegment, NumericalError, ToleranceNotReached
+from flexlin.errors import NumericalError, ToleranceNotReached
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.coefficients import assemble_hamiltonian
 from flexlin.periodic.riccati.linear_quadratic import (
@@ -18,11 +18,10 @@ from flexlin.periodic.riccati.linear_quadratic import (
 )
 from flexlin.periodic.riccati.nodes import Nodes
 from flexlin.periodic.riccati.scattering import (
-    MAX_DOUBLINGS,
     LoopLyapunov,
-    Segment,
     carry_costs_down,
     combine_in_tree,
+    double_until_rest,
     scatter_exponentials,
     star_product,
     step_exactly,
@@ -130,11 +129,14 @@ def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool
     H = assemble_hamiltonian(A, S, Q)
     halves = scatter_exponentials((nodes.halves[:, :, None, None] * H).reshape(-1, *H.shape[1:]))
     count = nodes.count
-    before = Segment(*(np.roll(part[:count], -1, axis=0) for part in (halves.F, halves.G, halves.H)))
-    gaps = star_product(halves[len(halves) - count :], before)
+    gaps = star_product(halves[:, -count:], np.roll(halves[:, :count], -1, axis=1))
     levels, doublings = combine_in_tree(gaps), 0
     if end is None:
-        end, doublings = double_period(levels[-1][0], problem, nodes.edges, ROOT_EPS if exact else 1.0)
+        of_H, of_G = bound_sizes(problem, nodes.period)
+        limits = (ROOT_EPS * of_H, ROOT_EPS * of_G) if exact else (of_H, of_G)
+        end, doublings = double_until_rest(
+            levels[-1][:, 0], limits, lambda grows, _: name_blocked_mode(grows, problem, nodes.edges)
+        )
     return Begun(nodes, carry_costs_down(levels, end)[:count], doublings)
 
 
@@ -313,33 +315,6 @@ def add_up(parts: list[Array]) -> float:
     """The largest entries of the first two parts, plus the largest of all others."""
     first, second, *others = (float(np.abs(part).max()) for part in parts)
     return first + second + max(others)
-
-
-def double_period(period: Segment, problem: LinearQuadratic, edges: Array, held: float) -> tuple[Array, int]:
-    """Double one period until the cost H of 2^k periods stops changing and the loop's memory F is gone.
-
-    held: part of the size that rounding might make of H or G from which on that is held to grow.
-    Returns: H, the number of doublings.
-    Raises: NotStabilizable when H grows for ever; NotDetectable when G does, or F does not decay; with the mode's name.
-    """
-    limits = [held * limit for limit in bound_sizes(problem, float(edges[-1]))]
-    whole, scale = period, max(float(np.abs(period.F).max()), 1.0)
-    for k in range(MAX_DOUBLINGS):
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                twice = star_product(whole, whole)
-        except IllPosedSegment:
-            grows = bool(np.abs(whole.H).max() * limits[1] >= np.abs(whole.G).max() * limits[0])
-            raise name_blocked_mode(grows, problem, edges) from None
-        if not np.abs(twice.H).max() < limits[0]:
-            raise name_blocked_mode(True, problem, edges)
-        if not np.abs(twice.G).max() < limits[1]:
-            break
-        before, whole = whole, twice
-        rests = np.abs(whole.H - before.H).max() <= 1e-16 * np.abs(whole.H).max()
-        if rests and np.abs(whole.F).max() <= 1e-8 * scale:
-            return whole.H, k + 1
-    raise name_blocked_mode(False, problem, edges)
 
 
 @dataclass(frozen=True)

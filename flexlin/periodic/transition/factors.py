@@ -169,17 +169,19 @@ def gauss_transitions(A: MatrixFunction, edges: Array, stages: int = DEFAULT_STA
 
     Assumes A smooth inside each segment. The error is O(h^(2 stages)); quadratic invariants (a symplectic form) are kept.
 
-    Parameters: A: function (N,) -> (N, n, n); edges: increasing times (K + 1,); stages >= 1.
-    Returns: Phi (K, n, n), x(edges[k + 1]) = Phi[k] x(edges[k]).
+    Parameters: A: function (N,) -> (N, n, n); edges: increasing times (..., K + 1); stages >= 1.
+    Returns: Phi (..., K, n, n), x(edges[k + 1]) = Phi[k] x(edges[k]).
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, II.1, IV.2.
     """
     rule, h = gauss(stages), np.diff(edges)
-    return np.concatenate([factor_states(values, h[part], rule) for part, values in sample_chunks(A, edges, rule)])
+    chunks = sample_chunks(A, edges, rule)
+    steps = np.concatenate([factor_states(values, h.ravel()[part], rule) for part, values in chunks])
+    return steps.reshape(*h.shape, *steps.shape[1:])
 
 
 def sample_chunks(A: MatrixFunction, edges: Array, rule: Tableau) -> Iterator[tuple[slice, Array]]:
     """A at the stages (k, s, n, n), before a jump at the end of a segment, of as many at a time as have equations of CHUNK_BYTES."""
-    t = place_nodes(edges, rule.c)
+    t = place_nodes(edges, rule.c).reshape(-1, len(rule.c))
     size = max(8, CHUNK_BYTES // (8 * (t.shape[1] * A(t[0, :1]).shape[-1]) ** 2))
     for part in (slice(i, i + size) for i in range(0, len(t), size)):
         yield part, np.ascontiguousarray(sample_at(A, t[part]), dtype=float)
