@@ -12,8 +12,8 @@ from flexlin.periodic.coefficients import Combined, MatrixFunction, assemble_ham
 from flexlin.periodic.related import beside
 from flexlin.periodic.riccati.scattering import (
     carry_costs_down,
-    combine_in_tree,
     double_until_rest,
+    grow_tree,
     scatter_hamiltonian,
     star_product,
     transpose,
@@ -147,7 +147,7 @@ def gain_samples(problem: SampledProblem, X: Array) -> Array:
 
 def repeat_round(F: Array, G: Array, H: Array) -> Array:
     """The cost (N, r, r) at the beginning of each of the steps of a round that repeats for ever."""
-    levels = combine_in_tree(np.stack([F, G, H]))
+    levels = grow_tree(np.stack([F, G, H]), star_product)
     whole = levels[-1][:, 0]
     most = LARGEST_COST * max(float(np.abs(whole[1:]).max()), EPS)
     return carry_costs_down(levels, double_until_rest(whole, (most, most), name_cause)[0])[:-1]

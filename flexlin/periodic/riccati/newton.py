@@ -9,6 +9,7 @@ from flexlin.checks import Array
 from flexlin.errors import NumericalError, ToleranceNotReached
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.coefficients import assemble_hamiltonian
+from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries
 from flexlin.periodic.riccati.linear_quadratic import (
     WEIGHT_TIMES,
     LinearQuadratic,
@@ -20,8 +21,8 @@ from flexlin.periodic.riccati.nodes import Nodes
 from flexlin.periodic.riccati.scattering import (
     LoopLyapunov,
     carry_costs_down,
-    combine_in_tree,
     double_until_rest,
+    grow_tree,
     scatter_exponentials,
     star_product,
     step_exactly,
@@ -52,21 +53,21 @@ def solve_by_newton(
     Raises: NotStabilizable, NotDetectable; ToleranceNotReached where nothing is proved.
     """
     best: RiccatiSolution | None = None
-    coarse = nodes.resize(WEIGHT_TIMES)
-    begun = begin(problem, coarse, end)
-    nodes = begun.nodes if begun.nodes.count > coarse.count else nodes
-    X, seen = begun.nodes.series(begun.X)(nodes.places), MINOR * tol
+    start, X, doublings = begin(problem, nodes.resize(WEIGHT_TIMES), end)
+    idle, seen = end is None and not doublings, MINOR * tol  # a period is doubled where there is an input
+    nodes = nodes.resize(max(nodes.count, start.count))
+    X = start.series(X)(nodes.places)
     while nodes.count <= most_nodes(X.shape[1]):
         corrected = correct_until_closed(problem, nodes, X, SLIGHT * tol)
-        if corrected is None and begun.nodes.count < MOST_NODES // (4 if begun.idle else 8):
-            begun = begin(problem, begun.nodes.resize(4 * begun.nodes.count), end)
-            nodes = nodes.resize(max(nodes.count, begun.nodes.count))
-            X = begun.nodes.series(begun.X)(nodes.places)
+        if corrected is None and start.count < MOST_NODES // (4 if idle else 8):
+            start, X, doublings = begin(problem, start.resize(4 * start.count), end)
+            nodes = nodes.resize(max(nodes.count, start.count))
+            X = start.series(X)(nodes.places)
             continue
         if corrected is None:
-            if begun.idle:
+            if idle:
                 break
-            begin(problem, begun.nodes, end, exact=True)
+            begin(problem, start, end, exact=True)
             if best is not None or eased == CORRECTIONS // 4:
                 break
             try:
@@ -85,12 +86,12 @@ def solve_by_newton(
             else:
                 missed = max(found.error, found.gain_error) / tol
                 worse = missed > 1 and best is not None and 2 * found.error > best.error  # more nodes are not worth it
-                best = best if worse else replace(found, doublings=begun.doublings)
+                best = best if worse else replace(found, doublings=doublings)
                 if worse or missed <= 1 or 2 * found.method_error <= found.error:
                     break
                 seen *= MINOR / min(missed, 1 / MINOR)
                 finer = nodes.refine(corrected.X, seen) or nodes.resize(2 * nodes.count)
-        X, nodes = nodes.series(corrected.X * np.outer(corrected.units, corrected.units))(finer.places), finer
+        X, nodes = corrected.series(finer.places), finer
     if best is None:
         raise ToleranceNotReached(
             "the Riccati equation was not solved to the asked accuracy: its coefficients may lie too far apart to be computed with",
@@ -102,19 +103,10 @@ def solve_by_newton(
     return best if best.error <= tol else replace(best, status=limited)
 
 
-@dataclass(frozen=True)
-class Begun:
-    """About X at nodes, how often the period was doubled for it, and whether there is no input."""
+def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool = False) -> tuple[Nodes, Array, int]:
+    """About X at the nodes or at more of them, and how often the period was doubled for it, not at all without an input.
 
-    nodes: Nodes
-    X: Array
-    doublings: int
-    idle: bool = False
-
-
-def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool = False) -> Begun:
-    """About X at the nodes, by segments on which the Hamiltonian is held constant half-way to each neighbour: well posed however coarse.
-
+    By segments on which the Hamiltonian is held constant half-way to each neighbour: well posed however coarse.
     exact: an X that rounding might have made is none then.
     Raises: NotStabilizable, NotDetectable, with the mode's name.
     """
@@ -123,21 +115,21 @@ def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool
         with np.errstate(over="ignore", invalid="ignore"):
             X = LoopLyapunov(A, nodes, step_exactly(problem.A, nodes, np.ones(A.shape[1]))).solve(Q)
         if X is not None:
-            return Begun(nodes, X, 0, True)
+            return nodes, X, 0
         if 4 * nodes.count <= most_nodes(A.shape[1]):
             return begin(problem, nodes.resize(4 * nodes.count), end)
     H = assemble_hamiltonian(A, S, Q)
     halves = scatter_exponentials((nodes.halves[:, :, None, None] * H).reshape(-1, *H.shape[1:]))
     count = nodes.count
     gaps = star_product(halves[:, -count:], np.roll(halves[:, :count], -1, axis=1))
-    levels, doublings = combine_in_tree(gaps), 0
+    levels, doublings = grow_tree(gaps, star_product), 0
     if end is None:
         of_H, of_G = bound_sizes(problem, nodes.period)
         limits = (ROOT_EPS * of_H, ROOT_EPS * of_G) if exact else (of_H, of_G)
         end, doublings = double_until_rest(
             levels[-1][:, 0], limits, lambda grows, _: name_blocked_mode(grows, problem, nodes.edges)
         )
-    return Begun(nodes, carry_costs_down(levels, end)[:count], doublings)
+    return nodes, carry_costs_down(levels, end)[:count], doublings
 
 
 def most_nodes(n: int) -> int:
@@ -155,17 +147,16 @@ class Corrected:
     lyapunov: LoopLyapunov
 
     @property
-    def units(self) -> Array:
-        """Of the states."""
-        return self.samples.units
+    def series(self) -> ChebyshevPanels | FourierSeries:
+        """X in the states' own units."""
+        return self.nodes.series(self.X * np.outer(self.samples.units, self.samples.units))
 
     def solution(
         self, problem: LinearQuadratic, errors: tuple[float, float, float] = (inf, inf, inf)
     ) -> RiccatiSolution:
-        """In the states' own units, with the errors of X, of the gain and of the method where they are known."""
-        nodes, X = self.nodes, self.X * np.outer(self.units, self.units)
-        horizon, series = float(nodes.edges[-1]), nodes.series(X)
-        return RiccatiSolution(problem, horizon, nodes.wraps, series, *errors, 0, nodes.count, "converged")
+        """With the errors of X, of the gain and of the method where they are known."""
+        nodes = self.nodes
+        return RiccatiSolution(problem, nodes.period, nodes.wraps, self.series, *errors, 0, nodes.count, "converged")
 
 
 def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near: float) -> Corrected | None:
@@ -177,9 +168,9 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
     Without an input it is the same from the beginning.
     Source: Kleinman, IEEE Trans. Automat. Control 13 (1968) 114; Dutt, Greengard, Rokhlin, BIT 40 (2000) 241 (deferred correction).
     """
-    plain = Samples(*problem.factored(nodes.t), np.ones(X.shape[1]))
-    units = measure_states(X, plain.A)
-    samples, X = plain.rescale(units), X / np.outer(units, units)
+    A, G, Q = problem.factored(nodes.t)
+    units = measure_states(X, A)
+    samples, X = Samples.of(A, G, Q, units), X / np.outer(units, units)
     last, grown = np.inf, 0
     for k in range(CORRECTIONS):
         F, M = samples.compare(X, nodes.slopes(X))
@@ -220,15 +211,15 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     might be rounded (`carry_residual`), by a factor. Assumes that F is smooth between the times at which it is looked at.
     Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov equation and inequality).
     """
-    nodes, X, units, lyapunov = corrected.nodes, corrected.X, corrected.units, corrected.lyapunov
+    nodes, X, units, lyapunov = corrected.nodes, corrected.X, corrected.samples.units, corrected.lyapunov
     between, panels = nodes.between, len(nodes.edges) - 1
-    samples = Samples.of(problem, between, units)
+    samples = Samples.of(*problem.factored(between), units)
     X_between, slopes = nodes.look_between(X)
     F, M = samples.compare(X_between, slopes)
     noise = samples.rounding(X_between, slopes)
     doubt = samples.doubt(problem, between, X_between)
     rows = [np.abs(part).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for part in (F, noise + doubt)]
-    short = np.diff(nodes.edges) <= ROOT_EPS * nodes.edges[-1]
+    short = np.diff(nodes.edges) <= ROOT_EPS * nodes.period
     for part in rows:
         part[~short] = part[~short].max(axis=0)
     W = rows[0] + rows[1]
@@ -270,7 +261,7 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
             errors = np.minimum(errors, SAFETY * np.array(sizes) / [height, gain, height])
     if not np.isfinite(errors).all():
         return None
-    late = EPS * float(nodes.edges[-1]) * nodes.place_behind(slopes * both)  # what X changes in the rounding of a time
+    late = EPS * nodes.period * nodes.place_behind(slopes * both)  # what X changes in the rounding of a time
     product = 2 * EPS * float((np.abs(to_gain) @ np.abs(X * both)).max()) + float(np.abs(to_gain @ late).max())
     of_X, of_gain, of_method = errors.tolist()
     of_X += 2 * EPS + float(np.abs(late).max()) / height
@@ -327,13 +318,9 @@ class Samples:
     units: Array
 
     @classmethod
-    def of(cls, problem: LinearQuadratic, t: Array, units: Array) -> "Samples":
-        return cls(*problem.factored(t), np.ones(len(units))).rescale(units)
-
-    def rescale(self, units: Array) -> "Samples":
-        """The same in other units."""
-        A, G, Q = self.A * (units[:, None] / units), self.G * units[:, None], self.Q / np.outer(units, units)
-        return Samples(A, G, Q, self.units * units)
+    def of(cls, A: Array, G: Array, Q: Array, units: Array) -> "Samples":
+        """From those in the states' own units."""
+        return cls(A * (units[:, None] / units), G * units[:, None], Q / np.outer(units, units), units)
 
     def compare(self, X: Array, slopes: Array) -> tuple[Array, Array]:
         """The residual F = X' + A' X + X A - X G G' X + Q, and the loop A - G G' X."""

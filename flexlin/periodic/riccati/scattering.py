@@ -8,6 +8,7 @@ F carries the state forward, H is the cost of x0 when the end is free, G what co
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy.linalg import expm
@@ -83,32 +84,38 @@ def carry_cost_back(segment: Array, after: Array) -> Array:
     )
 
 
-def combine_in_tree(segments: Array) -> list[Array]:
-    """Combine neighbours pairwise, level by level: the first entry is the segments, the last has length 1, the whole.
+def pair_up(level: Array, join: Callable[[Array, Array], Array]) -> Array:
+    """Neighbours (..., K, n, n) joined two by two; an odd last one stays as it is."""
+    both = join(level[..., :-1:2, :, :], level[..., 1::2, :, :])
+    return np.concatenate([both, level[..., 2 * both.shape[-3] :, :, :]], axis=-3)
 
-    An odd last segment moves up a level as it is. Every level is one batched star product.
-    """
-    levels = [segments]
-    while (count := levels[-1].shape[1]) > 1:
-        level, pairs = levels[-1], count // 2 * 2
-        both = star_product(level[:, 0:pairs:2], level[:, 1:pairs:2])
-        levels.append(np.concatenate([both, level[:, pairs:]], axis=1))
+
+def grow_tree(level: Array, join: Callable[[Array, Array], Array]) -> list[Array]:
+    """Neighbours joined level by level: the first entry is what is given, the last has length 1, the whole."""
+    levels = [level]
+    while levels[-1].shape[-3] > 1:
+        levels.append(pair_up(levels[-1], join))
     return levels
+
+
+def spread_pairs(behind: Array, count: int, carry: Callable[[Array], Array]) -> Array:
+    """What is behind each of `count` segments (K, n, n), from what is behind their pairs; carry: to before the second ones."""
+    pairs, below = count // 2, np.empty((count, *behind.shape[1:]))
+    below[1::2], below[2 * pairs :] = behind[:pairs], behind[pairs:]
+    below[:-1:2] = carry(below[1::2])
+    return below
 
 
 def carry_costs_down(levels: list[Array], end: Array) -> Array:
     """Carry the cost at the end of the whole back to every segment's start, down the tree of products.
 
-    Parameters: levels of K segments from `combine_in_tree`; end (n, n): the cost behind the last segment.
+    Parameters: levels of K segments by star products; end (n, n): the cost behind the last segment.
     Returns: (K + 1, n, n): X at all edges, the last one `end`.
     """
-    after = end[None]
+    behind = end[None]
     for level in reversed(levels[:-1]):
-        pairs, below = level.shape[1] // 2 * 2, np.empty(level.shape[1:])
-        below[1:pairs:2], below[pairs:] = after[: pairs // 2], after[pairs // 2 :]
-        below[0:pairs:2] = carry_cost_back(level[:, 1:pairs:2], below[1:pairs:2])
-        after = below
-    return np.concatenate([carry_cost_back(levels[0], after), end[None]])
+        behind = spread_pairs(behind, level.shape[1], partial(carry_cost_back, level[:, 1::2]))
+    return np.concatenate([carry_cost_back(levels[0], behind), end[None]])
 
 
 def symmetrize(matrix: Array) -> Array:
@@ -174,12 +181,8 @@ class LoopLyapunov:
         whole = last @ self.first
         if not nodes.wraps:
             whole[-1] = 0.0
-        self.levels = [whole]
-        while len(whole) > 1:
-            pairs = len(whole) // 2 * 2
-            whole = np.concatenate([whole[1:pairs:2] @ whole[0:pairs:2], whole[pairs:]])
-            self.levels.append(whole)
-        self.squares = list_squares(whole)
+        self.levels = grow_tree(whole, lambda first, second: second @ first)
+        self.squares = list_squares(self.levels[-1])
 
     def _find_powers(self) -> Array:
         """The exponentials of the half steps, from those of the shares of them that a few powers of M give."""
@@ -227,28 +230,19 @@ class LoopLyapunov:
         return h / 2 * (F + G + transpose(Phi) @ ahead @ Phi)
 
     def _join(self, behind: Array, before: Array) -> Array:
-        first, last = self._divide(behind, before)
-        return first + transpose(self.first) @ last @ self.first
+        return carry_back(self.first, *self._divide(behind, before))
 
     def _carry_back(self, part: Array) -> Array | None:
         parts = [part]
         for Phi in self.levels[:-1]:
-            pairs = len(Phi) // 2 * 2
-            ahead = Phi[0:pairs:2]
-            part = np.concatenate([part[0:pairs:2] + transpose(ahead) @ part[1:pairs:2] @ ahead, part[pairs:]])
-            parts.append(part)
+            parts.append(pair_up(parts[-1], partial(carry_back, Phi[:-1:2])))
         behind = parts[-1]
         for square in self.squares:
-            behind = behind + transpose(square) @ behind @ square
+            behind = carry_back(square, behind, behind)
         if not (self.squares and np.isfinite(behind).all()):
             return None
         for Phi, part in zip(self.levels[-2::-1], parts[-2::-1], strict=True):
-            pairs = len(Phi) // 2 * 2
-            below = np.empty_like(part)
-            below[1:pairs:2], below[pairs:] = behind[: pairs // 2], behind[pairs // 2 :]
-            second = Phi[1:pairs:2]
-            below[0:pairs:2] = part[1:pairs:2] + transpose(second) @ below[1:pairs:2] @ second
-            behind = below
+            behind = spread_pairs(behind, len(part), partial(carry_back, Phi[1::2], part[1::2]))
         return symmetrize(np.roll(behind, 1, axis=0))  # behind a gap is at the next node
 
     def _integrate(self, F: Array) -> Array:
@@ -257,7 +251,7 @@ class LoopLyapunov:
         once = twice(total @ self.steps)
         total += 0.5 * once + twice(once @ self.steps) / 6
         for power in self.powers[:-1]:
-            total += transpose(power) @ total @ power
+            total = carry_back(power, total, total)
         return total
 
     def _integrate_line(self, slope: Array) -> tuple[Array, Array]:
@@ -268,8 +262,7 @@ class LoopLyapunov:
         again = twice(once @ self.steps)
         total, whole = step * (change / 2 + once / 3 + again / 8), step * (change + once / 2 + again / 6)
         for power in self.powers[:-1]:
-            total = total + transpose(power) @ (total + whole) @ power
-            whole = 2 * (whole + transpose(power) @ whole @ power)
+            total, whole = carry_back(power, total, total + whole), 2 * carry_back(power, whole, whole)
         return total, whole
 
     def _divide(self, behind: Array, before: Array) -> tuple[Array, Array]:
@@ -335,6 +328,11 @@ def list_squares(Phi: Array) -> list[Array]:
             break
         squares.append(Phi)
     return []
+
+
+def carry_back(Phi: Array, part: Array, behind: Array) -> Array:
+    """D at the start of a stretch with transition matrix Phi, from its own part and D behind it."""
+    return part + transpose(Phi) @ behind @ Phi
 
 
 def twice(product: Array) -> Array:
