@@ -6,10 +6,11 @@ from functools import reduce
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import NotDetectable, NotStabilizable, NumericalError
+from flexlin.errors import NumericalError
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import Combined, MatrixFunction, assemble_hamiltonian, hold_input
 from flexlin.periodic.related import beside
+from flexlin.periodic.riccati.linear_quadratic import refuse_mode
 from flexlin.periodic.riccati.scattering import (
     carry_costs_down,
     double_until_rest,
@@ -48,11 +49,6 @@ def weigh_held(A: Array, B: Array, Q: Array, R: Array) -> Array:
     """The Hamiltonian [[A, 0], [-W, -A']] of the state with the input that is held, W = diag(Q, R)."""
     held, W = hold_input(A, B), beside(Q, R)
     return assemble_hamiltonian(held, np.zeros_like(W), W)
-
-
-def excite(A: Array, W: Array) -> Array:
-    """The Hamiltonian [[A, -W], [0, -A']], in scattering form the covariance that noise of intensity W adds up to."""
-    return assemble_hamiltonian(A, W, np.zeros_like(A))
 
 
 def weigh_samples(
@@ -102,7 +98,8 @@ def spread_noise(
 ) -> tuple[Array, Array]:
     """F and the integral of P W P' dt (N, n, n) over the samples of a round, P the transition matrix to their ends."""
     edges = divide_sections(system, *turn.divide(0.0)[1:], tol, (W,))
-    F, added, _ = join_steps(Combined(excite, (system.resolved, W)), edges, stages)
+    excited = Combined(lambda A, W: assemble_hamiltonian(A, W, np.zeros_like(A)), (system.resolved, W))
+    F, added, _ = join_steps(excited, edges, stages)
     return F, added
 
 
@@ -156,17 +153,9 @@ def repeat_round(F: Array, G: Array, H: Array) -> Array:
 def name_cause(unreached: bool, whole: Array) -> NumericalError:
     """Why rounds that are doubled, at last a segment (3, r, r), do not rest."""
     F, _, H = np.abs(whole).max(axis=(1, 2))
-    if unreached:
-        return NotStabilizable(
-            "a mode that does not decay cannot be reached by the held input",
-            got=f"a cost of {H:.2g}",
-            todo="add an actuator that moves it, or take another sampling time: some hide a mode from the samples",
-        )
-    return NotDetectable(
-        "a mode that does not decay is not seen by the weight Q at the samples",
-        got=f"a memory of {F:.2g} over the longest span",
-        todo="give the mode's states weight in Q",
-    )
+    got = f"a cost of {H:.2g}" if unreached else f"a memory of {F:.2g} over the longest span"
+    else_do = ", or take another sampling time: some hide a mode from the samples"
+    return refuse_mode(unreached, got, " at the samples", else_do)
 
 
 def bound_rounding(problem: SampledProblem, X: Array, K: Array) -> float:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +14,7 @@ from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
 from flexlin.periodic.interpolation import NODES, divide_evenly, divide_segments, edges_of_short
 from flexlin.periodic.response.forced import STEP_STAGES
+from flexlin.periodic.riccati.scattering import transpose
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, choose_gauss_step, measure_pace
 from flexlin.periodic.transition.factors import gauss_transitions
@@ -144,11 +144,12 @@ def respond(
     driven: MatrixFunction = system.resolved
     if u is not None:
         given = u if callable(u) else Constant(real_array("u", u, (m,)))
-        driven = Combined(push_by, (system.resolved, system.resolved_input, given))
+        parts = (system.resolved, system.resolved_input, given)
+        driven = Combined(lambda A, B, u: hold_input(A, B @ u[:, :, None]), parts)
     excited = None
     if noise is not None:
-        intensity = real_array("noise", noise, (m, m))
-        excited = Combined(partial(spread_by, noise=intensity), (system.resolved, system.resolved_input))
+        S, both = real_array("noise", noise, (m, m)), (system.resolved, system.resolved_input)
+        excited = Combined(lambda A, B: assemble_hamiltonian(A, -B @ S @ transpose(B), np.zeros_like(A)), both)
     start = np.zeros(n) if x0 is None else real_array("x0", x0, (n,))
     if push is not None:
         start = start + system.resolved_input(times[:1])[0] @ real_array("push", push, (m,))
@@ -180,16 +181,6 @@ def divide_times(system: PeriodicSystem, marks: Array, tol: float, others: Seque
             "the answer takes too many steps", got=int(counts.sum()), expected=f"at most {MOST_STEPS}"
         )
     return divide_evenly(marks, counts)
-
-
-def push_by(A: Array, B: Array, u: Array) -> Array:
-    """[[A, B u], [0, 0]] (N, n + 1, n + 1)."""
-    return hold_input(A, B @ u[:, :, None])
-
-
-def spread_by(A: Array, B: Array, noise: Array) -> Array:
-    """[[A, B S B'], [0, -A']] (N, 2 n, 2 n)."""
-    return assemble_hamiltonian(A, -B @ noise @ np.swapaxes(B, 1, 2), np.zeros_like(A))
 
 
 def follow(

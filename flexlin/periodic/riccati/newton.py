@@ -183,11 +183,9 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
         if D is None:
             return None
         moved = float(np.abs(D).max())
-        X = X + (lyapunov.sharpen(D) if moved < SLIGHT else D)
+        X = X + (nodes.sharpen(D, lyapunov.exact) if moved < SLIGHT else D)
         grown = grown + 1 if moved > last else 0
-        if (
-            not moved * SLIGHT < 1 or grown > CORRECTIONS // 8
-        ):  # steps that grow again and again are those of too few nodes
+        if not moved * SLIGHT < 1 or grown > CORRECTIONS // 8:  # as steps grow on too few nodes
             return None
         small = moved <= near or (k and moved * moved / last <= near)
         if small or (moved < MINOR and moved <= nodes.tail(X)) or (moved < SLIGHT and moved > PARTIAL * last):
@@ -231,7 +229,7 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
         more = lyapunov.solve(left)
         if more is None:
             return None
-        D = D + lyapunov.sharpen(more)
+        D = D + nodes.sharpen(more, lyapunov.exact)
         D_between, D_slopes = nodes.look_between(D)
         missed = D_slopes + twice(D_between @ M) + W_between[:, :, None] * np.eye(len(units))
         scale = np.sqrt(W_between)

@@ -21,11 +21,12 @@ from flexlin.periodic.riccati.linear_quadratic import (
     LinearQuadratic,
     RiccatiSolution,
     check_between,
+    check_weight,
     linear_quadratic,
 )
 from flexlin.periodic.riccati.newton import MOST_NODES, solve_by_newton
 from flexlin.periodic.riccati.nodes import FourierNodes, Nodes, PanelNodes
-from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside, with_matrices
+from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside
 from flexlin.precision import MINOR
 
 PER_WAVE = 4
@@ -241,10 +242,9 @@ def solve_lyapunov(
     system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol: float, bounded: bool = True
 ) -> RiccatiSolution:
     """As `periodic_lyapunov`; bounded: whether with errors."""
-    idle = with_matrices(system, system.A, Constant(np.zeros((system.n, 1))))
-    vars(idle)["resolved"] = system.resolved
-    posed = linear_quadratic(idle, Q, np.eye(1), definite=False)
-    problem, edges = resolve_problem(posed, idle)
+    weight = check_weight("Q", Q, (system.n, system.n), system.period)
+    no_input = Constant(np.zeros((system.n, 1)))
+    problem, edges = resolve_problem(LinearQuadratic(system.A, no_input, weight, Constant(np.eye(1)), no_input), system)
     try:
         return solve_by_newton(problem, choose_nodes(problem, edges, tol), None, tol, bounded=bounded)
     except NumericalError:

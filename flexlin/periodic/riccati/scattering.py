@@ -217,10 +217,6 @@ class LoopLyapunov:
         """What F makes of D in the half step behind each node."""
         return self.halves[-1] * F if self.exact else self._integrate(F)[-len(F) :]
 
-    def sharpen(self, D: Array) -> Array:
-        """The waves of a solution without what the rule by which it was found adds or leaves out."""
-        return self.nodes.sharpen(D, self.exact)
-
     def _integrate_gaps(self, F: Array) -> Array:
         """The integrals over the gaps by Hermite's rule."""
         behind, before = self._divide(self.halves[-1], self.halves[0])
