@@ -66,13 +66,12 @@ class Round:
 class HeldPlant:
     """z_(k+1) = F_k z_k + G_k u_k at the samples of a round, with z = x, or z = [x; u_(k-1)] where the input comes late.
 
-    F (N, r, r), G (N, r, m); states n of x.
+    F (N, r, r), G (N, r, m).
     """
 
     F: Array
     G: Array
     turn: Round
-    states: int
 
     def closed_by(self, gain: MatrixFunction) -> Array:
         """F_k - G_k [K_k, 0] with gains K (N, m, n) at the instants, or (N, m, r) of all that is known there."""
@@ -89,7 +88,7 @@ def hold_plant(system: PeriodicSystem, turn: Round, delay: float, tol: float, st
     input_of(system)
     begin, effect, end = turn.divide(delay)
     before = sections(system, begin, effect, tol, stages) if delay else None
-    return HeldPlant(*step_inputs(before, sections(system, effect, end, tol, stages), system.n), turn, system.n)
+    return HeldPlant(*step_inputs(before, sections(system, effect, end, tol, stages), system.n), turn)
 
 
 def step_inputs(before: Array | None, behind: Array, n: int) -> tuple[Array, Array]:
@@ -116,15 +115,16 @@ def hold_controller(rates: Array, step: float) -> Array:
 
 
 def with_controller_states(plant: HeldPlant, rates: Array) -> HeldPlant:
-    """The plant with a controller's states z behind its own, z_(k+1) = z_k + held rates [x_k; z_k]: they count as states of it."""
-    n, k, (count, size) = plant.states, len(rates), plant.F.shape[:2]
+    """The plant with a controller's states z behind its own, z_(k+1) = z_k + held rates [x_k; z_k]; rates (k, n + k)."""
+    k, (count, size) = len(rates), plant.F.shape[:2]
+    n = rates.shape[1] - k
     moved = hold_controller(rates, plant.turn.step) @ rates
     moved[:, n:] += np.eye(k)
     F, G = np.zeros((count, size + k, size + k)), np.zeros((count, size + k, plant.G.shape[2]))
     of_plant = np.r_[:n, n + k : size + k]
     F[:, of_plant[:, None], of_plant], G[:, of_plant] = plant.F, plant.G
     F[:, n : n + k, : n + k] = moved
-    return HeldPlant(F, G, plant.turn, n + k)
+    return HeldPlant(F, G, plant.turn)
 
 
 def sections(system: PeriodicSystem, begin: Array, end: Array, tol: float, stages: int) -> Array:

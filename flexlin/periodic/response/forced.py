@@ -309,8 +309,8 @@ class ForcedProblem:
                 misses.append(missed)
                 if missed == min(misses):
                     best = solution, sigma, scale, rounded, len(misses)
-                if stagnant(misses):
-                    break
+                if len(misses) > TAIL and min(misses[-TAIL:]) > 0.5 * min(misses[:-TAIL]):
+                    break  # rounding of the force and of the coefficients is all that is left
                 wanted = len(previous.start) * (GUESS_MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
             previous, count = solution, int(np.ceil(np.clip(wanted, FINER_BOUNDS[0] * count, 2 * count)))
         if best is None or (count > most and misses[-1] > FOURTH_ROOT_EPS * np.abs(best[0].start).max()):
@@ -349,11 +349,6 @@ class ForcedProblem:
 
         moved = replace(self, force=force).solve(rule, max(1, len(solution.start) // 2))[0]
         return np.inf if moved is None else COHERENT_PART * float(np.abs(moved.start).max())
-
-
-def stagnant(misses: list[float]) -> bool:
-    """Whether TAIL times more segments have not helped: rounding of the force and of the coefficients is all that is left."""
-    return len(misses) > TAIL and min(misses[-TAIL:]) > 0.5 * min(misses[:-TAIL])
 
 
 def as_force(f: VectorFunction | Sequence[float], system: PeriodicSystem) -> MatrixFunction:

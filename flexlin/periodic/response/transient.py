@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,6 @@ from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
 from flexlin.periodic.interpolation import NODES, divide_evenly, divide_segments, edges_of_short
 from flexlin.periodic.response.forced import STEP_STAGES
-from flexlin.periodic.riccati.scattering import transpose
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, choose_gauss_step, measure_pace
 from flexlin.periodic.transition.factors import gauss_transitions
@@ -149,7 +149,7 @@ def respond(
     excited = None
     if noise is not None:
         S, both = real_array("noise", noise, (m, m)), (system.resolved, system.resolved_input)
-        excited = Combined(lambda A, B: assemble_hamiltonian(A, -B @ S @ transpose(B), np.zeros_like(A)), both)
+        excited = Combined(lambda A, B: assemble_hamiltonian(A, -B @ S @ np.swapaxes(B, 1, 2), np.zeros_like(A)), both)
     start = np.zeros(n) if x0 is None else real_array("x0", x0, (n,))
     if push is not None:
         start = start + system.resolved_input(times[:1])[0] @ real_array("push", push, (m,))
@@ -189,12 +189,12 @@ def follow(
     """States (K, n) and covariance (K, n, n) at the edges."""
     n, steps = len(start), gauss_transitions(driven, edges, stages)
     state = np.append(start, 1.0)[: steps.shape[-1]]
-    x, P = np.zeros((len(edges), n)), np.zeros((len(edges), n, n))
-    x[0] = start
-    for k, step in enumerate(steps):
-        state = step @ state
-        x[k + 1] = state[:n]
-    for k, step in enumerate(() if excited is None else gauss_transitions(excited, edges, stages)):
-        F = step[:n, :n]
-        P[k + 1] = F @ P[k] @ F.T + step[:n, n:] @ F.T
-    return x, P
+    x = np.array(list(accumulate(steps, lambda state, step: step @ state, initial=state)))[:, :n]
+    if excited is None:
+        return x, np.zeros((len(edges), n, n))
+
+    def spread(P: Array, step: Array) -> Array:
+        return (step[:n, :n] @ P + step[:n, n:]) @ step[:n, :n].T
+
+    steps = gauss_transitions(excited, edges, stages)
+    return x, np.array(list(accumulate(steps, spread, initial=np.zeros((n, n)))))

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import NumericalError, ToleranceNotReached
-from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.coefficients import assemble_hamiltonian
 from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries
 from flexlin.periodic.riccati.linear_quadratic import (
@@ -30,6 +30,7 @@ from flexlin.periodic.riccati.scattering import (
     transpose,
     twice,
 )
+from flexlin.periodic.transition.factors import Resolved
 from flexlin.periodic.transition.gauss import CHUNK_BYTES
 from flexlin.precision import EPS, MINOR, PARTIAL, ROOT_EPS, SAFETY, SLIGHT
 
@@ -333,7 +334,7 @@ class Samples:
         missed, both = np.zeros_like(X), np.outer(self.units, self.units)
         if self.G.any():
             return missed
-        if isinstance(problem.A, ResolvedMatrix | ResolvedCompanion):
+        if isinstance(problem.A, Resolved):
             eye = np.broadcast_to(np.eye(X.shape[2]), X.shape)
             missed += twice(couple_uncertainty(problem.A, t, X * both, eye, in_mean=True) / both)
         if isinstance(problem.Q, ResolvedMatrix):
