@@ -62,11 +62,13 @@ def star_product(first: Array, second: Array) -> Array:
     Raises: IllPosedSegment, naming the segment, when I + G1 H2 is singular to working precision.
     Source: Redheffer (1960); doubling as in Anderson (1978).
     """
-    (F1, G1, H1), (F2, G2, H2) = first, second
-    W = solve_segments(np.eye(F1.shape[-1]) + G1 @ H2, np.concatenate([F1, G1], axis=-1), "I + G1 H2")
-    forward, spread = np.split(W, 2, axis=-1)
-    G, H = G2 + symmetrize(F2 @ spread @ transpose(F2)), H1 + symmetrize(transpose(F1) @ H2 @ forward)
-    return np.stack([F2 @ forward, G, H])
+    (F1, G1, H1), (F2, G2, H2), both = first, second, np.empty_like(first)
+    n = F1.shape[-1]
+    W = solve_segments(np.eye(n) + G1 @ H2, np.concatenate([F1, G1], axis=-1), "I + G1 H2")
+    forward, spread = W[..., :n], W[..., n:]
+    both[0], both[1] = F2 @ forward, G2 + symmetrize(F2 @ spread @ transpose(F2))
+    both[2] = H1 + symmetrize(transpose(F1) @ H2 @ forward)
+    return both
 
 
 def carry_cost_back(segment: Array, after: Array) -> Array:
@@ -247,7 +249,7 @@ class LoopLyapunov:
         once = twice(total @ self.steps)
         total += 0.5 * once + twice(once @ self.steps) / 6
         for power in self.powers[:-1]:
-            total = carry_back(power, total, total)
+            total += transpose(power) @ total @ power
         return total
 
     def _integrate_line(self, slope: Array) -> tuple[Array, Array]:
@@ -294,11 +296,11 @@ def double_until_rest(
     """
     scale = max(float(np.abs(whole[0]).max()), 1.0)
     for k in range(MAX_DOUBLINGS):
-        _, G, H = np.abs(whole).max(axis=(1, 2))
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 twice = star_product(whole, whole)
         except IllPosedSegment:
+            _, G, H = np.abs(whole).max(axis=(1, 2))
             raise refuse(bool(H * limits[1] >= G * limits[0]), whole) from None
         F, G, H = np.abs(twice).max(axis=(1, 2))
         if not limits[0] > H:
