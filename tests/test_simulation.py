@@ -9,7 +9,7 @@ import flexlin as fl
 from flexlin.control import feedforward, finite_horizon_lqr, horizon_system, linear_range, linearize_about, periodic_lqr
 from flexlin.errors import ArgumentError, FlexlinError, SceneError
 from flexlin.linearization import Law
-from flexlin.periodic.sampled import hold_plant
+from flexlin.periodic.sampled import Round, hold_plant
 from flexlin.simulation import Drive, region_of_attraction, simulate
 from tests.closed_arm import closed, opened
 
@@ -176,7 +176,7 @@ def test_rounding_moves_the_arm_no_further_than_its_loop_lets_it(arm):
     """|x_k| <= sum over j of |Phi_kj G_j| (|K_j| e / 2 + s / 2) for steps e of the encoder and s of the torque."""
     made = arm[1]
     encoder, torque = 2e-3, 5e-3
-    plant = hold_plant(made.system, SAMPLES, 1, 0.0, 1e-10, 6)
+    plant = hold_plant(made.system, Round(made.system.period, SAMPLES, 1), 0.0, 1e-10, 6)
     bound, maps = np.zeros(4), []
     for F, G, K in zip(plant.F, plant.G, made.K, strict=True):
         maps = [(F - G @ K) @ one for one in maps] + [G]

@@ -10,10 +10,10 @@ from scipy.linalg import lapack
 from flexlin.arguments import checked
 from flexlin.checks import Array, check_size
 from flexlin.control.designed_loop import Design
-from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, NumericalError
+from flexlin.errors import ArgumentError, NumericalError
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.coefficients import Constant
-from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, linear_quadratic
+from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, linear_quadratic, refuse_mode
 from flexlin.periodic.riccati.riccati import resolve_problem
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
@@ -198,10 +198,8 @@ def check_constant_pair(A: Array, B: Array, Q: Array, when: str) -> None:
 
     A, _, _, states, _ = lapack.dgebal(A, scale=1, permute=0)
     size = float(np.linalg.norm(A, 2)) or 1.0
-    unreached = NotStabilizable, "cannot be reached by the input", "add an actuator that moves it"
-    unseen = NotDetectable, "is not seen by the weight Q", "give the mode's states weight in Q"
-    by_input, by_weight = (A, B / states[:, None], 1 / states, *unreached), (A.T, (Q * states).T, states, *unseen)
-    for rates, matrix, units, kind, what, todo in (by_input, by_weight):
+    by_input, by_weight = (A, B / states[:, None], 1 / states, True), (A.T, (Q * states).T, states, False)
+    for rates, matrix, units, unreached in (by_input, by_weight):
         matrix = matrix * (size / (float(np.linalg.norm(matrix, 2)) or 1.0))  # one margin serves both
         values, vectors = eig(rates, left=True, right=False)
         for s, w in zip(values, vectors.T, strict=True):
@@ -211,8 +209,7 @@ def check_constant_pair(A: Array, B: Array, Q: Array, when: str) -> None:
             if sizes[-1] <= REACHED_SHARE * sizes[0]:
                 vector = np.abs(left[:, -1] * units)
                 direction = np.array2string(vector / vector.max(), precision=3, suppress_small=True)
-                got = f"eigenvalue {complex(s):.6g}, direction {direction}"
-                raise kind(f"a mode that does not decay {what} {when}", got=got, todo=todo)
+                raise refuse_mode(unreached, f"eigenvalue {complex(s):.6g}, direction {direction}", f" {when}")
 
 
 def cancels(matrix: Array, vector: Array) -> bool:

@@ -204,15 +204,14 @@ def sampled_lqr(
     posed = linear_quadratic(system, Q, R)
     weights = resolve_beside(system, posed.Q), resolve_beside(system, posed.R)
     problems = [
-        weigh_samples(system, *weights, turn.samples, turn.periods, delay / sample_time, tol, stages)
+        weigh_samples(system, *weights, turn, delay / sample_time, tol, stages)
         for stages in (STEP_STAGES, STEP_STAGES + 2)
     ]
     (X, K), (_, other) = (solve_samples(problem) for problem in problems)
     error = state_error(K, other, bound_rounding(problems[0], X, K))
     if delay:
         X[:, system.n :, system.n :] += problems[0].late
-    t = system.period * turn.periods * np.arange(turn.samples) / turn.samples
-    return SampledDesign(system, K, X, t, sample_time, delay, error)
+    return SampledDesign(system, K, X, turn.instants, sample_time, delay, error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,11 +288,12 @@ class SampledEstimator:
             )
         turn = find_round(self.system, self.sample_time, 0.0)
         delay = 0.0 if design is None else design.delay / self.sample_time
-        loops = [
-            self._loop(hold_plant(self.system, turn.samples, turn.periods, delay, tol, s), design)
-            for s in (STEP_STAGES, STEP_STAGES + 2)
-        ]
-        return judge_samples(loops[0], loops[1], turn, self.system.period, tol)
+
+        def close(turn: Round, stages: int) -> Array:
+            """The steps of the loop."""
+            return self._loop(hold_plant(self.system, turn, delay, tol, stages), design)
+
+        return judge_samples(close, (turn,), tol)
 
     def _loop(self, plant: HeldPlant, design: SampledDesign | None) -> Array:
         """The steps (N, r, r) of the estimate's error, or (N, r + n, r + n) of [z; predicted]."""
@@ -372,12 +372,12 @@ def sampled_estimator(
     output, p = as_measurement(C, system)
     measured = PeriodicSystem(np.zeros((n, n)), system.period, np.zeros((n, p)))
     posed = linear_quadratic(measured, W, V)
-    t = system.period * turn.periods * np.arange(turn.samples) / turn.samples
+    t = turn.instants
     seen, noise = output(np.mod(t, system.period)), posed.R(np.mod(t, system.period))
     excited = resolve_beside(system, posed.Q)
     found = []
     for stages in (STEP_STAGES, STEP_STAGES + 2):
-        F, added = spread_noise(system, excited, turn.samples, turn.periods, tol, stages)
+        F, added = spread_noise(system, excited, turn, tol, stages)
         nothing = np.zeros((turn.samples, n, p))
         dual = SampledProblem(transpose(F)[::-1], transpose(seen)[::-1], added[::-1], nothing, noise[::-1], noise)
         with said_of_a_filter():

@@ -109,7 +109,9 @@ def pick_columns(data: Any, wanted: list[str]) -> dict[str, Array]:
     rows = max(int(np.prod(np.shape(column), dtype=float)) for column in columns.values())
     if rows > MOST_SAMPLES:
         todo = "take a part of it, or every tenth row after a low-pass filter"
-        raise TooLarge("the log has too many rows", got=f"more than {MOST_SAMPLES}", expected=f"{MOST_SAMPLES} at most", todo=todo)
+        raise TooLarge(
+            "the log has too many rows", got=f"more than {MOST_SAMPLES}", expected=f"{MOST_SAMPLES} at most", todo=todo
+        )
     return {name: as_numbers(name, np.asarray(column).reshape(-1)) for name, column in columns.items()}
 
 

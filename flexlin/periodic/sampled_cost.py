@@ -6,21 +6,23 @@ from functools import reduce
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import IllPosedSegment, NotDetectable, NotStabilizable, NumericalError
+from flexlin.errors import NumericalError
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
-from flexlin.periodic.coefficients import Combined, assemble_hamiltonian, hold_input
+from flexlin.periodic.coefficients import Combined, MatrixFunction, assemble_hamiltonian, hold_input
 from flexlin.periodic.related import beside
+from flexlin.periodic.riccati.linear_quadratic import refuse_mode
 from flexlin.periodic.riccati.scattering import (
-    MAX_DOUBLINGS,
-    Segment,
     carry_costs_down,
-    combine_in_tree,
+    double_until_rest,
+    grow_tree,
     scatter_hamiltonian,
     star_product,
     transpose,
 )
-from flexlin.periodic.sampled import divide, step_inputs, step_sections
+from flexlin.periodic.sampled import Round, divide_sections, step_inputs
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.factors import gauss_transitions
+from flexlin.periodic.transition.gauss import DEFAULT_STAGES, gauss, place_nodes, sample_at
 from flexlin.precision import EPS, MINOR, ROOT_EPS
 
 LARGEST_COST = 1e13
@@ -49,78 +51,56 @@ def weigh_held(A: Array, B: Array, Q: Array, R: Array) -> Array:
     return assemble_hamiltonian(held, np.zeros_like(W), W)
 
 
-def excite(A: Array, W: Array) -> Array:
-    """The Hamiltonian [[A, -W], [0, -A']], in scattering form the covariance that noise of intensity W adds up to."""
-    return assemble_hamiltonian(A, W, np.zeros_like(A))
-
-
 def weigh_samples(
     system: PeriodicSystem,
     Q: ResolvedMatrix,
     R: ResolvedMatrix,
-    samples: int,
-    periods: int,
+    turn: Round,
     delay: float,
     tol: float,
     stages: int,
 ) -> SampledProblem:
-    """The discrete-time problem over `samples` equal intervals of `periods` periods; delay as a part of one interval, in [0, 1].
+    """The discrete-time problem over the samples of a round; delay as a part of one, in [0, 1].
 
         [x; u](t) = P(t) [x; u](t0),   S = integral of P' diag(Q, R) P dt
 
     of the section before the input changes, with the input held before, and of the section behind it.
     Source: Van Loan, Computing integrals involving the matrix exponential, IEEE Trans. Automat. Control 23 (1978) 395.
     """
-    n, m = system.n, system.m
-    span = system.period * periods
-    t, h = span * np.arange(samples) / samples, span / samples
+    n, m, samples = system.n, system.m, turn.samples
+    r, (begin, effect, end) = n + m, turn.divide(delay)
     weighed = Combined(weigh_held, (system.resolved, system.resolved_input, Q, R))
-
-    def section(begin: Array, end: Array) -> tuple[Array, Array]:
-        if not np.any(end > begin):
-            return np.broadcast_to(np.eye(n + m), (samples, n + m, n + m)), np.zeros((samples, n + m, n + m))
-        whole = join_steps(step_sections(weighed, divide(system, begin, end, tol, (Q, R)), stages))
-        return whole.F, whole.H
-
-    (P0, S0), (P1, S1) = section(t, t + delay * h), section(t + delay * h, t + h)
-    F, G = step_inputs(P0, P1, n, delay)
+    P1, _, S1 = join_steps(weighed, divide_sections(system, effect, end, tol, (Q, R)), stages)
     if not delay:
-        return SampledProblem(F, G, S1[:, :n, :n], S1[:, :n, n:], S1[:, n:, n:], np.zeros((samples, m, m)))
-    late = integrate_weight(R, divide(system, t, t + delay * h, tol, (Q, R)))
-    through = np.zeros((samples, n + m, n + 2 * m))
-    through[:, :n, : n + m], through[:, n:, n + m :] = P0[:, :n], np.eye(m)
+        nothing = np.zeros((samples, m, m))
+        return SampledProblem(*step_inputs(None, P1, n), S1[:, :n, :n], S1[:, :n, n:], S1[:, n:, n:], nothing)
+    edges = divide_sections(system, begin, effect, tol, (Q, R))
+    P0, _, S0 = join_steps(weighed, edges, stages)
+    rule, h = gauss(DEFAULT_STAGES), np.diff(edges)
+    late = np.einsum("kc,s,kcsij->kij", h, rule.b, sample_at(R, place_nodes(edges, rule.c)))
+    through = np.zeros((samples, r, r + m))
+    through[:, :n, :r], through[:, n:, r:] = P0[:, :n], np.eye(m)
     whole = transpose(through) @ S1 @ through
-    whole[:, : n + m, : n + m] += S0
-    whole[:, n : n + m, n : n + m] -= late
-    whole[:, n + m :, n + m :] += np.roll(late, -1, axis=0)
-    r = n + m
-    return SampledProblem(F, G, whole[:, :r, :r], whole[:, :r, r:], whole[:, r:, r:], late)
+    whole[:, :r, :r] += S0
+    whole[:, n:r, n:r] -= late
+    whole[:, r:, r:] += np.roll(late, -1, axis=0)
+    return SampledProblem(*step_inputs(P0, P1, n), whole[:, :r, :r], whole[:, :r, r:], whole[:, r:, r:], late)
 
 
-def join_steps(steps: Array) -> Segment:
-    """Sections (N, s, s) of all their steps (N, c, 2 s, 2 s) by transition matrices of a Hamiltonian."""
-    parts = scatter_hamiltonian(steps)
-    return reduce(star_product, (parts[:, k] for k in range(steps.shape[1])))
-
-
-def integrate_weight(R: ResolvedMatrix, edges: Array) -> Array:
-    """The integral of R (N, m, m) over all steps between edges (N, c + 1), by Gauss's rule."""
-    x, w = np.polynomial.legendre.leggauss(8)
-    h = np.diff(edges, axis=1)[:, :, None]
-    t = edges[:, :-1, None] + h * (x + 1) / 2
-    values = R(np.mod(t, R.period).ravel()).reshape(*t.shape, *R.shape)
-    return np.einsum("kcs,kcsij->kij", h * w / 2, values)
+def join_steps(A: MatrixFunction, edges: Array, stages: int) -> Array:
+    """Segments of the sections between edges (N, c + 1), whose Hamiltonian is A."""
+    parts = scatter_hamiltonian(gauss_transitions(A, edges, stages))
+    return reduce(star_product, np.moveaxis(parts, 2, 0))
 
 
 def spread_noise(
-    system: PeriodicSystem, W: ResolvedMatrix, samples: int, periods: int, tol: float, stages: int
+    system: PeriodicSystem, W: ResolvedMatrix, turn: Round, tol: float, stages: int
 ) -> tuple[Array, Array]:
-    """F and the integral of P W P' dt (N, n, n) over equal intervals, P the transition matrix to their ends."""
-    span = system.period * periods
-    t, h = span * np.arange(samples) / samples, span / samples
-    steps = step_sections(Combined(excite, (system.resolved, W)), divide(system, t, t + h, tol, (W,)), stages)
-    whole = join_steps(steps)
-    return whole.F, whole.G
+    """F and the integral of P W P' dt (N, n, n) over the samples of a round, P the transition matrix to their ends."""
+    edges = divide_sections(system, *turn.divide(0.0)[1:], tol, (W,))
+    excited = Combined(lambda A, W: assemble_hamiltonian(A, W, np.zeros_like(A)), (system.resolved, W))
+    F, added, _ = join_steps(excited, edges, stages)
+    return F, added
 
 
 def solve_samples(problem: SampledProblem) -> tuple[Array, Array]:
@@ -137,10 +117,10 @@ def solve_samples(problem: SampledProblem) -> tuple[Array, Array]:
     try:
         by_effort = np.linalg.solve(problem.R, np.concatenate([transpose(problem.G), transpose(problem.N)], axis=2))
         to_input, cross = np.split(by_effort, 2, axis=2)
-        steps = Segment(problem.F - problem.G @ cross, problem.G @ to_input, problem.Q - problem.N @ cross)
-        X = cost_gains(problem, gain_samples(problem, repeat_round(steps)))
+        X = repeat_round(problem.F - problem.G @ cross, problem.G @ to_input, problem.Q - problem.N @ cross)
+        X = cost_gains(problem, gain_samples(problem, X))
         return X, gain_samples(problem, X)
-    except (np.linalg.LinAlgError, IllPosedSegment, NotStabilizable) as reason:
+    except (np.linalg.LinAlgError, NumericalError) as reason:
         grown = float(np.abs(problem.F).max())
         if not isinstance(reason, np.linalg.LinAlgError) and grown * ROOT_EPS < MINOR:
             raise
@@ -153,7 +133,7 @@ def cost_gains(problem: SampledProblem, K: Array) -> Array:
     """The cost X (N, r, r) of gains that stabilise: X_k = (F - G K)' X_(k+1) (F - G K) + Q - N K - K' N' + K' R K."""
     loop, crossed = problem.F - problem.G @ K, problem.N @ K
     cost = problem.Q - crossed - transpose(crossed) + transpose(K) @ problem.R @ K
-    return repeat_round(Segment(loop, np.zeros_like(loop), cost))
+    return repeat_round(loop, np.zeros_like(loop), cost)
 
 
 def gain_samples(problem: SampledProblem, X: Array) -> Array:
@@ -162,36 +142,20 @@ def gain_samples(problem: SampledProblem, X: Array) -> Array:
     return np.linalg.solve(problem.R + pushed @ problem.G, pushed @ problem.F + transpose(problem.N))
 
 
-def repeat_round(steps: Segment) -> Array:
+def repeat_round(F: Array, G: Array, H: Array) -> Array:
     """The cost (N, r, r) at the beginning of each of the steps of a round that repeats for ever."""
-    levels = combine_in_tree(steps)
-    return carry_costs_down(levels, double_round(levels[-1][0]))[:-1]
+    levels = grow_tree(np.stack([F, G, H]), star_product)
+    whole = levels[-1][:, 0]
+    most = LARGEST_COST * max(float(np.abs(whole[1:]).max()), EPS)
+    return carry_costs_down(levels, double_until_rest(whole, (most, most), name_cause)[0])[:-1]
 
 
-def double_round(whole: Segment) -> Array:
-    """H of 2^k rounds, which stops changing, while their memory F fades."""
-    first = max(float(np.abs(whole.H).max()), float(np.abs(whole.G).max()), EPS)
-    for _ in range(MAX_DOUBLINGS):
-        with np.errstate(over="ignore", invalid="ignore"):
-            twice = star_product(whole, whole)
-        sizes = [float(np.abs(part).max()) for part in (twice.H, twice.G)]
-        if not sizes[0] < LARGEST_COST * first:
-            raise NotStabilizable(
-                "a mode that does not decay cannot be reached by the held input",
-                got=f"a cost of {sizes[0]:.2g}",
-                todo="add an actuator that moves it, or take another sampling time: some hide a mode from the samples",
-            )
-        change = float(np.abs(twice.H - whole.H).max())
-        if change <= EPS * sizes[0] and np.abs(twice.F).max() <= np.sqrt(EPS):
-            return twice.H
-        if not sizes[1] < LARGEST_COST * first:
-            break
-        whole = twice
-    raise NotDetectable(
-        "a mode that does not decay is not seen by the weight Q at the samples",
-        got=f"a memory of {float(np.abs(whole.F).max()):.2g} over the longest span",
-        todo="give the mode's states weight in Q",
-    )
+def name_cause(unreached: bool, whole: Array) -> NumericalError:
+    """Why rounds that are doubled, at last a segment (3, r, r), do not rest."""
+    F, _, H = np.abs(whole).max(axis=(1, 2))
+    got = f"a cost of {H:.2g}" if unreached else f"a memory of {F:.2g} over the longest span"
+    else_do = ", or take another sampling time: some hide a mode from the samples"
+    return refuse_mode(unreached, got, " at the samples", else_do)
 
 
 def bound_rounding(problem: SampledProblem, X: Array, K: Array) -> float:
@@ -199,4 +163,4 @@ def bound_rounding(problem: SampledProblem, X: Array, K: Array) -> float:
     loop = problem.F - problem.G @ K
     size = float(np.abs(X).max()) or 1.0
     weight = np.broadcast_to(np.eye(loop.shape[1]), loop.shape) * 8 * EPS * len(loop[0]) * size
-    return float(np.abs(repeat_round(Segment(loop, np.zeros_like(loop), weight))).max()) / size
+    return float(np.abs(repeat_round(loop, np.zeros_like(loop), weight)).max()) / size

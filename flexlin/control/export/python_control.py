@@ -208,7 +208,7 @@ def lifted_model(
     turn = find_round(system, h, delay)
     N, n, m = turn.samples, system.n, system.m
     check_size(f"a lifted model of {N} samples", 8 * (N * n) * (N * m + n), "take a longer sampling time")
-    plant = hold_plant(system, N, turn.periods, delay / h, tol)
+    plant = hold_plant(system, turn, delay / h, tol)
     r = plant.F.shape[1]
     state, effect = np.eye(r), np.zeros((r, N * m))
     C, D = np.zeros((N * n, r)), np.zeros((N * n, N * m))

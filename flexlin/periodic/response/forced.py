@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,14 +14,21 @@ from flexlin.checks import Array, at_times, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing, TooManySegments
 from flexlin.periodic.coefficient_series.matrix import couple_uncertainty
 from flexlin.periodic.coefficient_series.resolve import resolve
-from flexlin.periodic.coefficients import PROBES, Constant, has_nothing_narrow, hold_input, refuse_signature
+from flexlin.periodic.coefficients import (
+    PROBES,
+    Combined,
+    Constant,
+    MatrixFunction,
+    has_nothing_narrow,
+    hold_input,
+    refuse_signature,
+)
 from flexlin.periodic.interpolation import FINER_BOUNDS, NODES, TAIL, edges_of_short, place_edges
 from flexlin.periodic.product import COHERENT_PART, cyclic_system, find_spectrum
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choose_segments import (
     GUESS_MARGIN,
     MAX_SEGMENTS,
-    Setting,
     choose_setting,
     report_too_many,
 )
@@ -221,12 +228,11 @@ def forced_response(
     """
     system = as_system(system)
     whole("max_segments", max_segments)
-    force = as_vector_function(f, system)
-    corners = find_corners(system, force, real_array("breaks", breaks, (None,)))
-    setting = choose_setting(system, positive("tol", tol))
-    rule, (solution, sigma, apart, scale) = follow_response(system, force, corners, tol, setting, max_segments)
+    force = as_force(f, system)
+    problem = ForcedProblem(system, force, find_corners(system, force, real_array("breaks", breaks, (None,))))
+    rule, (solution, sigma, apart, scale) = problem.follow(positive("tol", tol), max_segments)
     count = len(solution.start)
-    apart += unknown_response(system, solution, corners, max(1, count // 2), rule)
+    apart += problem.doubt(solution, rule)
     family = "Radau" if rule.c[-1] == 1 else "Gauss"
     status = f"periodic response to {apart:.1e} on {count} segments of {len(rule.c)} {family} stages; amplification {1 / sigma:.1e}"
     if apart > tol * scale:
@@ -234,153 +240,126 @@ def forced_response(
     return ForcedResponse(solution, system.period, apart, 1 / sigma, count, status)
 
 
-def find_corners(system: PeriodicSystem, force: VectorFunction, breaks: Array) -> Array:
+Refined = tuple[PiecewiseSolution, float, float, float]
+"""A response, the smallest singular value of its closure, how far two resolutions are apart, and the size of the response."""
+
+
+def find_corners(system: PeriodicSystem, force: MatrixFunction, breaks: Array) -> Array:
     """Where force or coefficients are not smooth, and edges of what they do in a short time, so that no segment steps over it."""
     known, longest = np.union1d(system.resolved.breaks, breaks), system.period / NODES
     corners = np.union1d(known, edges_of_short(system.resolved.edges, longest))
     if isinstance(force, Constant):
         return corners
-    series = resolve(
-        lambda t: force(t)[:, :, None],
-        system.period,
-        np.union1d(known, 0.0).tolist(),
-        system.features,
-        complete=system.complete and has_nothing_narrow(force),
-        tol=ROOT_EPS,
-        repeats=False,
-    )
-    return np.union1d(
-        corners, np.union1d([place.time for place in series.found], edges_of_short(series.edges, longest))
-    )
+    named, complete = np.union1d(known, 0.0).tolist(), system.complete and has_nothing_narrow(force)
+    series = resolve(force, system.period, named, system.features, complete=complete, tol=ROOT_EPS, repeats=False)
+    found = [place.time for place in series.found]
+    return np.unique(np.concatenate([corners, found, edges_of_short(series.edges, longest)]))
 
 
-Refined = tuple[PiecewiseSolution, float, float, float]
-"""A response, the smallest singular value of its closure, how far two resolutions are apart, and the size of the response."""
+@dataclass(frozen=True, eq=False)
+class ForcedProblem:
+    """x' = A(t) x + f(t) with a force (N,) -> (N, n, 1), on segments that step over no corner."""
 
+    system: PeriodicSystem
+    force: MatrixFunction
+    corners: Array
 
-def follow_response(
-    system: PeriodicSystem, force: VectorFunction, corners: Array, tol: float, setting: Setting, most: int
-) -> tuple[Tableau, Refined]:
-    """By Gauss collocation. Where that needs very many segments Radau's method is tried before, which follows what is smooth on fewer,
-    but not modes that ring behind a break.
+    def follow(self, tol: float, most: int) -> tuple[Tableau, Refined]:
+        """By Gauss collocation. Where that needs very many segments Radau's method is tried before, which follows what is smooth on fewer,
+        but not modes that ring behind a break.
 
-    Raises: TooManySegments.
-    """
-    enough, found = setting.segments, None
-    if enough > STIFF_SEGMENTS:
-        rule = radau(STEP_STAGES)
-        with suppress(TooManySegments):
-            found = refine_response(system, force, corners, tol, rule, (STIFF_SEGMENTS // 4, min(enough, most)))
-        if found is not None and found[2] <= tol * found[3]:
+        Raises: TooManySegments.
+        """
+        setting, found = choose_setting(self.system, tol), None
+        enough, rule = setting.segments, radau(STEP_STAGES)
+        if enough > STIFF_SEGMENTS:
+            with suppress(TooManySegments):
+                found = self.refine(tol, rule, STIFF_SEGMENTS // 4, min(enough, most))
+            if found is not None and found[2] <= tol * found[3]:
+                return rule, found
+        try:
+            better = gauss(max(STEP_STAGES, setting.order // 2))
+            return better, self.refine(tol, better, enough, most)
+        except TooManySegments:
+            if found is None:
+                raise
             return rule, found
-    try:
-        rule = gauss(max(STEP_STAGES, setting.order // 2))
-        return rule, refine_response(system, force, corners, tol, rule, (enough, most), at_once=enough > STIFF_SEGMENTS)
-    except TooManySegments:
-        if found is None:
-            raise
-        return radau(STEP_STAGES), found
+
+    def refine(self, tol: float, rule: Tableau, enough: int, most: int) -> Refined:
+        """Solve on more and more segments until two resolutions that share no edges agree to tol, or to what rounding and the limit allow.
+
+        Parameters: enough: segments that would follow the fastest mode; most: that may be used.
+        """
+        count = first = max(NODES, enough if enough > STIFF_SEGMENTS else enough // TAIL)
+        previous, misses, best = None, list[float](), None
+        while count <= most:
+            solution, sigma, Phi = self.solve(rule, count, -(-count // first))
+            rounding = SAFETY * EPS / max(sigma, TINY)
+            if solution is None or rounding > RESONANT_LOSS * max(tol, 1e-10):
+                if count >= enough:
+                    raise report_resonance(Phi, sigma)
+                previous, count = None, 2 * count
+                continue
+            wanted = 0.0
+            if previous is not None:
+                scale = max(1.0, float(np.abs(solution.start).max()))
+                missed, rounded = measure_difference(solution, previous), measure_rounding(solution, sigma, Phi)
+                if missed + rounded <= tol * scale or missed <= 2 * rounding * scale:
+                    return solution, sigma, missed + rounded, scale
+                misses.append(missed)
+                if missed == min(misses):
+                    best = solution, sigma, scale, rounded, len(misses)
+                if len(misses) > TAIL and min(misses[-TAIL:]) > 0.5 * min(misses[:-TAIL]):
+                    break  # rounding of the force and of the coefficients is all that is left
+                wanted = len(previous.start) * (GUESS_MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
+            previous, count = solution, int(np.ceil(np.clip(wanted, FINER_BOUNDS[0] * count, 2 * count)))
+        if best is None or (count > most and misses[-1] > FOURTH_ROOT_EPS * np.abs(best[0].start).max()):
+            raise report_too_many(count, most, tol)
+        solution, sigma, scale, rounded, at = best
+        missed = max(misses[at - 1 : at + 1])
+        return solution, sigma, max(SAFETY * missed, missed + rounded), scale
+
+    def solve(self, rule: Tableau, count: int, least: int = 1) -> tuple[PiecewiseSolution | None, float, Array]:
+        """On so many segments: the solution, the smallest singular value of the closure, and Phi.
+
+        The force is one more column of A, which a constant state multiplies: z' = [[A, f], [0, 0]] z, z = [x; 1], gives Phi x + g over
+        each segment. There is no solution where the singular value is one of rounding alone.
+        """
+        n, grid = self.system.n, place_edges(self.system.period, self.corners, count, least)
+        driven, h = Combined(hold_input, (self.system.resolved, self.force)), np.diff(grid)
+        Phi = factor_segments(driven, grid, rule)[:, :n]
+        cyclic = cyclic_system(Phi[:, :, :n])
+        sigma = float(np.linalg.svd(cyclic.closure, compute_uv=False)[-1])
+        if sigma <= SAFETY * EPS:
+            return None, sigma, Phi[:, :, :n]
+        x = cyclic.solve(Phi[:, :, n:])[..., 0]
+        start, rates = np.append(x, np.ones((len(x), 1)), axis=1)[:, None, :, None], list[Array]()
+        for part, (A,), _ in sample_segments(driven, (n + 1, n + 1), grid, (rule,)):
+            right = np.broadcast_to(start[part], (*A.shape[:3], 1))
+            rates.append((A @ solve_stages(h[part, None, None, None] * A, rule, right))[..., :n, 0])
+        slope = np.linalg.solve(legvander(2 * rule.c - 1, len(rule.c) - 1), np.concatenate(rates))
+        return PiecewiseSolution(grid, x, slope), sigma, Phi[:, :, :n]
+
+    def doubt(self, solution: PiecewiseSolution, rule: Tableau) -> float:
+        """How far the response moves by what the coefficients are not known by: the response to |dA| |x|, all of one sign."""
+
+        def force(t: Array) -> Array:
+            eye = np.broadcast_to(np.eye(self.system.n), (len(t), self.system.n, self.system.n))
+            return couple_uncertainty(self.system.resolved, t, eye, solution(t)[:, :, None])
+
+        moved = replace(self, force=force).solve(rule, max(1, len(solution.start) // 2))[0]
+        return np.inf if moved is None else COHERENT_PART * float(np.abs(moved.start).max())
 
 
-def refine_response(
-    system: PeriodicSystem,
-    force: VectorFunction,
-    corners: Array,
-    tol: float,
-    rule: Tableau,
-    limits: tuple[int, int],
-    at_once: bool = False,
-) -> Refined:
-    """Solve on more and more segments until two resolutions that share no edges agree to tol, or to what rounding and the limit allow.
-
-    Parameters: limits: segments that would follow the fastest mode, and the most that may be used; at_once: begin with the former.
-    """
-    first = max(NODES, limits[0] if at_once else limits[0] // TAIL)
-    count, previous, misses, best = first, None, list[float](), None
-    while count <= limits[1]:
-        grid = place_edges(system.period, corners, count, -(-count // first))
-        solution, sigma, Phi = solve_periodic(system, force, grid, rule)
-        rounding = SAFETY * EPS / max(sigma, TINY)
-        if solution is None or rounding > RESONANT_LOSS * max(tol, 1e-10):
-            if count >= limits[0]:
-                raise report_resonance(Phi, sigma)
-            previous, count = None, 2 * count
-            continue
-        wanted = 0.0
-        if previous is not None:
-            scale = max(1.0, float(np.abs(solution.start).max()))
-            missed, rounded = measure_difference(solution, previous), measure_rounding(solution, sigma, Phi)
-            if missed + rounded <= tol * scale or missed <= 2 * rounding * scale:
-                return solution, sigma, missed + rounded, scale
-            misses.append(missed)
-            if missed == min(misses):
-                best = solution, sigma, scale, rounded, len(misses)
-            if stagnant(misses):
-                break
-            wanted = len(previous.start) * (GUESS_MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
-        previous, count = solution, int(np.ceil(np.clip(wanted, FINER_BOUNDS[0] * count, 2 * count)))
-    if best is None or (count > limits[1] and misses[-1] > FOURTH_ROOT_EPS * np.abs(best[0].start).max()):
-        raise report_too_many(count, limits[1], tol)
-    solution, sigma, scale, rounded, at = best
-    missed = max(misses[at - 1 : at + 1])
-    return solution, sigma, max(SAFETY * missed, missed + rounded), scale
-
-
-def solve_periodic(
-    system: PeriodicSystem, f: VectorFunction, grid: Array, rule: Tableau
-) -> tuple[PiecewiseSolution | None, float, Array]:
-    """Solve for the states at the edges; returns the solution, the smallest singular value of the closure, and Phi.
-
-    The force is one more column of A, which a constant state multiplies: z' = [[A, f], [0, 0]] z, z = [x; 1], gives Phi x + g over each
-    segment. There is no solution where the singular value is one of rounding alone.
-    """
-
-    def driven(t: Array) -> Array:
-        return hold_input(system.resolved(t), real_array("f", f(t))[..., None])
-
-    n, h = system.n, np.diff(grid)
-    Phi = factor_segments(driven, grid, rule)[:, :n]
-    cyclic = cyclic_system(Phi[:, :, :n])
-    sigma = float(np.linalg.svd(cyclic.closure, compute_uv=False)[-1])
-    if sigma <= SAFETY * EPS:
-        return None, sigma, Phi[:, :, :n]
-    x = cyclic.solve(Phi[:, :, n:])[..., 0]
-    start, rates = np.append(x, np.ones((len(x), 1)), axis=1)[:, None, :, None], list[Array]()
-    for part, (A,), _ in sample_segments(driven, (n + 1, n + 1), grid, (rule,)):
-        right = np.broadcast_to(start[part], (*A.shape[:3], 1))
-        rates.append((A @ solve_stages(h[part, None, None, None] * A, rule, right))[..., :n, 0])
-    slope = np.linalg.solve(legvander(2 * rule.c - 1, len(rule.c) - 1), np.concatenate(rates))
-    return PiecewiseSolution(grid, x, slope), sigma, Phi[:, :, :n]
-
-
-def stagnant(misses: list[float]) -> bool:
-    """Whether TAIL times more segments have not helped: rounding of the force and of the coefficients is all that is left."""
-    return len(misses) > TAIL and min(misses[-TAIL:]) > 0.5 * min(misses[:-TAIL])
-
-
-def unknown_response(
-    system: PeriodicSystem, solution: PiecewiseSolution, corners: Array, count: int, rule: Tableau
-) -> float:
-    """How far the response moves by what the coefficients are not known by: the response to |dA| |x|, all of one sign."""
-
-    def force(t: Array) -> Array:
-        eye = np.broadcast_to(np.eye(system.n), (len(t), system.n, system.n))
-        return couple_uncertainty(system.resolved, t, eye, solution(t)[:, :, None])[:, :, 0]
-
-    moved = solve_periodic(system, force, place_edges(system.period, corners, count), rule)[0]
-    return np.inf if moved is None else COHERENT_PART * float(np.abs(moved.start).max())
-
-
-def as_vector_function(f: VectorFunction | Sequence[float], system: PeriodicSystem) -> VectorFunction:
-    """Check the force, or let a constant stand for it."""
-    n = system.n
+def as_force(f: VectorFunction | Sequence[float], system: PeriodicSystem) -> MatrixFunction:
+    """Check the force, and give it as a column (N, n, 1)."""
     if not callable(f):
-        return Constant(real_array("f", f, (n,)))
+        return Constant(real_array("f", f, (system.n,))[:, None])
     refuse_signature("f", f)
     shape = real_array("f", f(system.period * PROBES)).shape
-    if shape != (3, n):
-        raise ArgumentError("f(t) has the wrong shape", got=shape, expected=f"(3, {n}) for t of shape (3,)")
-    return f
+    if shape != (3, system.n):
+        raise ArgumentError("f(t) has the wrong shape", got=shape, expected=f"(3, {system.n}) for t of shape (3,)")
+    return Combined(lambda values: real_array("f", values)[:, :, None], (f,), has_nothing_narrow(f))
 
 
 def measure_difference(fine: PiecewiseSolution, coarse: PiecewiseSolution) -> float:

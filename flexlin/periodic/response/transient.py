@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
-from flexlin.periodic.interpolation import divide_evenly
+from flexlin.periodic.interpolation import NODES, divide_evenly, divide_segments, edges_of_short
 from flexlin.periodic.response.forced import STEP_STAGES
-from flexlin.periodic.system import PeriodicSystem, as_system, edges_between, input_of
+from flexlin.periodic.system import PeriodicSystem, as_system, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, choose_gauss_step, measure_pace
 from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.plots.view import Series, Shown, View
@@ -23,6 +24,10 @@ from flexlin.summary import represent
 
 if TYPE_CHECKING:
     import xarray
+
+PANEL_STEPS = NODES // STEP_STAGES
+"""Steps, at the least, over a panel of the coefficients: it may hold more waves than the stages of one follow."""
+MOST_STEPS = NODES * MAX_SEGMENTS
 
 Input = Callable[[Array], Array] | ArrayLike
 
@@ -139,11 +144,12 @@ def respond(
     driven: MatrixFunction = system.resolved
     if u is not None:
         given = u if callable(u) else Constant(real_array("u", u, (m,)))
-        driven = Combined(push_by, (system.resolved, system.resolved_input, given))
+        parts = (system.resolved, system.resolved_input, given)
+        driven = Combined(lambda A, B, u: hold_input(A, B @ u[:, :, None]), parts)
     excited = None
     if noise is not None:
-        intensity = real_array("noise", noise, (m, m))
-        excited = Combined(partial(spread_by, noise=intensity), (system.resolved, system.resolved_input))
+        S, both = real_array("noise", noise, (m, m)), (system.resolved, system.resolved_input)
+        excited = Combined(lambda A, B: assemble_hamiltonian(A, -B @ S @ np.swapaxes(B, 1, 2), np.zeros_like(A)), both)
     start = np.zeros(n) if x0 is None else real_array("x0", x0, (n,))
     if push is not None:
         start = start + system.resolved_input(times[:1])[0] @ real_array("push", push, (m,))
@@ -157,30 +163,24 @@ def respond(
     return Transient(times, better, spread, float(SAFETY * change / size + EPS * len(edges)))
 
 
-def divide_times(system: PeriodicSystem, times: Array, tol: float) -> Array:
-    """The times, the corners of A and B between them, and steps short enough for tol."""
-    T, parts = system.period, [system.resolved] if system.B is None else [system.resolved, system.resolved_input]
-    corners = np.array(edges_between(*parts))
-    turns = np.arange(np.floor(times[0] / T), np.floor(times[-1] / T) + 1)
-    marks = np.union1d(times, (turns[:, None] * T + corners).ravel())
-    marks = marks[(marks >= times[0]) & (marks <= times[-1])]
+def divide_times(system: PeriodicSystem, marks: Array, tol: float, others: Sequence[ResolvedMatrix] = ()) -> Array:
+    """Edges of steps between marks, short enough for tol; none passes over a corner or a part of a panel of A, B or others.
+
+    Raises: TooManySegments.
+    """
+    T, every = system.period, [system.resolved, *([] if system.B is None else [system.resolved_input]), *others]
     longest = float(choose_gauss_step(measure_pace(system).rate.max(keepdims=True), tol, STEP_STAGES).min())
+    panels = [divide_segments(one.edges, PANEL_STEPS) for one in every if one.panels > 1]
+    corners = np.concatenate([edges_of_short(edges, longest) for edges in panels] + [one.breaks for one in every])
+    turns = T * np.arange(np.floor(marks[0] / T), np.floor(marks[-1] / T) + 1)
+    inner = (turns[:, None] + corners).ravel()
+    marks = np.union1d(marks, inner[(inner > marks[0]) & (inner < marks[-1])])
     counts = np.maximum(np.ceil(np.diff(marks) / longest), 1).astype(int)
-    if counts.sum() > 16 * MAX_SEGMENTS:
+    if counts.sum() > MOST_STEPS:
         raise TooManySegments(
-            "the response takes too many steps", got=int(counts.sum()), expected=f"at most {16 * MAX_SEGMENTS}"
+            "the answer takes too many steps", got=int(counts.sum()), expected=f"at most {MOST_STEPS}"
         )
     return divide_evenly(marks, counts)
-
-
-def push_by(A: Array, B: Array, u: Array) -> Array:
-    """[[A, B u], [0, 0]] (N, n + 1, n + 1)."""
-    return hold_input(A, B @ u[:, :, None])
-
-
-def spread_by(A: Array, B: Array, noise: Array) -> Array:
-    """[[A, B S B'], [0, -A']] (N, 2 n, 2 n)."""
-    return assemble_hamiltonian(A, -B @ noise @ np.swapaxes(B, 1, 2), np.zeros_like(A))
 
 
 def follow(
@@ -189,12 +189,12 @@ def follow(
     """States (K, n) and covariance (K, n, n) at the edges."""
     n, steps = len(start), gauss_transitions(driven, edges, stages)
     state = np.append(start, 1.0)[: steps.shape[-1]]
-    x, P = np.zeros((len(edges), n)), np.zeros((len(edges), n, n))
-    x[0] = start
-    for k, step in enumerate(steps):
-        state = step @ state
-        x[k + 1] = state[:n]
-    for k, step in enumerate(() if excited is None else gauss_transitions(excited, edges, stages)):
-        F = step[:n, :n]
-        P[k + 1] = F @ P[k] @ F.T + step[:n, n:] @ F.T
-    return x, P
+    x = np.array(list(accumulate(steps, lambda state, step: step @ state, initial=state)))[:, :n]
+    if excited is None:
+        return x, np.zeros((len(edges), n, n))
+
+    def spread(P: Array, step: Array) -> Array:
+        return (step[:n, :n] @ P + step[:n, n:]) @ step[:n, :n].T
+
+    steps = gauss_transitions(excited, edges, stages)
+    return x, np.array(list(accumulate(steps, spread, initial=np.zeros((n, n)))))

@@ -81,12 +81,11 @@ def linear_quadratic(
     Q: MatrixFunction | ArrayLike,
     R: MatrixFunction | ArrayLike,
     N: MatrixFunction | ArrayLike | None = None,
-    definite: bool = True,
 ) -> LinearQuadratic:
     """Pose the problem of a system with an input and check its weights at samples of the period.
 
     Parameters: Q (n, n), R (m, m), N (n, m): constants or functions (N,) -> (N, ., .); a number where one entry is all; N = None: no
-    cross term; definite: whether Q and R have to be.
+    cross term.
     Returns: the problem; its weights are used as they are given.
     Raises: ArgumentError when the system has no input, a shape does not fit, a weight is not symmetric, R is not positive
     definite, or Q - N R^-1 N' is indefinite: each names the time and the eigenvalue.
@@ -99,8 +98,7 @@ def linear_quadratic(
         for name, value, shape in (("Q", Q, (n, n)), ("R", R, (m, m)), ("N", cross, (n, m)))
     ]
     problem = LinearQuadratic(system.A, B, *weights)
-    if definite:
-        check_weights(problem, system.period * np.arange(WEIGHT_TIMES) / WEIGHT_TIMES)
+    check_weights(problem, system.period * np.arange(WEIGHT_TIMES) / WEIGHT_TIMES)
     return problem
 
 
@@ -264,8 +262,6 @@ def name_blocked_mode(unreached: bool, problem: LinearQuadratic, edges: Array) -
     T = float(edges[-1])
     loop = PeriodicSystem(lambda t: problem.reduced(t)[0], T, breaks=edges[:-1].tolist(), complete=True)
     growth, share, rounding, vector = find_blocked(unreached, problem, dual_system(loop) if unreached else loop)
-    kind = NotStabilizable if unreached else NotDetectable
-    what = "reached by the input" if unreached else "seen by the weight Q"
     got = f"real part of its exponent about {growth:.3g}/s, direction {np.array2string(vector, precision=3)} at t = 0"
     todo = "bring states, inputs and weights to like sizes, ask for a larger tol, or leave out the fastest modes"
     if share > SLIGHT:  # its square leaves ten digits
@@ -275,16 +271,20 @@ def name_blocked_mode(unreached: bool, problem: LinearQuadratic, edges: Array) -
             todo=todo,
         )
     if share > rounding:
-        return kind(
-            f"a mode is {what} too weakly to be computed with",
-            got=f"{got}; its share is {share:.1g}, and what it needs grows as the share's inverse square",
-            todo=todo,
-        )
-    return kind(
-        f"a mode that does not decay {'cannot be reached by the input' if unreached else 'is not seen by the weight Q'}",
-        got=got,
-        todo="add an actuator that moves it" if unreached else "give the mode's states weight in Q",
-    )
+        kind, what = (NotStabilizable, "reached by the input") if unreached else (NotDetectable, "seen by the weight Q")
+        got += f"; its share is {share:.1g}, and what it needs grows as the share's inverse square"
+        return kind(f"a mode is {what} too weakly to be computed with", got=got, todo=todo)
+    return refuse_mode(unreached, got)
+
+
+def refuse_mode(unreached: bool, got: str, when: str = "", else_do: str = "") -> NumericalError:
+    """The error of a mode that does not decay and that no input reaches, or that no weight sees."""
+    lasting = "a mode that does not decay"
+    if unreached:
+        todo = f"add an actuator that moves it{else_do}"
+        return NotStabilizable(f"{lasting} cannot be reached by the input{when}", got=got, todo=todo)
+    todo = f"give the mode's states weight in Q{else_do}"
+    return NotDetectable(f"{lasting} is not seen by the weight Q{when}", got=got, todo=todo)
 
 
 def find_blocked(unreached: bool, problem: LinearQuadratic, loop: PeriodicSystem) -> tuple[float, float, float, Array]:

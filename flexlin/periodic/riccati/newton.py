@@ -6,9 +6,10 @@ from math import inf, sqrt
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import IllPosedSegment, NumericalError, ToleranceNotReached
-from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
+from flexlin.errors import NumericalError, ToleranceNotReached
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.coefficients import assemble_hamiltonian
+from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries
 from flexlin.periodic.riccati.linear_quadratic import (
     WEIGHT_TIMES,
     LinearQuadratic,
@@ -18,11 +19,10 @@ from flexlin.periodic.riccati.linear_quadratic import (
 )
 from flexlin.periodic.riccati.nodes import Nodes
 from flexlin.periodic.riccati.scattering import (
-    MAX_DOUBLINGS,
     LoopLyapunov,
-    Segment,
     carry_costs_down,
-    combine_in_tree,
+    double_until_rest,
+    grow_tree,
     scatter_exponentials,
     star_product,
     step_exactly,
@@ -30,6 +30,7 @@ from flexlin.periodic.riccati.scattering import (
     transpose,
     twice,
 )
+from flexlin.periodic.transition.factors import Resolved
 from flexlin.periodic.transition.gauss import CHUNK_BYTES
 from flexlin.precision import EPS, MINOR, PARTIAL, ROOT_EPS, SAFETY, SLIGHT
 
@@ -53,21 +54,21 @@ def solve_by_newton(
     Raises: NotStabilizable, NotDetectable; ToleranceNotReached where nothing is proved.
     """
     best: RiccatiSolution | None = None
-    coarse = nodes.resize(WEIGHT_TIMES)
-    begun = begin(problem, coarse, end)
-    nodes = begun.nodes if begun.nodes.count > coarse.count else nodes
-    X, seen = begun.nodes.series(begun.X)(nodes.places), MINOR * tol
+    start, X, doublings = begin(problem, nodes.resize(WEIGHT_TIMES), end)
+    idle, seen = end is None and not doublings, MINOR * tol  # a period is doubled where there is an input
+    nodes = nodes.resize(max(nodes.count, start.count))
+    X = start.series(X)(nodes.places)
     while nodes.count <= most_nodes(X.shape[1]):
         corrected = correct_until_closed(problem, nodes, X, SLIGHT * tol)
-        if corrected is None and begun.nodes.count < MOST_NODES // (4 if begun.idle else 8):
-            begun = begin(problem, begun.nodes.resize(4 * begun.nodes.count), end)
-            nodes = nodes.resize(max(nodes.count, begun.nodes.count))
-            X = begun.nodes.series(begun.X)(nodes.places)
+        if corrected is None and start.count < MOST_NODES // (4 if idle else 8):
+            start, X, doublings = begin(problem, start.resize(4 * start.count), end)
+            nodes = nodes.resize(max(nodes.count, start.count))
+            X = start.series(X)(nodes.places)
             continue
         if corrected is None:
-            if begun.idle:
+            if idle:
                 break
-            begin(problem, begun.nodes, end, exact=True)
+            begin(problem, start, end, exact=True)
             if best is not None or eased == CORRECTIONS // 4:
                 break
             try:
@@ -86,12 +87,12 @@ def solve_by_newton(
             else:
                 missed = max(found.error, found.gain_error) / tol
                 worse = missed > 1 and best is not None and 2 * found.error > best.error  # more nodes are not worth it
-                best = best if worse else replace(found, doublings=begun.doublings)
+                best = best if worse else replace(found, doublings=doublings)
                 if worse or missed <= 1 or 2 * found.method_error <= found.error:
                     break
                 seen *= MINOR / min(missed, 1 / MINOR)
                 finer = nodes.refine(corrected.X, seen) or nodes.resize(2 * nodes.count)
-        X, nodes = nodes.series(corrected.X * np.outer(corrected.units, corrected.units))(finer.places), finer
+        X, nodes = corrected.series(finer.places), finer
     if best is None:
         raise ToleranceNotReached(
             "the Riccati equation was not solved to the asked accuracy: its coefficients may lie too far apart to be computed with",
@@ -103,19 +104,10 @@ def solve_by_newton(
     return best if best.error <= tol else replace(best, status=limited)
 
 
-@dataclass(frozen=True)
-class Begun:
-    """About X at nodes, how often the period was doubled for it, and whether there is no input."""
+def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool = False) -> tuple[Nodes, Array, int]:
+    """About X at the nodes or at more of them, and how often the period was doubled for it, not at all without an input.
 
-    nodes: Nodes
-    X: Array
-    doublings: int
-    idle: bool = False
-
-
-def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool = False) -> Begun:
-    """About X at the nodes, by segments on which the Hamiltonian is held constant half-way to each neighbour: well posed however coarse.
-
+    By segments on which the Hamiltonian is held constant half-way to each neighbour: well posed however coarse.
     exact: an X that rounding might have made is none then.
     Raises: NotStabilizable, NotDetectable, with the mode's name.
     """
@@ -124,18 +116,21 @@ def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool
         with np.errstate(over="ignore", invalid="ignore"):
             X = LoopLyapunov(A, nodes, step_exactly(problem.A, nodes, np.ones(A.shape[1]))).solve(Q)
         if X is not None:
-            return Begun(nodes, X, 0, True)
+            return nodes, X, 0
         if 4 * nodes.count <= most_nodes(A.shape[1]):
             return begin(problem, nodes.resize(4 * nodes.count), end)
     H = assemble_hamiltonian(A, S, Q)
     halves = scatter_exponentials((nodes.halves[:, :, None, None] * H).reshape(-1, *H.shape[1:]))
     count = nodes.count
-    before = Segment(*(np.roll(part[:count], -1, axis=0) for part in (halves.F, halves.G, halves.H)))
-    gaps = star_product(halves[len(halves) - count :], before)
-    levels, doublings = combine_in_tree(gaps), 0
+    gaps = star_product(halves[:, -count:], np.roll(halves[:, :count], -1, axis=1))
+    levels, doublings = grow_tree(gaps, star_product), 0
     if end is None:
-        end, doublings = double_period(levels[-1][0], problem, nodes.edges, ROOT_EPS if exact else 1.0)
-    return Begun(nodes, carry_costs_down(levels, end)[:count], doublings)
+        of_H, of_G = bound_sizes(problem, nodes.period)
+        limits = (ROOT_EPS * of_H, ROOT_EPS * of_G) if exact else (of_H, of_G)
+        end, doublings = double_until_rest(
+            levels[-1][:, 0], limits, lambda grows, _: name_blocked_mode(grows, problem, nodes.edges)
+        )
+    return nodes, carry_costs_down(levels, end)[:count], doublings
 
 
 def most_nodes(n: int) -> int:
@@ -153,17 +148,16 @@ class Corrected:
     lyapunov: LoopLyapunov
 
     @property
-    def units(self) -> Array:
-        """Of the states."""
-        return self.samples.units
+    def series(self) -> ChebyshevPanels | FourierSeries:
+        """X in the states' own units."""
+        return self.nodes.series(self.X * np.outer(self.samples.units, self.samples.units))
 
     def solution(
         self, problem: LinearQuadratic, errors: tuple[float, float, float] = (inf, inf, inf)
     ) -> RiccatiSolution:
-        """In the states' own units, with the errors of X, of the gain and of the method where they are known."""
-        nodes, X = self.nodes, self.X * np.outer(self.units, self.units)
-        horizon, series = float(nodes.edges[-1]), nodes.series(X)
-        return RiccatiSolution(problem, horizon, nodes.wraps, series, *errors, 0, nodes.count, "converged")
+        """With the errors of X, of the gain and of the method where they are known."""
+        nodes = self.nodes
+        return RiccatiSolution(problem, nodes.period, nodes.wraps, self.series, *errors, 0, nodes.count, "converged")
 
 
 def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near: float) -> Corrected | None:
@@ -175,9 +169,9 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
     Without an input it is the same from the beginning.
     Source: Kleinman, IEEE Trans. Automat. Control 13 (1968) 114; Dutt, Greengard, Rokhlin, BIT 40 (2000) 241 (deferred correction).
     """
-    plain = Samples(*problem.factored(nodes.t), np.ones(X.shape[1]))
-    units = measure_states(X, plain.A)
-    samples, X = plain.rescale(units), X / np.outer(units, units)
+    A, G, Q = problem.factored(nodes.t)
+    units = measure_states(X, A)
+    samples, X = Samples.of(A, G, Q, units), X / np.outer(units, units)
     last, grown = np.inf, 0
     for k in range(CORRECTIONS):
         F, M = samples.compare(X, nodes.slopes(X))
@@ -190,11 +184,9 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
         if D is None:
             return None
         moved = float(np.abs(D).max())
-        X = X + (lyapunov.sharpen(D) if moved < SLIGHT else D)
+        X = X + (nodes.sharpen(D, lyapunov.exact) if moved < SLIGHT else D)
         grown = grown + 1 if moved > last else 0
-        if (
-            not moved * SLIGHT < 1 or grown > CORRECTIONS // 8
-        ):  # steps that grow again and again are those of too few nodes
+        if not moved * SLIGHT < 1 or grown > CORRECTIONS // 8:  # as steps grow on too few nodes
             return None
         small = moved <= near or (k and moved * moved / last <= near)
         if small or (moved < MINOR and moved <= nodes.tail(X)) or (moved < SLIGHT and moved > PARTIAL * last):
@@ -218,15 +210,15 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     might be rounded (`carry_residual`), by a factor. Assumes that F is smooth between the times at which it is looked at.
     Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov equation and inequality).
     """
-    nodes, X, units, lyapunov = corrected.nodes, corrected.X, corrected.units, corrected.lyapunov
+    nodes, X, units, lyapunov = corrected.nodes, corrected.X, corrected.samples.units, corrected.lyapunov
     between, panels = nodes.between, len(nodes.edges) - 1
-    samples = Samples.of(problem, between, units)
+    samples = Samples.of(*problem.factored(between), units)
     X_between, slopes = nodes.look_between(X)
     F, M = samples.compare(X_between, slopes)
     noise = samples.rounding(X_between, slopes)
     doubt = samples.doubt(problem, between, X_between)
     rows = [np.abs(part).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for part in (F, noise + doubt)]
-    short = np.diff(nodes.edges) <= ROOT_EPS * nodes.edges[-1]
+    short = np.diff(nodes.edges) <= ROOT_EPS * nodes.period
     for part in rows:
         part[~short] = part[~short].max(axis=0)
     W = rows[0] + rows[1]
@@ -238,7 +230,7 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
         more = lyapunov.solve(left)
         if more is None:
             return None
-        D = D + lyapunov.sharpen(more)
+        D = D + nodes.sharpen(more, lyapunov.exact)
         D_between, D_slopes = nodes.look_between(D)
         missed = D_slopes + twice(D_between @ M) + W_between[:, :, None] * np.eye(len(units))
         scale = np.sqrt(W_between)
@@ -268,7 +260,7 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
             errors = np.minimum(errors, SAFETY * np.array(sizes) / [height, gain, height])
     if not np.isfinite(errors).all():
         return None
-    late = EPS * float(nodes.edges[-1]) * nodes.place_behind(slopes * both)  # what X changes in the rounding of a time
+    late = EPS * nodes.period * nodes.place_behind(slopes * both)  # what X changes in the rounding of a time
     product = 2 * EPS * float((np.abs(to_gain) @ np.abs(X * both)).max()) + float(np.abs(to_gain @ late).max())
     of_X, of_gain, of_method = errors.tolist()
     of_X += 2 * EPS + float(np.abs(late).max()) / height
@@ -315,33 +307,6 @@ def add_up(parts: list[Array]) -> float:
     return first + second + max(others)
 
 
-def double_period(period: Segment, problem: LinearQuadratic, edges: Array, held: float) -> tuple[Array, int]:
-    """Double one period until the cost H of 2^k periods stops changing and the loop's memory F is gone.
-
-    held: part of the size that rounding might make of H or G from which on that is held to grow.
-    Returns: H, the number of doublings.
-    Raises: NotStabilizable when H grows for ever; NotDetectable when G does, or F does not decay; with the mode's name.
-    """
-    limits = [held * limit for limit in bound_sizes(problem, float(edges[-1]))]
-    whole, scale = period, max(float(np.abs(period.F).max()), 1.0)
-    for k in range(MAX_DOUBLINGS):
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                twice = star_product(whole, whole)
-        except IllPosedSegment:
-            grows = bool(np.abs(whole.H).max() * limits[1] >= np.abs(whole.G).max() * limits[0])
-            raise name_blocked_mode(grows, problem, edges) from None
-        if not np.abs(twice.H).max() < limits[0]:
-            raise name_blocked_mode(True, problem, edges)
-        if not np.abs(twice.G).max() < limits[1]:
-            break
-        before, whole = whole, twice
-        rests = np.abs(whole.H - before.H).max() <= 1e-16 * np.abs(whole.H).max()
-        if rests and np.abs(whole.F).max() <= 1e-8 * scale:
-            return whole.H, k + 1
-    raise name_blocked_mode(False, problem, edges)
-
-
 @dataclass(frozen=True)
 class Samples:
     """Ar, G with G G' = B R^-1 B', and Qr of a problem at times, in units of the states."""
@@ -352,13 +317,9 @@ class Samples:
     units: Array
 
     @classmethod
-    def of(cls, problem: LinearQuadratic, t: Array, units: Array) -> "Samples":
-        return cls(*problem.factored(t), np.ones(len(units))).rescale(units)
-
-    def rescale(self, units: Array) -> "Samples":
-        """The same in other units."""
-        A, G, Q = self.A * (units[:, None] / units), self.G * units[:, None], self.Q / np.outer(units, units)
-        return Samples(A, G, Q, self.units * units)
+    def of(cls, A: Array, G: Array, Q: Array, units: Array) -> "Samples":
+        """From those in the states' own units."""
+        return cls(A * (units[:, None] / units), G * units[:, None], Q / np.outer(units, units), units)
 
     def compare(self, X: Array, slopes: Array) -> tuple[Array, Array]:
         """The residual F = X' + A' X + X A - X G G' X + Q, and the loop A - G G' X."""
@@ -373,7 +334,7 @@ class Samples:
         missed, both = np.zeros_like(X), np.outer(self.units, self.units)
         if self.G.any():
             return missed
-        if isinstance(problem.A, ResolvedMatrix | ResolvedCompanion):
+        if isinstance(problem.A, Resolved):
             eye = np.broadcast_to(np.eye(X.shape[2]), X.shape)
             missed += twice(couple_uncertainty(problem.A, t, X * both, eye, in_mean=True) / both)
         if isinstance(problem.Q, ResolvedMatrix):

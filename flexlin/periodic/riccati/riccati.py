@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import NotStable, NumericalError
-from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficients import Constant, MatrixFunction, assemble_hamiltonian, has_nothing_narrow, varies
 from flexlin.periodic.floquet.exponents import floquet
@@ -21,16 +20,17 @@ from flexlin.periodic.riccati.linear_quadratic import (
     LinearQuadratic,
     RiccatiSolution,
     check_between,
+    check_weight,
     linear_quadratic,
 )
 from flexlin.periodic.riccati.newton import MOST_NODES, solve_by_newton
 from flexlin.periodic.riccati.nodes import FourierNodes, Nodes, PanelNodes
-from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside, with_matrices
+from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside
+from flexlin.periodic.transition.factors import Resolved
 from flexlin.precision import MINOR
 
 PER_WAVE = 4
 """Nodes for each wave of the coefficients on which X is sought first."""
-COEFFICIENTS = ("A", "B", "Q", "R", "N")
 
 
 def periodic_riccati(
@@ -112,7 +112,7 @@ def periodic_riccati(
 
 def choose_nodes(problem: LinearQuadratic, edges: Array, tol: float) -> Nodes:
     """Equally spaced times where all coefficients are Fourier series, else panels, with few waves of those that are in each."""
-    every, T = [highest_wave(one, tol) for one in coefficients(problem)], float(edges[-1])
+    every, T = [highest_wave(one, tol) for one in list_varying(problem)], float(edges[-1])
     most, waves = max(every, default=0.0), max((one for one in every if np.isfinite(one)), default=0.0)
     if PER_WAVE * most <= MOST_NODES:
         return FourierNodes(16 * int(np.ceil(max(WEIGHT_TIMES, PER_WAVE * most) / 16)), T)
@@ -241,10 +241,9 @@ def solve_lyapunov(
     system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol: float, bounded: bool = True
 ) -> RiccatiSolution:
     """As `periodic_lyapunov`; bounded: whether with errors."""
-    idle = with_matrices(system, system.A, Constant(np.zeros((system.n, 1))))
-    vars(idle)["resolved"] = system.resolved
-    posed = linear_quadratic(idle, Q, np.eye(1), definite=False)
-    problem, edges = resolve_problem(posed, idle)
+    weight = check_weight("Q", Q, (system.n, system.n), system.period)
+    no_input = Constant(np.zeros((system.n, 1)))
+    problem, edges = resolve_problem(LinearQuadratic(system.A, no_input, weight, Constant(np.eye(1)), no_input), system)
     try:
         return solve_by_newton(problem, choose_nodes(problem, edges, tol), None, tol, bounded=bounded)
     except NumericalError:
@@ -260,15 +259,13 @@ def resolve_problem(
     problem: LinearQuadratic, system: PeriodicSystem, repeats: bool = True
 ) -> tuple[LinearQuadratic, Array]:
     """Return the problem with its coefficients as series, and the edges of their panels from 0 to T; repeats: whether they go on so."""
-    series = {name: resolve_coefficient(getattr(problem, name), system, repeats) for name in COEFFICIENTS}
+    series = {name: resolve_coefficient(given, system, repeats) for name, given in vars(problem).items()}
     edges = reduce(np.union1d, (one.edges for one in series.values()))
     found = {name: Constant(one.mean()) if one.constant else one for name, one in series.items()}
     return replace(problem, **found), edges
 
 
-def resolve_coefficient(
-    given: MatrixFunction, system: PeriodicSystem, repeats: bool
-) -> ResolvedMatrix | ResolvedCompanion:
+def resolve_coefficient(given: MatrixFunction, system: PeriodicSystem, repeats: bool) -> Resolved:
     """One of them: A(t) and B(t) as the system has resolved them, weights by themselves."""
     if repeats and (given is system.A or given is system.B):
         return system.resolved if given is system.A else system.resolved_input
@@ -279,21 +276,21 @@ def resolve_coefficient(
     return resolve(given, system.period, corners, system.features, complete=complete, repeats=False)
 
 
-def coefficients(problem: LinearQuadratic) -> list[ResolvedMatrix | ResolvedCompanion]:
-    """Those that vary."""
-    every = (getattr(problem, name) for name in COEFFICIENTS)
-    return [one for one in every if isinstance(one, ResolvedMatrix | ResolvedCompanion)]
+def list_varying(problem: LinearQuadratic) -> list[Resolved]:
+    """The coefficients that vary."""
+    return [one for one in vars(problem).values() if isinstance(one, Resolved)]
 
 
 def rough_places(problem: LinearQuadratic, longest: float) -> Array:
     """Return times in [0, T) at which a coefficient is not smooth, or about which it changes in a time below `longest`."""
-    if all(one.panels == 1 for one in coefficients(problem)):
+    varying = list_varying(problem)
+    if all(one.panels == 1 for one in varying):
         return np.empty(0)
-    edges = (np.mod(edges_of_short(one.edges, longest), one.period) for one in coefficients(problem))
-    return reduce(np.union1d, edges, np.array([place for one in coefficients(problem) for place in one.breaks]))
+    edges = [np.mod(edges_of_short(one.edges, longest), one.period) for one in varying]
+    return np.unique(np.concatenate(edges + [one.breaks for one in varying]))
 
 
-def highest_wave(coefficient: ResolvedMatrix | ResolvedCompanion, tol: float) -> float:
+def highest_wave(coefficient: Resolved, tol: float) -> float:
     """Return the highest harmonic of which an entry has more than tol of its largest, and than is not known; infinity on panels."""
     if not isinstance(coefficient.series, FourierSeries):
         return np.inf

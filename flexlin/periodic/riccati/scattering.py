@@ -1,16 +1,24 @@
-"""Segments that combine in trees and never overflow: linear-quadratic problems in scattering form, and a loop's Lyapunov equation."""
+"""Segments that combine in trees and never overflow: linear-quadratic problems in scattering form, and a loop's Lyapunov equation.
 
-from dataclasses import dataclass
+Segments of a linear-quadratic problem are stacks (3, ..., n, n) of F, G, H:
+
+    x1 = F x0 - G l1,   l0 = H x0 + F' l1
+
+F carries the state forward, H is the cost of x0 when the end is free, G what control (or noise) does to the end state.
+"""
+
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy.linalg import expm
 
 from flexlin.checks import Array
-from flexlin.errors import IllPosedSegment
+from flexlin.errors import IllPosedSegment, NumericalError
 from flexlin.periodic.coefficients import Constant, MatrixFunction
 from flexlin.periodic.riccati.nodes import Nodes
 from flexlin.periodic.transition.factors import gauss_transitions
-from flexlin.precision import EPS, TINY
+from flexlin.precision import EPS, ROOT_EPS, TINY
 
 MAX_DOUBLINGS = 64
 """Of a period: a loop that hardly forgets takes 2^64 of them."""
@@ -20,27 +28,7 @@ SLOW_DOUBLINGS = 3
 """Doublings of a half step up to which no mode oscillates in it."""
 
 
-@dataclass(frozen=True)
-class Segment:
-    """One stretch of a linear-quadratic problem (or a stack of them: leading axes).
-
-        x1 = F x0 - G l1,   l0 = H x0 + F' l1
-
-    F carries the state forward, H is the cost of x0 when the end is free, G what control (or noise) does to the end state.
-    """
-
-    F: Array
-    G: Array
-    H: Array
-
-    def __getitem__(self, index: slice | int | tuple[slice, int]) -> "Segment":
-        return Segment(self.F[index], self.G[index], self.H[index])
-
-    def __len__(self) -> int:
-        return len(self.F)
-
-
-def scatter_hamiltonian(transition: Array) -> Segment:
+def scatter_hamiltonian(transition: Array) -> Array:
     """Turn the transition matrix of a Hamiltonian system into scattering form.
 
         [x1; l1] = [[P11, P12], [P21, P22]] [x0; l0]:   F' = P22^-1,   H = -P22^-1 P21,   G = -P12 P22^-1
@@ -48,7 +36,7 @@ def scatter_hamiltonian(transition: Array) -> Segment:
     Assumes a symplectic transition matrix (Gauss collocation gives one): then the map of x0 to x1 is F as well.
 
     Parameters: transition (..., 2n, 2n).
-    Returns: a segment of shape (..., n, n), G and H exactly symmetric.
+    Returns: segments (3, ..., n, n), G and H exactly symmetric.
     Raises: IllPosedSegment when P22 is singular: the segment is too long for its coefficients.
     Source: Redheffer (1960).
     """
@@ -56,10 +44,10 @@ def scatter_hamiltonian(transition: Array) -> Segment:
     P12, P21, P22 = transition[..., :n, n:], transition[..., n:, :n], transition[..., n:, n:]
     solved = solve_segments(P22, np.concatenate([np.broadcast_to(np.eye(n), P22.shape), P21], axis=-1), "P22")
     inverse, H = solved[..., :n], -solved[..., n:]
-    return Segment(transpose(inverse), symmetrize(-P12 @ inverse), symmetrize(H))
+    return np.stack([transpose(inverse), symmetrize(-P12 @ inverse), symmetrize(H)])
 
 
-def star_product(first: Segment, second: Segment) -> Segment:
+def star_product(first: Array, second: Array) -> Array:
     """Combine two neighbouring segments of a linear-quadratic problem into one.
 
     A segment maps (x0, l1) to (x1, l0):   x1 = F x0 - G l1,   l0 = H x0 + F' l1.
@@ -69,65 +57,67 @@ def star_product(first: Segment, second: Segment) -> Segment:
 
     Assumes G, H symmetric positive semidefinite: then I + G1 H2 is invertible.
 
-    Parameters: segments with F, G, H of shape (..., n, n); leading axes broadcast.
-    Returns: a segment of the same shape; G and H exactly symmetric.
+    Parameters: segments (3, ..., n, n).
+    Returns: segments of the same shape; G and H exactly symmetric.
     Raises: IllPosedSegment, naming the segment, when I + G1 H2 is singular to working precision.
     Source: Redheffer (1960); doubling as in Anderson (1978).
     """
-    n = first.F.shape[-1]
-    W = solve_segments(np.eye(n) + first.G @ second.H, np.concatenate([first.F, first.G], axis=-1), "I + G1 H2")
+    (F1, G1, H1), (F2, G2, H2), both = first, second, np.empty_like(first)
+    n = F1.shape[-1]
+    W = solve_segments(np.eye(n) + G1 @ H2, np.concatenate([F1, G1], axis=-1), "I + G1 H2")
     forward, spread = W[..., :n], W[..., n:]
-    return Segment(
-        second.F @ forward,
-        second.G + symmetrize(second.F @ spread @ transpose(second.F)),
-        first.H + symmetrize(transpose(first.F) @ second.H @ forward),
-    )
+    both[0], both[1] = F2 @ forward, G2 + symmetrize(F2 @ spread @ transpose(F2))
+    both[2] = H1 + symmetrize(transpose(F1) @ H2 @ forward)
+    return both
 
 
-def carry_cost_back(segment: Segment, after: Array) -> Array:
+def carry_cost_back(segment: Array, after: Array) -> Array:
     """Carry a quadratic cost x' X x from the end of a segment to its start.
 
         X0 = H + F' X1 (I + G X1)^-1 F
 
-    Parameters: segment (..., n, n); after: X1, (..., n, n), symmetric positive semidefinite.
+    Parameters: segment (3, ..., n, n); after: X1, (..., n, n), symmetric positive semidefinite.
     Returns: X0, exactly symmetric.
     Raises: IllPosedSegment when I + G X1 is singular.
     """
-    n = segment.F.shape[-1]
-    forward = solve_segments(np.eye(n) + segment.G @ after, segment.F, "I + G X")
-    return segment.H + symmetrize(transpose(segment.F) @ after @ forward)
+    F, G, H = segment
+    return np.asarray(
+        H + symmetrize(transpose(F) @ after @ solve_segments(np.eye(F.shape[-1]) + G @ after, F, "I + G X"))
+    )
 
 
-def combine_in_tree(segments: Segment) -> list[Segment]:
-    """Combine neighbours pairwise, level by level: the first entry is the segments, the last has length 1, the whole.
+def pair_up(level: Array, join: Callable[[Array, Array], Array]) -> Array:
+    """Neighbours (..., K, n, n) joined two by two; an odd last one stays as it is."""
+    both = join(level[..., :-1:2, :, :], level[..., 1::2, :, :])
+    return np.concatenate([both, level[..., 2 * both.shape[-3] :, :, :]], axis=-3)
 
-    An odd last segment moves up a level as it is. Every level is one batched star product.
-    """
-    levels = [segments]
-    while len(levels[-1]) > 1:
-        level = levels[-1]
-        pairs = len(level) // 2 * 2
-        both, rest = star_product(level[0:pairs:2], level[1:pairs:2]), level[pairs:]
-        levels.append(Segment(*map(np.concatenate, ((both.F, rest.F), (both.G, rest.G), (both.H, rest.H)))))
+
+def grow_tree(level: Array, join: Callable[[Array, Array], Array]) -> list[Array]:
+    """Neighbours joined level by level: the first entry is what is given, the last has length 1, the whole."""
+    levels = [level]
+    while levels[-1].shape[-3] > 1:
+        levels.append(pair_up(levels[-1], join))
     return levels
 
 
-def carry_costs_down(levels: list[Segment], end: Array) -> Array:
+def spread_pairs(behind: Array, count: int, carry: Callable[[Array], Array]) -> Array:
+    """What is behind each of `count` segments (K, n, n), from what is behind their pairs; carry: to before the second ones."""
+    pairs, below = count // 2, np.empty((count, *behind.shape[1:]))
+    below[1::2], below[2 * pairs :] = behind[:pairs], behind[pairs:]
+    below[:-1:2] = carry(below[1::2])
+    return below
+
+
+def carry_costs_down(levels: list[Array], end: Array) -> Array:
     """Carry the cost at the end of the whole back to every segment's start, down the tree of products.
 
-    Parameters: levels of K segments from `combine_in_tree`; end (n, n): the cost behind the last segment.
+    Parameters: levels of K segments by star products; end (n, n): the cost behind the last segment.
     Returns: (K + 1, n, n): X at all edges, the last one `end`.
     """
-    after = end[None]
+    behind = end[None]
     for level in reversed(levels[:-1]):
-        pairs = len(level) // 2 * 2
-        below = np.empty((len(level), *end.shape))
-        below[1::2] = after[: pairs // 2]
-        below[0:pairs:2] = carry_cost_back(level[1:pairs:2], after[: pairs // 2])
-        if pairs != len(level):
-            below[-1] = after[-1]
-        after = below
-    return np.concatenate([carry_cost_back(levels[0], after), end[None]])
+        behind = spread_pairs(behind, level.shape[1], partial(carry_cost_back, level[:, 1::2]))
+    return np.concatenate([carry_cost_back(levels[0], behind), end[None]])
 
 
 def symmetrize(matrix: Array) -> Array:
@@ -156,7 +146,7 @@ def solve_segments(matrix: Array, right: Array, name: str) -> Array:
     return solution
 
 
-def scatter_exponentials(averages: Array) -> Segment:
+def scatter_exponentials(averages: Array) -> Array:
     """Exponentiate Hamiltonian matrices (K, 2 n, 2 n) in scattering form: SciPy's diagonal Pade approximations are symplectic."""
     square = averages @ averages
     size = np.linalg.norm(square @ square, 1, axis=(1, 2)).max() ** 0.25
@@ -193,12 +183,8 @@ class LoopLyapunov:
         whole = last @ self.first
         if not nodes.wraps:
             whole[-1] = 0.0
-        self.levels = [whole]
-        while len(whole) > 1:
-            pairs = len(whole) // 2 * 2
-            whole = np.concatenate([whole[1:pairs:2] @ whole[0:pairs:2], whole[pairs:]])
-            self.levels.append(whole)
-        self.squares = list_squares(whole)
+        self.levels = grow_tree(whole, lambda first, second: second @ first)
+        self.squares = list_squares(self.levels[-1])
 
     def _find_powers(self) -> Array:
         """The exponentials of the half steps, from those of the shares of them that a few powers of M give."""
@@ -233,10 +219,6 @@ class LoopLyapunov:
         """What F makes of D in the half step behind each node."""
         return self.halves[-1] * F if self.exact else self._integrate(F)[-len(F) :]
 
-    def sharpen(self, D: Array) -> Array:
-        """The waves of a solution without what the rule by which it was found adds or leaves out."""
-        return self.nodes.sharpen(D, self.exact)
-
     def _integrate_gaps(self, F: Array) -> Array:
         """The integrals over the gaps by Hermite's rule."""
         behind, before = self._divide(self.halves[-1], self.halves[0])
@@ -246,28 +228,19 @@ class LoopLyapunov:
         return h / 2 * (F + G + transpose(Phi) @ ahead @ Phi)
 
     def _join(self, behind: Array, before: Array) -> Array:
-        first, last = self._divide(behind, before)
-        return first + transpose(self.first) @ last @ self.first
+        return carry_back(self.first, *self._divide(behind, before))
 
     def _carry_back(self, part: Array) -> Array | None:
         parts = [part]
         for Phi in self.levels[:-1]:
-            pairs = len(Phi) // 2 * 2
-            ahead = Phi[0:pairs:2]
-            part = np.concatenate([part[0:pairs:2] + transpose(ahead) @ part[1:pairs:2] @ ahead, part[pairs:]])
-            parts.append(part)
+            parts.append(pair_up(parts[-1], partial(carry_back, Phi[:-1:2])))
         behind = parts[-1]
         for square in self.squares:
-            behind = behind + transpose(square) @ behind @ square
+            behind = carry_back(square, behind, behind)
         if not (self.squares and np.isfinite(behind).all()):
             return None
         for Phi, part in zip(self.levels[-2::-1], parts[-2::-1], strict=True):
-            pairs = len(Phi) // 2 * 2
-            below = np.empty_like(part)
-            below[1:pairs:2], below[pairs:] = behind[: pairs // 2], behind[pairs // 2 :]
-            second = Phi[1:pairs:2]
-            below[0:pairs:2] = part[1:pairs:2] + transpose(second) @ below[1:pairs:2] @ second
-            behind = below
+            behind = spread_pairs(behind, len(part), partial(carry_back, Phi[1::2], part[1::2]))
         return symmetrize(np.roll(behind, 1, axis=0))  # behind a gap is at the next node
 
     def _integrate(self, F: Array) -> Array:
@@ -287,8 +260,7 @@ class LoopLyapunov:
         again = twice(once @ self.steps)
         total, whole = step * (change / 2 + once / 3 + again / 8), step * (change + once / 2 + again / 6)
         for power in self.powers[:-1]:
-            total = total + transpose(power) @ (total + whole) @ power
-            whole = 2 * (whole + transpose(power) @ whole @ power)
+            total, whole = carry_back(power, total, total + whole), 2 * carry_back(power, whole, whole)
         return total, whole
 
     def _divide(self, behind: Array, before: Array) -> tuple[Array, Array]:
@@ -314,6 +286,33 @@ def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
     return np.concatenate([steps[0::2], steps[1::2]])
 
 
+def double_until_rest(
+    whole: Array, limits: tuple[float, float], refuse: Callable[[bool, Array], NumericalError]
+) -> tuple[Array, int]:
+    """Double one segment (3, n, n) until the cost H of 2^k of them stops changing and their memory F is gone: H and k.
+
+    limits: of H and G, from which on they are held to grow for ever.
+    Raises: refuse(True, whole) where H grows, refuse(False, whole) where G does or F does not decay.
+    """
+    scale = max(float(np.abs(whole[0]).max()), 1.0)
+    for k in range(MAX_DOUBLINGS):
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                twice = star_product(whole, whole)
+        except IllPosedSegment:
+            _, G, H = np.abs(whole).max(axis=(1, 2))
+            raise refuse(bool(H * limits[1] >= G * limits[0]), whole) from None
+        F, G, H = np.abs(twice).max(axis=(1, 2))
+        if not limits[0] > H:
+            raise refuse(True, twice)
+        if not limits[1] > G:
+            break
+        moved, whole = np.abs(twice[2] - whole[2]).max(), twice
+        if moved <= EPS * H and ROOT_EPS * scale >= F:
+            return whole[2], k + 1
+    raise refuse(False, whole)
+
+
 def list_squares(Phi: Array) -> list[Array]:
     """Phi, Phi^2, Phi^4 ... until the next is rounding; none where Phi does not decay."""
     squares = [Phi]
@@ -327,6 +326,11 @@ def list_squares(Phi: Array) -> list[Array]:
             break
         squares.append(Phi)
     return []
+
+
+def carry_back(Phi: Array, part: Array, behind: Array) -> Array:
+    """D at the start of a stretch with transition matrix Phi, from its own part and D behind it."""
+    return part + transpose(Phi) @ behind @ Phi
 
 
 def twice(product: Array) -> Array:

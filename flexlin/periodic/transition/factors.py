@@ -41,12 +41,13 @@ factor_accelerations_in_core = declare(
 
 
 def factor_segments(sample: MatrixFunction, edges: Array, rule: Tableau) -> Array:
-    """Transition matrices (K, n, n) over the segments between consecutive edges (K + 1,), from A(t) or [M D K](t).
+    """Transition matrices (..., K, n, n) over the segments between consecutive edges (..., K + 1), from A(t) or [M D K](t).
 
     Raises: SingularMassMatrix, MemoryError; NumericalError where the stages of a segment are not determined.
     """
-    h, some = np.diff(edges), sample_segments(sample, sample(edges[:1]).shape[1:], edges, (rule,))
-    return np.concatenate([factor(staged, h[part], rule) for part, (staged,), _ in some])
+    h, some = np.diff(edges), sample_segments(sample, sample(edges.ravel()[:1]).shape[1:], edges, (rule,))
+    steps = np.concatenate([factor(staged, h.ravel()[part], rule) for part, (staged,), _ in some])
+    return steps.reshape(*h.shape, *steps.shape[1:])
 
 
 def measure_segments(
@@ -95,8 +96,9 @@ def sample_segments(
     A stage at the end of a segment stands just before it, so jumps there do no harm."""
     nodes = [rule.c for rule in rules] + [np.zeros(1)] * starts
     size = max(8, CHUNK_BYTES // (8 * (shape[0] * max(map(len, nodes))) ** 2))
-    for i in range(0, len(edges) - 1, size):
-        times = [place_nodes(edges[i : i + size + 1], c) for c in nodes]
+    places = [place_nodes(edges, c).reshape(-1, len(c)) for c in nodes]
+    for i in range(0, len(places[0]), size):
+        times = [place[i : i + size] for place in places]
         t = np.concatenate([part.ravel() for part in times])
         sampled = np.ascontiguousarray(fold_samples(sample(t), t), dtype=float)
         values = np.split(sampled, np.cumsum([part.size for part in times])[:-1])
@@ -157,8 +159,8 @@ def gauss_transitions(A: MatrixFunction, edges: Array, stages: int = DEFAULT_STA
 
     Assumes A smooth inside each segment. The error is O(h^(2 stages)); quadratic invariants (a symplectic form) are kept.
 
-    Parameters: A: function (N,) -> (N, n, n); edges: increasing times (K + 1,); stages >= 1.
-    Returns: Phi (K, n, n), x(edges[k + 1]) = Phi[k] x(edges[k]).
+    Parameters: A: function (N,) -> (N, n, n); edges: increasing times (..., K + 1); stages >= 1.
+    Returns: Phi (..., K, n, n), x(edges[k + 1]) = Phi[k] x(edges[k]).
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, II.1, IV.2.
     """
     return factor_segments(A, edges, gauss(stages))

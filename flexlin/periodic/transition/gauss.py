@@ -46,9 +46,9 @@ def integrate_legendre(x: Array, count: int) -> Array:
 
 
 def place_nodes(edges: Array, c: Array) -> Array:
-    """Return the times (K, s) of the stages of all segments; one at an end stands before a jump there."""
-    t = edges[:-1, None] + np.diff(edges)[:, None] * c
-    return np.minimum(t, np.nextafter(edges[1:, None], -np.inf))
+    """Return the times (..., K, s) of the stages of the segments between edges (..., K + 1); one at an end stands before a jump there."""
+    t = edges[..., :-1, None] + np.diff(edges)[..., None] * c
+    return np.minimum(t, np.nextafter(edges[..., 1:, None], -np.inf))
 
 
 def sample_at(A: MatrixFunction, t: Array) -> Array:
