@@ -89,12 +89,12 @@ static void multiply_block(const vec *W, const vec *R, int G, int start, int sto
 /* Logs (re, im) of the eigenvalues of F_(G-1) ... F_0 by cyclic QR sweeps from Q; returns in which lanes they were found soundly. */
 static mask find_logs(const vec *F, vec *R, int G, vec log_det, double accuracy, vec *Q, vec *re, vec *im) {
   vec end[S * S], W[S * S], sizes[S];
-  mask cut[S + 1], sign[S], sound;
+  mask cut[S + 1], sound;
   cut[0] = cut[S] = every_lane();
   for (int sweep = 0;; sweep++) {
     Log logs[S];
     Reflections last = {0};
-    for (int i = 0; i < S; i++) { logs[i].mantissa = splat(1.0); logs[i].exponent = no_lanes(); sign[i] = no_lanes(); }
+    for (int i = 0; i < S; i++) { logs[i].mantissa = splat(1.0); logs[i].exponent = no_lanes(); }
     for (int g = 0; g < G; g++) {
       vec *T = R + (long)g * S * S;
       if (g) {
@@ -102,10 +102,7 @@ static mask find_logs(const vec *F, vec *R, int G, vec log_det, double accuracy,
         multiply_right(T, &last);
       } else multiply(F, Q, T);
       factor_qr(T, &last);
-      for (int i = 0; i < S; i++) {
-        times(&logs[i], v_abs(T[i * S + i]));
-        sign[i] ^= (mask)T[i * S + i];
-      }
+      for (int i = 0; i < S; i++) times(&logs[i], v_abs(T[i * S + i]));
     }
     for (int i = 0; i < S * S; i++) {
       W[i] = Q[i % S * S + i / S];
@@ -139,12 +136,6 @@ static mask find_logs(const vec *F, vec *R, int G, vec log_det, double accuracy,
       mask block = here & cut[stop];
       here &= ~cut[stop];
       if (!any_lane(block)) continue;
-      if (stop == start + 1) {
-        mask negative = (sign[start] ^ (mask)W[start * S + start]) < 0;
-        re[start] = v_choose(block, sizes[start], re[start]);
-        im[start] = v_choose(block, v_choose(negative, splat(0.5 * TURN), splat(0.0)), im[start]);
-        continue;
-      }
       vec P[S][S], x[S], y[S];
       mask exponent;
       multiply_block(W, R, G, start, stop, P, &exponent);
