@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.coefficient_series.matrix import Discontinuity, ResolvedMatrix
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficient_series.panels import resolve_on_panels
 from flexlin.periodic.coefficient_series.sampling import (
     LEAST_SIZE,
@@ -36,7 +36,6 @@ from flexlin.periodic.interpolation import (
 )
 from flexlin.precision import EPS, SAFETY
 
-__all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
 MOST_NODES = NODES * NODES
 """Nodes at most, where a matrix of waves costs as much as those of as many panels; the first SEARCH_BLOCKS lie closer than T / 100."""
 
