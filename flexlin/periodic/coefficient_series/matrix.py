@@ -13,6 +13,8 @@ from flexlin.summary import represent
 
 Series = FourierSeries | ChebyshevPanels
 """The one function of time: called with times, it has a period, edges, a degree, a mean and a derivative."""
+GAUSS = np.polynomial.legendre.leggauss(NODES)
+"""Nodes in (-1, 1) and weights of the quadrature on a panel."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ class ResolvedCompanion(Resolved):
 
     def mean(self) -> Array:
         """The integral of A over the period, divided by T, by quadrature."""
-        x, w = np.polynomial.legendre.leggauss(NODES)
+        x, w = GAUSS
         edges = divided(self.edges, self.period * NODES / (8 * max(NODES, self.degree)))
         h = np.diff(edges)[:, None]
         t = (edges[:-1, None] + h * (x + 1) / 2).ravel()
