@@ -108,13 +108,3 @@ int refine(int n, int columns, int count, const vec *G, const vec *factors, cons
     for (long e = 0; e < (long)n * columns; e++) w[e] += left[e];
   }
 }
-
-/* w = G^-1 right (n, columns) of the first of L systems, refined once where they miss more than ACCURATE roundings; work: n (n + columns).
- * Returns whether each is right to rounding, as bits. */
-int solve_together(int n, int columns, int count, const vec *G, const vec *right, vec *w, vec *work) {
-  int turns;
-  memcpy(work, G, (size_t)n * n * sizeof(vec));
-  memcpy(w, right, (size_t)n * columns * sizeof(vec));
-  eliminate(n, columns, work, w);
-  return refine(n, columns, count, G, work, right, w, work + (long)n * n, 1, &turns);
-}

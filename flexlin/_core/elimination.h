@@ -12,7 +12,4 @@ void solve_again(int n, int columns, const vec *G, vec *X);
  * is changed. Returns which do, as bits; *turns: how often that took. */
 int refine(int n, int columns, int count, const vec *G, const vec *factors, const vec *right, vec *w, vec *left, int most, int *turns);
 
-/* w = G^-1 right (n, columns) of the first of L systems, refined once; work: n (n + columns). Returns which are right to rounding, as bits. */
-int solve_together(int n, int columns, int count, const vec *G, const vec *right, vec *w, vec *work);
-
 #endif

@@ -86,30 +86,15 @@ static void multiply_block(const vec *W, const vec *R, int G, int start, int sto
     }
 }
 
-/* Logs of the eigenvalues of P 2^exponent in lane l. */
-static int solve_block(vec P[S][S], mask exponent, int start, int stop, int l, double *re, double *im) {
-  double a[EDGE][EDGE] = {{0.0}};
-  int n = stop - start;
-  for (int i = 0; i < n; i++)
-    for (int j = 0; j < n; j++) a[i][j] = P[i][j][l];
-  if (!find_eigenvalues(n, a, re + start, im + start)) return 0;
-  for (int i = start; i < stop; i++) {
-    double x = re[i], y = im[i];
-    re[i] = 0.5 * log(fmax(x * x + y * y, TINY)) + exponent[l] * 0.693147180559945309417;
-    im[i] = y != 0.0 ? atan2(y, x) : x < 0.0 ? 0.5 * TURN : 0.0;
-  }
-  return 1;
-}
-
 /* Logs (re, im) of the eigenvalues of F_(G-1) ... F_0 by cyclic QR sweeps from Q; returns in which lanes they were found soundly. */
 static mask find_logs(const vec *F, vec *R, int G, vec log_det, double accuracy, vec *Q, vec *re, vec *im) {
   vec end[S * S], W[S * S], sizes[S];
-  mask cut[S + 1], sign[S], sound;
+  mask cut[S + 1], sound;
   cut[0] = cut[S] = every_lane();
   for (int sweep = 0;; sweep++) {
     Log logs[S];
     Reflections last = {0};
-    for (int i = 0; i < S; i++) { logs[i].mantissa = splat(1.0); logs[i].exponent = no_lanes(); sign[i] = no_lanes(); }
+    for (int i = 0; i < S; i++) { logs[i].mantissa = splat(1.0); logs[i].exponent = no_lanes(); }
     for (int g = 0; g < G; g++) {
       vec *T = R + (long)g * S * S;
       if (g) {
@@ -117,10 +102,7 @@ static mask find_logs(const vec *F, vec *R, int G, vec log_det, double accuracy,
         multiply_right(T, &last);
       } else multiply(F, Q, T);
       factor_qr(T, &last);
-      for (int i = 0; i < S; i++) {
-        times(&logs[i], v_abs(T[i * S + i]));
-        sign[i] ^= (mask)T[i * S + i];
-      }
+      for (int i = 0; i < S; i++) times(&logs[i], v_abs(T[i * S + i]));
     }
     for (int i = 0; i < S * S; i++) {
       W[i] = Q[i % S * S + i / S];
@@ -154,21 +136,17 @@ static mask find_logs(const vec *F, vec *R, int G, vec log_det, double accuracy,
       mask block = here & cut[stop];
       here &= ~cut[stop];
       if (!any_lane(block)) continue;
-      if (stop == start + 1) {
-        mask negative = (sign[start] ^ (mask)W[start * S + start]) < 0;
-        re[start] = v_choose(block, sizes[start], re[start]);
-        im[start] = v_choose(block, v_choose(negative, splat(0.5 * TURN), splat(0.0)), im[start]);
-        continue;
-      }
-      vec P[S][S];
+      vec P[S][S], x[S], y[S];
       mask exponent;
       multiply_block(W, R, G, start, stop, P, &exponent);
-      for (int l = 0; l < L; l++) {
-        double lre[S], lim[S];
-        if (!block[l]) continue;
-        if (!solve_block(P, exponent, start, stop, l, lre, lim)) { sound[l] = 0; continue; }
-        for (int i = start; i < stop; i++) { re[i][l] = lre[i]; im[i][l] = lim[i]; }
-      }
+      sound &= find_eigenvalues(stop - start, P, block, x, y) | ~block;
+      for (int i = start; i < stop; i++)
+        for (int l = 0; l < L; l++) {
+          if (!block[l]) continue;
+          const double p = x[i - start][l], q = y[i - start][l];
+          re[i][l] = 0.5 * log(fmax(p * p + q * q, TINY)) + exponent[l] * 0.693147180559945309417;
+          im[i][l] = q != 0.0 ? atan2(q, p) : p < 0.0 ? 0.5 * TURN : 0.0;
+        }
     }
   }
   vec last_re = log_det, last_im = splat(0.0);

@@ -104,6 +104,6 @@ FORCED long run_lanes(const int wide, long steps, const Step *code, double *memo
   return 0;
 }
 
-long run_steps(long steps, const Step *code, double *memory) { return run_lanes(WIDE, steps, code, memory); }
-
-long run_few(long steps, const Step *code, double *memory) { return run_lanes(FEW, steps, code, memory); }
+long run_steps(int wide, long steps, const Step *code, double *memory) {
+  return wide == WIDE ? run_lanes(WIDE, steps, code, memory) : run_lanes(FEW, steps, code, memory);
+}

@@ -103,7 +103,7 @@ long run_program(long steps, const Step *code, long points, const double *const 
       } else {
         long end = k + 1;
         while (end < steps && code[end].op != INPUT && code[end].op != OUTPUT) end++;
-        const long unknown = (wide == WIDE ? run_steps : run_few)(end - k, code + k, work);
+        const long unknown = run_steps((int)wide, end - k, code + k, work);
         if (unknown) return k + unknown;
         k = end;
       }

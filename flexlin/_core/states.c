@@ -28,7 +28,7 @@ CALLED int factor_states(int n, int stages, int segments, int stiff, const doubl
   long square = (long)n * n, all = stages * square, size = all * stages;
   vec *memory = aligned_alloc(sizeof(vec), (4 * all + 2 * size) * sizeof(vec));
   if (!memory) return 0;
-  vec *hA = memory, *G = hA + all, *right = G + size, *Y = right + all, *work = Y + all;
+  vec *hA = memory, *G = hA + all, *right = G + size, *Y = right + all, *left = Y + all, *factors = left + all;
   for (int k = 0; k < segments; k += L) {
     int count = segments - k < L ? segments - k : L;
     for (int l = 0; l < L; l++) { /* the last segment again where there are fewer */
@@ -39,7 +39,10 @@ CALLED int factor_states(int n, int stages, int segments, int stiff, const doubl
           for (int q = 0; q < n; q++) (*y++)[l] = lengths[which] * *x++ * (units[q] / units[p]);
     }
     build_equations(&r, hA, G, right);
-    int sound = solve_together(stages * n, n, count, G, right, Y, work);
+    memcpy(factors, G, size * sizeof(vec));
+    memcpy(Y, right, all * sizeof(vec));
+    eliminate(stages * n, n, factors, Y);
+    int turns, sound = refine(stages * n, n, count, G, factors, right, Y, left, 1, &turns);
     for (int p = 0; p < n; p++)
       for (int q = 0; q < n; q++) {
         vec sum = splat(0.0);

@@ -426,7 +426,7 @@ class Linearization(Shown):
         return at_times(self._state_matrix, t)
 
     def _state_matrix(self, t: Array) -> Array:
-        A, controller = build_companion(*self.equations(t), t), self.controller
+        A, controller = build_companion(self.equations(t), t), self.controller
         if controller is None:
             return A
         upper = -build_input(*self.mass_and_input(t), t) @ self.closed_by.gain(t)[:, :, 2 * self.n :]

@@ -3,7 +3,7 @@
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,8 @@ class Constant:
 
     value: Array
 
+    complete: ClassVar[bool] = True
+
     def __call__(self, t: ArrayLike) -> Array:
         return np.broadcast_to(self.value, (*np.shape(t), *self.value.shape))
 
@@ -34,12 +36,8 @@ def has_nothing_narrow(coefficient: Callable[..., Any]) -> bool:
     So it is with constants, with series of few waves, and with functions of the motion that say so: `complete` is true. Any other may
     hold a pulse of its own, and is looked at everywhere.
     """
-    if isinstance(coefficient, Constant):
-        return True
-    if isinstance(coefficient, FourierSeries):
-        return 2 * coefficient.degree <= NAMED_PARTS
-    if isinstance(coefficient, ChebyshevPanels):
-        return 2 * coefficient.coefficients.shape[1] <= NAMED_PARTS
+    if isinstance(coefficient, FourierSeries | ChebyshevPanels):
+        return 2 * coefficient.degree < NAMED_PARTS
     return bool(getattr(coefficient, "complete", False))
 
 
@@ -209,16 +207,12 @@ def feed_back(equations: tuple[Array, Array, Array], force: Array, gain: Array) 
     return M, D + by_rate, K + by_place
 
 
-def solve_rates(equations: tuple[Array, Array, Array], t: Array) -> Array:
-    """[[0, I], [-M^-1 K, -M^-1 D]], (N, 2n, 2n), at the times t (N,)."""
-    return build_companion(*equations, t)
-
-
-def build_companion(M: Array, D: Array, K: Array, t: Array) -> Array:
+def build_companion(equations: tuple[Array, Array, Array], t: Array) -> Array:
     """Return A = [[0, I], [-M^-1 K, -M^-1 D]] for x = [y; y'], (N, 2n, 2n), from M, D, K (N, n, n) at the times t (N,).
 
     Raises: SingularMassMatrix, naming the time.
     """
+    M, D, K = equations
     n = M.shape[-1]
     solved = -solve_mass(M, np.concatenate([K, D], axis=-1), t)
     return stack_companion(solved[..., :n], solved[..., n:])

@@ -48,8 +48,7 @@ def edges_of_short(edges: Array, longest: float) -> Array:
 
 def divide_segments(grid: Array, parts: int) -> Array:
     """The grid with each segment divided into equal parts."""
-    starts = grid[:-1, None] + np.diff(grid)[:, None] * (np.arange(parts) / parts)
-    return np.append(starts, grid[-1])
+    return divide_evenly(grid, np.full(len(grid) - 1, parts))
 
 
 def divided(edges: Array, longest: float, least: int = 1) -> Array:
@@ -118,14 +117,10 @@ def waves_at_nodes(count: int, harmonics: int) -> Array:
 def fourier_differentiation(count: int, period: float) -> Array:
     """Return the matrix that takes values at N equally spaced times to the derivatives of their interpolant there.
 
-    D_jk = (pi / T) (-1)^(j - k) / sin(pi (j - k) / N) for odd N, with cot in place of 1 / sin for even N; 0 on the diagonal.
     Source: Trefethen, Spectral Methods in MATLAB (2000), ch. 3.
     """
-    gaps = np.subtract.outer(np.arange(count), np.arange(count))
-    off = gaps != 0
-    angle = np.pi * gaps[off] / count
-    D = np.zeros((count, count))
-    D[off] = np.pi / period * (-1.0) ** gaps[off] / (np.sin(angle) if count % 2 else np.tan(angle))
+    waves = np.fft.rfft(np.eye(count), axis=0)
+    D = np.fft.irfft(2j * np.pi / period * np.arange(len(waves))[:, None] * waves, count, axis=0)
     D.setflags(write=False)
     return D
 

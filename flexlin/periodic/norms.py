@@ -1,6 +1,5 @@
 """Norms of a periodic system: H2 by its periodic Lyapunov equation, H-infinity by levels at which multipliers leave the unit circle."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -12,15 +11,13 @@ from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.periodic.circle import measure_distances, wrap_angle
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
-from flexlin.periodic.coefficient_series.panels import MOST_PANELS
-from flexlin.periodic.coefficient_series.resolve import resolve_constant
+from flexlin.periodic.coefficient_series.resolve import resolve, resolve_constant
 from flexlin.periodic.coefficients import MatrixFunction, assemble_hamiltonian, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import MODES_TOL, floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.interpolation import NODES, divide_segments, fourier_nodes
+from flexlin.periodic.interpolation import fourier_nodes
 from flexlin.periodic.response.frequency import Segments, condense
-from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.roots import MOST_STEPS
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
@@ -103,10 +100,12 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     system = as_system(system)
     B, output = system.resolved_input, as_port("C", C, (None, system.n), system.period)
     solution = periodic_lyapunov(system, combine(multiply_transposed, output), MINOR * positive("tol", tol))
-    square, quadrature = mean_power(solution, B)
+    corners = np.union1d(solution.edges, B.edges)
+    power = resolve(combine(reach, B, solution.X), system.period, corners[:-1].tolist(), complete=True)
+    square, quadrature = float(power.mean()[0, 0]), float(power.mean_error(corners[[0, -1]])[0, 0, 0])
     t = fourier_nodes(SAMPLES, system.period)
     X, reached = np.abs(solution.X(t)), np.abs(B(t)).sum(axis=1)
-    doubt = solution.error * float(X.max()) * float((reached**2).sum(axis=1).mean()) + quadrature
+    doubt = solution.error * float(X.max()) * float((reached**2).sum(axis=1).mean()) + SAFETY * quadrature
     value = float(np.sqrt(max(square, 0.0)))
     return H2Norm(value, float(doubt / (2 * value) if value**2 > doubt else np.sqrt(abs(square) + doubt)))
 
@@ -116,27 +115,9 @@ def multiply_transposed(C: Array) -> Array:
     return np.swapaxes(C, 1, 2) @ C
 
 
-def mean_power(solution: RiccatiSolution, B: ResolvedMatrix) -> tuple[float, float]:
-    """The mean of trace(B' X B) and what is lost in it."""
-
-    def power(t: Array) -> Array:
-        reached = B(t)
-        return np.einsum("tki,tkl,tli->t", reached, solution.X(t), reached)
-
-    return mean_of_parts(power, np.union1d(solution.edges, B.edges))
-
-
-def mean_of_parts(f: Callable[[Array], Array], edges: Array) -> tuple[float, float]:
-    """The mean of f over the period, panels halved until it stands still, and its last change."""
-    x, w = np.polynomial.legendre.leggauss(NODES)
-    last, change = np.inf, np.inf
-    while True:
-        h = np.diff(edges)[:, None]
-        mean = float(f((edges[:-1, None] + h * (x + 1) / 2).ravel()) @ (h * w / 2).ravel()) / float(edges[-1])
-        change, before, last = abs(mean - last), change, mean
-        if change > before or change <= EPS * abs(last) or len(h) > MOST_PANELS:
-            return mean, change + NODES * EPS * abs(last)
-        edges = divide_segments(edges, 2)
+def reach(B: Array, X: Array) -> Array:
+    """trace(B' X B), (N, 1, 1)."""
+    return np.einsum("tki,tkl,tli->t", B, X, B)[:, None, None]
 
 
 @dataclass(frozen=True)

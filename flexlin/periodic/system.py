@@ -14,7 +14,7 @@ from flexlin.errors import ArgumentError, counted
 from flexlin.lazy import lazy
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix, weigh_entries
 from flexlin.periodic.coefficient_series.panels import first_edges
-from flexlin.periodic.coefficient_series.resolve import check_places, resolve, resolve_constant, resolve_port
+from flexlin.periodic.coefficient_series.resolve import check_places, resolve, resolve_constant
 from flexlin.periodic.coefficients import (
     Combined,
     Constant,
@@ -22,13 +22,14 @@ from flexlin.periodic.coefficients import (
     SecondOrder,
     SecondOrderFunction,
     as_matrix_function,
+    build_companion,
     build_input,
     check_samples,
     close_loop,
     gather,
     has_nothing_narrow,
     hold_input,
-    solve_rates,
+    varies,
 )
 from flexlin.periodic.interpolation import ChebyshevPanels
 from flexlin.plots.view import Series, Shown, View
@@ -197,7 +198,7 @@ class PeriodicSystem(Shown):
 
         Raises: ArgumentError where there is no input; NotPeriodic, UnresolvedCoefficient, ArgumentError as `resolve`.
         """
-        return resolve_port(input_of(self), self.period, self.breaks, self.features, self.complete)
+        return resolve_port(self, input_of(self), self.complete)
 
     @classmethod
     @checked
@@ -254,7 +255,7 @@ class PeriodicSystem(Shown):
         force = None if B is None else as_port("B", B, (size[0], None), period)
         equations = SecondOrder(together or Combined(gather, (M, D, K)), force)
         B = None if force is None else Combined(build_input, (M, force, np.asarray))
-        A = Combined(solve_rates, (equations.sample, np.asarray))
+        A = Combined(build_companion, (equations.sample, np.asarray))
         return cls(A, period, B, breaks, equations, features, complete)
 
     def feedback(self, gain: MatrixFunction | ArrayLike, breaks: Sequence[float] = ()) -> "PeriodicSystem":
@@ -294,13 +295,19 @@ def input_of(system: PeriodicSystem) -> MatrixFunction:
     return system.B
 
 
+def resolve_port(system: PeriodicSystem, given: MatrixFunction, complete: bool) -> ResolvedMatrix:
+    """What stands beside A(t), an input, an output or a weight, as `resolve` does it where it varies."""
+    if not varies(given, system.period):
+        return resolve_constant(given(np.zeros(1))[0], system.period)
+    return resolve(given, system.period, system.breaks, system.features, complete=complete)
+
+
 def resolve_beside(system: PeriodicSystem, given: MatrixFunction) -> ResolvedMatrix:
     """What stands beside A(t), an output or a weight, as series: where it may hold a pulse of its own it is looked at everywhere.
 
     Raises: NotPeriodic, UnresolvedCoefficient, ArgumentError as `resolve`.
     """
-    complete = system.complete and has_nothing_narrow(given)
-    return resolve_port(given, system.period, system.breaks, system.features, complete)
+    return resolve_port(system, given, system.complete and has_nothing_narrow(given))
 
 
 def as_port(

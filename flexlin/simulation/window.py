@@ -10,7 +10,7 @@ import numpy as np
 from flexlin._core import addresses, declare
 from flexlin.checks import Array
 from flexlin.lazy import lazy
-from flexlin.periodic.transition.factors import tabulate
+from flexlin.periodic.transition.factors import factor_accelerations_in_core, kept_numbers, tabulate
 from flexlin.periodic.transition.gauss import Tableau, radau
 from flexlin.precision import MINOR
 from flexlin.program import POINTS_TOGETHER, Layout
@@ -29,18 +29,6 @@ LEAST_CHANGE = 0.01
 """A sweep is not believed to leave less of the last one's change than this."""
 RULE = np.array([SLOW_SWEEP, SWEEP_SHARE, STALLED_SHARE, LEAST_CHANGE, GROWN_CHANGE, MOST_SWEEPS])
 
-factor_steps = declare(
-    "int factor_steps(int m, int stages, int steps, const double *blocks, const double *lengths, const double *tableau, double *kept, "
-    "double *by_start, double *Phi)",
-    lambda m, s, K, *_: (
-        (K * s, m, 3 * m),
-        K,
-        2 * s * (s + 1),
-        kept_numbers(m, s, K),
-        (K, s * m, 2 * m),
-        (K, 2 * m, 2 * m),
-    ),
-)
 sweep_steps = declare(
     "int sweep_steps(int m, int stages, int steps, int inputs, const double *lengths, const double *tableau, double *kept, "
     "const double *by_start, const double *Phi, const double *gain, const double *offset, const double *start, const double *scale, "
@@ -54,27 +42,11 @@ sweep_steps = declare(
     ),
     optional=("code", "rows", "sizes", "work"),
 )
-follow_steps = declare(
-    "void follow_steps(int m, int stages, int steps, const double *lengths, const double *tableau, const double *x, const double *w, "
-    "double *y, double *v)",
-    lambda m, s, K, *_: (K, 2 * s * (s + 1), (K + 1, 2 * m), (K, s, m), (K, s, m), (K, s, m)),
-)
-estimate_steps = declare(
-    "int estimate_steps(int m, int stages, int steps, const double *blocks, const double *lengths, const double *l, const double *before, "
-    "const double *x, const double *v, const double *w, double *errors)",
-    lambda m, s, K, *_: ((K * s, m, 3 * m), K, s, m, (K + 1, 2 * m), (K, s, m), (K, s, m), (K, 2 * m)),
-)
 read_steps = declare(
     "void read_steps(int m, int stages, int steps, long points, const double *edges, const double *tableau, const double *powers, "
     "const double *x, const double *w, const double *power, const double *t, double *states, double *work)",
     lambda m, s, K, N, *_: (*(K + 1, 2 * s * (s + 1), (s, s), (K + 1, 2 * m), (K, s, m), (K, s), N, (N, 2 * m), N),),
 )
-
-
-def kept_numbers(m: int, stages: int, steps: int) -> int:
-    """How many numbers `factor_steps` keeps at the most: equations and factors of up to eight steps at a time."""
-    n = stages * m
-    return (steps + 7) * (2 * n * n + m + 1) + 8
 
 
 class Found(IntEnum):
@@ -174,8 +146,9 @@ class Grid:
 
         v_i = v_0 + h sum_j a_ij w_j,   y_i = y_0 + h c_i v_0 + h^2 sum_j (a^2)_ij w_j
         """
-        y, v = np.empty_like(w), np.empty_like(w)
-        follow_steps(w.shape[2], self.stages, self.count, self.h, self.rule.table, x, w, y, v)
+        method, h, n = self.rule.tableau, self.h[:, None, None], w.shape[2]
+        place, rate, moved = x[:-1, None, :n], x[:-1, None, n:], method.a @ w
+        y, v = place + h * (method.c[:, None] * rate + h * (method.a @ moved)), rate + h * moved
         return Path(x, y, v, w)
 
     def rest(self, y: Array) -> Path:
@@ -202,23 +175,19 @@ class Window:
 
     def __init__(self, grid: Grid, M: Array, D: Array, K: Array):
         n, s, count = M.shape[-1], grid.stages, grid.count
-        self.grid, self.n, self._blocks = grid, n, np.empty((count * s, n, 3 * n))
-        np.concatenate([M, D, K], axis=2, out=self._blocks)
-        self.kept = np.empty(kept_numbers(n, s, count))
+        self.grid, self.n, self._blocks = grid, n, np.empty((count, s, n, 3 * n))
+        np.concatenate([M, D, K], axis=2, out=self._blocks.reshape(-1, n, 3 * n))
+        self.kept, good = np.empty(kept_numbers(n, s, count)), np.empty(count, np.intc)
         self.by_start, self.transition = np.empty((count, s * n, 2 * n)), np.empty((count, 2 * n, 2 * n))
-        found = factor_steps(
-            n, s, count, self._blocks, grid.h, grid.rule.table, self.kept, self.by_start, self.transition
-        )
-        if found < 0:
+        given = n, s, count, self._blocks, grid.h, grid.rule.table
+        if not factor_accelerations_in_core(*given, self.kept, self.by_start, self.transition, good):
             raise MemoryError("the stages of a step")
-        self.sound = bool(found)
+        self.sound = bool(good.all())
 
     def first(self, grid: Grid) -> "Window":
         """The same on a grid of the first steps."""
         n, s, count, part = self.n, grid.stages, grid.count, object.__new__(Window)
-        vars(part).update(
-            grid=grid, n=n, _blocks=self._blocks[: count * s], kept=self.kept[: kept_numbers(n, s, count)]
-        )
+        vars(part).update(grid=grid, n=n, _blocks=self._blocks[:count], kept=self.kept[: kept_numbers(n, s, count)])
         vars(part).update(by_start=self.by_start[:count], transition=self.transition[:count], sound=self.sound)
         return part
 
@@ -237,13 +206,14 @@ class Window:
         It is O(h^(s + 1)), the order of the motion between the edges. before: the acceleration (n,) at the beginning of the window.
         Source: Hairer, Wanner, Solving ODEs II, IV.8, Eq. (8.19).
         """
-        grid, errors = self.grid, np.empty((self.grid.count, 2 * self.n))
-        if not estimate_steps(
-            *(self.n, grid.stages, grid.count, self._blocks, grid.h, grid.rule.to_start, np.ascontiguousarray(before)),
-            *(path.x, path.v, path.w, errors),
-        ):
-            raise MemoryError("the errors of a step")
-        return errors
+        grid, to_start = self.grid, self.grid.rule.to_start
+        M, D, K = np.split(self._blocks[:, 0], 3, axis=2)
+        g, last = grid.h[:, None, None] / (grid.stages + 1), np.concatenate([before[None], path.w[:-1, -1]])
+        with np.errstate(over="ignore", invalid="ignore"):
+            apart = (path.x[:-1, self.n :] - to_start @ path.v)[..., None]
+            missed = (last - to_start @ path.w)[..., None]
+            rates = np.linalg.solve(M + g * (D + g * K), g * (M @ missed - g * (K @ apart)))
+            return np.concatenate([g * (rates + apart), rates], axis=1)[..., 0]
 
 
 @dataclass

@@ -100,7 +100,7 @@ CASES = [
     *[(ArgumentError, "Q is .*definite", solve, LAG, narrow, ONE) for solve in (periodic_riccati, finite)],
     *[(ArgumentError, "R is .*definite", solve, LAG, ONE, narrow) for solve in (periodic_riccati, finite)],
     (errors.IllPosedSegment, "P22 of segment 1 of 2", scatter_hamiltonian, FLAT),
-    (errors.SingularMassMatrix, r"t = 0\.75 s", build_companion, FLAT, FLAT, FLAT, np.array([0.5, 0.75])),
+    (errors.SingularMassMatrix, r"t = 0\.75 s", build_companion, (FLAT, FLAT, FLAT), np.array([0.5, 0.75])),
     *[(NumericalError, "range of numbers", find_spectrum, np.stack([EYE, EYE + one])) for one in (np.nan, np.inf)],
     (ValueError, "infs or NaNs", complex_schur, np.full((2, 2), np.nan)),
     (errors.TooManySegments, "segments of the period", partial(ask, tol=1e-12, max_segments=2)),

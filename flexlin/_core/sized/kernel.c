@@ -31,7 +31,7 @@ static long tabulate(const Model *m, long nodes, const double *inputs, double *m
     const int many = nodes - first < WIDE ? (int)(nodes - first) : WIDE;
     for (int i = 0; i < m->phase_inputs; i++)
       for (int j = 0; j < WIDE; j++) memory[i * WIDE + j] = inputs[(first + (j < many ? j : 0)) * m->phase_inputs + i];
-    if (run_steps(m->phase_steps, m->of_phase, memory)) return 1;
+    if (run_steps(WIDE, m->phase_steps, m->of_phase, memory)) return 1;
     for (int i = 0; i < m->phases; i++)
       for (int j = 0; j < many; j++) table[(first + j) * m->phases + i] = memory[(long)m->from_phase[i] * WIDE + j];
   }
@@ -43,7 +43,7 @@ static vec read_points(const Model *m, const double *points, int lanes, double *
   vec period = splat(0.0);
   for (int i = 0; i < m->parameters; i++)
     for (int j = 0; j < WIDE; j++) scratch[i * WIDE + j] = points[(j % L < lanes ? j % L : lanes - 1) * m->parameters + i];
-  run_steps(m->point_steps, m->of_point, scratch);
+  run_steps(WIDE, m->point_steps, m->of_point, scratch);
   for (int i = 0; i < m->points; i++) memcpy(memory + i * WIDE, scratch + (long)m->from_point[i] * WIDE, WIDE * sizeof(double));
   for (int l = 0; l < L; l++) period[l] = scratch[(long)m->period * WIDE + l];
   return period;
@@ -77,7 +77,7 @@ static mask read_nodes(const Model *m, int nodes, const double *table, double *m
   vec M[H * H];
   for (int i = 0; i < m->phases; i++)
     for (int k = 0; k < NODES; k++) *(vec *)(memory + (m->points + i) * WIDE + k * L) = splat(table[(k < nodes ? k : 0) * m->phases + i]);
-  run_steps(m->both_steps, m->both, memory);
+  run_steps(WIDE, m->both_steps, m->both, memory);
   for (int k = 0; k < nodes; k++) {
     const double *here = memory + k * L;
     for (int i = 0; i < H * S; i++) Z[k][i] = *(const vec *)(here + (long)m->outputs[i] * WIDE);

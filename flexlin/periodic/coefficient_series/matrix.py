@@ -7,12 +7,14 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import build_companion
-from flexlin.periodic.interpolation import NODES, ChebyshevPanels, FourierSeries, fourier_nodes
+from flexlin.periodic.interpolation import NODES, ChebyshevPanels, FourierSeries, divided
 from flexlin.precision import EPS, SAFETY
 from flexlin.summary import represent
 
 Series = FourierSeries | ChebyshevPanels
 """The one function of time: called with times, it has a period, edges, a degree, a mean and a derivative."""
+GAUSS = np.polynomial.legendre.leggauss(NODES)
+"""Nodes in (-1, 1) and weights of the quadrature on a panel."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +75,6 @@ class Resolved:
 
     def error_near(self, t: Array) -> Array:
         """SAFETY times the bound in the mean over the panel that holds each of the times (N,): (N, rows, columns)."""
-        if self.local is None:
-            return np.broadcast_to(self.error, (len(t), *self.shape))
         panel = np.clip(np.searchsorted(self.edges, np.mod(t, self.period), side="right") - 1, 0, self.panels - 1)
         return np.asarray(SAFETY * self.mean_error(self.edges)[panel])
 
@@ -133,18 +133,15 @@ class ResolvedCompanion(Resolved):
 
     def __call__(self, t: Array) -> Array:
         """A at times t (N,): (N, 2 n, 2 n). Raises: SingularMassMatrix, naming the time."""
-        return build_companion(*self.sample(t), t)
+        return build_companion(self.sample(t), t)
 
     def mean(self) -> Array:
         """The integral of A over the period, divided by T, by quadrature."""
-        edges, T = self.edges, self.period
-        if isinstance(self.series, FourierSeries):
-            count = 8 * max(NODES, self.degree)
-            return np.asarray(self(fourier_nodes(count, T)).mean(axis=0))
-        x, w = np.polynomial.legendre.leggauss(NODES)
+        x, w = GAUSS
+        edges = divided(self.edges, self.period * NODES / (8 * max(NODES, self.degree)))
         h = np.diff(edges)[:, None]
         t = (edges[:-1, None] + h * (x + 1) / 2).ravel()
-        return np.einsum("t,tij->ij", (h * w / (2 * T)).ravel(), self(t))
+        return np.einsum("t,tij->ij", (h * w / (2 * self.period)).ravel(), self(t))
 
 
 def weigh_entries(blocks: Array) -> Array:

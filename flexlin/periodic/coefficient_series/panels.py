@@ -220,7 +220,7 @@ class PanelResolver:
         allowed = left_over(panels, self.sample)
         brackets, useful = scan(self.sample, panels.begin, panels.end, allowed)
         which = np.flatnonzero(useful & (width > 10 * NARROWEST_PANEL * self.sample.period))
-        place, last = locate(self.sample, brackets.some(which), allowed[which])
+        place, last = locate(self.sample, brackets[:, which], allowed[which])
         sharp, off = last / width[which], np.abs(place - middle[which]) / width[which]
         margin = np.minimum(place - panels.begin[which], panels.end[which] - place)
         kept = ((sharp < 1e-4) | ((sharp < 1 / 300) & (off < 0.25))) & (margin > NARROWEST_PANEL * self.sample.period)
@@ -324,22 +324,12 @@ def first_edges(period: float, named: Array, pairs: Array) -> Array:
     return divided(np.union1d(fixed, free), longest)
 
 
-@dataclass
-class Brackets:
-    """Intervals (low, high), each with a place where A is not smooth, inside rooms (floor, roof) where it is smooth otherwise."""
+def scan(sample: Sampler, begin: Array, end: Array, allowed: Array) -> tuple[Array, Array]:
+    """Bracket the roughest window of each panel by its fourth difference; and whether there is room for stencils beside it (P,).
 
-    low: Array
-    high: Array
-    floor: Array
-    roof: Array
-
-    def some(self, which: Array) -> "Brackets":
-        """A part of them."""
-        return Brackets(self.low[which], self.high[which], self.floor[which], self.roof[which])
-
-
-def scan(sample: Sampler, begin: Array, end: Array, allowed: Array) -> tuple[Brackets, Array]:
-    """Bracket the roughest window of each panel by its fourth difference; and whether there is room for stencils beside it (P,)."""
+    Brackets: intervals (low, high), each with a place where A is not smooth, inside rooms (floor, roof) where it is smooth otherwise:
+    low, high, floor, roof (4, P).
+    """
     width = end - begin
     t = begin[:, None] + width[:, None] * (np.arange(2 * NODES) + 0.5) / (2 * NODES)
     values = sample(t.ravel()).reshape(len(begin), 2 * NODES, -1)
@@ -348,11 +338,11 @@ def scan(sample: Sampler, begin: Array, end: Array, allowed: Array) -> tuple[Bra
     rows = np.arange(len(begin))
     low, high = t[rows, first], t[rows, first + TAIL]
     room = np.minimum(low - begin, end - high) >= (high - low) / 2
-    return Brackets(low, high, begin, end), room & (rough[rows, first] > 1)
+    return np.array([low, high, begin, end]), room & (rough[rows, first] > 1)
 
 
-def locate(sample: Sampler, brackets: Brackets, allowed: Array) -> tuple[Array, Array]:
-    """Narrow brackets (Q,) until the two sides agree to `allowed` (Q, E) across them, or they end at neighbouring floats.
+def locate(sample: Sampler, brackets: Array, allowed: Array) -> tuple[Array, Array]:
+    """Narrow brackets (4, Q) until the two sides agree to `allowed` (Q, E) across them, or they end at neighbouring floats.
 
     p_- and p_+ interpolate A on stencils below and above the bracket. Among the parts of the bracket the cut s is taken at which
 
@@ -361,26 +351,27 @@ def locate(sample: Sampler, brackets: Brackets, allowed: Array) -> tuple[Array, 
     is least, so a jump is followed to the last bit, and a kink until it no longer shows. A function that is smooth ends early.
     Returns: the first time of the upper side (Q,) and the width of the last bracket (Q,).
     """
-    place, width = brackets.high.copy(), brackets.high - brackets.low
+    place, width = brackets[1].copy(), brackets[1] - brackets[0]
     open_ = np.arange(len(place))
     while len(open_):
-        part = brackets.some(open_)
+        part = brackets[:, open_]
         cut, apart = _cut(sample, part, allowed[open_])
-        brackets.low[open_], brackets.high[open_] = cut
+        brackets[:2, open_] = cut
         width[open_] = cut[1] - cut[0]
         narrow = width[open_] <= 1.01 * np.spacing(np.abs(cut[1]))
-        stuck = width[open_] >= part.high - part.low
+        stuck = width[open_] >= part[1] - part[0]
         done = narrow | stuck | ~apart
         place[open_] = np.where(narrow | apart, cut[1], (cut[0] + cut[1]) / 2)
         open_ = open_[~done]
     return place, width
 
 
-def _cut(sample: Sampler, part: Brackets, allowed: Array) -> tuple[tuple[Array, Array], Array]:
+def _cut(sample: Sampler, part: Array, allowed: Array) -> tuple[tuple[Array, Array], Array]:
     """One step: the new brackets, and whether the sides were still apart across the old ones."""
-    low, high, span = part.low, part.high, part.high - part.low
+    low, high, floor, roof = part
+    span = high - low
     reach = np.maximum(STENCIL / 2 * span, JUMP_WIDTH * sample.period)
-    below, above = np.minimum(reach, low - part.floor), np.minimum(reach, part.roof - high)
+    below, above = np.minimum(reach, low - floor), np.minimum(reach, roof - high)
     inner = low[:, None] + span[:, None] * np.arange(1, 2 * STENCIL) / (2 * STENCIL)
     u = chebyshev_nodes(STENCIL)
     left, right = low[:, None] + below[:, None] * (u - 1) / 2, high[:, None] + above[:, None] * (u + 1) / 2

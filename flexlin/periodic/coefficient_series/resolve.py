@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.coefficient_series.matrix import Discontinuity, ResolvedMatrix
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficient_series.panels import resolve_on_panels
 from flexlin.periodic.coefficient_series.sampling import (
     LEAST_SIZE,
@@ -26,7 +26,6 @@ from flexlin.periodic.coefficient_series.sampling import (
     search_phases,
     stratified,
 )
-from flexlin.periodic.coefficients import MatrixFunction, varies
 from flexlin.periodic.interpolation import (
     NODES,
     FourierSeries,
@@ -37,7 +36,6 @@ from flexlin.periodic.interpolation import (
 )
 from flexlin.precision import EPS, SAFETY
 
-__all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
 MOST_NODES = NODES * NODES
 """Nodes at most, where a matrix of waves costs as much as those of as many panels; the first SEARCH_BLOCKS lie closer than T / 100."""
 
@@ -114,19 +112,6 @@ def resolve(
 def resolve_constant(A: Array, period: float) -> ResolvedMatrix:
     """Represent a matrix (rows, columns) that does not depend on time."""
     return ResolvedMatrix(FourierSeries(A[None], period), (), (), SAFETY * EPS * np.abs(A), 1)
-
-
-def resolve_port(
-    given: MatrixFunction,
-    period: float,
-    breaks: Sequence[float],
-    features: Sequence[tuple[float, float]],
-    complete: bool,
-) -> ResolvedMatrix:
-    """What stands beside A(t), an input, an output or a weight, as `resolve` does it where it varies."""
-    if not varies(given, period):
-        return resolve_constant(given(np.zeros(1))[0], period)
-    return resolve(given, period, breaks, features, complete=complete)
 
 
 def check_places(period: float, breaks: ArrayLike, features: ArrayLike) -> tuple[Array, Array]:

@@ -35,9 +35,19 @@ factor_states_in_core = declare(
 )
 factor_accelerations_in_core = declare(
     "int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
-    "double *Phi, int *good)",
-    lambda m, s, K, *_: ((K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)),
+    "double *kept, double *by_start, double *Phi, int *good)",
+    lambda m, s, K, *_: (
+        *((K, s, m, 3 * m), (K,), 2 * s * (s + 1)),
+        *(kept_numbers(m, s, K), (K, s * m, 2 * m), (K, 2 * m, 2 * m), (K,)),
+    ),
+    optional=("kept", "by_start"),
 )
+
+
+def kept_numbers(m: int, stages: int, segments: int) -> int:
+    """How many numbers `factor_accelerations` keeps at the most: equations and factors of up to eight segments at a time."""
+    n = stages * m
+    return (segments + 7) * (2 * n * n + m + 1) + 8
 
 
 def factor_segments(sample: MatrixFunction, edges: Array, rule: Tableau) -> Array:
@@ -116,7 +126,7 @@ def factor_accelerations(blocks: Array, h: Array, rule: Tableau) -> Array:
     """From [M D K], with the accelerations as unknowns; what needs rows exchanged is left to A. Raises: SingularMassMatrix."""
     K, s, m = blocks.shape[:3]
     Phi, good = np.empty((K, 2 * m, 2 * m)), np.zeros(K, np.intc)
-    if not factor_accelerations_in_core(m, s, K, blocks, h, tabulate(rule, True), Phi, good):
+    if not factor_accelerations_in_core(m, s, K, blocks, h, tabulate(rule, True), None, None, Phi, good):
         raise MemoryError("the stages of a segment")
     lost = np.flatnonzero(good == 0)
     if len(lost):
