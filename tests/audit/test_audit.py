@@ -210,7 +210,7 @@ def test_the_minimal_scene_makes_the_error_that_it_states(result):
 def test_designs_that_no_longer_fit_are_left_out_of_the_minimal_scene():
     listed = {"name": "listed", "kind": "periodic-lqr", "state_weight": [1.0] * 6, "input_weight": [1.0]}
     scene = fl.load_scene("single-link", {"designs": [listed]})
-    smaller = versions.with_modes(scene, 0, -1)
+    smaller = versions.with_more(scene, "links.0.modes", -1)
     assert [design.name for design in fitting(scene)[0].designs] == ["listed"]
     kept, said = fitting(smaller)
     assert kept.designs == ()

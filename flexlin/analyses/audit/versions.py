@@ -84,29 +84,27 @@ def list_mode_versions(scene: Scene) -> Iterator[Version]:
         if link.bending_stiffness is None or not link.mass_per_length:
             continue
         for direction, count in link.counts.by_direction().items():
-            plain = not isinstance(link.modes, Modes)
-            if count or (plain and direction == "y"):
-                words = f"link {i + 1} with {{}}" + ("" if plain else f" in {direction}")
-                subject = f"links.{i}" if plain else f"links.{i}.modes.{direction}"
-                yield from step_modes(count, words, subject, partial(with_modes, link=i, direction=direction))
+            subject, words, path = f"links.{i}", f"link {i + 1} with {{}}", f"links.{i}.modes"
+            if isinstance(link.modes, Modes):
+                subject = path = f"{path}.{direction}"
+                words += f" in {direction}"
+            if count or (direction == "y" and subject != path):
+                yield from step_modes(count, words, subject, path)
 
 
-def step_modes(count: int, words: str, subject: str, give: Callable[..., Scene]) -> Iterator[Version]:
-    """A number of modes one less and one more."""
+def step_modes(count: int, words: str, subject: str, path: str) -> Iterator[Version]:
+    """The number of modes at a path one less and one more."""
     for step in (-1, 1):
         modes = count + step
         if 0 <= modes <= MOST_MODES:
-            change, make = words.format(counted(modes, "mode")), partial(give, step=step)
+            change, make = words.format(counted(modes, "mode")), partial(with_more, path=path, step=step)
             yield Version(make, change, "modes", subject, step < 0, {"modes": modes})
 
 
-def with_modes(scene: Scene, link: int, step: int, direction: Direction = "y") -> Scene:
-    """The scene with some modes more in one link; designs whose weights are a list for each state no longer fit, and go."""
-    old = scene.links[link]
-    count = getattr(old.counts, direction) + step
-    modes = old.counts.model_copy(update={direction: count}) if isinstance(old.modes, Modes) else count
-    changed = old.model_copy(update={"modes": modes})
-    return scene.model_copy(update={"links": (*scene.links[:link], changed, *scene.links[link + 1 :])})
+def with_more(scene: Scene, path: str, step: int) -> Scene:
+    """The scene with a number of modes changed by a step; designs whose weights are a list for each state no longer fit, and go."""
+    changed: Scene = replace_value(scene, path, get_value(scene, path) + step)
+    return changed
 
 
 BENDING: tuple[Direction, ...] = ("y", "z")
@@ -149,7 +147,7 @@ def list_model_versions(scene: Scene) -> Iterator[Version]:
     schema, versions = registered_model(scene.model).schema, list[Version]()
     for path, modes in find_modes(scene.parameters, PARAMETERS):  # the key means what it means in a scene
         where = path.removeprefix(f"{PARAMETERS}.").removesuffix(".modes")
-        versions += step_modes(modes, f"{where} with {{}}", where, partial(with_more, path=path))
+        versions += step_modes(modes, f"{where} with {{}}", where, path)
     for version in (*list_switches(scene, schema), *versions):
         with suppress(ValidationError):
             schema.model_validate(version.make(scene).parameters)
@@ -178,12 +176,6 @@ def find_modes(node: Any, path: str) -> Iterator[tuple[str, int]]:
             yield f"{path}.{key}", child
         else:
             yield from find_modes(child, f"{path}.{key}")
-
-
-def with_more(scene: Scene, path: str, step: int) -> Scene:
-    """The scene with a number of the model's table changed by a step."""
-    changed: Scene = replace_value(scene, path, get_value(scene, path) + step)
-    return changed
 
 
 MOST_SEGMENTS = 4000
