@@ -1,6 +1,6 @@
 """Which effects and how many modes a scene needs: each switched in turn and in pairs, what changes, and what it costs."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import combinations
@@ -15,6 +15,7 @@ from flexlin.arguments import checked
 from flexlin.checks import positive, try_to
 from flexlin.control.drives import Demand
 from flexlin.errors import TimeLimit
+from flexlin.lazy import lazy
 from flexlin.linearization.linear import linearize
 from flexlin.mechanics import build_manipulator
 from flexlin.resources import advance, part
@@ -204,28 +205,33 @@ class Audit:
         return tuple(row.subject for row in self.effects if not row.on and row.significance > self.tolerance)
 
 
+GROWN = ("tip_error", "instructions", "microseconds", "coordinates")
+"""Figures whose differences a row states."""
 NEGLIGIBLE_SHARE = 1e-6
 """A torque, or a motion of the tip, that is nothing beside the largest of all joints, or beside the arm."""
 
 
 @dataclass(frozen=True)
 class Judge:
-    """Compares versions with a scene whose figures are `base`; reach: the arm's length in m; tolerance: the relative change that matters.
+    """Compares versions with a scene; tolerance: the relative change that matters; tol: wanted error of the exponents.
 
-    tol: wanted error of the exponents; report: called with the description of each version before it is measured.
+    report: called with the description of each version before it is measured.
     """
 
     scene: Scene
-    base: Measure
-    reach: float
     tolerance: float
     tol: float
-    report: Progress
+    report: Progress = lambda _: None
 
-    @classmethod
-    def of(cls, scene: Scene, reach: float, tolerance: float, tol: float, report: Progress = lambda _: None) -> "Judge":
-        """Measure the scene first."""
-        return cls(scene, measure(scene, tol), reach, tolerance, tol, report)
+    @lazy
+    def base(self) -> Measure:
+        """The scene's own figures."""
+        return measure(self.scene, self.tol)
+
+    @lazy
+    def reach(self) -> float:
+        """The arm's length, in m."""
+        return find_reach(self.scene)
 
     def row(self, version: Version, scene: Scene | None = None) -> Row:
         """What a version changes; or what another scene does that was made of several."""
@@ -243,14 +249,12 @@ class Judge:
         size = float(np.nanmax([compare_margins(own, theirs), frequency, path, torque]))
         if marks or ("unknown" not in (own.verdict, theirs.verdict) and own.verdict != theirs.verdict):
             size = float("inf")
-        judged = bool(np.isfinite([margin, path, torque]).all())
+        found: dict[str, Any] = {name: getattr(other, name) - getattr(base, name) for name in GROWN}
+        found |= {"path": path, "torque": torque, "marks": marks, "unfelt": unfelt, "units": version.units}
+        found |= {"verdict": theirs.verdict, "significance": size, "problem": "; ".join(other.problems)}
+        row = Row(*head, margin, frequency, advice="", **found)
         broken = max(other.tip_error, base.tip_error) > SMALL_SHARE * self.reach
-        advice = advise(version, size > self.tolerance, judged, broken, unfelt)
-        grown = (getattr(other, what) - getattr(base, what) for what in ("instructions", "microseconds", "coordinates"))
-        instructions, microseconds, coordinates = grown
-        moved = (*head, margin, frequency, other.tip_error - base.tip_error, instructions, microseconds, coordinates)
-        said = (*moved, theirs.verdict, size, advice, "; ".join(other.problems), version.units)
-        return Row(*said, path=path, torque=torque, marks=marks, unfelt=unfelt)
+        return replace(row, advice=advise(row, size > self.tolerance, broken))
 
     def compare_paths(self, other: Measure) -> float:
         """The largest distance of the two tip paths, relative to how far the tip moves, or to the arm where it rests; 0 without points."""
@@ -317,16 +321,16 @@ def compare_margins(base: Part, other: Part) -> float:
     return change / max(abs(base.margin), abs(other.margin))
 
 
-def advise(version: Version, matters: bool, judged: bool, broken: bool, unfelt: tuple[str, ...]) -> str:
+def advise(row: Row, matters: bool, broken: bool) -> str:
     """What to do; `broken`: the tip is so far off in one of the two that the linear model holds for it no longer."""
-    if not (matters or judged):
+    if not (matters or row.judged):
         return "undecided: not all of it could be judged"
-    note = f"; neither motors nor motion reach {', '.join(unfelt)}" if unfelt else ""
-    if version.kind == "modes":
-        if version.on:
+    note = f"; neither motors nor motion reach {', '.join(row.unfelt)}" if row.unfelt else ""
+    if row.kind == "modes":
+        if row.on:
             return "its last mode is needed" if matters else f"a mode less is enough{note}"
         return "another mode would be noticed" if matters else f"its modes are enough{note}"
-    if version.on:
+    if row.on:
         return "keep" if matters else f"may be dropped{note}"
     if matters and broken:
         return "with these figures the deflections are not small: it would be noticed, but this is no prediction of how much"
@@ -382,8 +386,7 @@ def grow(judge: Judge) -> tuple[Judge, tuple[str, ...]]:
             judge.report(f"minimal scene: {version.change}")
             row = before.row(version)
             if row.significance > judge.tolerance and row.judged:
-                scene = version.make(judge.scene)
-                judge = replace(judge, scene=scene, base=measure(scene, judge.tol))
+                judge = replace(judge, scene=version.make(judge.scene))
                 added.append(version.change)
         if judge is before:
             break
@@ -444,9 +447,9 @@ def audit(
     ('payload',)
     """
     tolerance, tol = positive("tolerance", tolerance), positive("tol", tol)
-    report = progress or (lambda text: None)
-    report("the scene as it is")
-    judge = Judge.of(scene, find_reach(scene), tolerance, tol, report)
+    judge = Judge(scene, tolerance, tol, progress or (lambda _: None))
+    judge.report("the scene as it is")
+    base = judge.base
     with part(0.0, 1 / 3):
         tried, problem = try_versions(judge)
     pairs: tuple[Row, ...] = ()
@@ -457,7 +460,7 @@ def audit(
         (row for _, row in tried), key=lambda row: -row.significance if np.isfinite(row.significance) else -np.inf
     )
     effects, modes = (tuple(row for row in rows if row.kind == kind) for kind in ("effect", "modes"))
-    return Audit(judge.base, effects, modes, tolerance, pairs, minimal, problem)
+    return Audit(base, effects, modes, tolerance, pairs, minimal, problem)
 
 
 def try_versions(judge: Judge) -> tuple[list[tuple[Version, Row]], str]:
@@ -518,25 +521,18 @@ def find_interplay(judge: Judge, tried: Sequence[tuple[Version, Row]]) -> tuple[
     Of two that only one of is noticed, or of one that is on and one that is off, nothing is tried.
     """
     found = []
-    pairs = list(list_pairs(tried, judge.tolerance))
-    for done, ((one, first), (two, _)) in enumerate(pairs):
+    known = [(version, row) for version, row in tried if row.judged and row.kind == "effect"]
+    noticed = [(version, version.on, row.significance > judge.tolerance) for version, row in known]
+    pairs = [(one, two) for one, two in combinations(noticed, 2) if one[1:] == two[1:]]
+    for done, ((one, _, alone), (two, _, _)) in enumerate(pairs):
         both = joined(one, two)
         judge.report(f"together: {both.change}")
         advance(done / len(pairs))
         row = judge.row(both, two.make(one.make(judge.scene)))
-        alone, together = first.significance > judge.tolerance, row.significance > judge.tolerance
+        together = row.significance > judge.tolerance
         if alone != together and (row.judged or row.significance == np.inf):
             found.append(replace(row, advice=CANCEL if alone else NEED))
     return tuple(sorted(found, key=lambda row: -row.significance))
-
-
-def list_pairs(tried: Sequence[tuple[Version, Row]], tolerance: float) -> Iterator[tuple[tuple[Version, Row], ...]]:
-    """Pairs of effects that were judged."""
-    known = [item for item in tried if item[1].judged and item[1].kind == "effect"]
-    for first, second in combinations(known, 2):
-        same = (first[1].significance > tolerance) == (second[1].significance > tolerance)
-        if same and first[0].on == second[0].on:
-            yield first, second
 
 
 def joined(one: Version, two: Version) -> Version:

@@ -381,9 +381,8 @@ def _follow(
     demands = drive_load(lin, t, states, law, drives).demands if lin.about.m else ()
     if lin.arm.near.points is None:
         return np.zeros((len(t), 3)), float("nan"), demands
-    path, rigid = (tip_positions(lin, t, x) for x in (states, np.zeros_like(states)))
-    away = float(np.linalg.norm(path - rigid, axis=1).max())
-    return np.pad(path, ((0, 0), (0, 3 - path.shape[1]))), away, demands
+    path = tip_positions(lin, t, states)
+    return np.pad(path, ((0, 0), (0, 3 - path.shape[1]))), float(found.tip_error.max()), demands
 
 
 def second_order_with_states(lin: Linearization, t: Array) -> tuple[Array, Array, Array, Array]:

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from flexlin.analyses.analysis import derive_equations
 from flexlin.analyses.clock import Clock
 from flexlin.analyses.disturbed.stated import Directions, Disturbance, Kind, disturb, state_disturbance
 from flexlin.analyses.judging import LEAST_TOL
@@ -16,9 +17,7 @@ from flexlin.control.catalogue import design
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.errors import ArgumentError, NumericalError
 from flexlin.linearization.law import Law
-from flexlin.linearization.linear import linearize
 from flexlin.linearization.linearization import Linearization
-from flexlin.mechanics import build_manipulator
 from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.response.forced import forced_response
@@ -362,13 +361,12 @@ def answer_in_scene(
             raise ArgumentError("there is no such loop", got=repr(loop), expected=" | ".join(["own", *tables]))
         need_continuous(tables[loop])
     tol = max(asked.tol, LEAST_TOL)
-    arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
-    closed = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
+    shared = derive_equations(scene, clock)
+    closed = shared.closed
     stated = state_disturbance(kind, words, closed)
     law, system = closed.law, closed.periodic_system()
     if loop != "own":
-        plant = linearize(arm, scene.motion)
-        made = clock.stage(f"design: {loop}", asked, lambda: design(plant, tables[loop], asked.tol))
+        made = clock.stage(f"design: {loop}", asked, lambda: design(shared.plant, tables[loop], asked.tol))
         law, system = law.with_gain(made.K, made.controller), made.closed_loop
     if kind == "noise":
         return clock.stage("covariance", asked, lambda: answer_noise(closed, stated, system, tol))
