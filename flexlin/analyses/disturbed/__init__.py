@@ -11,7 +11,7 @@ from flexlin.analyses.analysis import derive_equations
 from flexlin.analyses.clock import Clock
 from flexlin.analyses.disturbed.stated import Directions, Disturbance, Kind, disturb, state_disturbance
 from flexlin.analyses.judging import LEAST_TOL
-from flexlin.analyses.loops import need_continuous
+from flexlin.analyses.loops import find_design
 from flexlin.checks import SAMPLES, Array, check_size, positive
 from flexlin.control.catalogue import design
 from flexlin.control.drives import DriveLoad, drive_load
@@ -350,23 +350,19 @@ def answer_noise(lin: Linearization, stated: Disturbance, loop: PeriodicSystem, 
 def answer_in_scene(
     scene: Scene, kind: Kind, words: str, loop: str = "own", periods: float | None = None, clock: Clock | None = None
 ) -> DisturbanceAnswer | NoiseAnswer:
-    """Answer a disturbance in words of the scene's own loop, or of a design by its name.
+    """Answer a disturbance in words of the scene's own loop, the open one, or a design's by its name.
 
     Raises: ArgumentError for words that cannot be read, an unknown loop, or one that is not stable.
     """
     clock, asked = clock or Clock(), scene.accuracy
-    tables = {table.name: table for table in scene.designs}
-    if loop != "own":
-        if loop not in tables:
-            raise ArgumentError("there is no such loop", got=repr(loop), expected=" | ".join(["own", *tables]))
-        need_continuous(tables[loop])
+    table = None if loop in ("own", "open") else find_design(scene, loop)
     tol = max(asked.tol, LEAST_TOL)
     shared = derive_equations(scene, clock)
-    closed = shared.closed
+    closed = shared.plant if loop == "open" else shared.closed
     stated = state_disturbance(kind, words, closed)
     law, system = closed.law, closed.periodic_system()
-    if loop != "own":
-        made = clock.stage(f"design: {loop}", asked, lambda: design(shared.plant, tables[loop], asked.tol))
+    if table is not None:
+        made = clock.stage(f"design: {loop}", asked, partial(design, shared.plant, table, asked.tol))
         law, system = law.with_gain(made.K, made.controller), made.closed_loop
     if kind == "noise":
         return clock.stage("covariance", asked, lambda: answer_noise(closed, stated, system, tol))
