@@ -197,9 +197,8 @@ def minimise(problem: Problem, own: Array, starts: int, steps: int, seed: int, f
     screened = SCREENED_GAINS if problem.family.batched else SCREENED_GAINS // FEWER_ONE_BY_ONE
     drawn = np.random.default_rng(seed).uniform(-np.pi / 2, np.pi / 2, (screened, len(own)))
     sizes = [problem.worst(x) for x in drawn[: screened * (starts > 1)]]
-    levels = (
-        SMOOTHING_LEVELS if problem.exact else SMOOTHING_LEVELS[:5]
-    )  # differences are of spectra that are known to 1e-8
+    # differences are of spectra that are known to 1e-8
+    levels = SMOOTHING_LEVELS if problem.exact else SMOOTHING_LEVELS[:5]
     problem.best = np.inf, problem.position(own)
     for start in (problem.best[1], *drawn[np.argsort(sizes)[: starts - 1]]):
         follow_levels(problem, start, steps, levels)

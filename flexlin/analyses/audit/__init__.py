@@ -1,6 +1,6 @@
 """Which effects and how many modes a scene needs: each switched in turn and in pairs, what changes, and what it costs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import combinations
@@ -10,6 +10,7 @@ import numpy as np
 
 from flexlin.analyses.audit import versions
 from flexlin.analyses.audit.versions import Measure, Part, Version, join_parts, list_mode_versions, measure
+from flexlin.analyses.clock import Progress
 from flexlin.analyses.judging import SMALL_SHARE, arm_length
 from flexlin.arguments import checked
 from flexlin.checks import positive, try_to
@@ -23,8 +24,6 @@ from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
 __all__ = ["Audit", "Measure", "Minimal", "Row", "audit", "measure"]
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -457,7 +456,7 @@ def audit(
     if together and not problem:
         pairs, minimal, problem = look_further(judge, tried)
     rows = sorted(
-        (row for _, row in tried), key=lambda row: -row.significance if np.isfinite(row.significance) else -np.inf
+        (row for _, row in tried), key=lambda row: -np.nan_to_num(row.significance, nan=np.inf, posinf=np.inf)
     )
     effects, modes = (tuple(row for row in rows if row.kind == kind) for kind in ("effect", "modes"))
     return Audit(base, effects, modes, tolerance, pairs, minimal, problem)
