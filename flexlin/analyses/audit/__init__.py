@@ -448,47 +448,30 @@ def audit(
     tolerance, tol = positive("tolerance", tolerance), positive("tol", tol)
     judge = Judge(scene, tolerance, tol, progress or (lambda _: None))
     judge.report("the scene as it is")
-    base = judge.base
-    with part(0.0, 1 / 3):
-        tried, problem = try_versions(judge)
-    pairs: tuple[Row, ...] = ()
-    minimal: Minimal | None = None
-    if together and not problem:
-        pairs, minimal, problem = look_further(judge, tried)
+    base, planned, problem = judge.base, list_versions(scene), ""
+    tried, pairs, minimal = list[tuple[Version, Row]](), tuple[Row, ...](), None
+    try:
+        with part(0.0, 1 / 3):
+            for done, version in enumerate(planned):
+                judge.report(version.change)
+                advance(done / len(planned))
+                tried.append((version, judge.row(version)))
+        if together and np.isfinite(base.margin):
+            with part(1 / 3, 2 / 3):
+                pairs = find_interplay(judge, tried)
+            with part(2 / 3, 1.0):
+                minimal = shrink(judge, tried, pairs)
+        elif together:
+            problem = "the scene itself has no margin to compare with"
+    except TimeLimit as error:
+        problem = f"pairs of effects and the minimal scene: {error}"
+        if left := ", ".join(version.change for version in planned[len(tried) :]):
+            problem = f"not tried in the time: {left}, pairs of effects, the minimal scene; {error.todo}"
     rows = sorted(
         (row for _, row in tried), key=lambda row: -np.nan_to_num(row.significance, nan=np.inf, posinf=np.inf)
     )
     effects, modes = (tuple(row for row in rows if row.kind == kind) for kind in ("effect", "modes"))
     return Audit(base, effects, modes, tolerance, pairs, minimal, problem)
-
-
-def try_versions(judge: Judge) -> tuple[list[tuple[Version, Row]], str]:
-    """All single changes, as far as time allows, and what was left out."""
-    tried: list[tuple[Version, Row]] = []
-    planned = list_versions(judge.scene)
-    try:
-        for done, version in enumerate(planned):
-            judge.report(version.change)
-            advance(done / len(planned))
-            tried.append((version, judge.row(version)))
-    except TimeLimit as error:
-        left = ", ".join(version.change for version in planned[len(tried) :])
-        return tried, f"not tried in the time: {left}, pairs of effects, the minimal scene; {error.todo}"
-    return tried, ""
-
-
-def look_further(judge: Judge, tried: list[tuple[Version, Row]]) -> tuple[tuple[Row, ...], Minimal | None, str]:
-    """Pairs and the minimal scene, as far as time allows: what single changes do is known then already."""
-    pairs: tuple[Row, ...] = ()
-    if not np.isfinite(judge.base.margin):
-        return pairs, None, "the scene itself has no margin to compare with"
-    try:
-        with part(1 / 3, 2 / 3):
-            pairs = find_interplay(judge, tried)
-        with part(2 / 3, 1.0):
-            return pairs, shrink(judge, tried, pairs), ""
-    except TimeLimit as error:
-        return pairs, None, f"pairs of effects and the minimal scene: {error}"
 
 
 def list_versions(scene: Scene) -> list[Version]:

@@ -78,8 +78,7 @@ def with_effect(scene: Scene, name: str, table: Effect | None) -> Scene:
 
 def list_mode_versions(scene: Scene) -> Iterator[Version]:
     """Give each link that can bend, or that a model's table gives modes, a mode less and a mode more."""
-    if scene.model is not None:
-        yield from (version for version in list_model_versions(scene) if version.kind == "modes")
+    yield from (version for version in list_model_versions(scene) if version.kind == "modes")
     for i, link in enumerate(scene.links):
         if link.bending_stiffness is None or not link.mass_per_length:
             continue
