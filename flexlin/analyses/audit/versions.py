@@ -17,6 +17,7 @@ from flexlin.checks import SAMPLES, SUM_ROUNDING, Array, try_to
 from flexlin.control.drives import Demand, drive_load
 from flexlin.control.tracking import tip_positions
 from flexlin.errors import counted
+from flexlin.linearization.free import loop_matrices
 from flexlin.linearization.linear import linearize
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics import build_manipulator
@@ -328,16 +329,14 @@ def part_coordinates(lin: Linearization) -> tuple[Array, Array]:
     With M, D, K, h, B of coordinates of unit inertia; where nothing acts on anything, all counts as reached.
     """
     t = lin.period * np.arange(SAMPLES) / SAMPLES
-    M, D, K, h = second_order_with_states(lin, t)
-    inertia = np.einsum("tii->ti", M).max(axis=0)
-    unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
-    coupled = np.zeros(M.shape[1:], dtype=bool)
-    for matrix in (M, D, K):
+    n, own, matrices = lin.n, lin.sample(t), lin.about.evaluate(loop_matrices(lin, None), t)
+    unit = 1 / np.sqrt(np.einsum("tii->ti", matrices[0]).max(axis=0))
+    coupled = np.zeros(matrices[0].shape[1:], dtype=bool)
+    for matrix in matrices:
         size = np.abs(matrix * unit[:, None] * unit).max(axis=0)
         coupled |= size > SUM_ROUNDING * np.minimum(size.max(axis=1)[:, None], size.max(axis=1))
-    force = np.abs(h * unit).max(axis=0)
-    felt = force > SUM_ROUNDING * force.max()
-    felt[: lin.n] |= (np.abs(lin.sample(t).B) > 0).any(axis=(0, 2))
+    force, felt = np.abs(own.h * unit[:n]).max(axis=0), np.zeros(len(unit), dtype=bool)
+    felt[:n] = (force > SUM_ROUNDING * force.max()) | (np.abs(own.B) > 0).any(axis=(0, 2))
     labels = connected_components(coupled, directed=False)[1]
     return labels, felt if felt.any() else np.ones_like(felt)
 
@@ -382,17 +381,3 @@ def _follow(
         return np.zeros((len(t), 3)), float("nan"), demands
     path = tip_positions(lin, t, states)
     return np.pad(path, ((0, 0), (0, 3 - path.shape[1]))), float(found.tip_error.max()), demands
-
-
-def second_order_with_states(lin: Linearization, t: Array) -> tuple[Array, Array, Array, Array]:
-    """M, D, K (N, n + k, n + k) and h (N, n + k) of [y; z]; the controller's rows, z' - rates [y; y'; z] = 0, have no mass."""
-    c, n, controller = lin.sample(t), lin.n, lin.controller
-    if controller is None:
-        return c.M, c.D, c.K, c.h
-    k, rates = controller.states, controller.rates
-    M, D, K = (np.zeros((len(t), n + k, n + k)) for _ in range(3))
-    M[:, :n, :n], D[:, :n, :n], K[:, :n, :n] = c.M, c.D, c.K
-    K[:, :n, n:] = c.B @ lin.closed_by.gain(t)[:, :, 2 * n :]
-    D[:, n:, :n], D[:, n:, n:] = -rates[:, n : 2 * n], np.eye(k)
-    K[:, n:, :n], K[:, n:, n:] = -rates[:, :n], -rates[:, 2 * n :]
-    return M, D, K, np.concatenate([c.h, np.zeros((len(t), k))], axis=1)
