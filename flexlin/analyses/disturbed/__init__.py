@@ -79,14 +79,11 @@ class PushedEquations(NonlinearEquations):
         super().__init__(lin, law)
         self._directions, self._size = directions, size
 
-    def push(self, t: Array, y: Array) -> Array:
-        """The generalized force (N, n)."""
-        e = self._directions.unit(t)
-        return self._size * self.lin.about.evaluate(self._directions.exact, t, y, e)[0][:, :, 0]
-
     def of_arm(self, at: Places, y: Array, v: Array, w: Array) -> Array:
         """M s'' + C s' + g + d - B torque - J' force in the coordinates kept."""
-        return super().of_arm(at, y, v, w) - self.push(at.t, y[:, : self.n])
+        directions = self._directions
+        force = self.lin.about.evaluate(directions.exact, at.t, y[:, : self.n], directions.unit(at.t))[0][:, :, 0]
+        return super().of_arm(at, y, v, w) - self._size * force
 
     def ready(self, at: Places) -> None:
         """None: the push stands in no program."""
