@@ -64,7 +64,7 @@ def test_figures_that_a_scene_does_not_bear_are_not_called_its_fault():
     """Rotors on a link whose tip has no inertia of its own make M indefinite: the scene was said to have no kinetic energy."""
     scene = fl.load_scene("de-luca-siciliano-1991")
     judge = Judge(scene, 0.01, 1e-9)
-    spin = next(one for one in versions.list_effect_versions(scene, read_scale(scene)) if one.subject == "rotor_spin")
+    spin = next(one for one in versions.list_effect_versions(scene) if one.subject == "rotor_spin")
     said = "left out, because the scene does not bear the figures it would be tried with: M is"
     assert judge.row(spin).problem.startswith(said)
 

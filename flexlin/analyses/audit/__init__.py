@@ -478,7 +478,7 @@ def list_versions(scene: Scene) -> list[Version]:
     """All single changes that are tried."""
     if scene.model is not None:
         return list(versions.list_model_versions(scene))
-    return [*versions.list_effect_versions(scene, versions.read_scale(scene)), *list_mode_versions(scene)]
+    return [*versions.list_effect_versions(scene), *list_mode_versions(scene)]
 
 
 def find_reach(scene: Scene) -> float:

@@ -58,18 +58,15 @@ class Version:
     units: dict[str, str] = field(default_factory=dict)
 
 
-def list_effect_versions(scene: Scene, scale: Scale | None) -> Iterator[Version]:
+def list_effect_versions(scene: Scene) -> Iterator[Version]:
     """Switch each effect off, or on with the figures that its own file proposes; an effect without a proposal is not tried."""
-    on = scene.effects.on()
+    on, scale = scene.effects.on(), read_scale(scene)
     for name, effect in known_effects().items():
-        shown, other = on.get(name), None
-        if shown is None and scale is not None and issubclass(effect, Effect):
-            shown = other = effect.tried_with(scale)
-        if shown is None:
-            continue
-        change = f"without {name}" if name in on else f"with {name}"
-        switch = partial(with_effect, name=name, table=other)
-        yield Version(switch, change, "effect", name, name in on, shown.model_dump(), effect.units())
+        tried = effect.tried_with(scale) if name not in on and issubclass(effect, Effect) else None
+        if shown := on.get(name, tried):
+            change = f"without {name}" if name in on else f"with {name}"
+            switch = partial(with_effect, name=name, table=tried)
+            yield Version(switch, change, "effect", name, name in on, shown.model_dump(), effect.units())
 
 
 def with_effect(scene: Scene, name: str, table: Effect | None) -> Scene:
