@@ -218,7 +218,11 @@ def judge_period(a: Analysis) -> None:
     work = partial(find_response, a.closed, system, a.t, a.asked.tol)
     a.own = replace(a.own, response=a.attempt("response", "forced response", work, response_error))
     follow_nonlinear(a)
-    find_range(a)
+    if result is None:
+        a.problems["linear range"] = "no Floquet modes are known to measure it along"
+    else:
+        reach = partial(linear_range, a.closed, result=result, tol=max(RANGE_TOL, a.asked.tol), plant=a.plant)
+        a.linear_range = a.attempt("linear range", "range of the linear equations", reach)
     if 0 < len(a.plant.driven) <= 2 and a.plant.n != len(a.plant.driven) and a.plant.arm.points is not None:
         a.zeros = a.attempt("zeros", "zeros of tip control", partial(tip_zeros, a.plant, max(ZEROS_TOL, a.asked.tol)))
     a.designs = judge_designs(a)
@@ -367,15 +371,6 @@ def follow_nonlinear(a: Analysis) -> None:
     a.simulation = a.clock.attempt(a.problems, "simulation", name, asked, work, error_of)
     failure = a.clock.failures.get("simulation")
     a.stopped = failure if isinstance(failure, SimulationStopped) else None
-
-
-def find_range(a: Analysis) -> None:
-    """How far the linear equations of the own loop hold; it is measured along the loop's Floquet modes."""
-    if a.own.floquet is None:
-        a.problems["linear range"] = "no Floquet modes are known to measure it along"
-        return
-    work = partial(linear_range, a.closed, result=a.own.floquet, tol=max(RANGE_TOL, a.asked.tol), plant=a.plant)
-    a.linear_range = a.attempt("linear range", "range of the linear equations", work)
 
 
 def find_loop_margins(a: Analysis) -> None:
