@@ -6,7 +6,7 @@ import pytest
 
 import flexlin as fl
 from flexlin import sensitivity
-from flexlin.analyses import choose_paths, gain_search, make_family
+from flexlin.analyses import choose_paths, make_family
 from flexlin.analyses.gain_search import SMOOTHING_LEVELS, Problem, follow_levels, lay_scenarios, smooth_growth
 from flexlin.analyses.spectra import Family
 from flexlin.errors import ArgumentError, NotStable
@@ -134,7 +134,7 @@ def test_what_cannot_be_tuned_is_refused():
 def test_time_ends_the_search_with_the_best_gains_so_far(monkeypatch, spectra):
     """A clock that goes by one second a spectrum: after the first, or in the middle of the search."""
     made = []
-    monkeypatch.setattr(gain_search.Stopwatch, "seconds", property(lambda _: float(len(made))))
+    monkeypatch.setattr("flexlin.resources.Stopwatch.seconds", property(lambda _: float(len(made))))
 
     def loop(gain, stiffness):
         made.append(gain)

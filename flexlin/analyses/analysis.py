@@ -211,17 +211,23 @@ def build_with_free(scene: Scene, free: Sequence[str]) -> Manipulator:
 def judge_period(a: Analysis) -> None:
     """The stages of a report that only a periodic motion has, and what all have between them."""
     a.elastic = judge_elastic_loop(a) if a.scene.control.about == "elastic" else None
-    find_causes(a)
-    system = a.closed.periodic_system()
+    system, result = a.closed.periodic_system(), a.own.floquet
+    if result is not None and result.verdict == "unstable":
+        look = partial(find_resonances, system, floquet_modes(system, result))
+        a.resonances = tuple(a.attempt("resonances", "cause of the instability", look) or ())
     work = partial(find_response, a.closed, system, a.t, a.asked.tol)
     a.own = replace(a.own, response=a.attempt("response", "forced response", work, response_error))
     follow_nonlinear(a)
-    find_range(a)
+    if result is None:
+        a.problems["linear range"] = "no Floquet modes are known to measure it along"
+    else:
+        reach = partial(linear_range, a.closed, result=result, tol=max(RANGE_TOL, a.asked.tol), plant=a.plant)
+        a.linear_range = a.attempt("linear range", "range of the linear equations", reach)
     if 0 < len(a.plant.driven) <= 2 and a.plant.n != len(a.plant.driven) and a.plant.arm.points is not None:
         a.zeros = a.attempt("zeros", "zeros of tip control", partial(tip_zeros, a.plant, max(ZEROS_TOL, a.asked.tol)))
     a.designs = judge_designs(a)
-    a.sampled = judge_sampled_loops(a, (a.own, *a.designs))
-    a.estimated = judge_estimated_loops(a, a.designs)
+    a.sampled = judge_sampled_loops(a)
+    a.estimated = judge_estimated_loops(a)
     bare = replace(a.own, name="open loop")
     a.open_loop = bare if a.own.kind == "open" else with_response(a, a.open_loop, a.plant.periodic_system())
 
@@ -317,12 +323,12 @@ def with_response(a: Stages, loop: Loop, system: PeriodicSystem | None = None) -
     return replace(loop, response=a.attempt_alone(f"forced response: {loop.name}", work, response_error)[0])
 
 
-def judge_sampled_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
+def judge_sampled_loops(a: Analysis) -> tuple[Loop, ...]:
     """The loops with a feedback on the arm's own states once more, their torque sampled, held and late as the scene says."""
     sampling, found = a.scene.control.sampling, list[Loop]()
     if sampling is None:
         return ()
-    for loop in loops:
+    for loop in (a.own, *a.designs):
         law = a.closed.law if loop.design is None else loop.design.law
         if loop.floquet is None or loop.kind == "open" or (loop.design is not None and loop.design.sample_time):
             continue
@@ -333,12 +339,12 @@ def judge_sampled_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
     return tuple(found)
 
 
-def judge_estimated_loops(a: Stages, loops: Sequence[Loop]) -> tuple[Loop, ...]:
+def judge_estimated_loops(a: Analysis) -> tuple[Loop, ...]:
     """The designs that name sensors once more, their states estimated by a Kalman filter."""
     tables, found = {table.name: table.estimator for table in a.scene.designs}, list[Loop]()
-    for loop in loops:
+    for loop in a.designs:
         table, made = tables[loop.name], loop.design
-        if table is None or made is None or not a.plant.motion.periodic:
+        if table is None or made is None:
             continue
         name = f"{loop.name}, estimated"
         work = partial(scene_sensors(a.scene, a.plant, table).filter, a.plant, a.asked.tol)
@@ -356,18 +362,6 @@ def exponent_error(result: FloquetResult) -> float:
     return float((result.errors / np.maximum(1.0, np.abs(result.exponents)))[known].max(initial=0.0))
 
 
-def find_causes(a: Analysis) -> None:
-    """The parametric resonances behind an unstable own loop."""
-    result = a.own.floquet
-    if result is None or a.own.verdict != "unstable":
-        return
-    system = a.closed.periodic_system()
-    found = a.attempt(
-        "resonances", "cause of the instability", lambda: find_resonances(system, floquet_modes(system, result))
-    )
-    a.resonances = tuple(found or ())
-
-
 def follow_nonlinear(a: Analysis) -> None:
     """The nonlinear equations beside the linear ones: over some periods, or to the end of a motion and beyond."""
     asked, periodic = a.asked.of_comparison, a.plant.motion.periodic
@@ -377,15 +371,6 @@ def follow_nonlinear(a: Analysis) -> None:
     a.simulation = a.clock.attempt(a.problems, "simulation", name, asked, work, error_of)
     failure = a.clock.failures.get("simulation")
     a.stopped = failure if isinstance(failure, SimulationStopped) else None
-
-
-def find_range(a: Analysis) -> None:
-    """How far the linear equations of the own loop hold; it is measured along the loop's Floquet modes."""
-    if a.own.floquet is None:
-        a.problems["linear range"] = "no Floquet modes are known to measure it along"
-        return
-    work = partial(linear_range, a.closed, result=a.own.floquet, tol=max(RANGE_TOL, a.asked.tol), plant=a.plant)
-    a.linear_range = a.attempt("linear range", "range of the linear equations", work)
 
 
 def find_loop_margins(a: Analysis) -> None:

@@ -12,7 +12,7 @@ from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError, counted
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.boundary.crossings import CELLS, SCAN_VALUES, Crossing, find_crossings
-from flexlin.periodic.boundary.curves import Curve, find_curves, find_lost_ends
+from flexlin.periodic.boundary.curves import find_curves, find_lost_ends
 from flexlin.periodic.boundary.spectra import Effort
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.precision import MINOR
@@ -399,30 +399,21 @@ def search_boundary(
     share = tol / max(1.0, float(span.max()))
     # it moves a place by a small part of the wanted distance
     coarsest = float(np.clip(MINOR * share, SCAN_ERROR, LOOSE_LOG_ERROR))
-    ends = {path: (float(a), float(b)) for path, (a, b) in ranges.items()}
-    family = make_family(source, ends, loop, coarsest=coarsest)
+    family = make_family(source, ranges, loop, coarsest=coarsest)
     constant = family.is_constant(low + span / 2)
     found = find_curves(lambda points: family.rough(low + span * points), share, cells, constant, effort)
-    first, second = ranges
-    curves = [
-        describe_curve((first, second), curve, low + span * lost, family, low, span, share)
-        for curve, lost in zip(found, find_lost_ends(found), strict=True)
-    ]
+    curves, (first, second) = list[BoundaryCurve](), ranges
+    for curve, ends in zip(found, find_lost_ends(found), strict=True):
+        points, lost, error = low + span * curve.points, low + span * ends, curve.errors * float(span.max())
+        status = describe_errors((first, second), points, error, share * float(span.max()))
+        if len(lost):
+            place = name_place((first, second), lost[0])
+            status += f"; it was lost at {place}: ask for narrower ranges around that place"
+        p, q = (low + span * curve.inside).tolist()
+        text = describe_causes(family, np.array([p, q]))
+        known = curve.closed, text, (p, q), family.evaluations, lost, status
+        curves.append(BoundaryCurve((first, second), points, error, *known))
     return sorted(curves, key=lambda curve: -len(curve.points))
-
-
-def describe_curve(
-    paths: tuple[str, str], curve: Curve, lost: Array, family: Family, low: Array, span: Array, share: float
-) -> BoundaryCurve:
-    """A curve in the numbers' units, with its resonance; share: the wanted distance, of the ranges."""
-    inside = low + span * curve.inside
-    text, evaluations = describe_causes(family, inside), family.evaluations
-    place = (float(inside[0]), float(inside[1]))
-    points, error, wanted = low + span * curve.points, curve.errors * float(span.max()), share * float(span.max())
-    status = describe_errors(paths, points, error, wanted)
-    if len(lost):
-        status += f"; it was lost at {name_place(paths, lost[0])}: ask for narrower ranges around that place"
-    return BoundaryCurve(paths, points, error, curve.closed, text, place, evaluations, lost, status)
 
 
 def describe_errors(paths: tuple[str, str], points: Array, error: Array, wanted: float) -> str:

@@ -105,12 +105,9 @@ class Limit:
         late, waited = self.watch.seconds >= allowed.seconds, self.watch.clock >= allowed.clock
         if late or waited:
             of = f" of the {allowed.whole:g} s of the whole" if allowed.seconds < allowed.whole else ""
-            got = (
-                f"no answer in {allowed.seconds:.3g} s{of}"
-                if late
-                else f"no answer in {allowed.clock:.3g} s by the clock"
-            )
-            self.rung.append(TimeLimit(f"{name}: stopped at the time limit", got=got, todo=allowed.more_time))
+            got = f"{allowed.seconds:.3g} s{of}" if late else f"{allowed.clock:.3g} s by the clock"
+            todo, what = allowed.more_time, f"{name}: stopped at the time limit"
+            self.rung.append(TimeLimit(what, got=f"no answer in {got}", todo=todo))
             raise self.rung[-1]
         if taken > allowed.memory:
             got, most = f"{taken:,} bytes", f"at most {allowed.memory:,.0f} bytes"

@@ -9,8 +9,8 @@ from scipy.stats import qmc
 
 from flexlin.analyses.spectra import Family
 from flexlin.checks import Array
+from flexlin.periodic.boundary.spectra import Effort
 from flexlin.precision import CUBE_ROOT_EPS, SLIGHT
-from flexlin.resources import Stopwatch
 
 
 def smooth_growth(exponents: Array, periods: Array, mu: float, horizon: float) -> tuple[float, Array]:
@@ -91,13 +91,8 @@ class Problem:
     """The best growth rate and x of all searches with these scenarios."""
     names: tuple[str, ...] = ()
     """Of the gains, then of the scenario's numbers."""
-    until: float = np.inf
-    """Seconds of work in which the verification must be done."""
-    watch: Stopwatch = field(default_factory=Stopwatch)
-    taken: tuple[float, int] = (0.0, 0)
-    """Time in s and number of the spectra so far."""
-    ended: bool = False
-    """Whether time has ended the search."""
+    effort: Effort = field(default_factory=Effort)
+    """Seconds of work in which the verification must be done; unfinished where time has ended the search."""
 
     def straighten(self, gains: Array) -> Array:
         """The gains on the scales on which they are sought."""
@@ -124,9 +119,8 @@ class Problem:
         """Exponents (S, n), infinite where there are none, and periods (S,) at each scenario; or (G, S, n) for gains (G, P)."""
         several = np.atleast_2d(gains)
         points = np.concatenate([np.repeat(several, len(scenarios), axis=0), np.tile(scenarios, (len(several), 1))], 1)
-        begun, periods = self.watch.seconds, self.family.periods(points)
-        found = self.family.rough(points).logs / periods[:, None]
-        self.taken = self.taken[0] + self.watch.seconds - begun, self.taken[1] + len(points)
+        periods = self.family.periods(points)
+        found = self.effort.timed(self.family.rough)(points).logs / periods[:, None]
         known = np.where(np.isfinite(found).all(axis=1, keepdims=True), found, np.inf)
         return known.reshape(*gains.shape[:-1], len(scenarios), -1), periods[: len(scenarios)]
 
@@ -140,13 +134,12 @@ class Problem:
 
     def affordable(self) -> float:
         """Scenarios that can still be verified in time."""
-        spent, count = self.taken
-        return (self.until - self.watch.seconds) * count / (VERIFYING_SPECTRA * spent) if spent else np.inf
+        return self.effort.count(1.0) / VERIFYING_SPECTRA
 
     def need_time(self, spectra: int) -> None:
         """Raise OutOfTimeError where so many spectra more leave no time for the verification."""
         if self.affordable() < len(self.scenarios) + CHECKED_SCENARIOS + spectra / VERIFYING_SPECTRA:
-            self.ended = True
+            self.effort.unfinished = True
             raise OutOfTimeError
 
     def judge(self, x: Array, mu: float, horizon: float, step: float) -> tuple[float, Array]:
@@ -189,7 +182,7 @@ def search(problem: Problem, own: Array, ranges: Array, starts: int, steps: int,
     except OutOfTimeError:
         growth, x = problem.best
         found = problem.gains(x) if np.isfinite(growth) else np.clip(own, problem.low, problem.high)
-        return found, fine[: max(CHECKED_SCENARIOS, int(problem.affordable()) - len(problem.scenarios))]
+        return found, fine[: int(max(CHECKED_SCENARIOS, problem.affordable() - len(problem.scenarios)))]
 
 
 def minimise(problem: Problem, own: Array, starts: int, steps: int, seed: int, fine: Array) -> Array:
@@ -197,9 +190,8 @@ def minimise(problem: Problem, own: Array, starts: int, steps: int, seed: int, f
     screened = SCREENED_GAINS if problem.family.batched else SCREENED_GAINS // FEWER_ONE_BY_ONE
     drawn = np.random.default_rng(seed).uniform(-np.pi / 2, np.pi / 2, (screened, len(own)))
     sizes = [problem.worst(x) for x in drawn[: screened * (starts > 1)]]
-    levels = (
-        SMOOTHING_LEVELS if problem.exact else SMOOTHING_LEVELS[:5]
-    )  # differences are of spectra that are known to 1e-8
+    # differences are of spectra that are known to 1e-8
+    levels = SMOOTHING_LEVELS if problem.exact else SMOOTHING_LEVELS[:5]
     problem.best = np.inf, problem.position(own)
     for start in (problem.best[1], *drawn[np.argsort(sizes)[: starts - 1]]):
         follow_levels(problem, start, steps, levels)

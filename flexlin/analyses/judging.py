@@ -17,7 +17,7 @@ from flexlin.mechanics.links import COLUMNS
 from flexlin.motion import SampledMotion
 from flexlin.periodic.certificate import Certificate
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.response.forced import ForcedResponse, forced_response
+from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.system import OfPlant, PeriodicSystem
 from flexlin.scene.scene import Scene
 
@@ -27,23 +27,17 @@ three digits."""
 
 
 @dataclass(frozen=True)
-class Followed:
-    """The elastic motion that a feedforward leads along, in the place of a forced response: any stable loop keeps it."""
-
-    error: float
-    status: str
-    amplification: float = float("nan")
-
-
-@dataclass(frozen=True)
 class Response:
     """The periodic response of a loop: states [y; y'; z] (N, 2n + k), and how far the tip is from its rigid motion, (N, 2) in m.
 
-    `tip_by_bending` is the part of it that is left when only the elastic coordinates deviate; `law` commands the torque where a
-    feedforward leads along an elastic motion.
+    `tip_by_bending` is the part of it that is left when only the elastic coordinates deviate; `error`, `amplification` and `status` are
+    those of a forced response. Where a feedforward leads along an elastic motion, which any stable loop keeps, `law` commands the torque
+    and the amplification is not a number.
     """
 
-    solution: ForcedResponse | Followed
+    error: float
+    amplification: float
+    status: str
     states: Array
     tip: Array
     tip_by_bending: Array
@@ -63,23 +57,22 @@ class Response:
 def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: float) -> Response:
     """The periodic response to what the rigid motion leaves over, and what it does to the tip."""
     forward = scene_feedforward(closed, tol)
-    solution: ForcedResponse | Followed
     if forward is None:
         solution = forced_response(loop, OfPlant(closed.forcing, 2 * closed.n, loop.n), tol)
-        states = solution(t)
+        states, known = solution(t), (solution.error, solution.amplification, solution.status)
     else:
         reference = forward.law.reference(t)
         states = np.concatenate([reference, np.zeros((len(t), loop.n - 2 * closed.n))], axis=1)
-        solution = Followed(forward.error * float(np.abs(states).max()), forward.status)
+        known = forward.error * float(np.abs(states).max()), float("nan"), forward.status
     bent = states[:, : 2 * closed.n] * [coordinate.kind == "elastic" for coordinate in closed.coordinates * 2]
     rigid = tip_positions(closed, t, np.zeros_like(states))
     tip, by_bending = (tip_positions(closed, t, x) - rigid for x in (states, bent))
-    return Response(solution, states, tip, by_bending, None if forward is None else forward.law)
+    return Response(*known, states, tip, by_bending, None if forward is None else forward.law)
 
 
 def response_error(found: Response) -> float:
     """The error of the states, relative to the largest, absolute below 1."""
-    return found.solution.error / max(1.0, float(np.abs(found.states).max()))
+    return found.error / max(1.0, float(np.abs(found.states).max()))
 
 
 def arm_length(plant: Linearization) -> float:

@@ -90,10 +90,6 @@ class RebuiltLoop:
         """The linearization of an arm along a scene's motion."""
         return linearize(arm, scene.motion, scene.control if self.closed else None)
 
-    def with_gain(self, kept: KeptGain) -> "RebuiltLoop":
-        """The loop u = -K(phase) [y; y'; z] on this arm."""
-        return replace(self, kept=kept)
-
 
 AnyLoop = ParametricLoop | RedesignedLoop | RebuiltLoop
 
@@ -130,7 +126,7 @@ def choose_loop(scene: Scene, paths: Iterable[str], loop: str = "own", tol: floa
     made = design(linearize(build_manipulator(scene), scene.motion), table, tol)
     period = made.closed_loop.period
     rates = None if made.controller is None else made.controller.rates
-    return plant.with_gain(KeptGain(made.K, period, tuple(t / period for t in made.closed_loop.breaks), rates))
+    return replace(plant, kept=KeptGain(made.K, period, tuple(t / period for t in made.closed_loop.breaks), rates))
 
 
 def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> ParametricLoop | RebuiltLoop:

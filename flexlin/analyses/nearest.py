@@ -323,8 +323,7 @@ def search_box(box: Box) -> NearestInstability:
         return NearestInstability(box.paths, box.own, np.full(len(box.own), np.nan), np.inf, 0.0, False, *about)
     u = min(places, key=lambda place: float(np.abs(place).max()))
     scale = float(np.abs(u).max())
-    error = measure_error(box, u / scale, scale)
-    confirmed = confirm(box, u / scale, scale, error)
+    error, confirmed = confirm(box, u / scale, scale)
     return NearestInstability(box.paths, box.own, box.values(u), scale, error, confirmed, *about)
 
 
@@ -337,15 +336,12 @@ def find_spread(box: Box) -> tuple[float, float]:
     return min(found), max(found)
 
 
-def measure_error(box: Box, direction: Array, scale: float) -> float:
-    """The exponent's error over the growth rate's slope along the ray."""
+def confirm(box: Box, direction: Array, scale: float) -> tuple[float, bool]:
+    """The scale's error, the exponent's over the growth rate's slope along the ray; and whether the loop is stable just before the place
+    and unstable just behind."""
     step = 1e-4 * scale
     slope = (box.growth((scale + step) * direction) - box.growth((scale - step) * direction)) / (2 * step)
-    return float(box.judge(scale * direction).errors[0] / abs(slope)) if slope else np.inf
-
-
-def confirm(box: Box, direction: Array, scale: float, error: float) -> bool:
-    """Whether the loop is stable just before the place and unstable just behind."""
+    error = float(box.judge(scale * direction).errors[0] / abs(slope)) if slope else np.inf
     apart = max(2 * error, DIFFERENCE_STEP * scale)
-    before, behind = (box.judge((scale + side) * direction).verdict for side in (-apart, apart))
-    return bool(before == "stable" and behind == "unstable")
+    verdicts = [box.judge((scale + side) * direction).verdict for side in (-apart, apart)]
+    return error, verdicts == ["stable", "unstable"]

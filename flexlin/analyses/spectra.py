@@ -186,9 +186,7 @@ class SymbolicFamily(Family):
             logs[which], errors[which] = found.logs, found.errors
             return np.where(serves(found, self.coarsest), 0.0, found.misses(self.coarsest))
 
-        narrow = self.together.find_narrow(placed)
-        missed = self.together.solve(placed, np.flatnonzero(~narrow), enter)
-        left = np.sort(np.concatenate([missed, np.flatnonzero(narrow)]))
+        left = self.together.solve(placed, enter)
         self.evaluations += len(points) - len(left)
         if len(left):
             alone = super().rough(points[left])
@@ -218,10 +216,8 @@ def serves(found: "Logs", tol: float) -> Array:
     """Which spectra are accurate enough for a scan, (V,): where multipliers lie close together, their squared distance counts."""
     apart = measure_distances(found.logs.T, found.logs.T) + np.diag(np.ones(found.logs.shape[1]))[..., None]
     gap, errors = np.minimum(apart.min(axis=1).T, 1.0), found.errors
-    met = ((errors <= LOOSE_LOG_ERROR) & (errors * (gap + errors) <= PARTIAL * tol)) | (
-        errors <= tol * np.abs(found.logs)
-    )
-    return found.sound & np.asarray(met.all(axis=1))
+    close = (errors <= LOOSE_LOG_ERROR) & (errors * (gap + errors) <= PARTIAL * tol)
+    return found.sound & np.asarray((close | (errors <= tol * np.abs(found.logs))).all(axis=1))
 
 
 @dataclass

@@ -16,6 +16,7 @@ from flexlin.control.drives import drive_load
 from flexlin.errors import ArgumentError, NotStable, counted
 from flexlin.linearization.linear import linearize
 from flexlin.mechanics import build_manipulator
+from flexlin.periodic.boundary.spectra import Effort
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.scene.loading import revise_scene
 from flexlin.scene.parameters import get_value, numeric_paths
@@ -160,7 +161,7 @@ def tune(
     spans = {path: (float(a), float(b)) for path, (a, b) in zip(own, bounds, strict=True)}
     family = replace(make_family(source, {**spans, **vary}, "own"), finest=SCAN_ERROR)
     names = (*own, *vary)
-    problem = Problem(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, 3), names=names, until=until)
+    problem = Problem(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, 3), names=names, effort=Effort(until))
     started = np.array(list(own.values()))
     x, fine = search(problem, started, ranges, whole("starts", starts), whole("steps", steps), seed)
     tuned, capped = keep_torque(source, problem, started, x, fine, limits)
@@ -248,7 +249,7 @@ def report_tuning(
         if abs(value - edge) < ACTIVE_SHARE * min(abs(edge) or np.inf, high - low)
     ]
     meeting = f"{len(active)} exponents meet" if len(active) > 1 else "one exponent at one scenario"
-    ended = "the time, which ended the search" if problem.ended else ""
+    ended = "the time, which ended the search" if problem.effort.unfinished else ""
     limits = tuple(filter(None, (*bound, capped, ended, meeting)))
     numbers = named(gains, tuned)
     scene = revise_scene(source, numbers) if isinstance(source, Scene) else None

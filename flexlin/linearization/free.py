@@ -1,7 +1,7 @@
 """A scene's closed loop with some of its numbers left free; it and families as data for the kernel."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntFlag, auto
 from functools import lru_cache, partial
 from typing import ClassVar
@@ -150,10 +150,6 @@ class ParametricLoop:
         """The loop as a periodic system at one point (P,); with a kept gain the plant is closed by it."""
         system = self.at(point).periodic_system()
         return system if self.kept is None else self.kept.close(system)
-
-    def with_gain(self, kept: KeptGain) -> "ParametricLoop":
-        """The loop u = -K(phase) [y; y'; z] on this arm. Assumes that this is the arm without feedback."""
-        return replace(self, kept=kept)
 
 
 @lru_cache(maxsize=16)

@@ -160,7 +160,7 @@ def record_response(analysis: Analysis) -> dict[str, Any]:
         "tip_error_xy": response.tip,
         "largest_tip_error": response.tip_error.max(),
         "rms_tip_error": np.sqrt(np.mean(response.tip_error[:-1] ** 2)),
-        **record_fields(response.solution, "error amplification status"),
+        **record_fields(response, "error amplification status"),
     }
 
 

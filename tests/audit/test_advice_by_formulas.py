@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import Judge, analyse, find_reach, list_effect_versions, read_scale
+from flexlin.analyses import Judge, analyse, list_effect_versions
 from flexlin.report import minimal_text
 
 LENGTH, LINE_MASS = 1.2, 0.5
@@ -28,8 +28,8 @@ def arm(frequency, effects, amplitude=0.6, limits=None, drive="torque", **link):
 
 
 def row_of(scene, name, tolerance=0.01):
-    judge = Judge.of(scene, find_reach(scene), tolerance, 1e-4)
-    version = next(v for v in list_effect_versions(scene, read_scale(scene)) if v.subject == name)
+    judge = Judge(scene, tolerance, 1e-4)
+    version = next(v for v in list_effect_versions(scene) if v.subject == name)
     return judge.row(version)
 
 

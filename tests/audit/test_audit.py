@@ -63,8 +63,8 @@ def test_every_effect_and_modes_both_ways_are_tried_and_advice_follows_the_toler
 def test_figures_that_a_scene_does_not_bear_are_not_called_its_fault():
     """Rotors on a link whose tip has no inertia of its own make M indefinite: the scene was said to have no kinetic energy."""
     scene = fl.load_scene("de-luca-siciliano-1991")
-    judge = Judge.of(scene, find_reach(scene), 0.01, 1e-9)
-    spin = next(one for one in versions.list_effect_versions(scene, read_scale(scene)) if one.subject == "rotor_spin")
+    judge = Judge(scene, 0.01, 1e-9)
+    spin = next(one for one in versions.list_effect_versions(scene) if one.subject == "rotor_spin")
     said = "left out, because the scene does not bear the figures it would be tried with: M is"
     assert judge.row(spin).problem.startswith(said)
 
@@ -197,7 +197,7 @@ def test_the_minimal_scene_makes_the_error_that_it_states(result):
     text = minimal_text(result, result.minimal, "flexlin effects quanser-flexible-link")
     again = fl.parse_scene(tomllib.loads(text))
     grown = quanser(**{"links.0.modes": again.links[0].modes})
-    judge = Judge.of(grown, grown.links[0].length, 0.05, 1e-4)
+    judge = Judge(grown, 0.05, 1e-4)
     row = judge.row(versions.Version(lambda _: again, "", "minimal", "", True, {}))
     assert result.minimal.added == ("link 1 with 2 modes",)
     assert row.significance == pytest.approx(result.minimal.error.significance, rel=1e-3, abs=1e-12)
@@ -210,7 +210,7 @@ def test_the_minimal_scene_makes_the_error_that_it_states(result):
 def test_designs_that_no_longer_fit_are_left_out_of_the_minimal_scene():
     listed = {"name": "listed", "kind": "periodic-lqr", "state_weight": [1.0] * 6, "input_weight": [1.0]}
     scene = fl.load_scene("single-link", {"designs": [listed]})
-    smaller = versions.with_modes(scene, 0, -1)
+    smaller = versions.with_more(scene, "links.0.modes", -1)
     assert [design.name for design in fitting(scene)[0].designs] == ["listed"]
     kept, said = fitting(smaller)
     assert kept.designs == ()

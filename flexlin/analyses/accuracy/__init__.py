@@ -28,7 +28,6 @@ from flexlin.analyses.accuracy.scipy_methods import (
     scipy_simulations,
     scipy_transitions,
 )
-from flexlin.analyses.audit.versions import with_modes
 from flexlin.analyses.clock import time_limit
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive
@@ -47,6 +46,8 @@ from flexlin.periodic.riccati.riccati import periodic_riccati
 from flexlin.periodic.system import OfPlant, PeriodicSystem
 from flexlin.periodic.transition.choose_segments import Setting, choose_setting, factor_period
 from flexlin.resources import part
+from flexlin.scene.links import Modes
+from flexlin.scene.parameters import replace_value
 from flexlin.scene.scene import Scene
 from flexlin.series.explicit import taylor
 from flexlin.simulation.run import simulate
@@ -177,13 +178,18 @@ def try_simulation(closed: Linearization, tols: Sequence[float]) -> Trials:
 
 def try_modes(scene: Scene) -> Trials:
     """The leading exponent with 0, 1, 2 ... modes in each link that bends, against two modes more than the scene has."""
-    bending = [(i, d, n) for i, link in enumerate(scene.links) for d, n in link.counts.by_direction().items() if n]
-    most = max((n for _, _, n in bending), default=-2) + 2
+    bending = {
+        f"links.{i}.modes" + (f".{direction}" if isinstance(link.modes, Modes) else ""): count
+        for i, link in enumerate(scene.links)
+        for direction, count in link.counts.by_direction().items()
+        if count
+    }
+    most = max(bending.values(), default=-2) + 2
 
     def leading(count: int) -> complex:
         changed = scene
-        for link, direction, n in bending:
-            changed = with_modes(changed, link, count - n, direction)
+        for path in bending:
+            changed = replace_value(changed, path, count)
         loop = linearize(build_manipulator(changed), changed.motion, changed.control)
         first = floquet(loop.periodic_system(), 1e-8).exponents[0]
         return complex(first.real, abs(first.imag))

@@ -1,6 +1,6 @@
 """Which effects and how many modes a scene needs: each switched in turn and in pairs, what changes, and what it costs."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import combinations
@@ -10,11 +10,13 @@ import numpy as np
 
 from flexlin.analyses.audit import versions
 from flexlin.analyses.audit.versions import Measure, Part, Version, join_parts, list_mode_versions, measure
+from flexlin.analyses.clock import Progress
 from flexlin.analyses.judging import SMALL_SHARE, arm_length
 from flexlin.arguments import checked
 from flexlin.checks import positive, try_to
 from flexlin.control.drives import Demand
 from flexlin.errors import TimeLimit
+from flexlin.lazy import lazy
 from flexlin.linearization.linear import linearize
 from flexlin.mechanics import build_manipulator
 from flexlin.resources import advance, part
@@ -22,8 +24,6 @@ from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
 __all__ = ["Audit", "Measure", "Minimal", "Row", "audit", "measure"]
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -204,28 +204,33 @@ class Audit:
         return tuple(row.subject for row in self.effects if not row.on and row.significance > self.tolerance)
 
 
+GROWN = ("tip_error", "instructions", "microseconds", "coordinates")
+"""Figures whose differences a row states."""
 NEGLIGIBLE_SHARE = 1e-6
 """A torque, or a motion of the tip, that is nothing beside the largest of all joints, or beside the arm."""
 
 
 @dataclass(frozen=True)
 class Judge:
-    """Compares versions with a scene whose figures are `base`; reach: the arm's length in m; tolerance: the relative change that matters.
+    """Compares versions with a scene; tolerance: the relative change that matters; tol: wanted error of the exponents.
 
-    tol: wanted error of the exponents; report: called with the description of each version before it is measured.
+    report: called with the description of each version before it is measured.
     """
 
     scene: Scene
-    base: Measure
-    reach: float
     tolerance: float
     tol: float
-    report: Progress
+    report: Progress = lambda _: None
 
-    @classmethod
-    def of(cls, scene: Scene, reach: float, tolerance: float, tol: float, report: Progress = lambda _: None) -> "Judge":
-        """Measure the scene first."""
-        return cls(scene, measure(scene, tol), reach, tolerance, tol, report)
+    @lazy
+    def base(self) -> Measure:
+        """The scene's own figures."""
+        return measure(self.scene, self.tol)
+
+    @lazy
+    def reach(self) -> float:
+        """The arm's length, in m."""
+        return find_reach(self.scene)
 
     def row(self, version: Version, scene: Scene | None = None) -> Row:
         """What a version changes; or what another scene does that was made of several."""
@@ -243,14 +248,12 @@ class Judge:
         size = float(np.nanmax([compare_margins(own, theirs), frequency, path, torque]))
         if marks or ("unknown" not in (own.verdict, theirs.verdict) and own.verdict != theirs.verdict):
             size = float("inf")
-        judged = bool(np.isfinite([margin, path, torque]).all())
+        found: dict[str, Any] = {name: getattr(other, name) - getattr(base, name) for name in GROWN}
+        found |= {"path": path, "torque": torque, "marks": marks, "unfelt": unfelt, "units": version.units}
+        found |= {"verdict": theirs.verdict, "significance": size, "problem": "; ".join(other.problems)}
+        row = Row(*head, margin, frequency, advice="", **found)
         broken = max(other.tip_error, base.tip_error) > SMALL_SHARE * self.reach
-        advice = advise(version, size > self.tolerance, judged, broken, unfelt)
-        grown = (getattr(other, what) - getattr(base, what) for what in ("instructions", "microseconds", "coordinates"))
-        instructions, microseconds, coordinates = grown
-        moved = (*head, margin, frequency, other.tip_error - base.tip_error, instructions, microseconds, coordinates)
-        said = (*moved, theirs.verdict, size, advice, "; ".join(other.problems), version.units)
-        return Row(*said, path=path, torque=torque, marks=marks, unfelt=unfelt)
+        return replace(row, advice=advise(row, size > self.tolerance, broken))
 
     def compare_paths(self, other: Measure) -> float:
         """The largest distance of the two tip paths, relative to how far the tip moves, or to the arm where it rests; 0 without points."""
@@ -317,16 +320,16 @@ def compare_margins(base: Part, other: Part) -> float:
     return change / max(abs(base.margin), abs(other.margin))
 
 
-def advise(version: Version, matters: bool, judged: bool, broken: bool, unfelt: tuple[str, ...]) -> str:
+def advise(row: Row, matters: bool, broken: bool) -> str:
     """What to do; `broken`: the tip is so far off in one of the two that the linear model holds for it no longer."""
-    if not (matters or judged):
+    if not (matters or row.judged):
         return "undecided: not all of it could be judged"
-    note = f"; neither motors nor motion reach {', '.join(unfelt)}" if unfelt else ""
-    if version.kind == "modes":
-        if version.on:
+    note = f"; neither motors nor motion reach {', '.join(row.unfelt)}" if row.unfelt else ""
+    if row.kind == "modes":
+        if row.on:
             return "its last mode is needed" if matters else f"a mode less is enough{note}"
         return "another mode would be noticed" if matters else f"its modes are enough{note}"
-    if version.on:
+    if row.on:
         return "keep" if matters else f"may be dropped{note}"
     if matters and broken:
         return "with these figures the deflections are not small: it would be noticed, but this is no prediction of how much"
@@ -382,8 +385,7 @@ def grow(judge: Judge) -> tuple[Judge, tuple[str, ...]]:
             judge.report(f"minimal scene: {version.change}")
             row = before.row(version)
             if row.significance > judge.tolerance and row.judged:
-                scene = version.make(judge.scene)
-                judge = replace(judge, scene=scene, base=measure(scene, judge.tol))
+                judge = replace(judge, scene=version.make(judge.scene))
                 added.append(version.change)
         if judge is before:
             break
@@ -444,56 +446,39 @@ def audit(
     ('payload',)
     """
     tolerance, tol = positive("tolerance", tolerance), positive("tol", tol)
-    report = progress or (lambda text: None)
-    report("the scene as it is")
-    judge = Judge.of(scene, find_reach(scene), tolerance, tol, report)
-    with part(0.0, 1 / 3):
-        tried, problem = try_versions(judge)
-    pairs: tuple[Row, ...] = ()
-    minimal: Minimal | None = None
-    if together and not problem:
-        pairs, minimal, problem = look_further(judge, tried)
+    judge = Judge(scene, tolerance, tol, progress or (lambda _: None))
+    judge.report("the scene as it is")
+    base, planned, problem = judge.base, list_versions(scene), ""
+    tried, pairs, minimal = list[tuple[Version, Row]](), tuple[Row, ...](), None
+    try:
+        with part(0.0, 1 / 3):
+            for done, version in enumerate(planned):
+                judge.report(version.change)
+                advance(done / len(planned))
+                tried.append((version, judge.row(version)))
+        if together and np.isfinite(base.margin):
+            with part(1 / 3, 2 / 3):
+                pairs = find_interplay(judge, tried)
+            with part(2 / 3, 1.0):
+                minimal = shrink(judge, tried, pairs)
+        elif together:
+            problem = "the scene itself has no margin to compare with"
+    except TimeLimit as error:
+        problem = f"pairs of effects and the minimal scene: {error}"
+        if left := ", ".join(version.change for version in planned[len(tried) :]):
+            problem = f"not tried in the time: {left}, pairs of effects, the minimal scene; {error.todo}"
     rows = sorted(
-        (row for _, row in tried), key=lambda row: -row.significance if np.isfinite(row.significance) else -np.inf
+        (row for _, row in tried), key=lambda row: -np.nan_to_num(row.significance, nan=np.inf, posinf=np.inf)
     )
     effects, modes = (tuple(row for row in rows if row.kind == kind) for kind in ("effect", "modes"))
-    return Audit(judge.base, effects, modes, tolerance, pairs, minimal, problem)
-
-
-def try_versions(judge: Judge) -> tuple[list[tuple[Version, Row]], str]:
-    """All single changes, as far as time allows, and what was left out."""
-    tried: list[tuple[Version, Row]] = []
-    planned = list_versions(judge.scene)
-    try:
-        for done, version in enumerate(planned):
-            judge.report(version.change)
-            advance(done / len(planned))
-            tried.append((version, judge.row(version)))
-    except TimeLimit as error:
-        left = ", ".join(version.change for version in planned[len(tried) :])
-        return tried, f"not tried in the time: {left}, pairs of effects, the minimal scene; {error.todo}"
-    return tried, ""
-
-
-def look_further(judge: Judge, tried: list[tuple[Version, Row]]) -> tuple[tuple[Row, ...], Minimal | None, str]:
-    """Pairs and the minimal scene, as far as time allows: what single changes do is known then already."""
-    pairs: tuple[Row, ...] = ()
-    if not np.isfinite(judge.base.margin):
-        return pairs, None, "the scene itself has no margin to compare with"
-    try:
-        with part(1 / 3, 2 / 3):
-            pairs = find_interplay(judge, tried)
-        with part(2 / 3, 1.0):
-            return pairs, shrink(judge, tried, pairs), ""
-    except TimeLimit as error:
-        return pairs, None, f"pairs of effects and the minimal scene: {error}"
+    return Audit(base, effects, modes, tolerance, pairs, minimal, problem)
 
 
 def list_versions(scene: Scene) -> list[Version]:
     """All single changes that are tried."""
     if scene.model is not None:
         return list(versions.list_model_versions(scene))
-    return [*versions.list_effect_versions(scene, versions.read_scale(scene)), *list_mode_versions(scene)]
+    return [*versions.list_effect_versions(scene), *list_mode_versions(scene)]
 
 
 def find_reach(scene: Scene) -> float:
@@ -518,25 +503,18 @@ def find_interplay(judge: Judge, tried: Sequence[tuple[Version, Row]]) -> tuple[
     Of two that only one of is noticed, or of one that is on and one that is off, nothing is tried.
     """
     found = []
-    pairs = list(list_pairs(tried, judge.tolerance))
-    for done, ((one, first), (two, _)) in enumerate(pairs):
+    known = [(version, row) for version, row in tried if row.judged and row.kind == "effect"]
+    noticed = [(version, version.on, row.significance > judge.tolerance) for version, row in known]
+    pairs = [(one, two) for one, two in combinations(noticed, 2) if one[1:] == two[1:]]
+    for done, ((one, _, alone), (two, _, _)) in enumerate(pairs):
         both = joined(one, two)
         judge.report(f"together: {both.change}")
         advance(done / len(pairs))
         row = judge.row(both, two.make(one.make(judge.scene)))
-        alone, together = first.significance > judge.tolerance, row.significance > judge.tolerance
+        together = row.significance > judge.tolerance
         if alone != together and (row.judged or row.significance == np.inf):
             found.append(replace(row, advice=CANCEL if alone else NEED))
     return tuple(sorted(found, key=lambda row: -row.significance))
-
-
-def list_pairs(tried: Sequence[tuple[Version, Row]], tolerance: float) -> Iterator[tuple[tuple[Version, Row], ...]]:
-    """Pairs of effects that were judged."""
-    known = [item for item in tried if item[1].judged and item[1].kind == "effect"]
-    for first, second in combinations(known, 2):
-        same = (first[1].significance > tolerance) == (second[1].significance > tolerance)
-        if same and first[0].on == second[0].on:
-            yield first, second
 
 
 def joined(one: Version, two: Version) -> Version:

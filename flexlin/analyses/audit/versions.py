@@ -17,6 +17,7 @@ from flexlin.checks import SAMPLES, SUM_ROUNDING, Array, try_to
 from flexlin.control.drives import Demand, drive_load
 from flexlin.control.tracking import tip_positions
 from flexlin.errors import counted
+from flexlin.linearization.free import loop_matrices
 from flexlin.linearization.linear import linearize
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics import build_manipulator
@@ -57,18 +58,15 @@ class Version:
     units: dict[str, str] = field(default_factory=dict)
 
 
-def list_effect_versions(scene: Scene, scale: Scale | None) -> Iterator[Version]:
+def list_effect_versions(scene: Scene) -> Iterator[Version]:
     """Switch each effect off, or on with the figures that its own file proposes; an effect without a proposal is not tried."""
-    on = scene.effects.on()
+    on, scale = scene.effects.on(), read_scale(scene)
     for name, effect in known_effects().items():
-        shown, other = on.get(name), None
-        if shown is None and scale is not None and issubclass(effect, Effect):
-            shown = other = effect.tried_with(scale)
-        if shown is None:
-            continue
-        change = f"without {name}" if name in on else f"with {name}"
-        switch = partial(with_effect, name=name, table=other)
-        yield Version(switch, change, "effect", name, name in on, shown.model_dump(), effect.units())
+        tried = effect.tried_with(scale) if name not in on and issubclass(effect, Effect) else None
+        if shown := on.get(name, tried):
+            change = f"without {name}" if name in on else f"with {name}"
+            switch = partial(with_effect, name=name, table=tried)
+            yield Version(switch, change, "effect", name, name in on, shown.model_dump(), effect.units())
 
 
 def with_effect(scene: Scene, name: str, table: Effect | None) -> Scene:
@@ -78,35 +76,32 @@ def with_effect(scene: Scene, name: str, table: Effect | None) -> Scene:
 
 def list_mode_versions(scene: Scene) -> Iterator[Version]:
     """Give each link that can bend, or that a model's table gives modes, a mode less and a mode more."""
-    if scene.model is not None:
-        yield from (version for version in list_model_versions(scene) if version.kind == "modes")
+    yield from (version for version in list_model_versions(scene) if version.kind == "modes")
     for i, link in enumerate(scene.links):
         if link.bending_stiffness is None or not link.mass_per_length:
             continue
         for direction, count in link.counts.by_direction().items():
-            plain = not isinstance(link.modes, Modes)
-            if count or (plain and direction == "y"):
-                words = f"link {i + 1} with {{}}" + ("" if plain else f" in {direction}")
-                subject = f"links.{i}" if plain else f"links.{i}.modes.{direction}"
-                yield from step_modes(count, words, subject, partial(with_modes, link=i, direction=direction))
+            subject, words, path = f"links.{i}", f"link {i + 1} with {{}}", f"links.{i}.modes"
+            if isinstance(link.modes, Modes):
+                subject = path = f"{path}.{direction}"
+                words += f" in {direction}"
+            if count or (direction == "y" and subject != path):
+                yield from step_modes(count, words, subject, path)
 
 
-def step_modes(count: int, words: str, subject: str, give: Callable[..., Scene]) -> Iterator[Version]:
-    """A number of modes one less and one more."""
+def step_modes(count: int, words: str, subject: str, path: str) -> Iterator[Version]:
+    """The number of modes at a path one less and one more."""
     for step in (-1, 1):
         modes = count + step
         if 0 <= modes <= MOST_MODES:
-            change, make = words.format(counted(modes, "mode")), partial(give, step=step)
+            change, make = words.format(counted(modes, "mode")), partial(with_more, path=path, step=step)
             yield Version(make, change, "modes", subject, step < 0, {"modes": modes})
 
 
-def with_modes(scene: Scene, link: int, step: int, direction: Direction = "y") -> Scene:
-    """The scene with some modes more in one link; designs whose weights are a list for each state no longer fit, and go."""
-    old = scene.links[link]
-    count = getattr(old.counts, direction) + step
-    modes = old.counts.model_copy(update={direction: count}) if isinstance(old.modes, Modes) else count
-    changed = old.model_copy(update={"modes": modes})
-    return scene.model_copy(update={"links": (*scene.links[:link], changed, *scene.links[link + 1 :])})
+def with_more(scene: Scene, path: str, step: int) -> Scene:
+    """The scene with a number of modes changed by a step; designs whose weights are a list for each state no longer fit, and go."""
+    changed: Scene = replace_value(scene, path, get_value(scene, path) + step)
+    return changed
 
 
 BENDING: tuple[Direction, ...] = ("y", "z")
@@ -149,7 +144,7 @@ def list_model_versions(scene: Scene) -> Iterator[Version]:
     schema, versions = registered_model(scene.model).schema, list[Version]()
     for path, modes in find_modes(scene.parameters, PARAMETERS):  # the key means what it means in a scene
         where = path.removeprefix(f"{PARAMETERS}.").removesuffix(".modes")
-        versions += step_modes(modes, f"{where} with {{}}", where, partial(with_more, path=path))
+        versions += step_modes(modes, f"{where} with {{}}", where, path)
     for version in (*list_switches(scene, schema), *versions):
         with suppress(ValidationError):
             schema.model_validate(version.make(scene).parameters)
@@ -178,12 +173,6 @@ def find_modes(node: Any, path: str) -> Iterator[tuple[str, int]]:
             yield f"{path}.{key}", child
         else:
             yield from find_modes(child, f"{path}.{key}")
-
-
-def with_more(scene: Scene, path: str, step: int) -> Scene:
-    """The scene with a number of the model's table changed by a step."""
-    changed: Scene = replace_value(scene, path, get_value(scene, path) + step)
-    return changed
 
 
 MOST_SEGMENTS = 4000
@@ -337,16 +326,14 @@ def part_coordinates(lin: Linearization) -> tuple[Array, Array]:
     With M, D, K, h, B of coordinates of unit inertia; where nothing acts on anything, all counts as reached.
     """
     t = lin.period * np.arange(SAMPLES) / SAMPLES
-    M, D, K, h = second_order_with_states(lin, t)
-    inertia = np.einsum("tii->ti", M).max(axis=0)
-    unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
-    coupled = np.zeros(M.shape[1:], dtype=bool)
-    for matrix in (M, D, K):
+    n, own, matrices = lin.n, lin.sample(t), lin.about.evaluate(loop_matrices(lin, None), t)
+    unit = 1 / np.sqrt(np.einsum("tii->ti", matrices[0]).max(axis=0))
+    coupled = np.zeros(matrices[0].shape[1:], dtype=bool)
+    for matrix in matrices:
         size = np.abs(matrix * unit[:, None] * unit).max(axis=0)
         coupled |= size > SUM_ROUNDING * np.minimum(size.max(axis=1)[:, None], size.max(axis=1))
-    force = np.abs(h * unit).max(axis=0)
-    felt = force > SUM_ROUNDING * force.max()
-    felt[: lin.n] |= (np.abs(lin.sample(t).B) > 0).any(axis=(0, 2))
+    force, felt = np.abs(own.h * unit[:n]).max(axis=0), np.zeros(len(unit), dtype=bool)
+    felt[:n] = (force > SUM_ROUNDING * force.max()) | (np.abs(own.B) > 0).any(axis=(0, 2))
     labels = connected_components(coupled, directed=False)[1]
     return labels, felt if felt.any() else np.ones_like(felt)
 
@@ -389,20 +376,5 @@ def _follow(
     demands = drive_load(lin, t, states, law, drives).demands if lin.about.m else ()
     if lin.arm.near.points is None:
         return np.zeros((len(t), 3)), float("nan"), demands
-    path, rigid = (tip_positions(lin, t, x) for x in (states, np.zeros_like(states)))
-    away = float(np.linalg.norm(path - rigid, axis=1).max())
-    return np.pad(path, ((0, 0), (0, 3 - path.shape[1]))), away, demands
-
-
-def second_order_with_states(lin: Linearization, t: Array) -> tuple[Array, Array, Array, Array]:
-    """M, D, K (N, n + k, n + k) and h (N, n + k) of [y; z]; the controller's rows, z' - rates [y; y'; z] = 0, have no mass."""
-    c, n, controller = lin.sample(t), lin.n, lin.controller
-    if controller is None:
-        return c.M, c.D, c.K, c.h
-    k, rates = controller.states, controller.rates
-    M, D, K = (np.zeros((len(t), n + k, n + k)) for _ in range(3))
-    M[:, :n, :n], D[:, :n, :n], K[:, :n, :n] = c.M, c.D, c.K
-    K[:, :n, n:] = c.B @ lin.closed_by.gain(t)[:, :, 2 * n :]
-    D[:, n:, :n], D[:, n:, n:] = -rates[:, n : 2 * n], np.eye(k)
-    K[:, n:, :n], K[:, n:, n:] = -rates[:, :n], -rates[:, 2 * n :]
-    return M, D, K, np.concatenate([c.h, np.zeros((len(t), k))], axis=1)
+    path = tip_positions(lin, t, states)
+    return np.pad(path, ((0, 0), (0, 3 - path.shape[1]))), float(found.tip_error.max()), demands

@@ -7,18 +7,17 @@ from functools import partial
 
 import numpy as np
 
+from flexlin.analyses.analysis import derive_equations
 from flexlin.analyses.clock import Clock
 from flexlin.analyses.disturbed.stated import Directions, Disturbance, Kind, disturb, state_disturbance
 from flexlin.analyses.judging import LEAST_TOL
-from flexlin.analyses.loops import need_continuous
+from flexlin.analyses.loops import find_design
 from flexlin.checks import SAMPLES, Array, check_size, positive
 from flexlin.control.catalogue import design
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.errors import ArgumentError, NumericalError
 from flexlin.linearization.law import Law
-from flexlin.linearization.linear import linearize
 from flexlin.linearization.linearization import Linearization
-from flexlin.mechanics import build_manipulator
 from flexlin.periodic.coefficients import MatrixFunction, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.response.forced import forced_response
@@ -80,14 +79,11 @@ class PushedEquations(NonlinearEquations):
         super().__init__(lin, law)
         self._directions, self._size = directions, size
 
-    def push(self, t: Array, y: Array) -> Array:
-        """The generalized force (N, n)."""
-        e = self._directions.unit(t)
-        return self._size * self.lin.about.evaluate(self._directions.exact, t, y, e)[0][:, :, 0]
-
     def of_arm(self, at: Places, y: Array, v: Array, w: Array) -> Array:
         """M s'' + C s' + g + d - B torque - J' force in the coordinates kept."""
-        return super().of_arm(at, y, v, w) - self.push(at.t, y[:, : self.n])
+        directions = self._directions
+        force = self.lin.about.evaluate(directions.exact, at.t, y[:, : self.n], directions.unit(at.t))[0][:, :, 0]
+        return super().of_arm(at, y, v, w) - self._size * force
 
     def ready(self, at: Places) -> None:
         """None: the push stands in no program."""
@@ -351,24 +347,19 @@ def answer_noise(lin: Linearization, stated: Disturbance, loop: PeriodicSystem, 
 def answer_in_scene(
     scene: Scene, kind: Kind, words: str, loop: str = "own", periods: float | None = None, clock: Clock | None = None
 ) -> DisturbanceAnswer | NoiseAnswer:
-    """Answer a disturbance in words of the scene's own loop, or of a design by its name.
+    """Answer a disturbance in words of the scene's own loop, the open one, or a design's by its name.
 
     Raises: ArgumentError for words that cannot be read, an unknown loop, or one that is not stable.
     """
     clock, asked = clock or Clock(), scene.accuracy
-    tables = {table.name: table for table in scene.designs}
-    if loop != "own":
-        if loop not in tables:
-            raise ArgumentError("there is no such loop", got=repr(loop), expected=" | ".join(["own", *tables]))
-        need_continuous(tables[loop])
+    table = None if loop in ("own", "open") else find_design(scene, loop)
     tol = max(asked.tol, LEAST_TOL)
-    arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
-    closed = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
+    shared = derive_equations(scene, clock)
+    closed = shared.plant if loop == "open" else shared.closed
     stated = state_disturbance(kind, words, closed)
     law, system = closed.law, closed.periodic_system()
-    if loop != "own":
-        plant = linearize(arm, scene.motion)
-        made = clock.stage(f"design: {loop}", asked, lambda: design(plant, tables[loop], asked.tol))
+    if table is not None:
+        made = clock.stage(f"design: {loop}", asked, partial(design, shared.plant, table, asked.tol))
         law, system = law.with_gain(made.K, made.controller), made.closed_loop
     if kind == "noise":
         return clock.stage("covariance", asked, lambda: answer_noise(closed, stated, system, tol))

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from itertools import islice
-from queue import SimpleQueue
-from threading import Event
+from threading import Event, get_ident
 from typing import IO, Any
 from urllib.parse import urlsplit
 
@@ -71,7 +70,7 @@ def share_among_threads(job: Job, workers: int) -> Iterator[tuple[int, Found]]:
 
 def share_among_processes(job: Job, workers: int) -> Iterator[tuple[int, Found]]:
     """Each thread has a process of this machine that works for it."""
-    crew = Crew(pickle.dumps(job.work, protocol=pickle.HIGHEST_PROTOCOL), workers, job.found.exponents.shape[1])
+    crew = Crew(pickle.dumps(job.work, protocol=pickle.HIGHEST_PROTOCOL), job.found.exponents.shape[1])
     with ThreadPoolExecutor(workers) as pool:
         try:
             yield from share(job, lambda points: pool.submit(crew.compute, points), workers)
@@ -128,28 +127,23 @@ def refuse_silence(address: str) -> None:
 
 
 class Crew:
-    """Processes that do pickled work, started when they are first needed; one that dies is replaced, and its block is tried again."""
+    """A process for each thread that asks for pickled work, started when it is first needed; one that dies is replaced, and its block is
+    tried again."""
 
-    def __init__(self, work: bytes, workers: int, states: int):
+    def __init__(self, work: bytes, states: int):
         self._work, self._states, self._closed = work, states, False
-        self._idle, self._running = SimpleQueue["subprocess.Popen[bytes] | None"](), set["subprocess.Popen[bytes]"]()
-        for _ in range(workers):
-            self._idle.put(None)
+        self._processes = dict[int, "subprocess.Popen[bytes]"]()
 
     def compute(self, points: Array) -> Found:
-        """A block, by a process that is idle. Raises: what the block raised there."""
-        process, answer = self._idle.get(), None
-        try:
-            for _ in range(BLOCK_ATTEMPTS):
-                with suppress(EOFError, OSError, pickle.UnpicklingError):
-                    process = process or self._start()
-                    send(process.stdin, points)  # type: ignore[arg-type]
-                    answer = pickle.load(process.stdout)  # type: ignore[arg-type]
-                    break
-                self._end(process)
-                process = None
-        finally:
-            self._idle.put(process)
+        """A block, by the thread's own process. Raises: what the block raised there."""
+        answer = None
+        for _ in range(BLOCK_ATTEMPTS):
+            with suppress(EOFError, OSError, pickle.UnpicklingError):
+                process = self._processes.get(get_ident()) or self._start()
+                send(process.stdin, points)  # type: ignore[arg-type]
+                answer = pickle.load(process.stdout)  # type: ignore[arg-type]
+                break
+            self._end(get_ident())
         if isinstance(answer, Exception):
             raise answer
         if answer is None:
@@ -160,10 +154,8 @@ class Crew:
     def close(self) -> None:
         """End the processes for good; what they were asked is lost."""
         self._closed = True
-        for process in list(self._running):
-            process.kill()
-        while not self._idle.empty():
-            self._end(self._idle.get())
+        for thread in list(self._processes):
+            self._end(thread)
 
     def _start(self) -> "subprocess.Popen[bytes]":
         """A process that has its work. Raises: EOFError where no more are wanted."""
@@ -172,21 +164,17 @@ class Crew:
         command = [sys.executable, "-c", "from flexlin.analyses.sweep.sharing import serve; serve()"]
         pipe = subprocess.PIPE
         process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment(), start_new_session=True)
-        self._running.add(process)
+        self._processes[get_ident()] = process
         if self._closed:  # meanwhile
             process.kill()
         send(process.stdin, self._work)  # type: ignore[arg-type]
         return process
 
-    def _end(self, process: "subprocess.Popen[bytes] | None") -> None:
-        if process is None:
-            return
-        self._running.discard(process)
-        process.kill()
-        process.wait()
-        for stream in (process.stdin, process.stdout):
-            with suppress(OSError):  # what was not yet sent has nowhere to go
-                stream.close()  # type: ignore[union-attr]
+    def _end(self, thread: int) -> None:
+        if process := self._processes.pop(thread, None):
+            process.kill()
+            with suppress(OSError), process:  # what was not yet sent has nowhere to go
+                pass
 
 
 def environment() -> dict[str, str]:

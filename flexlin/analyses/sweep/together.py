@@ -181,7 +181,6 @@ class Together:
     def compute(self, points: Array) -> Found:
         """All values of a block: together, and those that are narrow or miss tol one by one."""
         found = Found.empty(len(points), self.kernel.model.states)
-        narrow = self.find_narrow(points)
 
         def enter(which: Array, logs: Logs) -> Array:
             misses = logs.misses(self.tol)
@@ -190,15 +189,19 @@ class Together:
             found.period[which[met]] = logs.periods[met]
             return misses
 
-        left = self.solve(points, np.flatnonzero(~narrow), enter)
-        for i in (*np.flatnonzero(narrow), *left):
+        for i in self.solve(points, enter):
             advance(float(np.isfinite(found.error).mean()))
             found.put_alone(i, partial(self.source.system_at, points[i]), self.tol)
         return found
 
-    def solve(self, points: Array, rest: Array, enter: Callable[[Array, Logs], Array]) -> Array:
-        """Compute values on more and more segments until `enter`, which takes them, says that errors are 1 or less; return the others."""
-        rungs, spread, alone = self.needs.predict(points[rest]), SPREAD_SLACK * self.needs.spread, [rest[:0]]
+    def solve(self, points: Array, enter: Callable[[Array, Logs], Array]) -> Array:
+        """Compute values on more and more segments until `enter`, which takes them, says that errors are 1 or less; return the others, and
+        those whose coefficients have narrow features, which the kernel would step over."""
+        narrow = np.zeros(len(points), dtype=bool)
+        if self.source.may_be_narrow:
+            narrow[:] = [self.source.is_narrow(point) for point in points]
+        rest, alone = np.flatnonzero(~narrow), [np.flatnonzero(narrow)]
+        rungs, spread = self.needs.predict(points[rest]), SPREAD_SLACK * self.needs.spread
         levels, least = TRIAL_RESOLUTIONS, SEGMENT_FACTORS[0]
         while len(rest):
             misses, used = np.empty(len(rest)), np.empty(len(rest))
@@ -213,13 +216,7 @@ class Together:
             if least == SEGMENT_FACTORS[1]:
                 levels = len(MULTIPLES)
             spread, least = np.inf, SEGMENT_FACTORS[1]  # moduli may lie further apart than the pilots'
-        return np.concatenate(alone)
-
-    def find_narrow(self, points: Array) -> Array:
-        """Which values have coefficients with narrow features, which the kernel would step over, (V,)."""
-        if not self.source.may_be_narrow:
-            return np.zeros(len(points), dtype=bool)
-        return np.array([self.source.is_narrow(point) for point in points], dtype=bool)
+        return np.sort(np.concatenate(alone))
 
 
 def spread_over(values: int, some: int) -> Array:

@@ -359,7 +359,7 @@ def draw_tip(a: Analysis) -> Picture | None:
     largest, rms = float(distance.max()), float(np.sqrt(np.mean(distance[:-1] ** 2)))
     caption = (
         f"Largest {format_quantity(largest, 'm')}, root mean square {format_quantity(rms, 'm')}, by the linear model; "
-        f"the states behind it are known to {format_power(a.response.solution.error)}."
+        f"the states behind it are known to {format_power(a.response.error)}."
     )
     return make_picture("tip", "Tip error in steady motion", caption, resize([left, *paths], 150.0, widths))
 
