@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 
@@ -30,7 +31,7 @@ class Linear:
     low: float | None = None
     high: float | None = None
 
-    def bend(self, values: Array) -> Array:
+    def bend(self, values: ArrayLike) -> Array:
         """Values as lengths along the axis."""
         return np.asarray(values, dtype=float)
 
@@ -52,7 +53,7 @@ class Linear:
         low, high = (end if own is None else own for own, end in zip((self.low, self.high), open_ends, strict=True))
         return replace(self, low=low, high=high)
 
-    def place(self, values: Array) -> Array:
+    def place(self, values: ArrayLike) -> Array:
         """Values to [0, 1] between the ends."""
         low, high = self.bend(np.array(self.ends))
         return np.asarray((self.bend(values) - low) / (high - low))
@@ -85,7 +86,7 @@ class Symlog(Linear):
 
     near: float = field(default=1.0, kw_only=True)
 
-    def bend(self, values: Array) -> Array:
+    def bend(self, values: ArrayLike) -> Array:
         """sign(v) (1 + log10(|v|/near)) beyond near, v/near inside."""
         scaled = np.asarray(values, dtype=float) / self.near
         size = np.abs(scaled)
@@ -114,7 +115,7 @@ class Symlog(Linear):
 class Logarithmic(Linear):
     """Equal steps are equal factors; values must be positive."""
 
-    def bend(self, values: Array) -> Array:
+    def bend(self, values: ArrayLike) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.log10(np.maximum(np.asarray(values, dtype=float), 0)))
 
