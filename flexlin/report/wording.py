@@ -124,11 +124,6 @@ def choose_prefix(value: float) -> int:
     return min(max(3 * math.floor(math.log10(abs(value)) / 3), -9), 9)
 
 
-def name_coordinate_unit(analysis: Analysis, index: int) -> str:
-    """The unit of a coordinate of the linear equations."""
-    return analysis.plant.coordinates[index].unit
-
-
 def format_rate(value: float, error: float) -> str:
     """A growth rate with its error: −2.5207 ± 8×10⁻¹⁴ 1/s."""
     return with_unit(f"{format_decimal(value, 5)} ± {format_power(error)}", "1/s")
