@@ -132,6 +132,7 @@ def held(folder: Path, seconds: float = 0.0) -> Iterator[None]:
                 handle = os.open(folder, os.O_RDONLY)
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
+                assert handle is not None
                 os.close(handle)
                 handle = None
                 if time.monotonic() > until:
