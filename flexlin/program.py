@@ -62,20 +62,14 @@ class Program:
     def read(cls, function: ca.Function) -> Self:
         """Read a function of scalar operations (SX). Raises: ArgumentError where it is none, calls another, or has free symbols."""
         if function.class_name() != "SXFunction":
-            raise ArgumentError(
-                "the function is not one of scalar operations", got=function.class_name(), expected="SX"
-            )
+            raise ArgumentError("the function is none of scalar operations", got=function.class_name(), expected="SX")
         if function.has_free():
-            raise ArgumentError(
-                "an expression has free symbols", got=function.get_free(), expected="only the variables"
-            )
+            raise ArgumentError("an expression has free symbols", got=function.get_free(), expected="variables alone")
         every = range(function.n_instructions())
         steps = np.zeros((len(every), WORDS), dtype=np.int32)
         steps[:, 0] = np.fromiter(map(function.instruction_id, every), np.int32)
         if ca.OP_CALL in steps[:, 0]:
-            raise ArgumentError(
-                "the function calls another one", got=function.name(), expected="one that is written out"
-            )
+            raise ArgumentError("the function calls another one", got=function.name(), expected="one written out")
         sources, targets = (
             np.fromiter(
                 chain.from_iterable((found[0], found[-1]) if found else (0, 0) for found in map(ask, every)), np.int32

@@ -80,8 +80,7 @@ class Panel:
         return self._add(Mark("area", *_points(x, y), f"fill:var(--{colour});stroke:none"))
 
     def dots(
-        self, x: ArrayLike, y: ArrayLike, colour: str, shape: str = "circle", size: float = 4.0, label: str = "",
-        texts: Sequence[str] = (),
+        self, x: ArrayLike, y: ArrayLike, colour: str, shape: str = "circle", size: float = 4.0, label: str = "", texts: Sequence[str] = ()
     ) -> "Panel":  # fmt: skip
         """Set a mark at each point (N,); `texts` (N) appear when one points at them."""
         outline = colour if shape == "cross" else "ink"
@@ -126,15 +125,9 @@ class Panel:
 
     def fitted(self) -> tuple[Linear, Linear]:
         """Both scales with their open ends set by the marks."""
-        x = np.concatenate([mark.x for mark in self.marks] or [np.zeros(1)])
-        y = np.concatenate([mark.y for mark in self.marks] or [np.zeros(1)])
-        return self.x.fitted(select_finite(x)), self.y.fitted(select_finite(y))
-
-
-def select_finite(values: Array) -> Array:
-    """The finite values, or zero when there is none."""
-    kept = values[np.isfinite(values)]
-    return kept if kept.size else np.zeros(1)
+        x = np.concatenate([np.zeros(0), *(mark.x for mark in self.marks)])
+        y = np.concatenate([np.zeros(0), *(mark.y for mark in self.marks)])
+        return self.x.fitted(x), self.y.fitted(y)
 
 
 def measure_text(text: str, size: float = 11.0) -> float:

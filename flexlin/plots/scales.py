@@ -152,13 +152,10 @@ class Named(Linear):
 def format_ticks(marks: Array, step: float) -> list[str]:
     """Labels with as many decimals as the step needs; very large or small ones as multiples of a power of ten."""
     largest = float(np.abs(marks).max(initial=0.0))
-    if largest < 1e6 and step >= 1e-4:
-        decimals = next((d for d in range(8) if abs(round(step, d) - step) < 1e-9 * step), 8)
-        return [f"{mark:.{decimals}f}".replace("-", "−") if mark != 0 else "0" for mark in marks]
-    power = math.floor(math.log10(largest))
+    power = 0 if largest < 1e6 and step >= 1e-4 else math.floor(math.log10(largest))
     scaled, size = marks / 10.0**power, step / 10.0**power
-    decimals = next((d for d in range(16) if abs(round(size, d) - size) < 1e-6 * size), 16)
-    behind = f"×10{str(power).translate(SUPERSCRIPTS)}"
+    decimals = next((d for d in range(16) if abs(round(size, d) - size) < 1e-9 * size), 16)
+    behind = f"×10{str(power).translate(SUPERSCRIPTS)}" if power else ""
     return [f"{mark:.{decimals}f}".replace("-", "−") + behind if mark != 0 else "0" for mark in scaled]
 
 

@@ -108,6 +108,6 @@ def flatten_table(node: Any, path: str = "") -> list[tuple[str, Any]]:
 
 def format_input(value: object) -> str:
     """One value as TOML has it, but without what rounding left of a number."""
-    return (
-        f"{value:.12g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
-    )
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.12g}" if isinstance(value, float) else str(value)

@@ -56,9 +56,8 @@ def write_report(
     need_numbers(scene, margins or ())
     asked = scene.accuracy
     try:
-        a: Analysis = analyses.analyse(
-            scene, clock, tuple(analyses.choose_margins(scene) if margins is None else margins)
-        )
+        varied = analyses.choose_margins(scene) if margins is None else margins
+        a: Analysis = analyses.analyse(scene, clock, tuple(varied))
     except (NumericalError, TooLarge) as error:
         return error, write_why(scene, folder, command, clock, error)
     a.margins = find_margins(a, margins)
@@ -70,9 +69,8 @@ def write_report(
     if with_loop_margins:
         analyses.find_loop_margins(a)
     if scene.uncertainty:
-        a.nearest = a.attempt(
-            "uncertainty", "smallest change that makes the loop unstable", partial(analyses.search_box, box)
-        )
+        name = "smallest change that makes the loop unstable"
+        a.nearest = a.attempt("uncertainty", name, partial(analyses.search_box, box))
     with clock.step("load the drawing library"):
         from flexlin.report.page import render_page
     data = record(a)

@@ -40,9 +40,8 @@ def draw_exponents(a: Analysis) -> Picture:
 
 def draw_plane(a: Analysis, known: Sequence[tuple[FloquetResult, Loop, str]]) -> Panel:
     """Growth rate, on a scale that is linear near zero and logarithmic beyond, against frequency."""
-    rates, errors = (
-        np.concatenate(parts) for parts in zip(*((f.exponents.real, f.errors) for f, *_ in known), strict=True)
-    )
+    rates = np.concatenate([found.exponents.real for found, *_ in known])
+    errors = np.concatenate([found.errors for found, *_ in known])
     ends = Linear(-0.03 / a.plant.period, 0.53 / a.plant.period)
     panel = Panel("Floquet exponents", choose_scale(rates, errors), ends, in_unit("growth rate", "1/s"))
     panel.y_label = f"{in_unit('frequency', 'Hz')}, modulo 1/T"

@@ -53,10 +53,8 @@ def draw_arm(a: Analysis) -> Picture:
 def draw_beside(a: Analysis) -> list[Panel]:
     """Joint angles in degrees, or displacements in m, and what the arm would need if its links were rigid: torque, force or voltage."""
     t, joints = a.t[:-1], range(a.plant.arm.joints)  # at the last sample a turning joint begins anew
-    q, units = (
-        a.plant.motion.sample(t)[0],
-        [a.plant.arm.coordinates[a.plant.arm.drives[joint]].unit for joint in joints],
-    )
+    units = [a.plant.arm.coordinates[a.plant.arm.drives[joint]].unit for joint in joints]
+    q = a.plant.motion.sample(t)[0]
     motion = np.where([unit == "rad" for unit in units], np.degrees(q), q)
     shown, names = ["°" if unit == "rad" else unit for unit in units], [name_joint(a, joint) for joint in joints]
     given = draw_groups(a, "feedforward", a.plant.driven, a.plant.inputs, a.plant.input_units, a.t, a.coefficients.tau)
