@@ -358,8 +358,12 @@ def describe_place(scene: Scene, margin: Margin, one: CriticalValue) -> str:
     """At a motion frequency of 1.37 Hz (now 0.5); both ends of what is known where they differ in what is said of them."""
     low, high = (format_decimal(one.value + side, CRITICAL_DIGITS) for side in (-one.error, one.error))
     where = f"of {high}" if low == high else f"between {low} and {high}"
-    words = with_unit_of(scene, margin.path, f"at a {name_number(margin.path)} {where}")
-    return f"{words} (now {format_decimal(margin.own, CRITICAL_DIGITS)})"
+    return f"at {say_value(scene, margin.path, where, margin.own)}"
+
+
+def say_value(scene: Scene, path: str, where: str, own: float) -> str:
+    """A motion frequency of 1.37 Hz (now 0.5)."""
+    return f"{with_unit_of(scene, path, f'a {name_number(path)} {where}')} (now {format_decimal(own, CRITICAL_DIGITS)})"
 
 
 def describe_gap(scene: Scene, margin: Margin, one: CriticalValue | None) -> str:
@@ -386,10 +390,9 @@ def describe_nearest(scene: Scene, found: "NearestInstability | None") -> str:
     spread = f"growth rates within the stated ranges from {least:.4g} to {most:.4g} 1/s"
     if not math.isfinite(found.scale):
         return f"{found.status}; {spread}"
+    numbers = zip(found.paths, found.values, found.own, strict=True)
     places = (
-        with_unit_of(scene, path, f"a {name_number(path)} of {format_decimal(value, CRITICAL_DIGITS)}")
-        + f" (now {format_decimal(own, CRITICAL_DIGITS)})"
-        for path, value, own in zip(found.paths, found.values, found.own, strict=True)
+        say_value(scene, path, f"of {format_decimal(value, CRITICAL_DIGITS)}", own) for path, value, own in numbers
     )
     return f"{found.status}, at {' and '.join(places)}; {spread}"
 
