@@ -183,15 +183,14 @@ class Axes:
 
 
 @cache
-def find_template() -> Any:
-    """The template of panels; what loads no drawing needs no library for it."""
+def find_template(name: str) -> Any:
+    """A template of this room; what draws nothing needs no library for it."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     loader = PackageLoader("flexlin.plots")
     made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     made.filters["px"] = "{:.1f}".format
-    made.globals |= {"draw_rectangles": draw_rectangles, "draw_trace": draw_trace, "place_words": place_words}
-    return made.get_template("panels.html.j2", globals={"zip_longest": zip_longest, "line_height": LINE_HEIGHT})
+    return made.get_template(name)
 
 
 def draw(panels: Sequence[Panel], legend: Sequence[Mark] = ()) -> str:
@@ -199,7 +198,9 @@ def draw(panels: Sequence[Panel], legend: Sequence[Mark] = ()) -> str:
     laid = [(panel, lay_axes(panel)) for panel in panels]
     drawn = [(panel, axes, leave_apart(panel.marks, axes)) for panel, axes in laid]
     alike = len({panel.width for panel in panels}) == 1
-    return str(find_template().render(panels=drawn, legend=legend, alike=alike))
+    functions = {one.__name__: one for one in (draw_rectangles, draw_trace, place_words, zip_longest)}
+    page = find_template("panels.html.j2")
+    return str(page.render(functions, panels=drawn, legend=legend, alike=alike, line_height=LINE_HEIGHT))
 
 
 def lay_axes(panel: Panel) -> Axes:
