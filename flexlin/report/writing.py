@@ -90,13 +90,9 @@ def draw_in_time(analysis: "Analysis", clock: Clock) -> "list[Picture]":
     from flexlin.report.page import draw_pictures
 
     drawn: list[Picture] = []
-
-    def work() -> None:
-        for picture in draw_pictures(analysis):
-            drawn.append(picture)
-
+    draw = partial(drawn.extend, draw_pictures(analysis))  # what was drawn before a limit stays
     with suppress(NumericalError, TooLarge):
-        clock.stage("figures", analysis.scene.accuracy, work, share=DRAWING_SHARE, last=True)
+        clock.stage("figures", analysis.scene.accuracy, draw, share=DRAWING_SHARE, last=True)
     return drawn
 
 
