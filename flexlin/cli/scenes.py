@@ -144,8 +144,9 @@ def say(value: float | str, unit: str) -> str:
 def report_scene(work: Work, options: argparse.Namespace) -> int:
     with work.clock():
         margins = {key: (low, high) for key, low, high, _ in options.margins} or None
-        extras = options.effects, options.sensitivity, margins, options.watch, options.loop_margins, send_written
-        analysis, paths = report.write_report(work.scene, options.out, work.quoted, work.progress, *extras)
+        extras = [name for name in ("effects", "sensitivity", "loop_margins") if getattr(options, name)]
+        how = work.progress, extras, margins, options.watch, send_written
+        analysis, paths = report.write_report(work.scene, options.out, work.quoted, *how)
     if isinstance(analysis, FlexlinError):
         print_paths(paths)
         raise analysis

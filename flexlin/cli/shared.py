@@ -306,12 +306,7 @@ class Work:
         return str(report.picture_page(self.scene.title, pictures[0], self.quoted, pictures[1:], said))
 
     def write(
-        self,
-        name: str,
-        pictures: "Sequence[Picture]",
-        record: Named,
-        said: Sequence[str] = (),
-        more: Named | None = None,
+        self, name: str, pictures: "list[Picture]", record: Named, said: Sequence[str] = (), more: Named | None = None
     ) -> int:
         """Write NAME.html with the pictures, NAME.json with the numbers, and more files of text; done."""
         data = report.to_json({"schema": 1, "title": self.scene.title, **record})

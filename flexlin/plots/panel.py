@@ -41,8 +41,8 @@ class Mark:
 class Panel:
     """One pair of axes: scales, labels, and marks in the order in which they are drawn.
 
-    `equal` keeps one unit the same length on both axes; `bare` leaves axes and grid out, `ticked` = False the numbers across. The width is
-    that of the whole, the height that of the axes, where a page is 760 wide. Colours are names of the page's CSS variables.
+    `equal` keeps one unit the same length on both axes; `bare` leaves axes and grid out. The width is that of the whole, the height
+    that of the axes, where a page is 760 wide. Colours are names of the page's CSS variables.
     """
 
     title: str = ""
@@ -52,7 +52,6 @@ class Panel:
     y_label: str = ""
     equal: bool = False
     bare: bool = False
-    ticked: bool = True
     width: float = 242.0
     height: float = 80.0
     footer: str = ""
@@ -154,7 +153,6 @@ class Axes:
     x_scale: Linear
     y_scale: Linear
     y_ticks: Sequence[tuple[float, str]] = ()
-    ticked: bool = True
 
     def x(self, values: ArrayLike) -> Array:
         return self.left + self.width * self.x_scale.place(values)
@@ -173,8 +171,7 @@ class Axes:
     @property
     def across(self) -> list[tuple[float, str]]:
         """Places and labels of the ticks across."""
-        ticks = self.x_scale.ticks(max(2, int(self.width / 62))) if self.ticked else []
-        return [(float(self.x(value)), text) for value, text in ticks]
+        return [(float(self.x(value)), text) for value, text in self.x_scale.ticks(max(2, int(self.width / 62)))]
 
     @property
     def up(self) -> list[tuple[float, str]]:
@@ -214,8 +211,8 @@ def lay_axes(panel: Panel) -> Axes:
         x, y = equalize_units(x, y, room - LEFT_MARGIN, panel.height)
     y_ticks = y.ticks(min(7, max(3, int(panel.height / 19))))
     labels = max((measure_text(label) for _, label in y_ticks), default=0.0)
-    margin = max(labels + LINE_HEIGHT / 2 + (LINE_HEIGHT if panel.y_label else 0.0), LEFT_MARGIN * panel.ticked)
-    return Axes(margin, LINE_HEIGHT / 2, room - margin, panel.height, x, y, y_ticks, panel.ticked)
+    margin = max(labels + LINE_HEIGHT / 2 + (LINE_HEIGHT if panel.y_label else 0.0), LEFT_MARGIN)
+    return Axes(margin, LINE_HEIGHT / 2, room - margin, panel.height, x, y, y_ticks)
 
 
 def leave_apart(marks: Sequence[Mark], axes: Axes) -> list[Mark]:

@@ -12,7 +12,7 @@ from flexlin.checks import Array
 from flexlin.errors import counted
 from flexlin.periodic.circle import assign
 from flexlin.plots.panel import Panel
-from flexlin.plots.scales import Linear
+from flexlin.plots.scales import Linear, Named
 from flexlin.report.figures import CURVE_POINTS, GAP, RATE_FLOOR, SERIES, WIDTH, Picture, choose_scale, make_picture
 from flexlin.report.wording import in_unit, page_unit, with_unit, with_unit_of, without_units
 from flexlin.scene.names import label_number, name_number
@@ -341,7 +341,7 @@ def mark_scene(panel: Panel, own: list[float], nearest: Array | None, axes: list
 
 def draw_bar(growth: Array, verdict: Array, levels: list[float]) -> Panel:
     """Which colour is which growth rate."""
-    panel = Panel(in_unit("growth rate", "1/s"), Linear(0.0, 1.0), x_label="\u00a0", ticked=False)
+    panel = Panel(in_unit("growth rate", "1/s"), Named(0.0, 1.0), x_label="\u00a0")
     panel.width, panel.height = BAR_WIDTH, MAP_HEIGHT
     shown = growth[(verdict == "stable") | (verdict == "unstable")]
     low, high = float(min(shown.min(initial=0.0), 0.0)), float(max(shown.max(initial=0.0), 0.0))
