@@ -1,7 +1,6 @@
 """Commands about whole scenes: list, show, new, import, schema, check; report, chart, respond, effects, cost."""
 
 import argparse
-import math
 import shlex
 import sys
 from collections.abc import Iterator
@@ -18,7 +17,6 @@ from flexlin.errors import ArgumentError, FlexlinError, NumericalError, TooLarge
 if TYPE_CHECKING:
     from flexlin.analyses.analysis import Analysis
     from flexlin.analyses.judging import AtRest
-    from flexlin.checks import Array
     from flexlin.report.figures import Picture
     from flexlin.scene.links import Link
 
@@ -181,16 +179,10 @@ def chart(work: Work, options: argparse.Namespace) -> int:
         got = ", ".join(key for key, *_ in spans)
         raise ArgumentError("a chart has one or two axes", got=f"--over {got}", expected="one or two different keys")
     with work.clock(3) as clock:
-        counts = [number or (60 if len(spans) > 1 else 200) for *_, number in spans]
-
-        def values() -> "dict[str, Array]":
-            from numpy import linspace
-
-            analyses.check_values(math.prod(counts))
-            return {key: linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
-
+        usual = 60 if len(spans) > 1 else 200
+        axes = [(key, low, high, number or usual) for key, low, high, number in spans]
         how = {name: getattr(options, name) for name in ("loop", "workers", "scheduler", "store")}
-        data, problem = report.compute_chart(scene, values, clock, work.progress, **how)
+        data, problem = report.compute_chart(scene, axes, clock, work.progress, **how)
         ranges = {key: (low, high) for key, low, high, _ in spans}
         data.attrs |= {"incomplete": problem} if problem else {}
         found = ([], []) if problem else report.find_boundary(scene, ranges, data, clock, options.loop)
