@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from flexlin.scene.scene import Scene
 
 
-@scene_command("linearize", "write the coefficients over a period", "points")
+@scene_command("linearize", "write the coefficients over a period", "points", tol=False)
 def linearize_scene(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         made = analyses.derive_equations(work.scene, clock)
@@ -23,7 +23,7 @@ def linearize_scene(work: Work, options: argparse.Namespace) -> int:
     return print_paths(work.write_files("coefficients", {}, data))
 
 
-@scene_command("design", "design the scene's controllers, write their gains", "tol require points")
+@scene_command("design", "design the scene's controllers, write their gains", "require points")
 def design(work: Work, options: argparse.Namespace) -> int:
     scene = work.scene
     if not scene.designs:
@@ -47,7 +47,7 @@ def design(work: Work, options: argparse.Namespace) -> int:
 
 
 @scene_command(
-    "simulate", "integrate the nonlinear equations beside the linear ones", "tol periods feedforward attraction animate"
+    "simulate", "integrate the nonlinear equations beside the linear ones", "periods feedforward attraction animate"
 )
 def simulate_loop(work: Work, options: argparse.Namespace) -> int:
     scene, asked, tol = work.scene, work.scene.accuracy, work.scene.accuracy.tol
@@ -87,7 +87,7 @@ def simulate_loop(work: Work, options: argparse.Namespace) -> int:
     return NO_ANSWER if problems else done
 
 
-@scene_command("tune", "find the gains that decay fastest in all scenarios", "tol vary gain", usual=SEARCH_SECONDS)
+@scene_command("tune", "find the gains that decay fastest in all scenarios", "vary gain", usual=SEARCH_SECONDS)
 def tune_gains(work: Work, options: argparse.Namespace) -> int:
     spans = [*options.vary, *options.gain]
     if len({key for key, *_ in spans}) < len(spans):
@@ -113,7 +113,7 @@ def scene_text(scene: "Scene") -> str:
     return str(flexlin.scene.write_toml(flexlin.scene.raw_tables(scene)))
 
 
-@scene_command("export", "write system and designs for other tools: npz, MATLAB, netCDF, C", "tol points")
+@scene_command("export", "write system and designs for other tools: npz, MATLAB, netCDF, C", "points")
 def export(work: Work, options: argparse.Namespace) -> int:
     scene = work.scene
     with work.clock(4 + 3 * len(scene.designs)) as clock:
@@ -130,7 +130,7 @@ def export(work: Work, options: argparse.Namespace) -> int:
     return NO_ANSWER if any(loop.design is None for loop in loops) else DONE
 
 
-@scene_command("predict", "predict a measured log, without fitting anything to it", "log window")
+@scene_command("predict", "predict a measured log, without fitting anything to it", "log window", tol=False)
 def predict_log(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         scene = work.scene
@@ -147,6 +147,7 @@ def predict_log(work: Work, options: argparse.Namespace) -> int:
     "find numbers of the scene, with their errors, from a measured log",
     "log free window hold_back",
     usual=SEARCH_SECONDS,
+    tol=False,
 )
 def identify_numbers(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:

@@ -78,7 +78,7 @@ def schema(options: argparse.Namespace) -> int:
     return DONE
 
 
-@scene_command("check", "read a scene and derive its equations")
+@scene_command("check", "read a scene and derive its equations", tol=False)
 def check(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         from numpy import array
@@ -138,7 +138,7 @@ def say(value: float | str, unit: str) -> str:
     return str(report.with_unit(value if isinstance(value, str) else f"{value:.4g}", unit))
 
 
-@scene_command("report", "write report.html and report.json", "tol require effects sensitivity margins loop_margins")
+@scene_command("report", "write report.html and report.json", "require effects sensitivity margins loop_margins")
 def report_scene(work: Work, options: argparse.Namespace) -> int:
     with work.clock():
         margins = {key: (low, high) for key, low, high, _ in options.margins} or None
@@ -172,7 +172,7 @@ def summarize(analysis: "Analysis") -> None:
         print("\n".join([*said, *report.accuracy_lines(analysis.steps, "\n".join(said))]))
 
 
-@scene_command("chart", "stability over one or two parameters", "tol over loop workers scheduler store")
+@scene_command("chart", "stability over one or two parameters", "over loop workers scheduler store")
 def chart(work: Work, options: argparse.Namespace) -> int:
     scene, spans = work.scene, options.over
     if len(spans) > 2 or len({key for key, *_ in spans}) < len(spans):
@@ -214,7 +214,7 @@ def chart(work: Work, options: argparse.Namespace) -> int:
 @scene_command(
     "respond",
     "find what a disturbance does at the worst moment of the motion",
-    "tol step initial push noise of lasting",
+    "step initial push noise of lasting",
 )
 def respond(work: Work, options: argparse.Namespace) -> int:
     asked = [(kind, getattr(options, kind)) for kind in KINDS if getattr(options, kind) is not None]
@@ -232,7 +232,7 @@ def respond(work: Work, options: argparse.Namespace) -> int:
     return work.write("respond", [drawn], report.answer_record(answer))
 
 
-@scene_command("effects", "find which effects and modes the scene needs", "tol tolerance")
+@scene_command("effects", "find which effects and modes the scene needs", "tolerance")
 def effects(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         compare = partial(flexlin.audit, work.scene, options.tolerance, work.progress, work.scene.accuracy.tol)
@@ -245,7 +245,7 @@ def effects(work: Work, options: argparse.Namespace) -> int:
     return NO_ANSWER if result.problem else done
 
 
-@scene_command("cost", "measure what accuracy costs in time, beside other programs (a minute)")
+@scene_command("cost", "measure what accuracy costs in time, beside other programs (a minute)", tol=False)
 def measure_cost(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         seconds = clock.budget.plan("accuracy against time", work.scene.accuracy)

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 LIMIT = f"{LIMIT_BYTES:.0e}".replace("+0", "")
 """Of memory, as one would write it."""
-SCENE = "scene set data out seconds memory "
-"""Options of every command about a scene."""
 SEARCH_SECONDS = 600.0
 """Limit in s of a search or a fit where nobody states one."""
 ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
@@ -203,10 +201,11 @@ def command(name: str, purpose: str, takes: str = "") -> Callable[[Callable[[arg
 
 
 def scene_command(
-    name: str, purpose: str, takes: str = "", usual: float | None = None
+    name: str, purpose: str, takes: str = "", tol: bool = True, usual: float | None = None
 ) -> Callable[[Callable[["Work", argparse.Namespace], int]], Command]:
-    """Make a function of the work on a scene, and of the options, the command of this name."""
-    return lambda run: command(name, purpose, SCENE + takes)(lambda options: run(Work(options, usual), options))
+    """Make a function of the work on a scene, and of options, the command of this name; `tol`: whether stages are asked for an error."""
+    every = f"scene set data out {'tol ' * tol}seconds memory {takes}"
+    return lambda run: command(name, purpose, every)(lambda options: run(Work(options, usual), options))
 
 
 SILENT_SECONDS = 2.0
