@@ -91,21 +91,39 @@ def shown(value: Any) -> str:
 def kind_of(annotation: Any) -> Kind | None:
     """What an annotation asks for; None where it lets everything through."""
     origin, inside = get_origin(annotation), get_args(annotation)
-    if annotation is inspect.Parameter.empty:
-        return None
     if origin is Annotated:
         marks = [mark for mark in inside[1:] if isinstance(mark, Kind)]
         return marks[0] if marks else kind_of(inside[0])
     if origin is Literal:
         return Kind(" or ".join(map(repr, inside)), lambda value: isinstance(value, str) and value in inside)
-    parts = inside if origin in (Union, types.UnionType) else (annotation,)
-    if any(is_of_numpy(one) for one in parts):
-        functions, none = any(is_callable(one) for one in parts), type(None) in parts
-        return either([NUMBERS, *[FUNCTION] * functions, *[NONE] * none])
     if origin in (Union, types.UnionType):
-        kinds = [kind_of(one) for one in inside]
-        return None if None in kinds else either([kind for kind in kinds if kind is not None])
-    return plain_kind(annotation, origin, inside)
+        return kind_of_union(inside)
+    if is_of_numpy(annotation):
+        return NUMBERS
+    if annotation in SIMPLE:
+        return SIMPLE[annotation]
+    if is_callable(annotation):
+        return FUNCTION
+    if origin is tuple and inside and inside[-1] is not Ellipsis:
+        return fixed_tuple([kind_of(one) for one in inside])
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return Kind("a mapping", lambda value: isinstance(value, Mapping))
+    if isinstance(origin, type) and issubclass(origin, Iterable):
+        return list_of(kind_of(inside[0]) if inside else None)
+    if not isinstance(annotation, type) or annotation in (object, Any, inspect.Parameter.empty):
+        return None
+    if annotation.__name__ == SYSTEM:
+        return Kind(ANY_SYSTEM, lambda v: isinstance(v, annotation) or callable(getattr(v, MAKER, None)))
+    return Kind(name_kind(annotation), lambda value: isinstance(value, annotation))
+
+
+def kind_of_union(inside: Sequence[Any]) -> Kind | None:
+    """What a union asks for: with arrays in it, an array of numbers, and a function or None where these are in it."""
+    if any(is_of_numpy(one) for one in inside):
+        functions, none = any(is_callable(one) for one in inside), type(None) in inside
+        return either([NUMBERS, *[FUNCTION] * functions, *[NONE] * none])
+    kinds = [kind_of(one) for one in inside]
+    return None if None in kinds else either([kind for kind in kinds if kind is not None])
 
 
 def is_of_numpy(annotation: Any) -> bool:
@@ -114,28 +132,9 @@ def is_of_numpy(annotation: Any) -> bool:
     return module.startswith("numpy") and "dtype" not in repr(get_origin(annotation) or annotation)
 
 
-def plain_kind(annotation: Any, origin: Any, inside: tuple[Any, ...]) -> Kind | None:
-    """What an annotation asks for that is no union."""
-    if annotation in SIMPLE:
-        return SIMPLE[annotation]
-    if is_callable(annotation):
-        return FUNCTION
-    if origin is tuple and inside and inside[-1] is not Ellipsis:
-        return fixed_tuple([kind_of(one) for one in inside])
-    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):
-        return Kind("a mapping", lambda value: isinstance(value, Mapping))
-    if origin is not None and isinstance(origin, type) and issubclass(origin, Iterable):
-        return list_of(kind_of(inside[0]) if inside else None)
-    if getattr(annotation, "__name__", "") == SYSTEM and isinstance(annotation, type):
-        return Kind(ANY_SYSTEM, lambda v: isinstance(v, annotation) or callable(getattr(v, MAKER, None)))
-    if isinstance(annotation, type) and annotation not in (object, Any):
-        return Kind(name_kind(annotation), lambda value: isinstance(value, annotation))
-    return None
-
-
 def is_callable(annotation: Any) -> bool:
     """Whether an annotation asks for a function."""
-    return get_origin(annotation) is Callable or annotation is Callable or "Callable" in repr(get_origin(annotation))
+    return Callable in (annotation, get_origin(annotation))
 
 
 def either(kinds: Sequence[Kind]) -> Kind:

@@ -6,6 +6,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import nan
 from typing import Any
 
 SHOWN_PROBLEMS = 40
@@ -305,8 +306,8 @@ class SimulationStopped(NumericalError):
 
     Parameters
     ----------
-    what, got, todo : str
-        As for every `FlexlinError`.
+    what : str
+        What happened.
     t : float
         The last time that was reached, in s.
     reached : array, shape (2n,), optional
@@ -314,6 +315,8 @@ class SimulationStopped(NumericalError):
     left_range : bool
         Whether that state lies where the equations lose their meaning, or far from the rigid motion; else the integrator was given
         up for a reason of its own.
+    **facts : dict
+        What was got and what to do, as for every `FlexlinError`.
 
     Examples
     --------
@@ -322,18 +325,9 @@ class SimulationStopped(NumericalError):
     True
     """
 
-    def __init__(
-        self,
-        what: str,
-        *,
-        got: object = None,
-        todo: str | None = None,
-        t: float = float("nan"),
-        reached: Any = None,
-        left_range: bool = False,
-    ):
+    def __init__(self, what: str, *, t: float = nan, reached: Any = None, left_range: bool = False, **facts: Any):
         self.t, self.reached, self.left_range = t, reached, left_range
-        super().__init__(what, got=got, todo=todo)
+        super().__init__(what, **facts)
 
 
 class ResonantForcing(NumericalError):

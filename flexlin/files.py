@@ -14,7 +14,7 @@ import secrets
 import shutil
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
@@ -119,48 +119,36 @@ def exchange(one: Path, other: Path) -> bool:
     return rename is not None and rename(-100, os.fsencode(one), -100, os.fsencode(other), 2) == 0
 
 
-def hold(folder: Path) -> int | None:
-    """Mark a folder as in use, until the handle that is returned is closed or its process ends; None where that cannot be marked.
-
-    Raises: BlockingIOError where somebody else holds it.
-    """
-    handle = None
-    try:
-        handle = os.open(folder, os.O_RDONLY)
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:  # a file system without locks, or another's lock
-        let_go(handle)
-        if isinstance(error, BlockingIOError):
-            raise
-        return None
-    return handle
-
-
-def let_go(handle: int | None) -> None:
-    """Take the mark off."""
-    if handle is not None:
-        os.close(handle)
-
-
 @contextmanager
-def alone(folder: Path) -> Iterator[None]:
-    """Be the only writer of flexlin's in a folder, among threads and processes.
+def held(folder: Path, seconds: float = 0.0) -> Iterator[None]:
+    """Mark a folder as in use, among threads and processes, until the block or its process ends; nothing where that cannot be marked.
 
-    Raises: OSError where another one does not let go.
+    Raises: OSError where somebody else holds it, and does not let go for so many seconds.
     """
-    until = time.monotonic() + WRITER_SECONDS
-    while True:
-        try:
-            handle = hold(folder)
-            break
-        except BlockingIOError:
-            if time.monotonic() > until:
-                raise OSError(f"another program has held {folder} for {WRITER_SECONDS:g} s") from None
-            time.sleep(0.005)
+    handle, until = None, time.monotonic() + seconds
     try:
+        while handle is None:
+            try:
+                handle = os.open(folder, os.O_RDONLY)
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                assert handle is not None
+                os.close(handle)
+                handle = None
+                if time.monotonic() > until:
+                    raise OSError(f"another program has held {folder} for {seconds:g} s") from None
+                time.sleep(0.005)
+            except OSError:  # a file system without locks
+                break
         yield
     finally:
-        let_go(handle)
+        if handle is not None:
+            os.close(handle)
+
+
+def alone(folder: Path) -> AbstractContextManager[None]:
+    """Be the only writer of flexlin's in a folder. Raises: OSError where another one does not let go."""
+    return held(folder, WRITER_SECONDS)
 
 
 def prefix_for(name: str) -> str:
@@ -186,26 +174,21 @@ def staging(place: Path, target: Path) -> Iterator[Path]:
     What killed programs left for the same target is taken away first. The name is unique among threads and processes, and the folder is
     held as long as it is written to, so that nobody else takes it for left behind.
     """
-    with alone(place):
-        take_away_left(place, target)
-        folder = place / f"{prefix_for(target.name)}{os.getpid()}-{secrets.token_hex(6)}{PART}"
-        folder.mkdir()
-        handle = hold(folder)
-    try:
+    with ExitStack() as until_written:
+        with alone(place):
+            take_away_left(place, target)
+            folder = place / f"{prefix_for(target.name)}{os.getpid()}-{secrets.token_hex(6)}{PART}"
+            folder.mkdir()
+            until_written.enter_context(held(folder))
+        until_written.callback(discard, folder, target)
         (folder / INNER).mkdir()
         yield folder / INNER
-    finally:
-        try:
-            discard(folder, target)
-        finally:
-            let_go(handle)
 
 
 def take_away_left(place: Path, target: Path) -> None:
     """Take away what killed programs left in a place for a target, to which nobody writes any more; the place is held."""
     for left in staged(place, target.name, PART):
-        with suppress(OSError):  # BlockingIOError where somebody writes to it
-            let_go(hold(left))
+        with suppress(OSError), held(left):  # unless somebody writes to it
             discard(left, target)
 
 

@@ -6,7 +6,7 @@ carry out the operations on power series.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from typing import Self, TypeVar
 
@@ -62,20 +62,14 @@ class Program:
     def read(cls, function: ca.Function) -> Self:
         """Read a function of scalar operations (SX). Raises: ArgumentError where it is none, calls another, or has free symbols."""
         if function.class_name() != "SXFunction":
-            raise ArgumentError(
-                "the function is not one of scalar operations", got=function.class_name(), expected="SX"
-            )
+            raise ArgumentError("the function is none of scalar operations", got=function.class_name(), expected="SX")
         if function.has_free():
-            raise ArgumentError(
-                "an expression has free symbols", got=function.get_free(), expected="only the variables"
-            )
+            raise ArgumentError("an expression has free symbols", got=function.get_free(), expected="variables alone")
         every = range(function.n_instructions())
         steps = np.zeros((len(every), WORDS), dtype=np.int32)
         steps[:, 0] = np.fromiter(map(function.instruction_id, every), np.int32)
         if ca.OP_CALL in steps[:, 0]:
-            raise ArgumentError(
-                "the function calls another one", got=function.name(), expected="one that is written out"
-            )
+            raise ArgumentError("the function calls another one", got=function.name(), expected="one written out")
         sources, targets = (
             np.fromiter(
                 chain.from_iterable((found[0], found[-1]) if found else (0, 0) for found in map(ask, every)), np.int32
@@ -146,25 +140,6 @@ class Program:
         needs = np.empty(len(self.steps), dtype=np.int32)
         find_needs(len(self.steps), self.steps, np.array(kinds, dtype=np.int32), needs)
         return needs
-
-    def invert_once(self, kinds: tuple[int, ...]) -> Self:
-        """The program with quotients a / b made products a (1 / b) where b depends on fewer kinds of inputs than a / b does."""
-        needs, (code, _, _, below) = self.find_needs(kinds), self.steps.T
-        quotients = np.flatnonzero(code == ca.OP_DIV)
-        quotients = quotients[needs[below[quotients]] != needs[quotients]]
-        place = np.arange(len(code)) + np.searchsorted(quotients, np.arange(len(code)), side="right")
-        steps = np.empty((len(code) + len(quotients), WORDS), dtype=np.int32)
-        values = code != OUTPUT
-        moved = self.steps.copy()
-        moved[values, 1] = place[values]
-        for column, reading in ((2, ~np.isin(code, (CONST, INPUT))), (3, ~np.isin(code, (CONST, INPUT, OUTPUT)))):
-            moved[reading, column] = place[moved[reading, column]]
-        inverses = np.stack(
-            [np.full(len(quotients), ca.OP_INV), place[quotients] - 1, *2 * [moved[quotients, 3]]], axis=1
-        )
-        moved[quotients, 0], moved[quotients, 3] = ca.OP_MUL, inverses[:, 1]
-        steps[place], steps[place[quotients] - 1] = moved, inverses
-        return replace(self, steps=share_values(steps, len(steps)))
 
     def lay_out(
         self,

@@ -1,6 +1,7 @@
 """The one checked door between CasADi and NumPy: many points, one mapped call; and the pickling of objects that hold expressions."""
 
 from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any
@@ -122,7 +123,13 @@ class Usage:
         """The program, where the points so far and these are worth one, and the compiled core knows all of its operations."""
         self.points += points
         if not self.tried and self.points > READING_POINTS + READING_COST / self.operations:
-            self.tried, self.program = True, read_known(self.function)
+            self.tried = True
+            with suppress(
+                ArgumentError
+            ):  # what is none of scalars, calls another, or has a rare operation is left to CasADi
+                program = Program.read(self.function)
+                program.check_known()
+                self.program = program
         return self.program
 
 
@@ -130,16 +137,6 @@ class Usage:
 def usage_of(function: ca.Function) -> Usage:
     """The usage of a function, counted from its first call on; only functions of expressions list their operations."""
     return Usage(function, max(1, function.n_instructions()) if function.class_name() == "SXFunction" else 1)
-
-
-def read_known(function: ca.Function) -> Program | None:
-    """The program of a function; none where CasADi has to evaluate it: it is none of scalars, calls another, or has a rare operation."""
-    try:
-        program = Program.read(function)
-        program.check_known()
-    except ArgumentError:
-        return None
-    return program
 
 
 @lru_cache(maxsize=64)

@@ -162,17 +162,6 @@ def test_what_is_written_often_is_computed_once(seed):
     agree(function, arrays)
 
 
-def test_quotients_by_what_one_input_decides_become_products():
-    """Of four quotients one stays, by what both inputs decide."""
-    x, y = ca.SX.sym("x"), ca.SX.sym("y")
-    plain = ca.Function("plain", [x, y], [(x + y) / y + x / (y * y) + (x * y) / (x - y)])
-    once = Program.read(plain).invert_once((1, 2))
-    assert once.steps[:, 0].tolist().count(ca.OP_DIV) == 1
-    pairs = list(np.random.default_rng(1).normal(size=(2, 70, 1)))
-    found, right = run(once.lay_out(), plain, pairs)[0], symbolic.call_casadi(plain, pairs)[0]
-    np.testing.assert_allclose(found, right, rtol=1e-13)
-
-
 def test_many_points_take_the_program_and_few_do_not():
     function, arrays = random_function(99), random_points(0, 50)
     few = symbolic.evaluate(function, *arrays)

@@ -19,7 +19,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "analyses.sensitivity": "choose_paths",
         "analyses.spectra": "make_family unfold_frequencies",
         "analyses.sweep.found": "Found",
-        "analyses.sweep.job": "check_values choose_crew compute_here prepare_job Store",
+        "analyses.sweep.job": "choose_crew compute_here prepare_job Store",
         "analyses.sweep.sharing": "share_among_processes share_among_threads share_on_cluster",
         "analyses.sweep.together": "Together",
     },

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import flexlin.scene
 from flexlin import analyses, control, report, simulation
-from flexlin.cli.shared import COMPUTED, LIMITS, SCENE, SEARCH_SECONDS, Work, command, meets, print_paths, say_loop
+from flexlin.cli.shared import SEARCH_SECONDS, Work, meets, print_paths, say_loop, scene_command
 from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError
 
@@ -14,9 +14,8 @@ if TYPE_CHECKING:
     from flexlin.scene.scene import Scene
 
 
-@command("linearize", "write the coefficients over a period", *SCENE, *LIMITS, "points")
-def linearize_scene(options: argparse.Namespace) -> int:
-    work = Work(options)
+@scene_command("linearize", "write the coefficients over a period", "points", tol=False)
+def linearize_scene(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         made = analyses.derive_equations(work.scene, clock)
         sample = partial(report.coefficients_dataset, work.scene, made.plant, made.closed, options.points)
@@ -24,9 +23,8 @@ def linearize_scene(options: argparse.Namespace) -> int:
     return print_paths(work.write_files("coefficients", {}, data))
 
 
-@command("design", "design the scene's controllers, write their gains", *COMPUTED, "require", "points")
-def design(options: argparse.Namespace) -> int:
-    work = Work(options)
+@scene_command("design", "design the scene's controllers, write their gains", "require points")
+def design(work: Work, options: argparse.Namespace) -> int:
     scene = work.scene
     if not scene.designs:
         raise ArgumentError("nothing to design", got="no [[designs]] table", expected="at least one in the scene")
@@ -48,13 +46,10 @@ def design(options: argparse.Namespace) -> int:
     return DONE if met else OTHER_VERDICT
 
 
-@command(
-    "simulate",
-    "integrate the nonlinear equations beside the linear ones",
-    *(*COMPUTED, "periods", "feedforward", "attraction", "animate"),
+@scene_command(
+    "simulate", "integrate the nonlinear equations beside the linear ones", "periods feedforward attraction animate"
 )
-def simulate_loop(options: argparse.Namespace) -> int:
-    work = Work(options)
+def simulate_loop(work: Work, options: argparse.Namespace) -> int:
     scene, asked, tol = work.scene, work.scene.accuracy, work.scene.accuracy.tol
     problems, said = dict[str, str](), list[str]()
     with work.clock(4 + 2 * options.attraction + options.animate) as clock:
@@ -92,9 +87,8 @@ def simulate_loop(options: argparse.Namespace) -> int:
     return NO_ANSWER if problems else done
 
 
-@command("tune", "find the gains that decay fastest in all scenarios", *COMPUTED, "vary", "gain")
-def tune_gains(options: argparse.Namespace) -> int:
-    work = Work(options, SEARCH_SECONDS)
+@scene_command("tune", "find the gains that decay fastest in all scenarios", "vary gain", usual=SEARCH_SECONDS)
+def tune_gains(work: Work, options: argparse.Namespace) -> int:
     spans = [*options.vary, *options.gain]
     if len({key for key, *_ in spans}) < len(spans):
         raise ArgumentError("a number is named twice", got=", ".join(key for key, *_ in spans), expected="each once")
@@ -119,9 +113,8 @@ def scene_text(scene: "Scene") -> str:
     return str(flexlin.scene.write_toml(flexlin.scene.raw_tables(scene)))
 
 
-@command("export", "write system and designs for other tools: npz, MATLAB, netCDF, C", *COMPUTED, "points")
-def export(options: argparse.Namespace) -> int:
-    work = Work(options)
+@scene_command("export", "write system and designs for other tools: npz, MATLAB, netCDF, C", "points")
+def export(work: Work, options: argparse.Namespace) -> int:
     scene = work.scene
     with work.clock(4 + 3 * len(scene.designs)) as clock:
         report.design_folders([table.name for table in scene.designs])  # clashing names are refused before any work
@@ -137,9 +130,8 @@ def export(options: argparse.Namespace) -> int:
     return NO_ANSWER if any(loop.design is None for loop in loops) else DONE
 
 
-@command("predict", "predict a measured log, without fitting anything to it", *SCENE, *LIMITS, "log", "window")
-def predict_log(options: argparse.Namespace) -> int:
-    work = Work(options)
+@scene_command("predict", "predict a measured log, without fitting anything to it", "log window", tol=False)
+def predict_log(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         scene = work.scene
         log = clock.stage("read the log", scene.accuracy, partial(flexlin.read_log, options.log, scene))
@@ -150,13 +142,14 @@ def predict_log(options: argparse.Namespace) -> int:
     return work.write("predict", [report.draw_prediction(found)], record)
 
 
-@command(
+@scene_command(
     "identify",
     "find numbers of the scene, with their errors, from a measured log",
-    *(*SCENE, *LIMITS, "log", "free", "window", "hold_back"),
+    "log free window hold_back",
+    usual=SEARCH_SECONDS,
+    tol=False,
 )
-def identify_numbers(options: argparse.Namespace) -> int:
-    work = Work(options, SEARCH_SECONDS)
+def identify_numbers(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         scene = work.scene
         log = clock.stage("read the log", scene.accuracy, partial(flexlin.read_log, options.log, scene))

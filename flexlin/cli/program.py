@@ -194,12 +194,10 @@ def run_program() -> int:
     try:
         code = main()
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader has gone, as in `flexlin list | head -1`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = FAILED
     except OSError as error:
-        why = NO_MEMORY if lacks_memory(error) else f"the output cannot be written: {error.strerror}"
-        print(f"flexlin: {why}", file=sys.stderr)
+        if not isinstance(error, BrokenPipeError):  # else the reader has gone, as in `flexlin list | head -1`
+            why = NO_MEMORY if lacks_memory(error) else f"the output cannot be written: {error.strerror}"
+            print(f"flexlin: {why}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = FAILED
     return code

@@ -1,7 +1,6 @@
 """Commands about whole scenes: list, show, new, import, schema, check; report, chart, respond, effects, cost."""
 
 import argparse
-import math
 import shlex
 import sys
 from collections.abc import Iterator
@@ -11,14 +10,13 @@ from typing import TYPE_CHECKING, Literal
 
 import flexlin.scene
 from flexlin import analyses, files, report
-from flexlin.cli.shared import COMPUTED, LIMITS, SCENE, Work, command, meets, print_paths, refuse_existing, say_loop
+from flexlin.cli.shared import Work, command, meets, print_paths, refuse_existing, say_loop, scene_command
 from flexlin.cli.supervised import DONE, NO_ANSWER, OTHER_VERDICT, send_written
 from flexlin.errors import ArgumentError, FlexlinError, NumericalError, TooLarge
 
 if TYPE_CHECKING:
     from flexlin.analyses.analysis import Analysis
     from flexlin.analyses.judging import AtRest
-    from flexlin.checks import Array
     from flexlin.report.figures import Picture
     from flexlin.scene.links import Link
 
@@ -41,7 +39,7 @@ def show(options: argparse.Namespace) -> int:
     return DONE
 
 
-@command("new", "write a commented scene to start from", "name", "like")
+@command("new", "write a commented scene to start from", "name like")
 def new(options: argparse.Namespace) -> int:
     import tomllib
 
@@ -59,7 +57,7 @@ def new(options: argparse.Namespace) -> int:
     return DONE
 
 
-@command("import", "write a scene of a robot from its URDF file", "robot", "file", "base", "tip")
+@command("import", "write a scene of a robot from its URDF file", "robot file base tip")
 def import_robot(options: argparse.Namespace) -> int:
     path = options.out
     refuse_existing(path)
@@ -80,9 +78,8 @@ def schema(options: argparse.Namespace) -> int:
     return DONE
 
 
-@command("check", "read a scene and derive its equations", *SCENE, *LIMITS)
-def check(options: argparse.Namespace) -> int:
-    work = Work(options)
+@scene_command("check", "read a scene and derive its equations", tol=False)
+def check(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         from numpy import array
 
@@ -141,17 +138,13 @@ def say(value: float | str, unit: str) -> str:
     return str(report.with_unit(value if isinstance(value, str) else f"{value:.4g}", unit))
 
 
-@command(
-    "report",
-    "write report.html and report.json",
-    *(*COMPUTED, "require", "effects", "sensitivity", "margins", "loop_margins"),
-)
-def report_scene(options: argparse.Namespace) -> int:
-    work = Work(options)
+@scene_command("report", "write report.html and report.json", "require effects sensitivity margins loop_margins")
+def report_scene(work: Work, options: argparse.Namespace) -> int:
     with work.clock():
         margins = {key: (low, high) for key, low, high, _ in options.margins} or None
-        extras = options.effects, options.sensitivity, margins, options.watch, options.loop_margins, send_written
-        analysis, paths = report.write_report(work.scene, options.out, work.quoted, work.progress, *extras)
+        extras = [name for name in ("effects", "sensitivity", "loop_margins") if getattr(options, name)]
+        how = work.progress, extras, margins, options.watch, send_written
+        analysis, paths = report.write_report(work.scene, options.out, work.quoted, *how)
     if isinstance(analysis, FlexlinError):
         print_paths(paths)
         raise analysis
@@ -179,24 +172,17 @@ def summarize(analysis: "Analysis") -> None:
         print("\n".join([*said, *report.accuracy_lines(analysis.steps, "\n".join(said))]))
 
 
-@command("chart", "stability over one or two parameters", *COMPUTED, "over", "loop", "workers", "scheduler", "store")
-def chart(options: argparse.Namespace) -> int:
-    work = Work(options)
+@scene_command("chart", "stability over one or two parameters", "over loop workers scheduler store")
+def chart(work: Work, options: argparse.Namespace) -> int:
     scene, spans = work.scene, options.over
     if len(spans) > 2 or len({key for key, *_ in spans}) < len(spans):
         got = ", ".join(key for key, *_ in spans)
         raise ArgumentError("a chart has one or two axes", got=f"--over {got}", expected="one or two different keys")
     with work.clock(3) as clock:
-        counts = [number or (60 if len(spans) > 1 else 200) for *_, number in spans]
-
-        def values() -> "dict[str, Array]":
-            from numpy import linspace
-
-            analyses.check_values(math.prod(counts))
-            return {key: linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
-
+        usual = 60 if len(spans) > 1 else 200
+        axes = [(key, low, high, number or usual) for key, low, high, number in spans]
         how = {name: getattr(options, name) for name in ("loop", "workers", "scheduler", "store")}
-        data, problem = report.compute_chart(scene, values, clock, work.progress, **how)
+        data, problem = report.compute_chart(scene, axes, clock, work.progress, **how)
         ranges = {key: (low, high) for key, low, high, _ in spans}
         data.attrs |= {"incomplete": problem} if problem else {}
         found = ([], []) if problem else report.find_boundary(scene, ranges, data, clock, options.loop)
@@ -225,17 +211,16 @@ def chart(options: argparse.Namespace) -> int:
     return NO_ANSWER if problem else done
 
 
-@command(
+@scene_command(
     "respond",
     "find what a disturbance does at the worst moment of the motion",
-    *(*COMPUTED, "step", "initial", "push", "noise", "of", "lasting"),
+    "step initial push noise of lasting",
 )
-def respond(options: argparse.Namespace) -> int:
+def respond(work: Work, options: argparse.Namespace) -> int:
     asked = [(kind, getattr(options, kind)) for kind in KINDS if getattr(options, kind) is not None]
     if len(asked) != 1:
         kinds = "--step, --initial, --push or --noise"
         raise ArgumentError("one disturbance is answered at a time", got=f"{len(asked)}", expected=kinds)
-    work = Work(options)
     with work.clock() as clock:
         kind, words = asked[0]
         answer = analyses.answer_in_scene(work.scene, kind, words, options.of, options.lasting, clock)
@@ -247,9 +232,8 @@ def respond(options: argparse.Namespace) -> int:
     return work.write("respond", [drawn], report.answer_record(answer))
 
 
-@command("effects", "find which effects and modes the scene needs", *COMPUTED, "tolerance")
-def effects(options: argparse.Namespace) -> int:
-    work = Work(options)
+@scene_command("effects", "find which effects and modes the scene needs", "tolerance")
+def effects(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         compare = partial(flexlin.audit, work.scene, options.tolerance, work.progress, work.scene.accuracy.tol)
         result = clock.stage("audit of the effects", work.scene.accuracy, compare)
@@ -261,9 +245,8 @@ def effects(options: argparse.Namespace) -> int:
     return NO_ANSWER if result.problem else done
 
 
-@command("cost", "measure what accuracy costs in time, beside other programs (a minute)", *SCENE, *LIMITS)
-def measure_cost(options: argparse.Namespace) -> int:
-    work = Work(options)
+@scene_command("cost", "measure what accuracy costs in time, beside other programs (a minute)", tol=False)
+def measure_cost(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         seconds = clock.budget.plan("accuracy against time", work.scene.accuracy)
         measure = partial(flexlin.cost, work.scene, seconds=seconds)

@@ -29,9 +29,6 @@ if TYPE_CHECKING:
 
 LIMIT = f"{LIMIT_BYTES:.0e}".replace("+0", "")
 """Of memory, as one would write it."""
-SCENE = ("scene", "set", "data", "out")
-LIMITS = ("seconds", "memory")
-COMPUTED = (*SCENE, "tol", *LIMITS)
 SEARCH_SECONDS = 600.0
 """Limit in s of a search or a fit where nobody states one."""
 ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
@@ -194,13 +191,21 @@ class Command:
 
     name: str
     purpose: str
-    takes: tuple[str, ...]
+    takes: list[str]
     run: Callable[[argparse.Namespace], int]
 
 
-def command(name: str, purpose: str, *takes: str) -> Callable[[Callable[[argparse.Namespace], int]], Command]:
+def command(name: str, purpose: str, takes: str = "") -> Callable[[Callable[[argparse.Namespace], int]], Command]:
     """Make a function the command of this name."""
-    return lambda run: Command(name, purpose, takes, run)
+    return lambda run: Command(name, purpose, takes.split(), run)
+
+
+def scene_command(
+    name: str, purpose: str, takes: str = "", tol: bool = True, usual: float | None = None
+) -> Callable[[Callable[["Work", argparse.Namespace], int]], Command]:
+    """Make a function of the work on a scene, and of options, the command of this name; `tol`: whether stages are asked for an error."""
+    every = f"scene set data out {'tol ' * tol}seconds memory {takes}"
+    return lambda run: command(name, purpose, every)(lambda options: run(Work(options, usual), options))
 
 
 SILENT_SECONDS = 2.0
@@ -217,7 +222,6 @@ class Progress:
 
     def __init__(self) -> None:
         self._name, self.share, self._left = "", 0.0, math.inf
-        self._status: Any = None
         self._over = threading.Event()
         self._listening = listening(self._advance)
         self._start, self._written, self._said = time.perf_counter(), 0.0, ("", 0.0)
@@ -252,28 +256,20 @@ class Progress:
         self._listening.__exit__(None, None, None)
         self._over.set()
         self._thread.join()
-        if self._status is not None:
-            self._status.stop()
-        self._status = None
 
     def _watch(self) -> None:
         """Show the line from time to time, until the work is over."""
         stderr = sys.__stderr__
         if self._over.wait(SILENT_SECONDS) or stderr is None or sys.stderr is not stderr:
             return  # over already, or a program has put a stream of its own there and reads errors from it
-        show = self._on_terminal if stderr.isatty() else self._in_pipe
-        while not self._over.is_set():
-            if self._name:
-                show()
-            self._over.wait(LOOK_INTERVAL)
-
-    def _on_terminal(self) -> None:
-        if self._status is None:
+        if stderr.isatty():
             from rich.console import Console
 
-            self._status = Console(stderr=True).status(self.line)
-            self._status.start()
-        self._status.update(self.line)
+            with Console(stderr=True).status(self.line) as status:
+                while not self._over.wait(LOOK_INTERVAL):
+                    status.update(self.line)
+        while not self._over.wait(LOOK_INTERVAL):
+            self._in_pipe()
 
     def _in_pipe(self) -> None:
         now, saying = time.perf_counter(), (self._name, self.share)
@@ -309,12 +305,7 @@ class Work:
         return str(report.picture_page(self.scene.title, pictures[0], self.quoted, pictures[1:], said))
 
     def write(
-        self,
-        name: str,
-        pictures: "Sequence[Picture]",
-        record: Named,
-        said: Sequence[str] = (),
-        more: Named | None = None,
+        self, name: str, pictures: "list[Picture]", record: Named, said: Sequence[str] = (), more: Named | None = None
     ) -> int:
         """Write NAME.html with the pictures, NAME.json with the numbers, and more files of text; done."""
         data = report.to_json({"schema": 1, "title": self.scene.title, **record})

@@ -269,7 +269,7 @@ def record_model(function: ca.Function, phase_inputs: int) -> Model:
     states, rows = size = function.size_out(0)
     if size not in SIZES:
         raise ArgumentError("there is no kernel of this size", got=size, expected=f"one of {SIZES}")
-    program = Program.read(function).invert_once(kinds)
+    program = Program.read(function)
     program.check_known()
     code, needs, (Z, M, period) = program.steps[:, 0], program.find_needs(kinds), program.find_outputs()
     wanted = np.concatenate([Z, M, program.steps[(needs == Needs.PHASE | Needs.POINT) & (code != OUTPUT), 2:].ravel()])

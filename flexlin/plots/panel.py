@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from html import escape
+from functools import cache
+from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,8 +41,8 @@ class Mark:
 class Panel:
     """One pair of axes: scales, labels, and marks in the order in which they are drawn.
 
-    `equal` keeps one unit the same length on both axes; `bare` leaves axes and grid out, `ticked` = False the numbers across. The width is
-    that of the whole, the height that of the axes, where a page is 760 wide. Colours are names of the page's CSS variables.
+    `equal` keeps one unit the same length on both axes; `bare` leaves axes and grid out. The width is that of the whole, the height
+    that of the axes, where a page is 760 wide. Colours are names of the page's CSS variables.
     """
 
     title: str = ""
@@ -50,7 +52,6 @@ class Panel:
     y_label: str = ""
     equal: bool = False
     bare: bool = False
-    ticked: bool = True
     width: float = 242.0
     height: float = 80.0
     footer: str = ""
@@ -78,8 +79,7 @@ class Panel:
         return self._add(Mark("area", *_points(x, y), f"fill:var(--{colour});stroke:none"))
 
     def dots(
-        self, x: ArrayLike, y: ArrayLike, colour: str, shape: str = "circle", size: float = 4.0, label: str = "",
-        texts: Sequence[str] = (),
+        self, x: ArrayLike, y: ArrayLike, colour: str, shape: str = "circle", size: float = 4.0, label: str = "", texts: Sequence[str] = ()
     ) -> "Panel":  # fmt: skip
         """Set a mark at each point (N,); `texts` (N) appear when one points at them."""
         outline = colour if shape == "cross" else "ink"
@@ -94,10 +94,8 @@ class Panel:
 
     def hatch(self, x: ArrayLike, y: ArrayLike, colour: str) -> "Panel":
         """Hatch rectangles from low to high ends, (2, N) on each axis."""
-        line = f'<path d="M0,6L6,0" style="stroke:var(--{colour});stroke-opacity:.45;stroke-width:1"/>'
-        tile = f'<pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse">{line}</pattern>'
-        ends = _points(np.ravel(x), np.ravel(y))
-        return self._add(Mark("cells", *ends, "fill:url(#hatch);stroke:none", shape=f"<defs>{tile}</defs>"))
+        style = f"stroke:var(--{colour});stroke-opacity:.45;stroke-width:1"
+        return self._add(Mark("hatch", *_points(np.ravel(x), np.ravel(y)), style))
 
     def probe(self, data: str) -> "Panel":
         """Lay a sheet without colour over the axes, which bears data (JSON) for a script that reads the pointer's place."""
@@ -126,26 +124,14 @@ class Panel:
 
     def fitted(self) -> tuple[Linear, Linear]:
         """Both scales with their open ends set by the marks."""
-        x = np.concatenate([mark.x for mark in self.marks] or [np.zeros(1)])
-        y = np.concatenate([mark.y for mark in self.marks] or [np.zeros(1)])
-        return self.x.fitted(select_finite(x)), self.y.fitted(select_finite(y))
-
-
-def select_finite(values: Array) -> Array:
-    """The finite values, or zero when there is none."""
-    kept = values[np.isfinite(values)]
-    return kept if kept.size else np.zeros(1)
+        x = np.concatenate([np.zeros(0), *(mark.x for mark in self.marks)])
+        y = np.concatenate([np.zeros(0), *(mark.y for mark in self.marks)])
+        return self.x.fitted(x), self.y.fitted(y)
 
 
 def measure_text(text: str, size: float = 11.0) -> float:
     """About how wide a text will be, a little on the safe side."""
     return 0.64 * size * len(text)
-
-
-def write_text(x: float, y: float, text: str, style: str = "", **attributes: str) -> str:
-    """A text element."""
-    more = "".join(f' {name}="{value}"' for name, value in attributes.items())
-    return f'<text x="{x:.1f}" y="{y:.1f}" style="{style}"{more}>{escape(text)}</text>'
 
 
 def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
@@ -158,7 +144,7 @@ LINE_HEIGHT, LEFT_MARGIN = 16.0, 46.0
 
 @dataclass(frozen=True)
 class Axes:
-    """Where the axes of a panel lie in its drawing, with both scales."""
+    """Where the axes of a panel lie in its drawing, with both scales and the ticks up the side."""
 
     left: float
     top: float
@@ -166,11 +152,12 @@ class Axes:
     height: float
     x_scale: Linear
     y_scale: Linear
+    y_ticks: Sequence[tuple[float, str]] = ()
 
-    def x(self, values: Array) -> Array:
+    def x(self, values: ArrayLike) -> Array:
         return self.left + self.width * self.x_scale.place(values)
 
-    def y(self, values: Array) -> Array:
+    def y(self, values: ArrayLike) -> Array:
         return self.top + self.height * (1 - self.y_scale.place(values))
 
     @property
@@ -181,106 +168,51 @@ class Axes:
     def right(self) -> float:
         return self.left + self.width
 
+    @property
+    def across(self) -> list[tuple[float, str]]:
+        """Places and labels of the ticks across."""
+        return [(float(self.x(value)), text) for value, text in self.x_scale.ticks(max(2, int(self.width / 62)))]
+
+    @property
+    def up(self) -> list[tuple[float, str]]:
+        """Places and labels of the ticks up the side."""
+        return [(float(self.y(value)), text) for value, text in self.y_ticks]
+
+
+@cache
+def find_template(name: str) -> Any:
+    """A template of this room; what draws nothing needs no library for it."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    loader = PackageLoader("flexlin.plots")
+    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    made.filters["px"] = "{:.1f}".format
+    return made.get_template(name)
+
 
 def draw(panels: Sequence[Panel], legend: Sequence[Mark] = ()) -> str:
-    """Panels beside each other as one element of a page, below their common legend.
-
-    Those of one width stand in columns, others share their line by their widths; the style sheet says when they wrap.
-    """
-    widths = {panel.width for panel in panels}
-    alike = f' alike" style="--w:{widths.pop():g}' if len(widths) == 1 else ""
-    return f'<div>{draw_legend(legend)}<div class="panels{alike}">\n{"".join(map(draw_panel, panels))}</div></div>'
-
-
-def draw_panel(panel: Panel) -> str:
-    """One panel: title and legend, axes with their marks, words below."""
-    title = f"<b>{escape(panel.title)}</b>" if panel.title else ""
-    head = f"{title}{draw_legend(panel.legend)}"
-    return f'<div class="panel{" bare" * panel.bare}" style="--w:{panel.width:g}">{head}{draw_svg(panel)}</div>\n'
+    """Panels beside each other as one element of a page, below their common legend."""
+    laid = [(panel, lay_axes(panel)) for panel in panels]
+    drawn = [(panel, axes, leave_apart(panel.marks, axes)) for panel, axes in laid]
+    alike = len({panel.width for panel in panels}) == 1
+    functions = {one.__name__: one for one in (draw_rectangles, draw_trace, place_words, zip_longest)}
+    page = find_template("panels.html.j2")
+    return str(page.render(functions, panels=drawn, legend=legend, alike=alike, line_height=LINE_HEIGHT))
 
 
-def draw_legend(marks: Sequence[Mark]) -> str:
-    """Keys and labels."""
-    keys = "".join(f"<span>{draw_key(mark)} {escape(mark.label)}</span>" for mark in marks)
-    return f'<div class="legend">{keys}</div>' if marks else ""
-
-
-def draw_key(mark: Mark) -> str:
-    """What a mark looks like."""
-    shape = f'transform="translate(8 5)" d="{mark.shape}"' if mark.kind == "dots" else 'd="M0,5h16"'
-    return f'<svg viewBox="0 0 16 10"><path {shape} style="{mark.style}"/></svg>'
-
-
-def draw_svg(panel: Panel) -> str:
-    """Axes and marks of a panel, and the words below."""
-    axes, y_ticks = lay_axes(panel)
-    parts = [] if panel.bare else draw_axes(panel, axes, y_ticks)
-    parts += [draw_mark(mark, axes) for mark in leave_apart(panel.marks, axes)]
-    below, foot = axes.bottom + LINE_HEIGHT * (not panel.bare), panel.x_label or panel.footer
-    style = f"fill:var(--{'faint' if panel.x_label else panel.footer_colour});text-anchor:middle"
-    parts += [write_text(axes.left + axes.width / 2, below + 12, foot, style)] if foot else []
-    size = f"{panel.width:g} {below + LINE_HEIGHT * bool(foot) + 4:.0f}"
-    head = f'<svg class="drawing" viewBox="0 0 {size}" role="img" aria-label="{escape(panel.title)}">'
-    return "\n".join([head, *parts, "</svg>"])
-
-
-def lay_axes(panel: Panel) -> tuple[Axes, list[tuple[float, str]]]:
-    """The axes, fitted to the marks and to the labels beside them, and the ticks up the side."""
+def lay_axes(panel: Panel) -> Axes:
+    """The axes, fitted to the marks and to the labels beside them."""
     x, y = panel.fitted()
     if panel.bare:
         x, y = equalize_units(x, y, panel.width, panel.height) if panel.equal else (x, y)
-        return Axes(0.0, 4.0, panel.width, panel.height, x, y), []
+        return Axes(0.0, 4.0, panel.width, panel.height, x, y)
     room = panel.width - 20.0
     if panel.equal:
         x, y = equalize_units(x, y, room - LEFT_MARGIN, panel.height)
     y_ticks = y.ticks(min(7, max(3, int(panel.height / 19))))
     labels = max((measure_text(label) for _, label in y_ticks), default=0.0)
-    margin = max(labels + LINE_HEIGHT / 2 + (LINE_HEIGHT if panel.y_label else 0.0), LEFT_MARGIN * panel.ticked)
-    return Axes(margin, LINE_HEIGHT / 2, room - margin, panel.height, x, y), y_ticks
-
-
-def draw_axes(panel: Panel, axes: Axes, y_ticks: list[tuple[float, str]]) -> list[str]:
-    """Grid lines and labels of both axes."""
-    x_ticks = axes.x_scale.ticks(max(2, int(axes.width / 62))) if panel.ticked else []
-    across, up = axes.x(np.array([value for value, _ in x_ticks])), axes.y(np.array([value for value, _ in y_ticks]))
-    grid = "".join(f"M{at:.1f},{axes.top:.1f}V{axes.bottom:.1f}" for at in across)
-    grid += "".join(f"M{axes.left:.1f},{at:.1f}H{axes.right:.1f}" for at in up)
-    frame = f"M{axes.left:.1f},{axes.top:.1f}V{axes.bottom:.1f}H{axes.right:.1f}"
-    parts = [
-        f'<path d="{grid}" style="stroke:var(--grid);stroke-width:.7;fill:none"/>',
-        f'<path d="{frame}" style="stroke:var(--faint);stroke-width:.8;fill:none"/>',
-    ]
-    style = "fill:var(--faint);text-anchor:"
-    for at, (_, text) in zip(across, x_ticks, strict=True):
-        parts.append(write_text(at, axes.bottom + 14, text, f"{style}middle"))
-    for at, (_, text) in zip(up, y_ticks, strict=True):
-        parts.append(write_text(axes.left - 5, at + 4, text, f"{style}end"))
-    if panel.y_label:
-        at, middle = 10.0, axes.top + axes.height / 2
-        turned = f"rotate(-90 {at:.1f} {middle:.1f})"
-        parts.append(write_text(at, middle, panel.y_label, f"{style}middle", transform=turned))
-    return parts
-
-
-def draw_mark(mark: Mark, axes: Axes) -> str:
-    """One mark in pixels."""
-    if mark.kind == "zero":
-        return f'<path d="M{axes.left:.1f},{axes.y(mark.y)[0]:.1f}h{axes.width:.1f}" style="{mark.style}"/>'
-    if mark.kind == "probe":
-        place = f'x="{axes.left:.1f}" y="{axes.top:.1f}" width="{axes.width:.1f}" height="{axes.height:.1f}"'
-        return f'<rect class="probe" {place} style="{mark.style}" data-probe="{escape(mark.texts[0], quote=True)}"/>'
-    across, up = axes.x(mark.x), axes.y(mark.y)
-    if mark.kind == "words":
-        return write_text(*place_words(mark, axes), mark.texts[0], mark.style)
-    if mark.kind == "cells":
-        return f'{mark.shape}<path d="{draw_rectangles(across, up)}" style="{mark.style}"/>'
-    if mark.kind == "dots":
-        texts = mark.texts or ("",) * len(across)
-        return "".join(
-            f'<path transform="translate({a:.1f} {b:.1f})" d="{mark.shape}" style="{mark.style}"><title>{escape(text)}</title></path>'
-            for a, b, text in zip(across, up, texts, strict=True)
-        )
-    return f'<path d="{draw_trace(across, up)}{"z" if mark.kind == "area" else ""}" style="{mark.style}"/>'
+    margin = max(labels + LINE_HEIGHT / 2 + (LINE_HEIGHT if panel.y_label else 0.0), LEFT_MARGIN)
+    return Axes(margin, LINE_HEIGHT / 2, room - margin, panel.height, x, y, y_ticks)
 
 
 def leave_apart(marks: Sequence[Mark], axes: Axes) -> list[Mark]:
@@ -310,14 +242,15 @@ def place_words(mark: Mark, axes: Axes) -> tuple[float, float]:
     return (min(max(x, low), high) if low <= high else x), min(max(y, axes.top + SMALL_FONT), axes.bottom - 3)
 
 
-def draw_rectangles(across: Array, up: Array) -> str:
+def draw_rectangles(mark: Mark, axes: Axes) -> str:
     """Rectangles between low ends, which come first, and high ends, (2 N,), as one path."""
-    corners = zip(*np.split(across, 2), *np.split(up, 2), strict=True)
+    corners = zip(*np.split(axes.x(mark.x), 2), *np.split(axes.y(mark.y), 2), strict=True)
     return "".join(f"M{a:.2f},{c:.2f}H{b:.2f}V{d:.2f}H{a:.2f}z" for a, b, c, d in corners)
 
 
-def draw_trace(across: Array, up: Array) -> str:
+def draw_trace(mark: Mark, axes: Axes) -> str:
     """Points as a path; a point that is not finite breaks the line."""
+    across, up = axes.x(mark.x), axes.y(mark.y)
     known = np.isfinite(across) & np.isfinite(up)
     pieces = np.split(np.arange(len(known)), np.flatnonzero(np.diff(known)) + 1)
     return "".join(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 
@@ -30,7 +31,7 @@ class Linear:
     low: float | None = None
     high: float | None = None
 
-    def bend(self, values: Array) -> Array:
+    def bend(self, values: ArrayLike) -> Array:
         """Values as lengths along the axis."""
         return np.asarray(values, dtype=float)
 
@@ -52,7 +53,7 @@ class Linear:
         low, high = (end if own is None else own for own, end in zip((self.low, self.high), open_ends, strict=True))
         return replace(self, low=low, high=high)
 
-    def place(self, values: Array) -> Array:
+    def place(self, values: ArrayLike) -> Array:
         """Values to [0, 1] between the ends."""
         low, high = self.bend(np.array(self.ends))
         return np.asarray((self.bend(values) - low) / (high - low))
@@ -85,7 +86,7 @@ class Symlog(Linear):
 
     near: float = field(default=1.0, kw_only=True)
 
-    def bend(self, values: Array) -> Array:
+    def bend(self, values: ArrayLike) -> Array:
         """sign(v) (1 + log10(|v|/near)) beyond near, v/near inside."""
         scaled = np.asarray(values, dtype=float) / self.near
         size = np.abs(scaled)
@@ -114,7 +115,7 @@ class Symlog(Linear):
 class Logarithmic(Linear):
     """Equal steps are equal factors; values must be positive."""
 
-    def bend(self, values: Array) -> Array:
+    def bend(self, values: ArrayLike) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.log10(np.maximum(np.asarray(values, dtype=float), 0)))
 
@@ -151,13 +152,10 @@ class Named(Linear):
 def format_ticks(marks: Array, step: float) -> list[str]:
     """Labels with as many decimals as the step needs; very large or small ones as multiples of a power of ten."""
     largest = float(np.abs(marks).max(initial=0.0))
-    if largest < 1e6 and step >= 1e-4:
-        decimals = next((d for d in range(8) if abs(round(step, d) - step) < 1e-9 * step), 8)
-        return [f"{mark:.{decimals}f}".replace("-", "−") if mark != 0 else "0" for mark in marks]
-    power = math.floor(math.log10(largest))
+    power = 0 if largest < 1e6 and step >= 1e-4 else math.floor(math.log10(largest))
     scaled, size = marks / 10.0**power, step / 10.0**power
-    decimals = next((d for d in range(16) if abs(round(size, d) - size) < 1e-6 * size), 16)
-    behind = f"×10{str(power).translate(SUPERSCRIPTS)}"
+    decimals = next((d for d in range(16) if abs(round(size, d) - size) < 1e-9 * size), 16)
+    behind = f"×10{str(power).translate(SUPERSCRIPTS)}" if power else ""
     return [f"{mark:.{decimals}f}".replace("-", "−") + behind if mark != 0 else "0" for mark in scaled]
 
 

@@ -5,14 +5,13 @@ No other file of flexlin imports matplotlib.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.plots.panel import Panel, draw
+from flexlin.plots.panel import Panel, draw, find_template
 from flexlin.plots.scales import write_powers
 
 if TYPE_CHECKING:
@@ -115,18 +114,16 @@ class Shown:
 
 def make_card(view: View) -> str:
     """The view as HTML that needs nothing else."""
-    shade = SHADES.get(view.verdict.partition(",")[0], "inherit")
-    verdict = f' <b style="color:{shade}">{escape(view.verdict)}</b>' if view.verdict else ""
-    facts = "".join(f"<div>{escape(write_powers(fact))}</div>" for fact in view.facts[:6])
-    words = f'<div style="flex:1 1 16em;max-width:42em"><b>{escape(view.title)}</b>{verdict}<div style="opacity:.8">{facts}</div></div>'
-    return f'<div style="display:flex;flex-wrap:wrap;gap:1.2em;align-items:flex-start">{words}{draw_small(view)}</div>'
+    shade, panel = SHADES.get(view.verdict.partition(",")[0], "inherit"), draw_small(view)
+    given = {"view": view, "shade": shade, "panel": panel, "colours": COLOURS | PAPER}
+    return str(find_template("card.html.j2").render(given, draw=draw, write_powers=write_powers))
 
 
-def draw_small(view: View) -> str:
-    """The curves as a small SVG; nothing where there is no finite one."""
+def draw_small(view: View) -> Panel | None:
+    """The curves as a small panel; none where there is no finite one."""
     shown = [series for series in map(thin, view.series[: len(COLOURS)]) if len(series.x)]
     if not shown:
-        return ""
+        return None
     panel = Panel(x_label=view.x_label, y_label=view.y_label, equal=view.equal, width=380.0, height=120.0)
     for series, colour in zip(shown, COLOURS, strict=False):
         if series.style == "dots":
@@ -136,8 +133,7 @@ def draw_small(view: View) -> str:
     if view.zero:
         y = np.concatenate([series.y for series in shown])
         panel.line([0.0, 0.0], [y.min(), y.max()], "faint", dash="3 3")
-    variables = ";".join(f"--{name}:{shade}" for name, shade in (COLOURS | PAPER).items())
-    return f'<div style="flex:0 1 {panel.width:g}px;max-width:100%;font-size:11px;{variables}">{draw([panel])}</div>'
+    return panel
 
 
 def thin(series: Series) -> Series:

@@ -187,21 +187,13 @@ def comment_on_designs(a: Analysis) -> Iterator[str]:
         yield describe_trade(best, name_loop(a.own)) + room
 
 
-def largest(load: DriveLoad, what: str) -> str:
-    """The largest figure of all joints, such as the peak torque."""
+def largest(load: DriveLoad | None, what: str) -> str:
+    """The largest figure of all joints, such as the peak torque; a dash where there is none."""
+    if load is None:
+        return "–"
     found = [demand for demand in load.demands if demand.what == what]
     units = {demand.unit for demand in found}
     return " and ".join(sorted(format_quantity(max(d.value for d in found if d.unit == unit), unit) for unit in units))
-
-
-def drive_cells(a: Analysis, loop: Loop) -> dict[str, str]:
-    """The cells of a loop in the comparison."""
-    load = a.load(loop)
-    if load is None:
-        return {"torque": "–", "rms": "–", "power": "–", "over": ""}
-    over = "; ".join(f"above the drive: {describe_demand(demand)}" for demand in load.exceeded)
-    cells = {"torque": "peak torque", "rms": "RMS torque", "power": "peak power"}
-    return {key: largest(load, what) for key, what in cells.items()} | {"over": over}
 
 
 def describe_demand(demand: Demand) -> str:

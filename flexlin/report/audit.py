@@ -31,9 +31,8 @@ def draw_effects(audit: Audit) -> Picture:
 
 def draw_bars(x: Linear, x_label: str, bars: dict[str, tuple[float, str]], begin: float = 0.0) -> Panel:
     """A bar for each name, of a length and a colour, from the lowest row up; none for what is no number."""
-    panel = Panel(
-        "", x, Named(-0.5, len(bars) - 0.5, tuple(bars)), x_label, width=WIDTH, height=LINE_HEIGHT * len(bars)
-    )
+    names = Named(-0.5, len(bars) - 0.5, tuple(bars))
+    panel = Panel("", x, names, x_label, width=WIDTH, height=LINE_HEIGHT * len(bars))
     for i, (size, colour) in enumerate(bars.values()):
         if not np.isnan(size):
             end = float(np.clip(size, *x.ends))

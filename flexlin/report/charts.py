@@ -2,11 +2,12 @@
 
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,7 @@ from flexlin.analyses.clock import Clock
 from flexlin.analyses.judging import SMALL_SHARE, find_bending
 from flexlin.analyses.spectra import unfold_frequencies
 from flexlin.analyses.sweep.found import VERDICTS, Found, worst_error
-from flexlin.analyses.sweep.job import Job, Store, choose_crew, prepare_job
-from flexlin.checks import Array
+from flexlin.analyses.sweep.job import Job, Store, check_values, choose_crew, prepare_job
 from flexlin.errors import InputError, TimeLimit
 from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.spectra import Effort
@@ -148,7 +148,7 @@ def chart_dataset(chart: Chart) -> xarray.Dataset:
 
 def compute_chart(
     scene: Scene,
-    values: Callable[[], Mapping[str, Array]],
+    axes: Sequence[tuple[str, float, float, int]],
     clock: Clock,
     show: Callable[[str], None],
     *,
@@ -157,15 +157,17 @@ def compute_chart(
     scheduler: str | None = None,
     store: Path | None = None,
 ) -> tuple[xarray.Dataset, str]:
-    """The sweep over a grid of values, made when the work begins, and why it is not complete, if it is not.
+    """The sweep over a grid of values, and why it is not complete, if it is not.
 
+    Parameters: axes: one or two numbers of the scene, each with its limits and how many values it has.
     Raises: as `sweep`; KeyboardInterrupt and TimeLimit only where nothing was computed.
     """
     accuracy, jobs = scene.accuracy, list[Job]()
 
     def work() -> xarray.Dataset:
-        axes = values()
-        job = prepare_job(scene, axes, accuracy.tol, grid=len(axes) > 1, loop=loop)
+        check_values(prod(count for *_, count in axes))
+        values = {path: np.linspace(low, high, count) for path, low, high, count in axes}
+        job = prepare_job(scene, values, accuracy.tol, grid=len(values) > 1, loop=loop)
         jobs.append(job)
         if store is not None:
             Store(store, job)

@@ -171,9 +171,8 @@ def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points
     folders = design_folders([loop.name for loop in loops])
     system = plant.periodic_system() if plant.motion.periodic else horizon_system(plant)
     designs = tuple(loop.design for loop in loops if loop.design is not None)
-    tables = {
-        table.name: table.estimator for table in scene.designs if plant.motion.periodic
-    }  # else there is no filter
+    # without a period there is no filter
+    tables = {table.name: table.estimator for table in scene.designs if plant.motion.periodic}
     names = [f"system{ending}" for ending in FORMATS]
     with results(folder, "export") as made:
         for name in names:

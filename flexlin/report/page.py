@@ -14,18 +14,7 @@ from flexlin.analyses.clock import Step
 from flexlin.errors import ArgumentError
 from flexlin.report import advice, wording
 from flexlin.report.audit import draw_effects, draw_sensitivity
-from flexlin.report.figures import Picture
-from flexlin.report.figures.exponents import draw_exponents, draw_modes, draw_multipliers
-from flexlin.report.figures.over_period import (
-    draw_arm,
-    draw_coefficients,
-    draw_comparison,
-    draw_gains,
-    draw_response,
-    draw_tip,
-    list_entries,
-    name_entry,
-)
+from flexlin.report.figures import Picture, exponents, over_period
 from flexlin.scene.names import name_unit
 from flexlin.scene.parameters import list_children
 from flexlin.scene.scene import Scene
@@ -43,15 +32,15 @@ TEMPLATES.globals |= {"wording": wording, "advice": advice, "math": math, "zip":
 
 
 FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
-    draw_multipliers,
-    draw_arm,
-    draw_tip,
-    draw_response,
-    draw_comparison,
-    draw_exponents,
-    draw_modes,
-    draw_coefficients,
-    draw_gains,
+    exponents.draw_multipliers,
+    over_period.draw_arm,
+    over_period.draw_tip,
+    over_period.draw_response,
+    over_period.draw_comparison,
+    exponents.draw_exponents,
+    exponents.draw_modes,
+    over_period.draw_coefficients,
+    over_period.draw_gains,
     lambda a: None if a.sensitivity is None else draw_sensitivity(a.sensitivity),
     lambda a: None if a.audit is None else draw_effects(a.audit),
 )
@@ -84,8 +73,12 @@ def picture_page(
 def list_constants(a: Analysis) -> list[tuple[str, str, str]]:
     """Entries of M, D, K that do not vary and are not zero, one of a symmetric pair: name, value, unit."""
     return [
-        (name_entry(a, one.matrix, one.row, one.column), wording.format_decimal(one.values.mean(), 6), one.unit)
-        for one in list_entries(a)
+        (
+            over_period.name_entry(a, one.matrix, one.row, one.column),
+            wording.format_decimal(one.values.mean(), 6),
+            one.unit,
+        )
+        for one in over_period.list_entries(a)
         if one.matrix != "h" and not one.varies and np.abs(one.values).max() > one.noise
     ]
 
@@ -115,6 +108,6 @@ def flatten_table(node: Any, path: str = "") -> list[tuple[str, Any]]:
 
 def format_input(value: object) -> str:
     """One value as TOML has it, but without what rounding left of a number."""
-    return (
-        f"{value:.12g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
-    )
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.12g}" if isinstance(value, float) else str(value)

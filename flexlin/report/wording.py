@@ -86,29 +86,31 @@ def format_quantity(value: float, unit: str, digits: int = 3) -> str:
     """A value with an SI prefix: 0.0123 m -> 12.3 mm; lengths on a page with the page's; without dimensions only angles have a unit."""
     if not page_unit(unit):
         return format_decimal(value, digits) if math.isfinite(value) else "not finite"
-    chosen = _length.get() if unit == "m" else None
-    if isinstance(chosen, int) and math.isfinite(value) and value != 0:
-        return f"{format_decimal(value / 10.0**chosen, digits)} {name_prefix(chosen)}{unit}"
-    return format_with_prefix(value, unit, digits)
+    return format_with_prefix(value, unit, digits, page_prefix(unit))
 
 
-def format_with_prefix(value: float, unit: str, digits: int = 3) -> str:
-    """A value with the SI prefix that suits it alone, whatever the scene: the processor's seconds, a limit in bytes."""
+def page_prefix(unit: str) -> int | None:
+    """The power of ten of the prefix that the page has for a unit, where it has one."""
+    chosen = _length.get()
+    return chosen if unit == "m" and isinstance(chosen, int) else None
+
+
+def format_with_prefix(value: float, unit: str, digits: int = 3, prefix: int | None = None) -> str:
+    """A value with a prefix, or the SI prefix that suits it alone, whatever the scene: the processor's seconds, a limit in bytes."""
     if not math.isfinite(value):
         return f"not finite {unit}"
     if value == 0:
         return f"0 {unit}"
-    prefix = choose_prefix(float(f"{value:.{digits}g}"))
-    return f"{replace_minus(f'{value / 10.0**prefix:.{digits}g}')} {name_prefix(prefix)}{unit}"
+    power = choose_prefix(float(f"{value:.{digits}g}")) if prefix is None else prefix
+    return f"{format_decimal(value / 10.0**power, digits)} {name_prefix(power)}{unit}"
 
 
 def scale_values(values: Array, unit: str) -> tuple[Array, str]:
     """Values with the SI prefix that makes the largest readable, and the unit with it."""
     if not page_unit(unit):
         return values, ""
-    chosen = _length.get() if unit == "m" else None
-    largest = float(np.abs(values).max()) if values.size else 0.0
-    prefix = chosen if isinstance(chosen, int) else choose_prefix(largest)
+    chosen = page_prefix(unit)
+    prefix = choose_prefix(float(np.abs(values).max(initial=0.0))) if chosen is None else chosen
     return values / 10.0**prefix, name_prefix(prefix) + unit
 
 
@@ -124,11 +126,6 @@ def choose_prefix(value: float) -> int:
     return min(max(3 * math.floor(math.log10(abs(value)) / 3), -9), 9)
 
 
-def name_coordinate_unit(analysis: Analysis, index: int) -> str:
-    """The unit of a coordinate of the linear equations."""
-    return analysis.plant.coordinates[index].unit
-
-
 def format_rate(value: float, error: float) -> str:
     """A growth rate with its error: −2.5207 ± 8×10⁻¹⁴ 1/s."""
     return with_unit(f"{format_decimal(value, 5)} ± {format_power(error)}", "1/s")
@@ -136,7 +133,7 @@ def format_rate(value: float, error: float) -> str:
 
 def format_decimal(value: float, digits: int) -> str:
     """A number to some digits, with a proper minus sign, beyond 99,999 with powers of ten: −3.4474×10⁻⁸, 250."""
-    return replace_minus(write_powers(f"{value:.{digits}g}"))
+    return write_powers(f"{value:.{digits}g}").replace("-", "−")
 
 
 def format_power(value: float) -> str:
@@ -171,11 +168,6 @@ def typeset(value: Any) -> Any:
         return value
     value = re.sub(r"\^(\d)", lambda found: found[1].translate(SUPERSCRIPTS), write_powers(value))
     return re.sub(rf"(?<=[\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?={UNITS})|(?<=N) (?=[ms](?!\w))|(?<=±) ", "\u00a0", value)
-
-
-def replace_minus(text: str) -> str:
-    """A number's text with a proper minus sign."""
-    return text.replace("-", "−")
 
 
 def describe_pace(loop: Loop, period: float) -> str:
@@ -366,8 +358,12 @@ def describe_place(scene: Scene, margin: Margin, one: CriticalValue) -> str:
     """At a motion frequency of 1.37 Hz (now 0.5); both ends of what is known where they differ in what is said of them."""
     low, high = (format_decimal(one.value + side, CRITICAL_DIGITS) for side in (-one.error, one.error))
     where = f"of {high}" if low == high else f"between {low} and {high}"
-    words = with_unit_of(scene, margin.path, f"at a {name_number(margin.path)} {where}")
-    return f"{words} (now {format_decimal(margin.own, CRITICAL_DIGITS)})"
+    return f"at {say_value(scene, margin.path, where, margin.own)}"
+
+
+def say_value(scene: Scene, path: str, where: str, own: float) -> str:
+    """A motion frequency of 1.37 Hz (now 0.5)."""
+    return f"{with_unit_of(scene, path, f'a {name_number(path)} {where}')} (now {format_decimal(own, CRITICAL_DIGITS)})"
 
 
 def describe_gap(scene: Scene, margin: Margin, one: CriticalValue | None) -> str:
@@ -394,10 +390,9 @@ def describe_nearest(scene: Scene, found: "NearestInstability | None") -> str:
     spread = f"growth rates within the stated ranges from {least:.4g} to {most:.4g} 1/s"
     if not math.isfinite(found.scale):
         return f"{found.status}; {spread}"
+    numbers = zip(found.paths, found.values, found.own, strict=True)
     places = (
-        with_unit_of(scene, path, f"a {name_number(path)} of {format_decimal(value, CRITICAL_DIGITS)}")
-        + f" (now {format_decimal(own, CRITICAL_DIGITS)})"
-        for path, value, own in zip(found.paths, found.values, found.own, strict=True)
+        say_value(scene, path, f"of {format_decimal(value, CRITICAL_DIGITS)}", own) for path, value, own in numbers
     )
     return f"{found.status}, at {' and '.join(places)}; {spread}"
 

@@ -16,7 +16,7 @@ from flexlin.scene.parameters import need_numbers
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Collection, Mapping
 
     from flexlin.analyses.analysis import Analysis
     from flexlin.analyses.boundary import Margin
@@ -28,26 +28,24 @@ def write_report(
     folder: Path,
     command: str = "",
     progress: Progress | None = None,
-    with_audit: bool = False,
-    with_sensitivity: bool = False,
+    extras: "Collection[str]" = (),
     margins: "Mapping[str, tuple[float, float]] | None" = None,
     watch: Stopwatch | None = None,
-    with_loop_margins: bool = False,
     written: "Callable[[list[Path]], None]" = lambda _: None,
 ) -> "tuple[Analysis | FlexlinError, list[Path]]":
     """Analyse a scene and write report.html and report.json into a folder, as one set: first the numbers, then with the figures.
 
     Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins;
-    with_audit, with_sensitivity: also find which effects and which numbers matter (some seconds each);
+    extras: what is also found, some seconds each: which "effects" and which numbers matter ("sensitivity"), and which gain, phase and
+    delay each loop endures ("loop_margins", a loop);
     margins: numbers whose critical values are looked for, with their ranges; by default speed and payload, about a second for both;
-    with_loop_margins: also find which gain, phase and delay each loop endures (some seconds a loop);
     watch: from when the limits of time count, by default now;
     written: called with the paths once the numbers stand: whatever becomes of the figures, they stay.
     Returns: the analysis, or why there are no linear equations, which the files say then; and their paths.
     Raises: InputError as `analyse`; OutputError when the folder cannot be written.
     """
     budget = Budget(watch or Stopwatch())
-    clock = Clock(progress, planned=15 + 3 * len(scene.designs) + with_audit + with_sensitivity, budget=budget)
+    clock = Clock(progress, planned=15 + 3 * len(scene.designs) + len(extras), budget=budget)
     with clock.step("load the numerical libraries"):
         from flexlin.report.numbers import record, step_block, to_json
     if scene.uncertainty:
@@ -56,23 +54,21 @@ def write_report(
     need_numbers(scene, margins or ())
     asked = scene.accuracy
     try:
-        a: Analysis = analyses.analyse(
-            scene, clock, tuple(analyses.choose_margins(scene) if margins is None else margins)
-        )
+        varied = analyses.choose_margins(scene) if margins is None else margins
+        a: Analysis = analyses.analyse(scene, clock, tuple(varied))
     except (NumericalError, TooLarge) as error:
         return error, write_why(scene, folder, command, clock, error)
     a.margins = find_margins(a, margins)
-    if with_audit:
+    if "effects" in extras:
         compare = partial(flexlin.audit, scene, progress=progress, tol=asked.tol)
         a.audit = a.attempt("effects audit", "audit of the effects", compare)
-    if with_sensitivity:
+    if "sensitivity" in extras:
         a.sensitivity = a.attempt("sensitivity", "sensitivities", partial(flexlin.sensitivity, scene, tol=asked.tol))
-    if with_loop_margins:
+    if "loop_margins" in extras:
         analyses.find_loop_margins(a)
     if scene.uncertainty:
-        a.nearest = a.attempt(
-            "uncertainty", "smallest change that makes the loop unstable", partial(analyses.search_box, box)
-        )
+        name = "smallest change that makes the loop unstable"
+        a.nearest = a.attempt("uncertainty", name, partial(analyses.search_box, box))
     with clock.step("load the drawing library"):
         from flexlin.report.page import render_page
     data = record(a)
@@ -92,13 +88,9 @@ def draw_in_time(analysis: "Analysis", clock: Clock) -> "list[Picture]":
     from flexlin.report.page import draw_pictures
 
     drawn: list[Picture] = []
-
-    def work() -> None:
-        for picture in draw_pictures(analysis):
-            drawn.append(picture)
-
+    draw = partial(drawn.extend, draw_pictures(analysis))  # what was drawn before a limit stays
     with suppress(NumericalError, TooLarge):
-        clock.stage("figures", analysis.scene.accuracy, work, share=DRAWING_SHARE, last=True)
+        clock.stage("figures", analysis.scene.accuracy, draw, share=DRAWING_SHARE, last=True)
     return drawn
 
 

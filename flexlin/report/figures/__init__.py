@@ -1,7 +1,7 @@
 """What all figures share: a picture with its words, colours by the page's variables, and panels over a period."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -38,11 +38,6 @@ class Picture:
     heading: str = ""
 
 
-def share_width(panels: int) -> float:
-    """The width of one of so many panels that stand beside each other on a page."""
-    return (WIDTH + GAP) // panels - GAP
-
-
 Folded = tuple[str, Sequence[Panel]]
 """Panels that are folded, and what they are of: "other entries"."""
 
@@ -51,21 +46,16 @@ def make_picture(
     name: str, title: str, caption: str, panels: Sequence[Panel], legend: Sequence[Mark] = (), folded: Folded = ("", ())
 ) -> Picture:
     """Draw a figure: its panels below their legend, and further ones that are folded under a heading; four as two and two."""
-    if len(panels) in (2, 4) and all(panel.width == share_width(3) for panel in panels):
-        resize(panels, panels[0].height, (share_width(2),))
+    if len(panels) in (2, 4) and all(panel.width == Panel.width for panel in panels):
+        resize(panels, panels[0].height, 2)
     of, others = folded
     shown, more = (draw(part, key) if part else "" for part, key in ((panels, legend), (others, ())))
     return Picture(name, title, caption, shown, more, f"The {len(others)} {of}")
 
 
-def make_wide_panel(x: Array, y: Linear, title: str, x_label: str, height: float) -> Panel:
-    """A panel over the whole page and all of x."""
-    return Panel(title, Linear(float(x.min()), float(x.max())), y, x_label, width=WIDTH, height=height)
-
-
-def make_period_panel(period: float, title: str) -> Panel:
+def make_period_panel(period: float, title: str, unit: str = "") -> Panel:
     """A panel of something over one period, or so many seconds."""
-    return Panel(title, x=Linear(0.0, period), x_label=in_unit("time", "s"))
+    return Panel(in_unit(title, unit), x=Linear(0.0, period), x_label=in_unit("time", "s"))
 
 
 RATE_FLOOR = 1e-6
@@ -85,19 +75,11 @@ def choose_scale(growth: Array, error: Array) -> Linear:
     return Linear(low - room, high + room)
 
 
-def resize(panels: Sequence[Panel], height: float, widths: Sequence[float] = (WIDTH,)) -> Sequence[Panel]:
-    """The panels with axes of one height, and their widths: the last of these for all that come after."""
+def resize(panels: Sequence[Panel], height: float, *beside: float) -> Sequence[Panel]:
+    """The panels with axes of one height, each as wide as so many beside each other: the last of these for all that come after."""
     for i, panel in enumerate(panels):
-        panel.width, panel.height = widths[min(i, len(widths) - 1)], height
+        panel.width, panel.height = (WIDTH + GAP) // beside[min(i, len(beside) - 1)] - GAP, height
     return panels
-
-
-def share_legend(panels: Sequence[Panel]) -> list[Mark]:
-    """The legend of panels that show the same, taken from each of them."""
-    legend = panels[0].legend if panels else []
-    for panel in panels:
-        panel.marks = [replace(mark, label="") for mark in panel.marks]
-    return legend
 
 
 def choose_colour(a: Analysis, loop: Loop) -> str:

@@ -36,7 +36,7 @@ def draw_answer(a: DisturbanceAnswer) -> Picture:
     lower = Panel(title, Linear(0.0, 1.0), x_label="phase t/T of the disturbance")
     shown = np.isfinite(a.settling)
     lower.dots(a.phases[shown], a.settling[shown], "blue", size=2.5)
-    panels = resize([upper, lower], 150.0)
+    panels = resize([upper, lower], 150.0, 1)
     return make_picture("answer", "Answer to a disturbance", describe_answer(a), panels)
 
 
@@ -60,10 +60,9 @@ def draw_noise(a: NoiseAnswer) -> Picture:
     """The root mean square of the tip over a period, or of the first coordinate without one."""
     known = bool(np.all(np.isfinite(a.tip)))
     values, unit = scale_values(a.tip if known else a.states[:, 0], "m" if known else "")
-    title = in_unit(f"root mean square of the {'tip' if known else 'first coordinate'}", unit)
-    panel = make_period_panel(float(a.t[-1]), title).zero()
-    panel.line(a.t, values, "blue")
-    return make_picture("answer", "Answer to a disturbance", describe_noise(a), resize([panel], 200.0))
+    title = f"root mean square of the {'tip' if known else 'first coordinate'}"
+    panel = make_period_panel(float(a.t[-1]), title, unit).zero().line(a.t, values, "blue")
+    return make_picture("answer", "Answer to a disturbance", describe_noise(a), resize([panel], 200.0, 1))
 
 
 def describe_noise(a: NoiseAnswer) -> str:
@@ -76,7 +75,7 @@ def describe_noise(a: NoiseAnswer) -> str:
 
 def draw_prediction(found: Prediction) -> Picture:
     """A panel for each column; curves are broken where a window begins."""
-    panels = resize([draw_column(found, name) for name in found.fit], 120.0)
+    panels = resize([draw_column(found, name) for name in found.fit], 120.0, 1)
     caption = f"Predicted from the inputs alone. {found.status[0].upper()}{found.status[1:]}."
     return make_picture("prediction", "Measured and predicted", caption, panels)
 
@@ -107,7 +106,7 @@ def draw_errors(found: Prediction) -> Picture:
         panel = Panel(name, x=ends, x_label="time in s").zero()
         panels.append(panel.line(*thin_curve(found.time, found.measured[name] - found.outputs[name]), "blue"))
     caption = "Measured less predicted; white noise would leave no pattern."
-    return make_picture("residuals", "What is left", caption, resize(panels, 80.0))
+    return make_picture("residuals", "What is left", caption, resize(panels, 80.0, 1))
 
 
 def say_numbers(scene: Scene, found: Identification) -> list[str]:

@@ -12,19 +12,8 @@ from flexlin.checks import Array
 from flexlin.errors import counted
 from flexlin.periodic.circle import assign
 from flexlin.plots.panel import Panel
-from flexlin.plots.scales import Linear
-from flexlin.report.figures import (
-    CURVE_POINTS,
-    GAP,
-    RATE_FLOOR,
-    SERIES,
-    WIDTH,
-    Picture,
-    choose_scale,
-    make_picture,
-    make_wide_panel,
-    resize,
-)
+from flexlin.plots.scales import Linear, Named
+from flexlin.report.figures import CURVE_POINTS, GAP, RATE_FLOOR, SERIES, WIDTH, Picture, choose_scale, make_picture
 from flexlin.report.wording import in_unit, page_unit, with_unit, with_unit_of, without_units
 from flexlin.scene.names import label_number, name_number
 from flexlin.scene.parameters import get_value
@@ -135,6 +124,11 @@ def describe_distance(chart: Chart, nearest: Array) -> str:
         inside &= bool(chart.data[path].min() <= own <= chart.data[path].max())
     where = "diamond" if inside else "outside this range"
     return f"From the scene's own numbers ({where}) to the nearest boundary: {', '.join(moves)}."
+
+
+def make_wide_panel(x: Array, y: Linear, title: str, x_label: str, height: float) -> Panel:
+    """A panel over the whole page and all of x."""
+    return Panel(title, Linear(float(x.min()), float(x.max())), y, x_label, width=WIDTH, height=height)
 
 
 def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[CriticalValue]) -> Panel:
@@ -249,6 +243,8 @@ def follow_lines(values: Array) -> Array:
     return found
 
 
+MAP_HEIGHT, BAR_WIDTH = 430.0, 104.0
+"""Of the map of a chart, and of the bar of colours beside it."""
 SHADES = 14
 """Strengths of a colour: they follow the square root of the rate, so that slow growth is seen beside fast."""
 
@@ -264,7 +260,8 @@ def draw_map(chart: Chart, labels: list[str], data: xarray.Dataset) -> Sequence[
     axes = [data[path].to_numpy() for path in chart.paths]
     growth, verdict = data["exponents"].real.max("mode").to_numpy(), data["verdict"].to_numpy()
     x, y = (find_edges(axis) for axis in axes)
-    panel = Panel(x=Linear(x[0], x[-1]), y=Linear(y[0], y[-1]), x_label=labels[0], y_label=labels[1])
+    panel = Panel("", Linear(x[0], x[-1]), Linear(y[0], y[-1]), labels[0], labels[1], height=MAP_HEIGHT)
+    panel.width = WIDTH - GAP - BAR_WIDTH
     fill_cells(panel, x, y, growth, verdict)
     levels = draw_contours(panel, axes, growth, verdict)
     for curve in chart.curves:
@@ -273,7 +270,7 @@ def draw_map(chart: Chart, labels: list[str], data: xarray.Dataset) -> Sequence[
         panel.words(float(across + 0.02 * np.ptp(x)), float(up), text, "ink", anchor="start", halo=True)
     mark_scene(panel, chart.own, chart.nearest, axes)
     panel.probe(write_probe(labels, axes, growth, verdict))
-    return resize([panel, draw_bar(growth, verdict, levels)], 430.0, (WIDTH - GAP - 104.0, 104.0))
+    return [panel, draw_bar(growth, verdict, levels)]
 
 
 def fill_cells(panel: Panel, x: Array, y: Array, growth: Array, verdict: Array) -> None:
@@ -344,7 +341,8 @@ def mark_scene(panel: Panel, own: list[float], nearest: Array | None, axes: list
 
 def draw_bar(growth: Array, verdict: Array, levels: list[float]) -> Panel:
     """Which colour is which growth rate."""
-    panel = Panel(in_unit("growth rate", "1/s"), x=Linear(0.0, 1.0), x_label="\u00a0", ticked=False)
+    panel = Panel(in_unit("growth rate", "1/s"), Named(0.0, 1.0), x_label="\u00a0")
+    panel.width, panel.height = BAR_WIDTH, MAP_HEIGHT
     shown = growth[(verdict == "stable") | (verdict == "unstable")]
     low, high = float(min(shown.min(initial=0.0), 0.0)), float(max(shown.max(initial=0.0), 0.0))
     panel.y = Linear(low, high if high > low else low + 1.0)

@@ -9,7 +9,7 @@ from flexlin.analyses.accuracy.result import STAGES
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Logarithmic, format_power_of_ten
 from flexlin.precision import EPS
-from flexlin.report.figures import DASHES, PARTS, SERIES, SHAPES, WIDTH, Picture, make_picture, resize, share_width
+from flexlin.report.figures import DASHES, PARTS, SERIES, SHAPES, Picture, make_picture, resize
 from flexlin.report.wording import format_with_prefix
 from flexlin.scene.scene import Accuracy
 
@@ -22,7 +22,7 @@ def draw_cost(result: CostResult) -> Picture:
     """Error across, time up, logarithmic both: transition matrices first, then the other stages, two in a row."""
     stages = [stage for stage in STAGES if result.stage(stage)]
     stages.sort(key=lambda stage: (stage != "transition matrices", STAGES.index(stage)))
-    panels = resize([draw_stage(result, stage) for stage in stages], 220.0, (WIDTH, share_width(2)))
+    panels = resize([draw_stage(result, stage) for stage in stages], 220.0, 1, 2)
     return make_picture("cost", "What accuracy costs", write_caption(result), panels)
 
 

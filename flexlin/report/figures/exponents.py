@@ -14,25 +14,9 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear, Logarithmic
 from flexlin.precision import CUBE_ROOT_EPS, ROOT_EPS, SLIGHT
-from flexlin.report.figures import (
-    SHAPES,
-    Picture,
-    choose_colour,
-    choose_scale,
-    make_period_panel,
-    make_picture,
-    resize,
-    share_width,
-)
+from flexlin.report.figures import SHAPES, Picture, choose_colour, choose_scale, make_period_panel, make_picture, resize
 from flexlin.report.figures.over_period import trace_arm
-from flexlin.report.wording import (
-    colour,
-    format_duration,
-    format_largest_multiplier,
-    format_modulus,
-    in_unit,
-    with_unit,
-)
+from flexlin.report.wording import colour, format_duration, format_modulus, in_unit, with_unit
 
 FROZEN = (
     "the arm held still at each place of its motion (its coefficients frozen), and the frequencies at which it would ring there. A line "
@@ -44,21 +28,20 @@ def draw_exponents(a: Analysis) -> Picture:
     """The complex plane on the left, frozen frequencies over the period on the right; these alone where there are no exponents."""
     known = [(loop.floquet, loop, shape) for loop, shape in zip(a.loops, cycle(SHAPES), strict=False) if loop.floquet]
     if not known:
-        alone = resize([draw_frozen(a)], 190.0, (share_width(2),))
+        alone = resize([draw_frozen(a)], 190.0, 2)
         return make_picture("exponents", "Frequencies", f"{FROZEN[0].upper()}{FROZEN[1:]}", alone)
     caption = (
         "Left: Floquet exponents by growth rate and frequency; a mode left of the line decays. Frequencies are known modulo "
         f"1/T = {with_unit(f'{1 / a.plant.period:.4g}', 'Hz')} and shown from 0 to half of that. Right: {FROZEN}"
     )
-    panels = resize([draw_plane(a, known), draw_frozen(a)], 190.0, (share_width(2),))
+    panels = resize([draw_plane(a, known), draw_frozen(a)], 190.0, 2)
     return make_picture("exponents", "Exponents and frequencies", caption, panels)
 
 
 def draw_plane(a: Analysis, known: Sequence[tuple[FloquetResult, Loop, str]]) -> Panel:
     """Growth rate, on a scale that is linear near zero and logarithmic beyond, against frequency."""
-    rates, errors = (
-        np.concatenate(parts) for parts in zip(*((f.exponents.real, f.errors) for f, *_ in known), strict=True)
-    )
+    rates = np.concatenate([found.exponents.real for found, *_ in known])
+    errors = np.concatenate([found.errors for found, *_ in known])
     ends = Linear(-0.03 / a.plant.period, 0.53 / a.plant.period)
     panel = Panel("Floquet exponents", choose_scale(rates, errors), ends, in_unit("growth rate", "1/s"))
     panel.y_label = f"{in_unit('frequency', 'Hz')}, modulo 1/T"
@@ -98,7 +81,7 @@ def draw_multipliers(a: Analysis) -> Picture | None:
     """A unit circle for each loop; none for a motion that ends."""
     if not a.plant.motion.periodic:
         return None
-    panels = resize([draw_circle(a, loop) for loop in a.loops], 165.0, (share_width(4),))
+    panels = resize([draw_circle(a, loop) for loop in a.loops], 165.0, 4)
     return make_picture("multipliers", "Multipliers on the unit circle", CIRCLE, panels)
 
 
@@ -111,7 +94,7 @@ def scale_radius(log10: Array) -> Array:
 def draw_circle(a: Analysis, loop: Loop) -> Panel:
     """The unit circle, its rings, and the multipliers of one loop; the view grows where one lies far outside."""
     logs = loop.floquet.log_multipliers if loop.floquet is not None else np.zeros(0, dtype=complex)
-    footer = "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_largest_multiplier(loop)}"
+    footer = "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_modulus(logs[0].real)}"
     r = scale_radius(logs.real / np.log(10))
     reach, turn = max(1.24, float(r.max(initial=0.0)) + 0.15), np.linspace(0.0, 2 * np.pi, 91)
     view = Linear(-reach, reach)
@@ -146,7 +129,7 @@ def draw_modes(a: Analysis) -> Picture | None:
     turned = [np.real(vectors[: a.plant.n, i] / (vectors[k, i] or 1.0)) for i, k in zip(order, leading, strict=True)]
     rest, swings = bend_arm(a, [shape / (np.abs(shape).max() or 1.0) for shape in turned])
     modes = zip(values[order].tolist(), leading, swings, strict=True)
-    panels = resize([draw_mode(a, value, k, rest, swing) for value, k, swing in modes], 130.0, (share_width(4),))
+    panels = resize([draw_mode(a, value, k, rest, swing) for value, k, swing in modes], 130.0, 4)
     caption = (
         "How the arm swings under the scene's loop if it is held still at t = 0 (coefficients frozen there): the shapes behind the "
         "frequencies above. Strong and faint: the two ends of the swing, magnified. Grey: the arm at rest. Below each: the coordinate that "

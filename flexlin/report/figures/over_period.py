@@ -1,7 +1,7 @@
 """Over a period: the arm along its motion, the coefficients and gains that matter most, steady motion, nonlinear beside linear."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import cycle
 
 import numpy as np
@@ -11,29 +11,11 @@ from flexlin.checks import SUM_ROUNDING, Array
 from flexlin.control.tracking import arm_positions
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.links import COLUMNS
-from flexlin.plots.panel import Panel
+from flexlin.plots.panel import Mark, Panel
 from flexlin.precision import ROOT_EPS, SLIGHT
 from flexlin.report.advice import agreement, sentence
-from flexlin.report.figures import (
-    DASHES,
-    Picture,
-    choose_colour,
-    make_period_panel,
-    make_picture,
-    resize,
-    share_legend,
-    share_width,
-    style_part,
-)
-from flexlin.report.wording import (
-    format_decimal,
-    format_power,
-    format_quantity,
-    in_unit,
-    name_coordinate_unit,
-    page_unit,
-    scale_values,
-)
+from flexlin.report.figures import DASHES, Picture, choose_colour, make_period_panel, make_picture, resize, style_part
+from flexlin.report.wording import format_decimal, format_power, format_quantity, in_unit, page_unit, scale_values
 
 
 def trace_arm(lin: Linearization, t: Array, states: Array) -> list[list[Array]]:
@@ -61,8 +43,8 @@ def draw_arm(a: Analysis) -> Picture:
         "Grey: the rigid motion. Red: the path of the tip. Beside it: joint motion and feedforward of the rigid motion over one period."
     )
     views = [] if a.plant.arm.near.points is None else draw_stroboscope(a)
-    resize(views, 220.0, (share_width(max(2, len(views))),))
-    beside = resize(draw_beside(a), *((220.0, (share_width(4),)) if len(views) == 1 else (110.0, (share_width(2),))))
+    resize(views, 220.0, max(2, len(views)))
+    beside = resize(draw_beside(a), *((220.0, 4) if len(views) == 1 else (110.0, 2)))
     if not views:
         caption = "Joint motion and feedforward of the rigid motion over one period."
     return make_picture("arm", "The arm along its motion", caption, [*views, *beside])
@@ -71,10 +53,8 @@ def draw_arm(a: Analysis) -> Picture:
 def draw_beside(a: Analysis) -> list[Panel]:
     """Joint angles in degrees, or displacements in m, and what the arm would need if its links were rigid: torque, force or voltage."""
     t, joints = a.t[:-1], range(a.plant.arm.joints)  # at the last sample a turning joint begins anew
-    q, units = (
-        a.plant.motion.sample(t)[0],
-        [a.plant.arm.coordinates[a.plant.arm.drives[joint]].unit for joint in joints],
-    )
+    units = [a.plant.arm.coordinates[a.plant.arm.drives[joint]].unit for joint in joints]
+    q = a.plant.motion.sample(t)[0]
     motion = np.where([unit == "rad" for unit in units], np.degrees(q), q)
     shown, names = ["°" if unit == "rad" else unit for unit in units], [name_joint(a, joint) for joint in joints]
     given = draw_groups(a, "feedforward", a.plant.driven, a.plant.inputs, a.plant.input_units, a.t, a.coefficients.tau)
@@ -89,7 +69,7 @@ def draw_groups(
     for unit in sorted(set(units)):
         chosen = [i for i, one in enumerate(units) if one == unit]
         title = f"{what} {names[chosen[0]]}".strip() if len(chosen) == 1 < a.plant.arm.joints else what or "joints"
-        panel = make_period_panel(a.plant.period, in_unit(title, unit))
+        panel = make_period_panel(a.plant.period, title, unit)
         for i in chosen:
             colour, dash = style_part(joints[i])
             panel.line(t, curves[:, i], colour, dash=dash, label=names[i] if len(chosen) > 1 else "")
@@ -204,7 +184,7 @@ def draw_entry(a: Analysis, entry: Entry, every: int = 1) -> Panel:
     """One entry over the period, at every so many times."""
     name = name_entry(a, entry.matrix, entry.row, entry.column)
     title, values = shift_from_mean(name, entry.values)
-    panel = make_period_panel(a.plant.period, in_unit(title, entry.unit))
+    panel = make_period_panel(a.plant.period, title, entry.unit)
     return panel.line(a.t[::every], values[::every], COLOURS[entry.matrix])
 
 
@@ -234,11 +214,11 @@ def list_entries(a: Analysis) -> Iterator[Entry]:
             values, mirror = matrix[:, i, j], matrix[:, j, i]
             if not (j < i and np.all(np.abs(values - mirror) <= noise)):
                 weight = float(np.ptp(values) * scales[name][i, j])
-                turns = sum(name_coordinate_unit(a, k) == "rad" for k in (i, j))
+                turns = sum(a.plant.coordinates[k].unit == "rad" for k in (i, j))
                 yield Entry(name, i, j, values, page_unit(UNITS[name][turns]), weight, noise)
     noise = ROOT_EPS * (np.abs(a.coefficients.h).max() or 1.0)
     for i, values in enumerate(a.coefficients.h.T):
-        unit = "N" if name_coordinate_unit(a, i) == "m" else "N m"
+        unit = "N" if a.plant.coordinates[i].unit == "m" else "N m"
         yield Entry("h", i, None, values, unit, float(np.ptp(values) * scales["h"][i, 0]), noise)
 
 
@@ -258,6 +238,14 @@ def weigh_entries(a: Analysis) -> dict[str, Array]:
     largest = float((np.ptp(a.coefficients.h, axis=0) * force).max(initial=0.0)) or 1.0
     geometric = np.sqrt(np.outer(rate, rate))
     return {"M": 1 / both, "D": 1 / (both * geometric), "K": 1 / (both * geometric**2), "h": force[:, None] / largest}
+
+
+def share_legend(panels: Sequence[Panel]) -> list[Mark]:
+    """The legend of panels that show the same, taken from each of them."""
+    legend = panels[0].legend if panels else []
+    for panel in panels:
+        panel.marks = [replace(mark, label="") for mark in panel.marks]
+    return legend
 
 
 def draw_gains(a: Analysis) -> Picture | None:
@@ -294,7 +282,7 @@ def draw_gains(a: Analysis) -> Picture | None:
 def name_gain(a: Analysis, i: int, j: int) -> str:
     """The title of an entry, what input i gets from state j of x = [y; y']; a torque for a displacement is a force."""
     k, rate = j % a.plant.n, j >= a.plant.n
-    force, unit, time = a.plant.input_units[i], name_coordinate_unit(a, k), " s" * rate
+    force, unit, time = a.plant.input_units[i], a.plant.coordinates[k].unit, " s" * rate
     per = f"N{time}" if (force, unit) == ("N m", "m") else f"{force}{time}/{unit}"
     return in_unit(f"gain({a.plant.inputs[i]}, {a.plant.names[k]}{'′' * rate})", per)
 
@@ -320,12 +308,12 @@ def draw_response(a: Analysis) -> Picture | None:
 def draw_deviation(a: Analysis, i: int) -> Panel:
     """One coordinate over the period."""
     assert a.response is not None
-    same = [k for k in range(a.plant.n) if name_coordinate_unit(a, k) == name_coordinate_unit(a, i)]
+    same = [k for k in range(a.plant.n) if a.plant.coordinates[k].unit == a.plant.coordinates[i].unit]
     own = a.response.states[:, i]
     if np.abs(own).max() < SUM_ROUNDING * np.abs(a.response.states[:, same]).max():
         own = np.zeros_like(own)
-    values, unit = scale_values(own, name_coordinate_unit(a, i))
-    panel = make_period_panel(a.plant.period, in_unit(a.plant.names[i], unit)).zero()
+    values, unit = scale_values(own, a.plant.coordinates[i].unit)
+    panel = make_period_panel(a.plant.period, a.plant.names[i], unit).zero()
     return panel.line(a.t, values, choose_colour(a, a.own))
 
 
@@ -333,7 +321,7 @@ def draw_torque(a: Analysis, k: int) -> Panel:
     """What one input gives: feedforward alone, and with feedback in the periodic response."""
     assert a.response is not None
     torque = a.closed.law.torque(a.t, a.response.states)
-    panel = make_period_panel(a.plant.period, in_unit(f"input {a.plant.inputs[k]}", a.plant.input_units[k]))
+    panel = make_period_panel(a.plant.period, f"input {a.plant.inputs[k]}", a.plant.input_units[k])
     panel.line(a.t, torque[:, k], choose_colour(a, a.own), label=a.own.name)
     return panel.line(a.t, a.coefficients.tau[:, k], "ink", width=1.1, dash="4 3", label="feedforward alone")
 
@@ -343,7 +331,7 @@ def draw_tip(a: Analysis) -> Picture | None:
     if a.response is None or not np.all(np.isfinite(a.response.tip)):
         return None
     xyz, unit = scale_values(a.response.tip, "m")
-    left = make_period_panel(a.plant.period, in_unit("tip minus rigid tip", unit)).zero()
+    left = make_period_panel(a.plant.period, "tip minus rigid tip", unit).zero()
     left.line(a.t, np.linalg.norm(xyz, axis=1), "ink", width=2.0, label="distance")
     for k, values in enumerate(xyz.T):
         colour, _ = style_part(k)
@@ -354,14 +342,14 @@ def draw_tip(a: Analysis) -> Picture | None:
         path = Panel("its path", equal=True, x_label=x_label, y_label=y_label)
         path.line(xyz[:, across], xyz[:, up], "ink", label="tip")
         paths.append(path.dots([0], [0], "ink", "cross", 6, label="rigid tip"))
-    widths = (2 * share_width(3), share_width(3)) if len(paths) == 1 else (share_width(2),)
     distance = a.response.tip_error
     largest, rms = float(distance.max()), float(np.sqrt(np.mean(distance[:-1] ** 2)))
     caption = (
         f"Largest {format_quantity(largest, 'm')}, root mean square {format_quantity(rms, 'm')}, by the linear model; "
         f"the states behind it are known to {format_power(a.response.error)}."
     )
-    return make_picture("tip", "Tip error in steady motion", caption, resize([left, *paths], 150.0, widths))
+    panels = resize([left, *paths], 150.0, *((1.5, 3) if len(paths) == 1 else (2,)))
+    return make_picture("tip", "Tip error in steady motion", caption, panels)
 
 
 def draw_comparison(a: Analysis) -> Picture | None:
@@ -374,18 +362,18 @@ def draw_comparison(a: Analysis) -> Picture | None:
         name, gap = f"tip error along {'xyz'[axis]}", np.linalg.norm(s.tip - s.tip_linear, axis=1)
         nonlinear, linear = ((tip - s.tip_rigid)[:, axis] for tip in (s.tip, s.tip_linear))
     else:
-        name, unit = a.plant.names[0], name_coordinate_unit(a, 0)
+        name, unit = a.plant.names[0], a.plant.coordinates[0].unit
         nonlinear, linear = s.nonlinear[:, 0], s.linear[:, 0]
         gap = nonlinear - linear
     (both, both_unit), (apart, apart_unit) = scale_values(np.array([nonlinear, linear]), unit), scale_values(gap, unit)
     end, colour = float(s.t[-1]), choose_colour(a, a.own)
-    upper = make_period_panel(end, in_unit(name, both_unit)).zero()
+    upper = make_period_panel(end, name, both_unit).zero()
     upper.line(s.t, both[0], colour, width=4.5, opacity=0.5, label="nonlinear")
     upper.line(s.t, both[1], "ink", width=1.4, dash="5 3", label="linear")
-    lower = make_period_panel(end, in_unit("difference", apart_unit)).zero().line(s.t, apart, colour)
+    lower = make_period_panel(end, "difference", apart_unit).zero().line(s.t, apart, colour)
     spans = "periods" if a.plant.motion.periodic else "durations"
     caption = (
         f"The full nonlinear equations over {s.t[-1] / a.plant.period:g} {spans} under the scene's loop, started on the rigid motion, "
         f"beside the linear prediction from the same start. {sentence(agreement(a, s))}"
     )
-    return make_picture("comparison", "Nonlinear against linear", caption, resize([upper, lower], 110.0))
+    return make_picture("comparison", "Nonlinear against linear", caption, resize([upper, lower], 110.0, 1))
