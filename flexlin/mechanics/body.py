@@ -215,12 +215,12 @@ class RigidMass:
     inertia: Any
     offset: Any = 0.0
     centre: tuple[Any, Any, Any] = (0.0, 0.0, 0.0)
-    tensor: Inertia | None = None
+    tensor: Inertia = field(default_factory=Inertia)
 
     @property
     def is_nothing(self) -> bool:
         """Whether it has neither mass nor inertia, and no symbol in the place of either."""
-        figures = (self.mass, self.inertia, *(self.tensor.entries().values() if self.tensor else ()))
+        figures = (self.mass, self.inertia, *self.tensor.entries().values())
         return all(isinstance(figure, int | float) and figure == 0 for figure in figures)
 
     @property
@@ -229,11 +229,10 @@ class RigidMass:
         x, y, z = self.centre
         return self.offset + x, y, z
 
-    @property
-    def about_centre(self) -> Inertia:
-        """Its inertia about the centre on a tip (kg m^2)."""
-        own = self.tensor or Inertia()
-        return own.model_copy(update={"zz": own.zz + self.inertia})
+    def carried_by(self, frame: Frame, axis: ca.SX) -> Body:
+        """The body in a frame, with its inertia about an axis of length 1."""
+        inertia = tensor(**self.tensor.entries()) + about(axis, self.inertia)
+        return rigid_body(frame, self.mass, inertia, column(*self.place))
 
 
 def rigid_body(frame: Frame, mass: Any, inertia: ca.SX, centre: ca.SX | None = None) -> Body:

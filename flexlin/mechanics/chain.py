@@ -29,7 +29,6 @@ from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.effects.bending_torsion_coupling import BendingTorsionCoupling
 from flexlin.mechanics.effects.geometric_stiffening import GeometricStiffening
-from flexlin.mechanics.lagrange import derive_inertia
 from flexlin.mechanics.link_shapes import choose_basis, choose_rule
 from flexlin.mechanics.links import PLACES, BentLink, LinkBasis, split_rotation, turned_sections
 from flexlin.mechanics.manipulator import FlexibleManipulator, Manipulator
@@ -144,16 +143,18 @@ def _derive_equations(
 ) -> Manipulator:
     """Lagrange's equations of the chain; the motors drive, and their encoders read, what the chain says their angles are."""
     T, V, R = _sum_energies(chain, effects)
-    measured = ca.jacobian(chain.motor, at.all)
-    points = list_points(chain)
-    gains = ca.vertcat(*[_choose_input_gain(effects, i) for i in chain.moving])
+    measured, points = ca.jacobian(chain.motor, at.all), list_points(chain)
+    at_joints = _add((effect.joint_resistance(chain) for effect in effects), ca.SX.zeros(len(chain.moving)))
+    at_motors = _add((effect.motor_resistance(chain) for effect in effects), ca.SX.zeros(len(chain.moving)))
+    stated = [[gain for effect in effects if (gain := effect.input_gain(i)) is not None] for i in chain.moving]
+    gains = ca.vertcat(*[of_joint[-1] if of_joint else ca.SX(1) for of_joint in stated])
     arm = Manipulator.from_lagrangian(
         at.all,
         rate.all,
         T,
         V,
         R,
-        resistance=_sum_resistance(chain, effects, at.all),
+        resistance=ca.densify(ca.jacobian(chain.q, at.all).T @ at_joints + measured.T @ at_motors),
         B=ca.densify(measured.T @ ca.diag(gains)),
         joints=range(len(chain.moving)),
         parameters=free,
@@ -161,19 +162,30 @@ def _derive_equations(
         check=False,
     )
     tip = ca.densify(chain.tips[-1].rotation)
-    if chain.masses:
-        force, M, energy = derive_inertia(*_join_forms(chain.masses), arm.s, arm.s_dot, arm.s_ddot)
-        arm = replace(arm, residual=arm.residual + force, M=arm.M + M, energy=arm.energy + energy)
+    arm = _add_masses_at_large(arm, chain.masses) if chain.masses else arm
     arm = replace(arm, measured=measured, axes=list_axes(chain)[: points.size1(), :], rotation=tip)
     return _load(arm, chain, effects)
 
 
-def _join_forms(masses: Sequence[InertiaForm]) -> tuple[ca.SX, ca.SX]:
-    """The coordinates of all vectors one below the other, directions in which nothing lies left out, and the form of all."""
+def _add_masses_at_large(arm: Manipulator, masses: Sequence[InertiaForm]) -> Manipulator:
+    """An arm whose links are curves, with their masses and those of its rigid bodies: by virtual work, far shorter than through T.
+
+        T = 1/2 r'.W r',   forces J^T W r'',   M = J^T W J,   J = dr/ds
+
+    r(s): the coordinates of all vectors one below the other, directions in which nothing lies left out. All other arms have their
+    masses in the kinetic energy.
+    Source: d'Alembert's principle in Lagrange's form; Khang, Dat, Tuan (2019), Eq (55).
+    """
+    s, s_dot = arm.s, arm.s_dot
     rows = [ca.sparsify(row.T) for row in ca.vertsplit(ca.horzcat(*[mass.vectors for mass in masses]))]
     form = ca.diagcat(*[mass.form for mass in masses])
     moving = [ca.densify(row) for row in rows if row.nnz()]
-    return ca.vertcat(*moving), ca.diagcat(*[form for _ in moving])
+    r, W = ca.vertcat(*moving), ca.diagcat(*[form for _ in moving])
+    rate, J = ca.jtimes(r, s, s_dot), ca.jacobian(r, s)
+    acceleration = ca.jtimes(rate, ca.vertcat(s, s_dot), ca.vertcat(s_dot, arm.s_ddot))
+    residual = arm.residual + ca.jtimes(r, s, W @ acceleration, True)
+    M = arm.M + ca.densify(J.T @ (W @ J))
+    return replace(arm, residual=residual, M=M, energy=arm.energy + ca.bilin(W, rate, rate) / 2)
 
 
 def _free_motors(arm: Manipulator) -> Manipulator:
@@ -320,14 +332,6 @@ def _add(parts: Iterable[ca.SX], start: ca.SX) -> ca.SX:
     return sum((part for part in parts if not (isinstance(part, ca.SX) and part.is_zero())), start)
 
 
-def _sum_resistance(chain: Chain, effects: tuple[Effect, ...], s: ca.SX) -> ca.SX:
-    """The generalised forces of what resists each joint or motor without being the gradient of a dissipation function."""
-    none = ca.SX.zeros(len(chain.moving))
-    at_joints = _add((effect.joint_resistance(chain) for effect in effects), none)
-    at_motors = _add((effect.motor_resistance(chain) for effect in effects), none)
-    return ca.densify(ca.jacobian(chain.q, s).T @ at_joints + ca.jacobian(chain.motor, s).T @ at_motors)
-
-
 def _load(arm: Manipulator, chain: Chain, effects: tuple[Effect, ...]) -> Manipulator:
     """The arm under forces from outside, which stand beside the resisting ones: the gradient of their power by the rates."""
     power = _add((effect.power(chain) for effect in effects), ca.SX(0))
@@ -338,12 +342,6 @@ def _load(arm: Manipulator, chain: Chain, effects: tuple[Effect, ...]) -> Manipu
         forces = ca.substitute(forces, chain.seen_rate, chain.q_rate[0])
     phase = chain.phase if ca.depends_on(power, chain.phase) else None
     return replace(arm, residual=arm.residual - forces, damping=arm.damping - forces, phase=phase)
-
-
-def _choose_input_gain(effects: tuple[Effect, ...], joint: int) -> ca.SX:
-    """Force of one unit of the joint's input: 1, unless a motor makes it of a voltage."""
-    gains = [gain for effect in effects if (gain := effect.input_gain(joint)) is not None]
-    return ca.SX(gains[-1]) if gains else ca.SX(1)
 
 
 def pass_bearing(frame: Frame, link: Link, axis: ca.SX, give: ca.SX, rate: ca.SX) -> Frame:

@@ -180,10 +180,8 @@ def close_scene_loops(arm: Manipulator, chain: Chain, scene: Scene, near: Manipu
             todo="set passive = true on the joints that the loops move, and on no others",
         )
     posture = np.zeros(arm.n)
-    nominal = ca.Function(
-        "posture", [arm.parameters.symbols], [ca.vertcat(*[scene.links[i].posture for i in chain.moving])]
-    )
-    posture[: len(chain.moving)] = nominal(arm.parameters.values).full()[:, 0]
+    given, p = ca.SX(ca.vertcat(*[scene.links[i].posture for i in chain.moving])), arm.parameters
+    posture[: len(chain.moving)] = ca.evalf(ca.substitute(given, p.symbols, ca.SX(p.values))).full()[:, 0]
     independent = [i for i in range(arm.n) if i not in passive]
     start = None
     if near is not None and near.loops is not None:

@@ -11,9 +11,8 @@ import numpy as np
 from pydantic import BaseModel
 
 from flexlin.checks import Array
-from flexlin.errors import ArgumentError
 from flexlin.scene.links import Direction, Link
-from flexlin.scene.parameters import PARAMETERS, get_value, path_in, replace_value
+from flexlin.scene.parameters import PARAMETERS, get_value, need_numbers, path_in, replace_value
 from flexlin.summary import represent
 from flexlin.symbolic import Expressions
 
@@ -38,12 +37,8 @@ class Parameters(Expressions):
         """
         paths = tuple(path_in(scene, path) for path in paths)
         values = [get_value(scene, path) for path in paths]
-        for path, value in zip(paths, values, strict=True):
-            whole = path.startswith(f"{PARAMETERS}.") and type(value) is int  # a model's table is not checked yet
-            if not isinstance(value, float) and not whole:
-                raise ArgumentError(
-                    f"{path} cannot be left free", got=repr(value)[:80], expected="a real number of the scene"
-                )
+        whole = {path for path, value in zip(paths, values, strict=True) if type(value) is int}
+        need_numbers(scene, (path for path in paths if not (path in whole and path.startswith(f"{PARAMETERS}."))))
         symbols = [ca.SX.sym(path) for path in paths]
         return cls(paths, ca.vertcat(*symbols) if symbols else ca.SX(0, 1), np.array(values, dtype=float))
 

@@ -26,7 +26,7 @@ from numpy.polynomial import legendre
 
 from flexlin.checks import Array
 from flexlin.lazy import lazy
-from flexlin.mechanics.beam.integrals import UNIFORM, Profile, Shapes, gauss_legendre, panels
+from flexlin.mechanics.beam.integrals import Profile, Shapes, gauss_legendre, panels
 from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, column, tensor
 from flexlin.mechanics.links import PLACES, BentLink, rotations, split_rotation
 
@@ -57,12 +57,12 @@ class CurveRule:
     twists: tuple[Array, Array, Array]
 
 
-def make_rule(y: Shapes, z: Shapes, twist: Shapes, mass: Profile | None, stiffness: Profile | None) -> CurveRule:
+def make_rule(y: Shapes, z: Shapes, twist: Shapes, mu: Profile, eps: Profile) -> CurveRule:
     """The rule for shapes in y, in z and of twist: 2 n + 6 Gauss nodes, dealt out to the pieces between breaks, at least 3 to each.
 
     Products of two slopes of n modes of a uniform beam are integrated to 3e-9 and better; other shapes get as many as that takes.
     """
-    mu, eps, shapes = mass or UNIFORM, stiffness or UNIFORM, (twist, z, y)
+    shapes = twist, z, y
     edges = np.unique([0.0, *(place for part in (*shapes, mu, eps) for place in part.breaks), 1.0])
     least = max(-(-(2 * max(part.n for part in shapes) + 6) // (len(edges) - 1)), 3)
     order, exact = least, [integrate_slopes(part, edges, MOST_NODES) for part in shapes]
@@ -110,16 +110,6 @@ class CurvedLink(BentLink):
 
     rule: CurveRule = field(kw_only=True)
     shortened: bool = field(kw_only=True)
-
-    @lazy
-    def coordinates(self) -> tuple[ca.SX, ca.SX]:
-        """The elastic coordinates of the link and their rates."""
-        parts = (self.y, self.z, self.torsion)
-        return ca.vertcat(*[part.w for part in parts]), ca.vertcat(*[part.w_rate for part in parts])
-
-    def rate(self, expression: ca.SX) -> ca.SX:
-        """The rate of an expression of the elastic coordinates."""
-        return ca.sparsify(ca.jtimes(expression, *self.coordinates))
 
     def vectors(self, forms: Sequence[Array]) -> tuple[ca.SX, ca.SX]:
         """Rotation vectors (3, places) from what a unit of the coordinates makes of them about x, y and z, and their rates."""
@@ -211,9 +201,10 @@ class CurvedLink(BentLink):
     def tip(self, shift: ca.SX, shift_rate: ca.SX, turn: ca.SX, turn_rate: ca.SX) -> Frame:
         """The frame at the tip; `shift` and `turn` (3, 1) are what effects add to displacement and rotation."""
         offset = ca.sparsify(self.table.length * self.directions_in(Frame.fixed()) @ ca.DM(self.rule.weight))
-        theta, theta_rate = self.turns()
+        parts, (theta, theta_rate) = (self.y, self.z, self.torsion), self.turns()
+        w, w_rate = ca.vertcat(*[part.w for part in parts]), ca.vertcat(*[part.w_rate for part in parts])
         angles = self.split(theta + turn, theta_rate + turn_rate, -1)
-        frame = self.base.moved(offset + shift, self.rate(offset) + shift_rate)
+        frame = self.base.moved(offset + shift, ca.sparsify(ca.jtimes(offset, w, w_rate)) + shift_rate)
         if not shift.nnz():
             frame = replace(frame, position=self.places(self.rule.weight[None]))
         return frame.turned_by(*angles)

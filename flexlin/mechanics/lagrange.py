@@ -32,21 +32,6 @@ def derive_lagrange_equations(
     }
 
 
-def derive_inertia(r: ca.SX, W: ca.SX, s: ca.SX, s_dot: ca.SX, s_ddot: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The inertial forces of masses by the principle of virtual work, far shorter than through their kinetic energy.
-
-        T = 1/2 r'.W r',   forces J^T W r'',   M = J^T W J,   J = dr/ds
-
-    Parameters: r(s) (N, 1), coordinates of vectors in an inertial frame; W (N, N), constant.
-    Returns: forces (n, 1), M (n, n), T.
-    Source: d'Alembert's principle in Lagrange's form; Khang, Dat, Tuan (2019), Eq (55).
-    """
-    rate = ca.jtimes(r, s, s_dot)
-    acceleration = ca.jtimes(rate, ca.vertcat(s, s_dot), ca.vertcat(s_dot, s_ddot))
-    J = ca.jacobian(r, s)
-    return ca.jtimes(r, s, W @ acceleration, True), ca.densify(J.T @ (W @ J)), ca.bilin(W, rate, rate) / 2
-
-
 def derive_coriolis(M: ca.SX, s: ca.SX, s_dot: ca.SX) -> ca.SX:
     """The matrix of Christoffel's symbols in Kronecker layout, for which M' - 2 C is skew.
 
@@ -61,17 +46,6 @@ def derive_coriolis(M: ca.SX, s: ca.SX, s_dot: ca.SX) -> ca.SX:
     return (along + across - across.T) / 2
 
 
-def place_inputs(n: int, B: ca.SX | None, joints: Sequence[int] | None) -> ca.SX:
-    """The input matrix: as it was given, or a force on each coordinate that follows the basic motion, of all if none are named.
-
-    Raises: ModelError for joints that are no coordinates.
-    """
-    moved = list(range(n)) if joints is None else list(joints)
-    if any(i not in range(n) for i in moved) or len(set(moved)) != len(moved):
-        raise ModelError("joints are no coordinates", got=moved, expected=f"different numbers from 0 to {n - 1}")
-    return ca.SX(ca.DM.eye(n)[:, moved]) if B is None else ca.SX(B)
-
-
 def describe_model(
     s: ca.SX,
     s_dot: ca.SX,
@@ -84,10 +58,16 @@ def describe_model(
 ) -> dict[str, Any]:
     """What every manipulator has, once its parts (expression, rows, columns) have been found to fit; columns None: any number.
 
-    Raises: ModelError for parts of another shape or with other symbols, and for inputs that do not fit.
+    The coordinates `joints` follow the basic motion, by default those that some input moves, or all; the others are elastic. Without
+    B each of them has a force of its own.
+    Raises: ModelError for parts of another shape or with other symbols, and for inputs, joints, names or units that do not fit.
     """
     n, at_hand = s.numel(), parameters_at_hand(parameters)
-    inputs, known = place_inputs(n, B, joints), {one.name() for one in ca.symvar(ca.vertcat(s, s_dot, at_hand.symbols))}
+    moved = list(range(n)) if joints is None else list(joints)
+    if any(i not in range(n) for i in moved) or len(set(moved)) != len(moved):
+        raise ModelError("joints are no coordinates", got=moved, expected=f"different numbers from 0 to {n - 1}")
+    inputs = ca.SX(ca.DM.eye(n)[:, moved]) if B is None else ca.SX(B)
+    known = {one.name() for one in ca.symvar(ca.vertcat(s, s_dot, at_hand.symbols))}
     for name, (expression, rows, columns) in {**parts, "B": (inputs, n, None)}.items():
         got = ca.SX(expression).shape
         if got[0] != rows or columns not in (None, got[1]):
@@ -97,22 +77,12 @@ def describe_model(
         if strange:
             what = f"{name} holds symbols that are neither coordinates, rates nor parameters"
             raise ModelError(what, got=", ".join(strange))
-    own = {"s": s, "s_dot": s_dot, "s_ddot": ca.SX.sym("s_ddot", n), "parameters": at_hand}
-    return own | describe_driving(n, inputs, joints, names, units)
-
-
-def describe_driving(
-    n: int, B: ca.SX, joints: Sequence[int] | None, names: Sequence[str] | None, units: Sequence[str] | None
-) -> dict[str, Any]:
-    """Inputs, and the coordinates that follow the basic motion: those given, or those that some input moves; the others are elastic.
-
-    Raises: ModelError where there are more or fewer inputs than such coordinates.
-    """
-    moved = [i for i in range(n) if not B[i, :].is_zero()] if joints is None else list(joints)
-    if B.size2() != len(moved):
+    if joints is None:
+        moved = [i for i in range(n) if not inputs[i, :].is_zero()]
+    if inputs.size2() != len(moved):
         raise ModelError(
             "the inputs do not fit the joints",
-            got=f"{counted(B.size2(), 'input')} for the coordinates {moved}",
+            got=f"{counted(inputs.size2(), 'input')} for the coordinates {moved}",
             expected="one input for each coordinate in joints",
             todo="name in joints= as many coordinates as there are inputs; the others rest at zero in the rigid motion",
         )
@@ -126,7 +96,8 @@ def describe_driving(
         Coordinate("joint", symbol, unit, moved.index(i)) if i in moved else Coordinate("elastic", symbol, unit)
         for i, (symbol, unit) in enumerate(zip(symbols, stated, strict=True))
     )
-    return {"B": B, "reference": ca.DM.eye(n)[:, moved], "drives": tuple(moved), "coordinates": coordinates}
+    own = {"s": s, "s_dot": s_dot, "s_ddot": ca.SX.sym("s_ddot", n), "parameters": at_hand, "coordinates": coordinates}
+    return {**own, "B": inputs, "reference": ca.DM.eye(n)[:, moved], "drives": tuple(moved)}
 
 
 def check_coordinates(s: object, s_dot: object) -> None:

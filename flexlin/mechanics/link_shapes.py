@@ -4,9 +4,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.beam.integrals import Profile, Shapes, couple_shapes, shape_integrals
+from flexlin.mechanics.beam.integrals import UNIFORM, Profile, Shapes, couple_shapes, shape_integrals
 from flexlin.mechanics.beam.ritz import Ends, Section, bending_shapes, twisted
-from flexlin.mechanics.body import RigidMass
 from flexlin.mechanics.curve import CurveRule, make_rule
 from flexlin.mechanics.effects import effects_of
 from flexlin.mechanics.links import PLACES, Basis, LinkBasis
@@ -24,7 +23,7 @@ def choose_basis(scene: Scene, index: int) -> LinkBasis:
     (the basis then is no longer exact, but remains a basis).
     """
     link = scene.links[index]
-    shapes = [make_shapes(scene, index, one) if getattr(link.counts, one) else STRAIGHT for one in DIRECTIONS]
+    shapes = [make_shapes(scene, index, one) for one in DIRECTIONS]
     y, z, twist = (integrate_basis(scene, index, part, one) for part, one in zip(shapes, DIRECTIONS, strict=True))
     if sum(part.n > 0 for part in shapes) < 2:
         return LinkBasis(y, z, twist)
@@ -33,9 +32,8 @@ def choose_basis(scene: Scene, index: int) -> LinkBasis:
 
 def choose_rule(scene: Scene, index: int) -> CurveRule:
     """Where and how the axis of a link is looked at when it bends far."""
-    link = scene.links[index]
-    y, z, twist = (make_shapes(scene, index, part) if getattr(link.counts, part) else STRAIGHT for part in DIRECTIONS)
-    return make_rule(y, z, twist, *make_profiles(link))
+    y, z, twist = (make_shapes(scene, index, part) for part in DIRECTIONS)
+    return make_rule(y, z, twist, *make_profiles(scene.links[index]))
 
 
 def integrate_basis(scene: Scene, index: int, shapes: Shapes, direction: Direction) -> Basis:
@@ -50,6 +48,8 @@ def make_shapes(scene: Scene, index: int, direction: Direction = "y") -> Shapes:
     """Return the shapes themselves."""
     link = scene.links[index]
     n = getattr(link.counts, direction)
+    if not n:
+        return STRAIGHT
     if direction == "torsion":
         return twisted(n, make_profiles(link)[1], read_disc(scene, index))
     ends, section = read_ends(scene, index, direction), make_section(scene, index, direction)
@@ -67,30 +67,25 @@ def make_section(scene: Scene, index: int, direction: Direction = "y") -> Sectio
     return Section(sheared[-1] * link.length**2 / link.stiffness_in(direction), gyration)
 
 
-def make_profiles(link: Link) -> tuple[Profile | None, Profile | None]:
-    """Relative mass and stiffness along the link; None where uniform."""
-    if link.sections is None:
-        return None, None
+def make_profiles(link: Link) -> tuple[Profile, Profile]:
+    """Relative mass and stiffness along the link."""
     table = link.sections
+    if table is None:
+        return UNIFORM, UNIFORM
     return Profile.table(table.at, table.mass), Profile.table(table.at, table.stiffness)
 
 
 def read_disc(scene: Scene, index: int) -> float:
     """What the tip carries, as inertia about the link's axis relative to the link's own, that the shapes of twist are made for."""
     link = scene.links[index]
-    unloaded = link.mode_shapes != "clamped-loaded" or link.carried is not None
-    if unloaded or not link.counts.torsion or link.polar_inertia is None:
+    if link.mode_shapes != "clamped-loaded" or link.carried is not None or link.polar_inertia is None:
         return 0.0
-
     return sum_carried(scene, index, "torsion")[1] / (link.polar_inertia * link.length)
 
 
 def read_ends(scene: Scene, index: int, direction: Direction = "y") -> Ends:
     """The bodies on the link's ends, relative to its own mass, that its shapes are made for."""
     link = scene.links[index]
-    if not getattr(link.counts, direction):
-        return Ends()
-
     mass = link.mass_per_length * link.length
     if link.mode_shapes == "clamped-loaded":
         carried = (
@@ -98,7 +93,8 @@ def read_ends(scene: Scene, index: int, direction: Direction = "y") -> Ends:
         )
         return Ends(mass=carried[0] / mass, inertia=carried[1] / (mass * link.length**2))
     if link.mode_shapes == "pinned-hub":
-        inertia = float(sum(body.inertia for body in find_bodies_on_joint(scene, index)))
+        hubs = [effect.joint_body(index) for effect in effects_of(scene.effects)]
+        inertia = float(sum(body.inertia for body in hubs if body is not None))
         if not inertia:
             raise ArgumentError(
                 f"links.{index} has pinned-hub shapes but no hub",
@@ -130,19 +126,22 @@ def sum_carried(scene: Scene, index: int, direction: Direction = "y") -> tuple[f
             continue
         link, (R, p) = scene.links[k], tips[parents[k]]
         p, R = p + R @ np.array(link.mount.xyz), R @ rotation_of(link.mount.rpy)
-        for body in find_bodies_on_joint(scene, k):
-            axis = np.array(link.joint_axis) / np.linalg.norm(link.joint_axis)
-            load.add(body.mass, body.inertia * np.outer(axis, axis), R, p)
+        axis = np.array(link.joint_axis) / np.linalg.norm(link.joint_axis)
+        for body in (effect.joint_body(k) for effect in effects):
+            if body is not None:
+                load.add(body.mass, body.inertia * np.outer(axis, axis), R, p)
         p = p + R[:, 0] * sum(effect.joint_radius(k) for effect in effects)
         for mass, inertia, centre in list_parts(link):
             load.add(mass, inertia, R, p + R @ centre)
         p = p + R[:, 0] * link.length
         tips[k] = (R, p)
     for k, (R, p) in tips.items():
-        for body in find_bodies_at_tip(scene, k):
-            load.add(body.mass, np.array(body.about_centre.rows()), R, p + R @ np.array(body.place))
-    axis = AXES[direction]
-    return load.mass, float(load.second[axis, axis])
+        for body in (effect.tip_body(k, len(scene.links)) for effect in effects):
+            if body is not None:
+                J = np.array(body.tensor.rows()) + body.inertia * np.diag([0.0, 0.0, 1.0])
+                load.add(body.mass, J, R, p + R @ np.array(body.place))
+    about = AXES[direction]
+    return load.mass, float(load.second[about, about])
 
 
 def list_parts(link: Link) -> list[tuple[float, Array, Array]]:
@@ -154,14 +153,3 @@ def list_parts(link: Link) -> list[tuple[float, Array, Array]]:
     if link.body is not None:
         parts.append((link.body.mass, np.array(link.body.inertia.rows()), np.array(link.body.centre)))
     return parts
-
-
-def find_bodies_on_joint(scene: Scene, index: int) -> list[RigidMass]:
-    """The rigid bodies that effects put on a joint."""
-    return [body for effect in effects_of(scene.effects) if (body := effect.joint_body(index)) is not None]
-
-
-def find_bodies_at_tip(scene: Scene, index: int) -> list[RigidMass]:
-    """The rigid bodies that effects put on a link's tip."""
-    links = len(scene.links)
-    return [body for effect in effects_of(scene.effects) if (body := effect.tip_body(index, links)) is not None]

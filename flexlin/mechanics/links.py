@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import permutations
-from itertools import product as pairs
+from operator import add
 from typing import Any
 
 import casadi as ca
@@ -72,39 +71,35 @@ class Deflection:
     @property
     def energy(self) -> ca.SX:
         """1/2 int EI w''^2 dx, or 1/2 int GJ phi'^2 dx, in J."""
-        return self.rigidity / 2 * ca.bilin(ca.DM(self.integrals.bending), self.w, self.w)
+        return self.strain(self.w)
+
+    def strain(self, w: ca.SX) -> ca.SX:
+        """The same of other coordinates, such as the rates in the place of w."""
+        return self.rigidity / 2 * ca.bilin(ca.DM(self.integrals.bending), w, w)
 
     def inertia_form(self) -> ca.SX:
         """int rhoA w'^2 dx, or int rhoI_p phi'^2 dx, in J."""
         if self.direction == "torsion":
             spin = ca.bilin(ca.DM(self.integrals.rotations), self.w_rate, self.w_rate)
             return ca.SX(self.table.polar_inertia) * self.table.length * spin
-        return (
-            self.table.mass_per_length
-            * self.table.length
-            * ca.bilin(ca.DM(self.integrals.gram), self.w_rate, self.w_rate)
-        )
+        moved = ca.bilin(ca.DM(self.integrals.gram), self.w_rate, self.w_rate)
+        return self.table.mass_per_length * self.table.length * moved
 
-    def linear(self, factors: Array, over: Any = None) -> tuple[Any, Any]:
+    def linear(self, factors: Array, over: Any = 1) -> tuple[Any, Any]:
         """factors . w / over, and its rate: plain zeros, which cost nothing, where nothing deflects; `over` may be a symbol."""
         if not self.n:
             return 0.0, 0.0
-        row = divide(factors, over)
+        row = ca.DM(factors) / over
         return ca.dot(row, self.w), ca.dot(row, self.w_rate)
 
     def square(self, form: Array) -> Any:
         """w . form w."""
         return ca.bilin(ca.DM(form), self.w, self.w) if self.n else 0.0
 
-    def quadratic(self, form: Array, over: Any = None) -> tuple[ca.SX, ca.SX]:
+    def quadratic(self, form: Array, over: Any = 1) -> tuple[ca.SX, ca.SX]:
         """1/2 w . form w / over of a symmetric form, and its rate."""
-        matrix = divide(form, over)
+        matrix = ca.DM(form) / over
         return ca.bilin(matrix, self.w, self.w) / 2, ca.bilin(matrix, self.w, self.w_rate)
-
-
-def divide(numbers: Array, over: Any) -> ca.DM | ca.SX:
-    """An array for CasADi, divided by a number or a symbol if there is one."""
-    return ca.DM(numbers) if over is None else ca.DM(numbers) / over
 
 
 def product(form: Array, a: Deflection, b: Deflection) -> tuple[Any, Any]:
@@ -266,10 +261,6 @@ def split_rotation(theta: ca.SX, rate: ca.SX) -> tuple[tuple[ca.SX, ...], tuple[
     return angles, rates
 
 
-SIGNS = {(a, b, c): (a - b) * (b - c) * (c - a) / 2 for a, b, c in permutations(range(3))}
-"""The permutation symbol where it is not zero."""
-
-
 def turned_sections(link: BentLink, J: tuple[Any, Any, Any]) -> Moments:
     """Moments of sections with principal inertias J about x, y, z (kg m^2 for the whole link), turned by theta = (phi, -w', v').
 
@@ -279,42 +270,27 @@ def turned_sections(link: BentLink, J: tuple[Any, Any, Any]) -> Moments:
     kept to second order; where twist turns the planes of bending, theta2 = 1/2 int theta x theta' dx is added to theta. Assumes that mass
     and stiffness of sections vary alike. Returns: moments about the link's base frame.
     """
-    first, rate = tilt(link)
+    first, rate = zip(*(part.linear(part.integrals.rotation, over) for part, over in rotations(link)), strict=True)
     if link.coupled and link.couplings is not None:
         more = link.second_turns(link.couplings.turns)
-        first, rate = ([a + b for a, b in zip(*pair, strict=True)] for pair in zip((first, rate), more, strict=True))
-    second, swirl = spread(link, J), [J[a] * rate[a] for a in range(3)]
-    for a in range(3):
-        second[a][a] += J[a] * link.y.integrals.section
-    for (a, b, c), sign in SIGNS.items():
-        second[a][c] += sign * (J[c] - J[a]) * first[b]
-        swirl[a] += sign * (J[c] - J[a] / 2) * mixed(link, b, c, rates=1)
-    agitation = sum((J[a] * mixed(link, a, a, rates=2) for a in range(3)), ca.SX(0))
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = second
-    return Moments(second=tensor(xx, yy, zz, xy, xz, yz), swirl=column(*swirl), agitation=agitation)
-
-
-def spread(link: BentLink, J: tuple[Any, Any, Any]) -> list[list[Any]]:
-    """int theta~ J theta~^T + 1/2 (theta~^2 J + J theta~^2), rows of (3, 3)."""
-    G = [[mixed(link, a, b, rates=0) for b in range(3)] for a in range(3)]
-    trace = G[0][0] + G[1][1] + G[2][2]
-    found = [[(G[a][b] - (trace if a == b else 0.0)) * (J[a] + J[b]) / 2 for b in range(3)] for a in range(3)]
-    for ((a, p, c), one), ((b, q, d), other) in pairs(SIGNS.items(), repeat=2):
-        if c == d:
-            found[a][b] += one * other * J[c] * G[p][q]
-    return found
+        first, rate = (tuple(map(add, *pair)) for pair in zip((first, rate), more, strict=True))
+    cycles = (0, 1, 2), (1, 2, 0), (2, 0, 1)
+    along, across, swirl, agitation = list[Any](), list[Any](), list[Any](), ca.SX(0)
+    for (a, b, c), turn, turn_rate in zip(cycles, first, rate, strict=True):
+        bb, cc, bc = (mixed(link, i, j, rates=0) for i, j in ((b, b), (c, c), (b, c)))
+        along.append(J[a] * link.y.integrals.section + (J[b] - J[a]) * cc + (J[c] - J[a]) * bb)
+        across.append((J[b] - J[c]) * turn + ((J[b] + J[c]) / 2 - J[a]) * bc)
+        whirl = (J[c] - J[a] / 2) * mixed(link, b, c, rates=1) - (J[b] - J[a] / 2) * mixed(link, c, b, rates=1)
+        swirl.append(J[a] * turn_rate + whirl)
+        agitation += J[a] * mixed(link, a, a, rates=2)
+    (xx, yy, zz), (yz, zx, xy) = along, across
+    return Moments(second=tensor(xx, yy, zz, xy, zx, yz), swirl=column(*swirl), agitation=agitation)
 
 
 def rotations(link: BentLink) -> tuple[tuple[Deflection, Any], ...]:
     """What turns a section about x, y and z, and what the turn of a unit of its coordinate is divided by."""
     length = link.table.length
     return (link.torsion, 1.0), (link.z, -length), (link.y, length)
-
-
-def tilt(link: BentLink) -> tuple[list[Any], list[Any]]:
-    """int theta and int theta', relative to the link's length."""
-    values = [part.linear(part.integrals.rotation, over) for part, over in rotations(link)]
-    return [value for value, _ in values], [rate for _, rate in values]
 
 
 def mixed(link: BentLink, a: int, b: int, rates: int) -> Any:
@@ -334,4 +310,4 @@ def section_form(link: BentLink, a: int, b: int) -> Array:
         return section_form(link, b, a).T
     k = link.couplings
     assert k is not None  # two directions deflect
-    return {(0, 1): k.z.section, (0, 2): k.y.section, (1, 2): k.sections.T}[a, b]
+    return {(0, 1): k.section[1], (0, 2): k.section[0], (1, 2): k.sections.T}[a, b]

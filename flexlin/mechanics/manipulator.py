@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from flexlin.checks import Array
+from flexlin.checks import Array, positive
+from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.mechanics.coordinates import ClosedLoops, Coordinate, Parameters
 from flexlin.mechanics.lagrange import check_coordinates, derive_coriolis, derive_lagrange_equations, describe_model
 from flexlin.mechanics.validation import need_quadratic, validate
 from flexlin.plots.view import Series, Shown, View
+from flexlin.scene.control import RATE
 from flexlin.scene.effects import Effects
 from flexlin.symbolic import Expressions, as_expression, substituted
 
@@ -232,9 +234,26 @@ class Manipulator(Expressions, Shown):
         >>> plant.state_labels, plant.input_labels
         (['q1', 'w11', 'w12', 'q1_rate', 'w11_rate', 'w12_rate'], ['q1'])
         """
-        from flexlin.mechanics.python_control import nonlinear_system
+        import control
 
-        return nonlinear_system(self, name, period)
+        if self.phase is not None and period is None:
+            todo = "give the period of the motion: arm.to_control(period=lin.period)"
+            raise ArgumentError("a periodic load needs a period", got="none", expected="a time in s", todo=todo)
+        T = 1.0 if period is None else positive("period", period)
+        p, n, phase = self.parameters, self.n, ca.SX.sym("phase") if self.phase is None else self.phase
+        left = ca.substitute(self.residual, self.s_ddot, ca.DM.zeros(n))
+        outputs = [ca.densify(part) for part in (self.M, left, self.B)]
+        equations = ca.Function("equations", [self.s, self.s_dot, phase, p.symbols], outputs)
+        known = dict(zip(p.paths, p.values.tolist(), strict=True))
+
+        def update(t: float, x: Array, u: Array, given: Mapping[str, Any]) -> Array:
+            values = [given.get(path, value) for path, value in known.items()]
+            M, rest, B = (part.full() for part in equations(x[:n], x[n:], t / T % 1.0, values))
+            return np.concatenate([x[n:], np.linalg.solve(M, B @ np.atleast_1d(u) - rest[:, 0])])
+
+        states = [*self.names, *(coordinate + RATE for coordinate in self.names)]
+        inputs = [self.names[k] for k in self.drives[: self.B.size2()]]
+        return control.nlsys(update, None, inputs=inputs or 0, outputs=states, states=states, params=known, name=name)
 
     @classmethod
     def from_matrices(
@@ -426,16 +445,12 @@ def name_functions(arm: Manipulator) -> NamedFunctions:
     at, moving = {"s": arm.s, "p": p}, {"s": arm.s, "s_dot": arm.s_dot, "p": p}
     loaded = moving if arm.phase is None else {"s": arm.s, "s_dot": arm.s_dot, "phase": arm.phase, "p": p}
     accelerated = {"s": arm.s, "s_dot": arm.s_dot, "s_ddot": arm.s_ddot, **loaded}
+    inputs = {"M": at, "C": moving, "g": at, "damping": loaded, "residual": accelerated}
+    more = {"energy": moving, "points": at, "axes": at, "rotation": at}
+    inputs |= {name: known for name, known in more.items() if getattr(arm, name) is not None}
     table: dict[str, tuple[dict[str, ca.SX], Callable[[], ca.SX]]] = {
-        "M": (at, lambda: arm.M),
-        "C": (moving, lambda: arm.C),
-        "g": (at, lambda: arm.g),
-        "damping": (loaded, lambda: arm.damping),
-        "residual": (accelerated, lambda: arm.residual),
+        name: (known, partial(getattr, arm, name)) for name, known in inputs.items()
     }
-    for name, inputs in (("energy", moving), ("points", at), ("axes", at), ("rotation", at)):
-        if getattr(arm, name) is not None:
-            table[name] = (inputs, partial(getattr, arm, name))
     if arm.loops is not None:
         loops, following = arm.loops, {"s": arm.s, "v": arm.loops.v, "p": p}
         table["followers"] = (at, lambda: loops.followers)

@@ -25,19 +25,27 @@ def validate(arm: Any) -> None:
 
     Raises: ModelError naming the entry, what was got and what was expected.
     """
-    s, p = arm.s, arm.parameters.values
     _need_independence(arm)
+    s, s_dot, p = arm.s, arm.s_dot, arm.parameters
+    parts = {"M": arm.M, "C": arm.C, "g": arm.g, "damping": arm.damping, "B": arm.B, "dg/ds": ca.jacobian(arm.g, s)}
+    forces = () if arm.coriolis is None else (arm.C @ s_dot, derive_coriolis(arm.M, s, s_dot) @ s_dot)
+    products = [ca.jacobian(ca.jacobian(force, s_dot), s_dot) for force in forces]
+    function = ca.Function("parts", [s, s_dot, p.symbols], [ca.densify(x) for x in (*parts.values(), *products)])
     for at, rate in _states(arm):
         where = "at s = 0" if not at.any() else f"at s = {np.array2string(at, precision=3)}"
-        inputs = [(arm.s, at), (arm.s_dot, rate), (arm.parameters.symbols, p)]
-        M, C, g, d = (_value(x, inputs) for x in (arm.M, arm.C, arm.g, arm.damping))
-        for name, matrix in (("M", M), ("C", C), ("g", g), ("damping", d), ("B", _value(arm.B, inputs))):
-            _need_finite(name, matrix, where)
+        values = [np.array(value) for value in function(at, rate, p.values)]
+        for name, matrix in zip(parts, values[:-1], strict=False):
+            if not np.all(np.isfinite(matrix)):
+                i, j = np.argwhere(~np.isfinite(matrix))[0]
+                raise ModelError(
+                    f"{name}[{i}, {j}] is not finite {where}", got=matrix[i, j], expected="a finite number"
+                )
+        M, slope = values[0], values[5]
         _need_symmetric("M", M, where)
         need_positive(M, arm.names, where)
-        _need_symmetric("dg/ds", _value(ca.jacobian(arm.g, s), inputs), where)
-        if arm.coriolis is not None:
-            _need_christoffel(arm, inputs, where)
+        _need_symmetric("dg/ds", slope, where)
+        if forces:
+            _need_christoffel(arm.names, values[6], values[7], np.abs(at).max(), where)
 
 
 def need_quadratic(T: ca.SX, s: ca.SX, s_dot: ca.SX, parameters: Parameters) -> None:
@@ -46,14 +54,14 @@ def need_quadratic(T: ca.SX, s: ca.SX, s_dot: ca.SX, parameters: Parameters) -> 
     Raises: ModelError naming the rate, or the whole energy.
     """
     at = np.random.default_rng(0).uniform(-1, 1, s.numel())
-    inputs = [(s, at), (s_dot, np.zeros(s.numel())), (parameters.symbols, parameters.values)]
-    energy, momentum = float(_value(T, inputs)[0, 0]), _value(ca.gradient(T, s_dot), inputs)[:, 0]
+    function = ca.Function("parts", [s, s_dot, parameters.symbols], [T, ca.densify(ca.gradient(T, s_dot))])
+    energy, momentum = (np.array(value)[:, 0] for value in function(at, np.zeros(s.numel()), parameters.values))
     wrong = (
         f"linear in rate {int(np.argmax(np.abs(momentum)))}"
         if np.abs(momentum).max() > TOLERANCE
         else "free of the rates"
     )
-    if abs(energy) > TOLERANCE or wrong.startswith("linear"):
+    if abs(energy[0]) > TOLERANCE or wrong.startswith("linear"):
         raise ModelError(
             f"T has a part that is {wrong}",
             expected="a kinetic energy quadratic in the rates",
@@ -69,11 +77,6 @@ def _states(arm: Any) -> list[tuple[Array, Array]]:
     return [(np.zeros(arm.n), np.zeros(arm.n)), *random]
 
 
-def _value(expression: ca.SX, inputs: list[tuple[ca.SX, Array]]) -> Array:
-    function = ca.Function("value", [symbol for symbol, _ in inputs], [ca.densify(expression)])
-    return np.array(function(*[number for _, number in inputs]))
-
-
 def _need_independence(arm: Any) -> None:
     for name, expression in (("M", arm.M), ("g", arm.g)):
         if ca.depends_on(expression, arm.s_dot):
@@ -84,12 +87,6 @@ def _need_independence(arm: Any) -> None:
                 expected=f"{name}(s)",
                 todo="put forces that depend on rates into damping; the kinetic energy T must be quadratic in the rates",
             )
-
-
-def _need_finite(name: str, matrix: Array, where: str) -> None:
-    if not np.all(np.isfinite(matrix)):
-        i, j = np.argwhere(~np.isfinite(matrix))[0]
-        raise ModelError(f"{name}[{i}, {j}] is not finite {where}", got=matrix[i, j], expected="a finite number")
 
 
 def _need_symmetric(name: str, matrix: Array, where: str) -> None:
@@ -117,19 +114,16 @@ def need_positive(M: Array, names: tuple[str, ...], where: str, todo: str | None
         )
 
 
-def _need_christoffel(arm: Any, inputs: list[tuple[ca.SX, Array]], where: str) -> None:
-    """Compare C s' with the forces that M implies, product of rates by product of rates."""
-    expected = derive_coriolis(arm.M, arm.s, arm.s_dot) @ arm.s_dot
-    products = [
-        _value(ca.jacobian(ca.jacobian(force, arm.s_dot), arm.s_dot), inputs).reshape(arm.n, arm.n, arm.n, order="F")
-        for force in (arm.C @ arm.s_dot, expected)
-    ]
+def _need_christoffel(names: tuple[str, ...], C: Array, M: Array, size: float, where: str) -> None:
+    """Compare C s' with the forces that M implies, product of rates by product of rates; size: of the coordinates."""
+    n = len(names)
+    products = [part.reshape(n, n, n, order="F") for part in (C, M)]
     difference = np.abs(products[0] - products[1])
     row, i, j = np.unravel_index(np.argmax(difference), difference.shape)
-    if difference[row, i, j] > TOLERANCE * max(np.abs(products[1]).max(), np.abs(inputs[0][1]).max(), 1e-3):
+    if difference[row, i, j] > TOLERANCE * max(np.abs(products[1]).max(), size, 1e-3):
         share = 0.5 if i == j else 1.0
         raise ModelError(
-            f"C does not belong to M {where}: in row {row} of C s' the product {arm.names[i]}' {arm.names[j]}' has another factor",
+            f"C does not belong to M {where}: in row {row} of C s' the product {names[i]}' {names[j]}' has another factor",
             got=f"{share * products[0][row, i, j]:.9g}",
             expected=f"{share * products[1][row, i, j]:.9g}, so that M' - 2 C is skew",
             todo=f"correct C[{row}, {i}] or C[{row}, {j}], or put forces that are not inertial into damping",

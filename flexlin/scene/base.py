@@ -3,20 +3,11 @@
 from dataclasses import dataclass
 from typing import Annotated, Any, get_args
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    PlainValidator,
-    ValidationInfo,
-    model_validator,
-)
-from pydantic.fields import FieldInfo
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic_core import core_schema
 
 from flexlin.bounds import LARGEST_NUMBER, MOST_ITEMS, SMALLEST_NUMBER, steers
-from flexlin.scene.units import in_unit
+from flexlin.scene.units import in_unit, keep_quantity, split_units
 
 
 def _say_units(schema: dict[str, Any], table: Any) -> None:
@@ -48,16 +39,10 @@ class Table(BaseModel):
         if isinstance(raw, dict):
             sliding = info.context["sliding"] if info.context else None
             for key, unit in cls.units().items():
-                if isinstance(raw.get(key), (str, list, tuple)) and not keeps_text(cls.model_fields[key]):
+                marks = cls.model_fields[key].metadata
+                if isinstance(raw.get(key), (str, list, tuple)) and not any(isinstance(mark, Kept) for mark in marks):
                     raw[key] = in_unit(raw[key], unit, sliding)
         return raw
-
-
-def keeps_text(annotation: Any) -> bool:
-    """Whether a key keeps a quantity as it was written."""
-    parts = [*getattr(annotation, "metadata", ()), *getattr(annotation, "__metadata__", ())]
-    inside = [annotation.annotation] if isinstance(annotation, FieldInfo) else get_args(annotation)
-    return any(isinstance(part, PlainValidator) for part in parts) or any(keeps_text(one) for one in inside)
 
 
 @dataclass(frozen=True)
@@ -70,6 +55,21 @@ class Unit:
         """The key's JSON schema, with the unit in it; a number may be a text with a unit behind it."""
         made = handler(core)
         return {**(with_text(made) if self.name else made), "unit": self.name}
+
+
+@dataclass(frozen=True)
+class Kept(Unit):
+    """The units of a quantity, or a list of such, that is kept as it was written: in which of them it is, is the arm's to say."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+        units = split_units(self.name)
+        kept = core_schema.no_info_plain_validator_function(lambda value: keep_quantity(value, units))
+        return core_schema.nullable_schema(kept) if type(None) in get_args(source) else kept
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        one: list[dict[str, Any]] = [{"type": "number", "exclusiveMinimum": 0}, {"type": "string"}]
+        none = [{"type": "null"}] if core["type"] == "nullable" else []
+        return {"anyOf": [*one, {"type": "array", "items": {"anyOf": one}}, *none], "unit": self.name}
 
 
 def with_text(schema: dict[str, Any]) -> dict[str, Any]:

@@ -201,7 +201,7 @@ def contradictions(raw: dict[str, Any]) -> list[Problem]:
     """List where the tables of a raw scene do not fit each other; lists too long to be looked at are the schema's to refuse."""
     if any(isinstance(raw.get(key), list) and len(raw[key]) > MOST_ITEMS for key in ("links", "loops", "designs")):
         return []
-    return [*_links(raw), *_joint_counts(raw), *_design_names(raw), *_weighted(raw)]
+    return [*_links(raw), *_joint_counts(raw), *_designs(raw)]
 
 
 def _links(raw: dict[str, Any]) -> Iterator[Problem]:
@@ -270,17 +270,16 @@ def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:
     return sum(modes) + motors + 2 * bearings
 
 
-def _design_names(raw: dict[str, Any]) -> Iterator[Problem]:
-    names = [design.get("name") for design in tables_in(raw.get("designs"))]
-    for i, name in enumerate(names):
-        if name in names[:i]:
-            yield Problem(f"designs.{i}.name", f"{name!r} a second time", "a name of its own")
+def _designs(raw: dict[str, Any]) -> Iterator[Problem]:
+    """Names that stand twice, and keys of weights that are neither a group nor like a coordinate of a chain.
 
-
-def _weighted(raw: dict[str, Any]) -> Iterator[Problem]:
-    """Keys of weights that are neither a group nor like a coordinate of a chain; a registered model may name its own."""
-    groups = list(Weights.model_fields)
-    for i, design in enumerate(tables_in(raw.get("designs"))):
+    A registered model may name coordinates of its own.
+    """
+    groups, designs = list(Weights.model_fields), tables_in(raw.get("designs"))
+    names = [design.get("name") for design in designs]
+    for i, design in enumerate(designs):
+        if names[i] in names[:i]:
+            yield Problem(f"designs.{i}.name", f"{names[i]!r} a second time", "a name of its own")
         weights = design.get("weights") if raw.get("model") is None else None
         for key in weights if isinstance(weights, dict) else ():
             if key not in groups and not COORDINATE.fullmatch(str(key)):

@@ -2,18 +2,9 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
-from flexlin.scene.base import NonNegative, NotEndless, Positive, Table, Text, Unit
-from flexlin.scene.units import (
-    ONE_OR_MORE,
-    AnyDeviation,
-    AnyDisplacement,
-    AnyInput,
-    AnyIntegral,
-    AnyRate,
-    kept_quantities,
-)
+from flexlin.scene.base import Kept, NonNegative, NotEndless, Positive, Table, Text, Unit
 
 RATE = "_rate"
 """What stands behind a coordinate's name for its rate."""
@@ -31,21 +22,21 @@ class Weights(Table):
     """
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
-    __pydantic_extra__: dict[str, AnyDeviation]
+    __pydantic_extra__: dict[str, Annotated[Any, Kept("rad, m, rad/s or m/s")]]
 
     tip: Annotated[Positive | None, Unit("m")] = None
     """Acceptable distance of the tip from its path."""
-    joints: Annotated[AnyDisplacement | None, Unit("rad or m")] = None
+    joints: Annotated[Any | None, Kept("rad or m")] = None
     """Acceptable deviation of joints, or a list of one each."""
-    rates: Annotated[AnyRate | None, Unit("rad/s or m/s")] = None
+    rates: Annotated[Any | None, Kept("rad/s or m/s")] = None
     """Acceptable deviation of the joints' rates, or a list of one each."""
     deflection: Annotated[Positive | None, Unit("m")] = None
     """Acceptable deviation of elastic coordinates."""
     deflection_rates: Annotated[Positive | None, Unit("m/s")] = None
     """Acceptable rate of elastic coordinates."""
-    integrals: Annotated[AnyIntegral | None, Unit("rad s or m s")] = None
+    integrals: Annotated[Any | None, Kept("rad s or m s")] = None
     """Acceptable integral of the error of each torque-driven joint, or a list of one each: the design has integral action."""
-    input: Annotated[AnyInput, Unit("N m, N or V")]
+    input: Annotated[Any, Kept("N m, N or V")]
     """Acceptable torque, or a list of one each."""
 
     @property
@@ -107,15 +98,15 @@ class EstimatorTable(Table):
     V = sigma^2 sample_time for each measurement, W = B sigma^2 sample_time B' for the torques: the intensities of white noise.
     """
 
-    encoders: Annotated[AnyDisplacement | None, Unit("rad or m")] = None
+    encoders: Annotated[Any | None, Kept("rad or m")] = None
     """Noise of the motors' encoders, or a list of one each."""
-    gyroscopes: Annotated[AnyRate | None, Unit("rad/s or m/s")] = None
+    gyroscopes: Annotated[Any | None, Kept("rad/s or m/s")] = None
     """Noise of the joints' rates, or a list of one each."""
     strain: tuple[Gauge, ...] = ()
     """Strain gauges."""
     tip: Annotated[Positive | None, Unit("m")] = None
     """Noise of a camera that sees the tip, along each axis."""
-    torque: Annotated[AnyInput, Unit("N m, N or V")]
+    torque: Annotated[Any, Kept("N m, N or V")]
     """Noise of the torques, or a list of one each: what the model leaves out."""
     sample_time: Annotated[Positive, Unit("s")] = 1e-3
     """Time between two samples of the noise."""
@@ -236,43 +227,33 @@ class DesignTable(Table):
     """Time between samples that fill whole periods: the gains are those of a periodic-lqr whose torque is held from sample to sample."""
 
     @model_validator(mode="after")
-    def _weighs_once(self) -> "DesignTable":
+    def _weighs_once_and_samples_what_is_known(self) -> "DesignTable":
         bare = (self.state_weight is None, self.input_weight is None)
         if bare != ((True, True) if self.weights is not None else (False, False)):
             raise ValueError(
                 'either weights = { joints = "0.5 deg", ..., input = "3 N m" }, or state_weight and input_weight'
             )
-        return self
-
-    @model_validator(mode="after")
-    def _samples_what_is_known_at_once(self) -> "DesignTable":
         remembers = self.estimator is not None or (self.weights is not None and self.weights.integrals is not None)
         if self.sample_time is not None and (self.kind != "periodic-lqr" or remembers):
             raise ValueError('sample_time beside kind = "periodic-lqr", without an estimator or integrals')
         return self
 
 
-AnyTorque = Annotated[Any, PlainValidator(kept_quantities("N m", "N")), WithJsonSchema(ONE_OR_MORE)]
-AnyCurrent = Annotated[Any, PlainValidator(kept_quantities("A")), WithJsonSchema(ONE_OR_MORE)]
-AnyPower = Annotated[Any, PlainValidator(kept_quantities("W")), WithJsonSchema(ONE_OR_MORE)]
-AnyConstant = Annotated[Any, PlainValidator(kept_quantities("N m/A", "N/A")), WithJsonSchema(ONE_OR_MORE)]
-
-
 class TorqueLimits(Table):
     """Limits of a joint's torque, or of its force where it slides."""
 
-    peak: Annotated[AnyTorque | None, Unit("N m or N")] = None
+    peak: Annotated[Any | None, Kept("N m or N")] = None
     """Largest torque at any time, N m (N)."""
-    continuous: Annotated[AnyTorque | None, Unit("N m or N")] = None
+    continuous: Annotated[Any | None, Kept("N m or N")] = None
     """Largest root mean square of the torque over a period, N m (N)."""
 
 
 class CurrentLimits(Table):
     """Limits of a motor's current."""
 
-    peak: Annotated[AnyCurrent | None, Unit("A")] = None
+    peak: Annotated[Any | None, Kept("A")] = None
     """Largest current at any time, A."""
-    continuous: Annotated[AnyCurrent | None, Unit("A")] = None
+    continuous: Annotated[Any | None, Kept("A")] = None
     """Largest root mean square of the current over a period, A."""
 
 
@@ -284,11 +265,11 @@ class Drives(Table):
 
     torque: TorqueLimits = TorqueLimits()
     """Limits of the torque."""
-    speed: Annotated[AnyRate | None, Unit("rad/s or m/s")] = None
+    speed: Annotated[Any | None, Kept("rad/s or m/s")] = None
     """Largest speed of the joint, rad/s (m/s)."""
-    power: Annotated[AnyPower | None, Unit("W")] = None
+    power: Annotated[Any | None, Kept("W")] = None
     """Largest power at the joint, W."""
     current: CurrentLimits = CurrentLimits()
     """Limits of the motors' current."""
-    torque_constant: Annotated[AnyConstant | None, Unit("N m/A or N/A")] = None
+    torque_constant: Annotated[Any | None, Kept("N m/A or N/A")] = None
     """Torque at the joint for an ampere, N m/A (N/A); where [effects.motor] is on it is known already."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from flexlin.arguments import checked, instance
+from flexlin.arguments import checked
 from flexlin.bounds import (
     DEEPEST_NESTING,
     LARGEST_SCENE,
@@ -69,8 +69,6 @@ def load_scene(
     >>> scene.title, scene.effects.payload.mass
     ('Single-link flexible manipulator', 0.1)
     """
-    instance("source", source, (str, Path), "give a built-in name or a path")
-    instance("overrides", overrides or {}, Mapping, "give dotted paths with their values")
     path = _find(source)
     return parse_scene(_read(path), str(path), overrides, path.parent, data_folder)
 
@@ -120,8 +118,6 @@ def parse_scene(
     >>> fl.parse_scene(raw).motion.frequency
     0.5
     """
-    instance("raw", raw, Mapping, "give the tables of a scene, as tomllib.loads makes them")
-    instance("overrides", overrides or {}, Mapping, "give dotted paths with their values")
     source, data, changes = printable(source), as_python(raw), as_python(overrides or {})
     beyond = [*list_excesses(data), *list_excesses(changes)]
     if beyond:
@@ -194,14 +190,10 @@ def _read_text(path: Path) -> str:
     try:
         return read_text(path, LARGEST_SCENE)
     except (UnicodeDecodeError, OSError) as error:
-        raise SceneError(printable(path), [Problem("file", describe_unread(error), "a TOML file in UTF-8")]) from None
-
-
-def describe_unread(error: UnicodeDecodeError | OSError) -> str:
-    """Why a file could not be read as text."""
-    if isinstance(error, UnicodeDecodeError):
-        return f"bytes that are no text in UTF-8, from byte {error.start} on"
-    return printable(error.strerror or error)
+        got = printable(getattr(error, "strerror", None) or error)
+        if isinstance(error, UnicodeDecodeError):
+            got = f"bytes that are no text in UTF-8, from byte {error.start} on"
+        raise SceneError(printable(path), [Problem("file", got, "a TOML file in UTF-8")]) from None
 
 
 def _explains(known: Problem, other: Problem) -> bool:

@@ -11,14 +11,14 @@ from flexlin.bounds import LONGEST_SHOWN, MOST_ITEMS, hint_at, printable
 from flexlin.errors import Problem, SceneError
 from flexlin.scene.base import Table
 from flexlin.scene.effects import Effects, effects_table
-from flexlin.scene.units import NAMES
+from flexlin.scene.units import NAMES, split_units
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
 def name_units(units: str) -> str:
     """In what a bare number is, and what may be written with a unit: in rad or m, or an angle such as 0.5 deg."""
-    written = [NAMES[unit] for unit in re.split(r" or |, ", units) if unit in NAMES]
+    written = [NAMES[unit] for unit in split_units(units) if unit in NAMES]
     where = (" where all joints turn", " where all slide") if len(written) == 2 else ("",) * len(written)
     return ", or ".join([f" in {units}", *map("".join, zip(written, where, strict=True))])
 

@@ -1,10 +1,8 @@
 """Quantities with units: "2 mm" or 0.002, "3 N m", "5 deg/s", each held to the dimension that its key asks for."""
 
 import re
-from collections.abc import Callable, Sequence
-from typing import Annotated, Any
-
-from pydantic import PlainValidator, WithJsonSchema
+from collections.abc import Sequence
+from typing import Any
 
 from flexlin.bounds import LARGEST_NUMBER, SMALLEST_NUMBER, read_number
 from flexlin.errors import ArgumentError
@@ -114,6 +112,11 @@ def in_si(value: Any, *units: str) -> float:
     return number
 
 
+def split_units(units: str) -> list[str]:
+    """The units of a key whose things are of several kinds, such as rad or m."""
+    return re.split(r" or |, ", units)
+
+
 def in_unit(value: Any, unit: str, sliding: bool | None = False) -> Any:
     """A text such as "1000 mm", or each of a list of such, in a key's SI unit; what does not fit as it is, for the schema to refuse.
 
@@ -124,7 +127,7 @@ def in_unit(value: Any, unit: str, sliding: bool | None = False) -> Any:
         return [in_unit(item, unit, sliding) for item in value]
     if not isinstance(value, str):
         return value
-    turns, *slides = re.split(r" or |, ", unit)
+    turns, *slides = split_units(unit)
     try:
         number, dimension = read_quantity(value)
         size, wanted = dimension_of(slides[0] if slides and sliding else turns)
@@ -134,19 +137,15 @@ def in_unit(value: Any, unit: str, sliding: bool | None = False) -> Any:
     return number / size if fits else value
 
 
-def kept_quantities(*units: str) -> Callable[[Any], Any]:
+def keep_quantity(value: Any, units: Sequence[str]) -> Any:
     """A quantity as it was written, once it has been found positive and of one of the dimensions; or a list of such."""
-
-    def keep(value: Any) -> Any:
-        if isinstance(value, (list, tuple)):
-            if not value:
-                raise ValueError("a list of 1 or more")
-            return tuple(keep(item) for item in value)
-        if not SMALLEST_NUMBER <= in_si(value, *units) <= LARGEST_NUMBER:
-            raise ValueError("a number greater than 0")
-        return value
-
-    return keep
+    if isinstance(value, (list, tuple)):
+        if not value:
+            raise ValueError("a list of 1 or more")
+        return tuple(keep_quantity(item, units) for item in value)
+    if not SMALLEST_NUMBER <= in_si(value, *units) <= LARGEST_NUMBER:
+        raise ValueError("a number greater than 0")
+    return value
 
 
 def spread(key: str, value: Any, units: Sequence[str]) -> list[float] | None:
@@ -160,14 +159,3 @@ def spread(key: str, value: Any, units: Sequence[str]) -> list[float] | None:
         return [in_si(item, unit) for item, unit in zip(several, units, strict=True)]
     except ValueError as error:
         raise ArgumentError(f"{key} has another unit than the arm", got=repr(value), expected=str(error)) from None
-
-
-NUMBER_OR_TEXT: Any = {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"type": "string"}]}
-"""The JSON schema of a quantity."""
-ONE_OR_MORE: Any = {"anyOf": [*NUMBER_OR_TEXT["anyOf"], {"type": "array", "items": NUMBER_OR_TEXT}]}
-AnyDisplacement = Annotated[Any, PlainValidator(kept_quantities("rad", "m")), WithJsonSchema(ONE_OR_MORE)]
-"""An angle or a length, or a list of such, kept as written: which of the two is the coordinate's to say."""
-AnyRate = Annotated[Any, PlainValidator(kept_quantities("rad/s", "m/s")), WithJsonSchema(ONE_OR_MORE)]
-AnyInput = Annotated[Any, PlainValidator(kept_quantities("N m", "N", "V")), WithJsonSchema(ONE_OR_MORE)]
-AnyIntegral = Annotated[Any, PlainValidator(kept_quantities("rad s", "m s")), WithJsonSchema(ONE_OR_MORE)]
-AnyDeviation = Annotated[Any, PlainValidator(kept_quantities("rad", "m", "rad/s", "m/s")), WithJsonSchema(ONE_OR_MORE)]

@@ -1,14 +1,12 @@
 """The integrals of the shapes that the energies of a link need, computed once, before any expression graph is built."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from flexlin.checks import SUM_ROUNDING, Array, real_array
-from flexlin.errors import ArgumentError
+from flexlin.checks import SUM_ROUNDING, Array
 
 
 @dataclass(frozen=True)
@@ -25,19 +23,9 @@ class Profile:
         return self.function(xi)
 
     @classmethod
-    def table(cls, xi: ArrayLike, values: ArrayLike) -> "Profile":
-        """Interpolate a table linearly.
-
-        Parameters: xi (k,) increasing from 0 to 1; values (k,) positive.
-        Raises: ArgumentError when the table does not span [0, 1], does not increase or is not positive.
-        """
-        nodes = real_array("xi", xi, (None,))
-        heights = real_array("values", values, (len(nodes),))
-        if len(nodes) < 2 or nodes[0] != 0 or nodes[-1] != 1 or np.any(np.diff(nodes) <= 0):
-            raise ArgumentError("the table's xi is not a partition", got=nodes, expected="increasing from 0 to 1")
-        if np.any(heights <= 0):
-            raise ArgumentError("a section property is not positive", got=heights.min(), expected="greater than 0")
-        return cls(lambda x: np.interp(x, nodes, heights), tuple(nodes[1:-1].tolist()))
+    def table(cls, xi: Sequence[float], values: Sequence[float]) -> "Profile":
+        """Interpolate a table linearly, as the scene's `sections` has been checked: xi (k,) from 0 to 1, values (k,) positive."""
+        return cls(lambda x: np.interp(x, xi, values), tuple(xi[1:-1]))
 
 
 UNIFORM = Profile(np.ones_like)
@@ -99,9 +87,7 @@ class ShapeIntegrals:
         return len(self.tip)
 
 
-def shape_integrals(
-    shapes: Shapes, mass_profile: Profile | None = None, stiffness_profile: Profile | None = None
-) -> ShapeIntegrals:
+def shape_integrals(shapes: Shapes, mu: Profile = UNIFORM, eps: Profile = UNIFORM) -> ShapeIntegrals:
     """Integrate the shapes by Gauss-Legendre quadrature between their breaks.
 
         mass = int mu,  first = int mu xi,  second = int mu xi^2,  mode = int mu X,  mode_moment = int mu xi X,
@@ -110,11 +96,9 @@ def shape_integrals(
 
     Assumes shapes and profiles smooth between their breaks, and the profiles resolved by 8 nodes more than the shapes need.
 
-    Parameters: profiles relative to the link's own mass per length (and section's area) and stiffness (and second moment of area);
-    None is 1 everywhere.
+    Parameters: profiles mu relative to the link's own mass per length, eps to its stiffness (and second moment of area).
     Returns: ShapeIntegrals, (n,) and (n, n) arrays; zero-size when there are no modes.
     """
-    mu, eps = mass_profile or UNIFORM, stiffness_profile or UNIFORM
     edges = np.unique([0.0, *shapes.breaks, *mu.breaks, *eps.breaks, 1.0])
     order = shapes.order + 8
     xi, weight = panels(edges, order)
@@ -196,25 +180,14 @@ class Couplings:
     sections: Array
     turn: tuple[Array, Array, Array]
     turns: tuple[Array, Array, Array]
-    y: "Twisted"
-    z: "Twisted"
+    tip: tuple[Array, Array]
+    mass: tuple[Array, Array]
+    moment: tuple[Array, Array]
+    section: tuple[Array, Array]
 
 
-@dataclass(frozen=True)
-class Twisted:
-    """The products of twist with bending in one direction, each (twists, modes)."""
-
-    tip: Array
-    mass: Array
-    moment: Array
-    section: Array
-
-
-def couple_shapes(
-    y: Shapes, z: Shapes, twist: Shapes, mass_profile: Profile | None = None, stiffness_profile: Profile | None = None
-) -> Couplings:
+def couple_shapes(y: Shapes, z: Shapes, twist: Shapes, mu: Profile, eps: Profile) -> Couplings:
     """Integrate the products by Gauss-Legendre quadrature between all breaks; profiles as in `shape_integrals`."""
-    mu, eps = mass_profile or UNIFORM, stiffness_profile or UNIFORM
     edges = np.unique([0.0, *y.breaks, *z.breaks, *twist.breaks, *mu.breaks, *eps.breaks, 1.0])
     order = max(shapes.order for shapes in (y, z, twist)) + 8
     xi, weight = panels(edges, order)
@@ -223,11 +196,10 @@ def couple_shapes(
     phi, slope = twist.rotation(xi), twist.rotation(xi, 1)
     plain, first = remaining(mu, edges, order)  # int_xi^1 mu s^k ds
     second = remaining(Profile(lambda s: s * mu(s), mu.breaks), edges, order)[1]
-    levers = first - xi * plain, second - xi * first
 
-    def twisted(i: int) -> Twisted:
-        tip, mass, moment = ((phi * weight * lever) @ curvature[i].T for lever in (1 - xi, *levers))
-        return Twisted(tip, mass, moment, section=(phi * weight * eps(xi)) @ turn[i].T)
+    def with_twist(weight: Array, bent: list[Array]) -> tuple[Array, Array]:
+        in_y, in_z = ((phi * weight) @ part.T for part in bent)
+        return in_y, in_z
 
     def turned(weight: Array) -> tuple[Array, Array, Array]:
         pairs = ((turn[0], curvature[0], turn[1], curvature[1]), *((phi, slope, turn[i], curvature[i]) for i in (0, 1)))
@@ -239,6 +211,8 @@ def couple_shapes(
         sections=(turn[0] * weight * eps(xi)) @ turn[1].T,
         turn=turned(weight),
         turns=turned(weight * remaining(eps, edges, order)[0]),
-        y=twisted(0),
-        z=twisted(1),
+        tip=with_twist(weight * (1 - xi), curvature),
+        mass=with_twist(weight * (first - xi * plain), curvature),
+        moment=with_twist(weight * (second - xi * first), curvature),
+        section=with_twist(weight * eps(xi), turn),
     )

@@ -13,26 +13,21 @@ from flexlin.mechanics.beam.integrals import UNIFORM, Profile, Shapes, panels, s
 
 
 class Polynomials(Shapes):
-    """The basis phi_k'' = sqrt(2k + 1) P_k(2 xi - 1), phi_k(0) = phi_k'(0) = 0: orthonormal in bending on a uniform beam."""
+    """The basis phi_k'' = sqrt(2k + 1) P_k(2 xi - 1), phi_k(0) = phi_k'(0) = 0: orthonormal in bending on a uniform beam.
 
-    def __init__(self, n: int):
-        self.n, self.order = n, n + 4
+    Of twist it is Phi_k' = sqrt(2k + 1) P_k(2 xi - 1), Phi_k(0) = 0, orthonormal on a uniform shaft, and Phi itself turns the section.
+    """
+
+    def __init__(self, n: int, twist: bool = False):
+        self.n, self.order, self.below = n, n + 4, 1 if twist else 2
 
     def values(self, xi: Array, derivative: int = 0) -> Array:
         """Return phi or its derivative with respect to xi: (N,) -> (n, N)."""
-        return legendre_series(self.n, derivative - 2, xi)
-
-
-class TwistPolynomials(Polynomials):
-    """The basis Phi_k' = sqrt(2k + 1) P_k(2 xi - 1), Phi_k(0) = 0: orthonormal in torsion on a uniform shaft."""
-
-    def values(self, xi: Array, derivative: int = 0) -> Array:
-        """Return Phi or its derivative with respect to xi: (N,) -> (n, N)."""
-        return legendre_series(self.n, derivative - 1, xi)
+        return legendre_series(self.n, derivative - self.below, xi)
 
     def rotation(self, xi: Array, derivative: int = 0) -> Array:
-        """Return the section's rotation, Phi itself, or its derivative: (N,) -> (n, N)."""
-        return self.values(xi, derivative)
+        """Return the section's rotation, phi' or Phi, or its derivative: (N,) -> (n, N)."""
+        return legendre_series(self.n, derivative - 1, xi)
 
 
 class ShearedPolynomials(Shapes):
@@ -121,11 +116,11 @@ class ReducedShapes(Shapes):
 
 def bending_shapes(
     n: int,
-    mass: Profile | None = None,
-    stiffness: Profile | None = None,
-    ends: Ends | None = None,
+    mu: Profile = UNIFORM,
+    eps: Profile = UNIFORM,
+    ends: Ends = Ends(),
     pinned: bool = False,
-    section: Section | None = None,
+    section: Section = Section(),
     elements: int | None = None,
 ) -> ReducedShapes:
     """Return the n lowest modes of a beam, by Ritz's method on polynomials of degree 2 n + 25, or on cubic Hermite elements.
@@ -142,7 +137,6 @@ def bending_shapes(
     Raises: ArgumentError when there are fewer functions than modes.
     Source: Ritz (1909); Meirovitch, Analytical Methods in Vibrations (1967), section 6.5; Przemieniecki (1968), section 11.3.
     """
-    mu, eps, ends, section = mass or UNIFORM, stiffness or UNIFORM, ends or Ends(), section or Section()
     basis: Shapes = Polynomials(2 * n + 24) if section.shear is None else ShearedPolynomials(2 * n + 24)
     if elements is not None:
         basis = HermiteElements(elements)
@@ -180,7 +174,7 @@ def combine(basis: Shapes, beta: Array, c: Array, own: Array, turn: Array, pinne
     return ReducedShapes(beta, basis, c, c @ turn)
 
 
-def twisted(n: int, stiffness: Profile | None = None, tip_inertia: float = 0.0) -> ReducedShapes:
+def twisted(n: int, eps: Profile, tip_inertia: float) -> ReducedShapes:
     """Return n shapes of twist: modes of a clamped shaft within the polynomials of degree n.
 
         (eps Phi')' + beta^4 eps Phi = 0,   Phi'(1) = beta^4 tip_inertia Phi(1),   int eps Phi^2 = 1
@@ -191,8 +185,8 @@ def twisted(n: int, stiffness: Profile | None = None, tip_inertia: float = 0.0) 
     Parameters: tip_inertia relative to the shaft's own, rho I_p l.
     Source: Ritz (1909).
     """
-    basis = TwistPolynomials(n)
-    k = shape_integrals(basis, None, stiffness)
+    basis = Polynomials(n, twist=True)
+    k = shape_integrals(basis, UNIFORM, eps)
     squares, vectors = eigh(k.bending, k.rotations + tip_inertia * np.outer(k.tip_slope, k.tip_slope))
     own = vectors.T @ np.linalg.cholesky(k.rotations)
     return combine(basis, np.maximum(squares, 0.0) ** 0.25, vectors.T, own, np.zeros(n))

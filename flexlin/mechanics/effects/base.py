@@ -5,7 +5,7 @@ from typing import Any, ClassVar, Optional
 
 import casadi as ca
 
-from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, RigidMass
+from flexlin.mechanics.body import Body, Frame, InertiaForm, Moments, RigidMass, Z
 from flexlin.mechanics.effects.narrow import Features, Moving
 from flexlin.mechanics.links import BentLink
 from flexlin.scene.effects import Effects, EffectTable
@@ -299,7 +299,7 @@ class Effect(EffectTable):
         return None
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
-        """Return the bodies that are added to the chain.
+        """Return the bodies that are added to the chain, by default those on its joints and at its tips.
 
         Parameters
         ----------
@@ -311,7 +311,11 @@ class Effect(EffectTable):
         tuple of Body
             Frames with moments.
         """
-        return ()
+        n = len(chain.links)
+        places = zip((*chain.joints, *chain.tips), (*chain.axes, *[Z] * n), strict=True)
+        carried = [*(self.joint_body(i) for i in range(n)), *(self.tip_body(i, n) for i in range(n))]
+        found = [(body, place) for body, place in zip(carried, places, strict=True) if body is not None]
+        return tuple(body.carried_by(*place) for body, place in found if not body.is_nothing)
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
         """Return the kinetic energy beside that of the bodies.

@@ -59,4 +59,5 @@ class BendingTorsionCoupling(Effect):
 
 def with_twist(link: BentLink, k: Couplings, name: str) -> list[tuple[Any, Any]]:
     """The products of twist with bending in z and in y, and their rates."""
-    return [product(getattr(part, name), link.torsion, bent) for part, bent in ((k.z, link.z), (k.y, link.y))]
+    in_y, in_z = getattr(k, name)
+    return [product(in_z, link.torsion, link.z), product(in_y, link.torsion, link.y)]

@@ -37,13 +37,9 @@ class CoulombFriction(Effect):
     """Rate over which sliding friction falls from `static` to `torque` (Stribeck)."""
 
     @model_validator(mode="after")
-    def _falls_from_what_holds(self) -> "CoulombFriction":
+    def _holds_more_than_it_brakes(self) -> "CoulombFriction":
         if self.stribeck is not None and self.static is None:
             raise ValueError("static beside stribeck: the friction from which it falls")
-        return self
-
-    @model_validator(mode="after")
-    def _holds_more_than_it_brakes(self) -> "CoulombFriction":
         if self.static is not None and self.at == "motor":
             raise ValueError("no static friction at motors: only joints stick")
         if self.static is not None:

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import Annotated, Any
 
 from flexlin.errors import Problem
-from flexlin.mechanics.body import Body, RigidMass, about, rigid_body
-from flexlin.mechanics.effects.base import Chain, Effect, Scale, per_joint
+from flexlin.mechanics.body import RigidMass
+from flexlin.mechanics.effects.base import Effect, Scale, per_joint
 from flexlin.precision import MINOR
 from flexlin.scene.base import PerLink, Unit
 from flexlin.scene.consistency import pinned
@@ -48,14 +48,6 @@ class Hub(Effect):
 
     def joint_body(self, joint: int) -> RigidMass:
         return RigidMass(on_first(self.mass, joint), on_first(self.inertia, joint))
-
-    def bodies(self, chain: Chain) -> tuple[Body, ...]:
-        on = [self.joint_body(joint) for joint in range(len(chain.joints))]
-        return tuple(
-            rigid_body(frame, body.mass, about(axis, body.inertia))
-            for frame, axis, body in zip(chain.joints, chain.axes, on, strict=True)
-            if not body.is_nothing
-        )
 
 
 def on_first(value: Any, joint: int) -> Any:

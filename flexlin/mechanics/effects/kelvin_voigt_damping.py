@@ -8,7 +8,6 @@ from typing import Annotated, Optional
 import casadi as ca
 
 from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_joint
-from flexlin.mechanics.links import BentLink
 from flexlin.scene.base import PerLink, Unit
 
 
@@ -25,12 +24,6 @@ class KelvinVoigtDamping(Effect):
         return None if scale.bending is None else cls(retardation_time=2 * LOSS / scale.bending)
 
     def dissipation(self, chain: Chain) -> ca.SX:
-        return sum((self._of_link(link) for link in chain.links), ca.SX(0))
-
-    def _of_link(self, link: BentLink) -> ca.SX:
-        eta = per_joint(self.retardation_time, link.index)
-        forms = [
-            part.rigidity * ca.bilin(ca.DM(part.integrals.bending), part.w_rate, part.w_rate)
-            for part in link.deflections
-        ]
-        return eta / 2 * sum(forms, ca.SX(0))
+        times = [per_joint(self.retardation_time, link.index) for link in chain.links]
+        strains = [sum(part.strain(part.w_rate) for part in link.deflections) for link in chain.links]
+        return sum((eta * strain for eta, strain in zip(times, strains, strict=True)), ca.SX(0))

@@ -6,8 +6,8 @@ Source: Khang, Dat, Tuan (2019), Fig. 1 (m_E); the inertia as in De Luca, Sicili
 from dataclasses import replace
 from typing import Annotated
 
-from flexlin.mechanics.body import Body, RigidMass, column, rigid_body, tensor
-from flexlin.mechanics.effects.base import Chain, Effect, Scale, at_tip
+from flexlin.mechanics.body import RigidMass
+from flexlin.mechanics.effects.base import Effect, Scale, at_tip
 from flexlin.precision import MINOR
 from flexlin.scene.base import Number, PerLink, Unit
 from flexlin.scene.links import Inertia, Vector
@@ -41,12 +41,3 @@ class Payload(Effect):
     def tip_body(self, link: int, links: int) -> RigidMass:
         body = RigidMass(*(at_tip(value, link, links) for value in (self.mass, self.inertia, self.offset)))
         return replace(body, centre=self.centre, tensor=self.tensor) if link == links - 1 else body
-
-    def bodies(self, chain: Chain) -> tuple[Body, ...]:
-        links = len(chain.links)
-        on = [self.tip_body(link, links) for link in range(links)]
-        return tuple(
-            rigid_body(frame, body.mass, tensor(**body.about_centre.entries()), column(*body.place))
-            for frame, body in zip(chain.tips, on, strict=True)
-            if not body.is_nothing
-        )

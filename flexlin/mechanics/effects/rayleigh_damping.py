@@ -29,6 +29,4 @@ class RayleighDamping(Effect):
         return sum((self._of(part) for link in chain.links for part in link.deflections), ca.SX(0))
 
     def _of(self, part: Deflection) -> ca.SX:
-        stiffness = self.stiffness_factor * part.rigidity
-        bending = ca.bilin(ca.DM(part.integrals.bending), part.w_rate, part.w_rate)
-        return (self.mass_factor * part.inertia_form() + stiffness * bending) / 2
+        return self.mass_factor * part.inertia_form() / 2 + self.stiffness_factor * part.strain(part.w_rate)

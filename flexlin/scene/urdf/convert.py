@@ -46,20 +46,18 @@ class Mass:
 
 
 def add_link(mass: Mass, link: UrdfLink, rotation: Array, place: Array) -> None:
-    """Add a link whose frame lies at `place`, turned by `rotation`."""
+    """Add a link whose frame lies at `place`, turned by `rotation`.
+
+    Raises: SceneError, naming the line, for a negative principal inertia, but for rounding.
+    """
     own = np.zeros((3, 3))
     for key, (i, j) in ENTRIES.items():
         own[i, j] = own[j, i] = link.inertia.get(key, 0.0)
-    check_inertia(link, own)
-    mass.add(link.mass, own, rotation @ rotation_of(link.rpy), place + rotation @ np.array(link.centre))
-
-
-def check_inertia(link: UrdfLink, own: Array) -> None:
-    """Refuse a negative principal inertia of a body that is used, but for rounding. Raises: SceneError, naming the line."""
     least = min(float(np.linalg.eigvalsh(own).min()) + 1e-9 * np.abs(own).max(), own.diagonal().min())
     if least < -POINT_INERTIA * link.mass:
         matrix = link.element.all("inertial")[0].all("inertia")[0]
         raise matrix.refuse(f"a matrix with a negative principal inertia in the chain, of {link.name!r}", "an inertia")
+    mass.add(link.mass, own, rotation @ rotation_of(link.rpy), place + rotation @ np.array(link.centre))
 
 
 def tidy(value: float, size: float) -> float:

@@ -106,19 +106,9 @@ def test_elements_reproduce_uniform_beams(pinned):
         assert np.all(np.abs(shapes.values(xi, d) - exact.values(xi, d)) / exact.beta[:, None] ** d < bound + 1e-12)
 
 
-WRONG = [
-    lambda: bending_shapes(9, elements=4),
-    lambda: Profile.table([0, 1], [1, 0]),
-    lambda: Profile.table([0, 0.5], [1, 1]),
-    lambda: Profile.table([0, 0.5, 0.5, 1], [1, 1, 1, 1]),
-    lambda: Profile.table([0, 1], [1, 1, 1]),
-]
-
-
-@pytest.mark.parametrize("call", WRONG)
-def test_what_no_beam_has_is_refused(call):
+def test_fewer_elements_than_modes_need_are_refused():
     with pytest.raises(ArgumentError):
-        call()
+        bending_shapes(9, elements=4)
 
 
 def test_wedge():
