@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, at_times, positive
 from flexlin.errors import MotionError, NumericalError, ToleranceNotReached
-from flexlin.linearization.deviation import Deviation
+from flexlin.linearization.deviation import Deviation, differentiate, loop_expressions
 from flexlin.linearization.harmonic_balance import (
     Closing,
     Solver,
@@ -425,12 +425,5 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
 @lru_cache(maxsize=8)
 def slopes(about: Deviation) -> ca.Function:
     """M, D, K, B about s = s_R + y, as functions of y, y', y'', torque and the place on the motion; kept for the next run."""
-    arm, kept, driven = about.arm, list(about.kept), list(about.driven)
-    *moved, angles = about.symbols()
-    torque = ca.SX.sym("torque", about.m)
-    inputs = arm.B[:, driven]
-    left = arm.residual - inputs @ torque
-    parts = [ca.jacobian(left, by)[kept, kept] for by in (arm.s_ddot, arm.s_dot, arm.s)]
-    lifted = about.lift([*parts, inputs[kept, :]], angles, *moved)
-    named = dict(zip(("y", "y1", "y2", "torque"), [*moved, torque], strict=True))
-    return about.function(angles, named, dict(zip("MDKB", lifted, strict=True)))
+    inputs, angles, F, _ = loop_expressions(about)
+    return about.function(angles, inputs, differentiate(F, inputs))
