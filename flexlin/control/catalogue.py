@@ -9,8 +9,7 @@ import numpy as np
 from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
 from flexlin.control.designed_loop import Design
-from flexlin.control.frozen import averaged_lqr, frozen_lqr
-from flexlin.control.lqr import finite_horizon_lqr, horizon_system, periodic_lqr
+from flexlin.control.lqr import averaged_lqr, finite_horizon_lqr, frozen_lqr, horizon_system, periodic_lqr
 from flexlin.control.sampled import find_round, sampled_lqr
 from flexlin.control.sensors import joint_angles, tip_position
 from flexlin.errors import ArgumentError, counted

@@ -8,8 +8,8 @@ from flexlin.lazy import load_lazily
 __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {
-        "kronecker.algebra": "chain_rule inverse_rule kron kronecker_power kronecker_rule product_rule swap",
-        "kronecker.expansion": "bilinear_term linearization linearized_product taylor_sum",
+        "kronecker.algebra": "chain_rule inverse_rule kron kronecker_power kronecker_rule product_rule swap "
+        "bilinear_term linearization linearized_product taylor_sum",
         "kronecker.symbolic": "derivative",
     },
 )

@@ -18,7 +18,7 @@ from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.scene.links import BASE, Link, Loop
 from flexlin.scene.scene import Scene
-from flexlin.series.implicit import implicit_taylor, solve_implicit
+from flexlin.series.maps import implicit_taylor, solve_implicit
 
 NEWTON_STEPS, FOLLOWING_STEPS = 4, 2
 """Steps of Newton's method at u, and at each place on the way there."""

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
-from flexlin.series.implicit import ImplicitMap, implicit_taylor, solve_implicit
+from flexlin.series.maps import ImplicitMap, implicit_taylor, solve_implicit
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import MotionError, counted
 from flexlin.motion.base import Angles, Motion, SampledMotion
-from flexlin.series.implicit import ImplicitMap
+from flexlin.series.maps import ImplicitMap
 
 
 def loop_angles(loop: ImplicitMap, path: Motion, joints: Sequence[int], t: Array) -> Angles:

@@ -48,7 +48,7 @@ from flexlin.periodic.system import OfPlant, PeriodicSystem
 from flexlin.periodic.transition.choose_segments import Setting, choose_setting, factor_period
 from flexlin.resources import part
 from flexlin.scene.scene import Scene
-from flexlin.series.explicit import taylor
+from flexlin.series.maps import taylor
 from flexlin.simulation.run import simulate
 
 MEASURED_TOLS = (1e-9, 1e-6, 1e-10, 1e-4, 1e-8)
