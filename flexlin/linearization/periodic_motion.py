@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -349,27 +350,11 @@ def distance(y: FourierSeries, coarse: FourierSeries) -> float:
     return float(np.abs(y(t) - coarse(t)[:, :n]).max() / size_of(y(t[::2])))
 
 
-@dataclass(frozen=True, eq=False)
-class Slopes:
-    """M, D, K, B about a periodic motion of the elastic arm, as functions of time (N,)."""
-
-    motion: PeriodicMotion
-    function: ca.Function
-
-    def sample(self, t: Array, *names: str) -> tuple[Array, ...]:
-        """Some of them at times (N,), in one mapped call."""
-        motion = self.motion
-        along = motion.y(t), motion.y(t, 1), motion.y(t, 2), motion.torque(t)
-        return motion.lin.about.evaluate(Part(self.function, names), t, *along)
-
-    def one(self, name: str, t: Array) -> Array:
-        """One of them."""
-        return self.sample(t, name)[0]
-
-    def equations(self, t: Array) -> tuple[Array, Array, Array]:
-        """M, D, K."""
-        M, D, K = self.sample(t, "M", "D", "K")
-        return M, D, K
+def sample_slopes(motion: PeriodicMotion, names: str, t: Array) -> Any:
+    """Some of M, D, K, B about a periodic motion of the elastic arm at times (N,), in one mapped call; one alone as it is."""
+    along = motion.y(t), motion.y(t, 1), motion.y(t, 2), motion.torque(t)
+    found = motion.lin.about.evaluate(Part(slopes(motion.lin.about), tuple(names)), t, *along)
+    return found if len(names) > 1 else found[0]
 
 
 @checked
@@ -412,9 +397,9 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
     'stable'
     """
     lin = motion.lin
-    found = Slopes(motion, slopes(lin.about))
-    M, D, K, B = (partial(found.one, name) for name in "MDKB")
-    system = PeriodicSystem.from_second_order(M, D, K, lin.period, B, lin.breaks, found.equations)
+    M, D, K, B = (partial(sample_slopes, motion, name) for name in "MDKB")
+    equations = partial(sample_slopes, motion, "MDK")
+    system = PeriodicSystem.from_second_order(M, D, K, lin.period, B, lin.breaks, equations)
     law = lin.law
     if not closed:
         return system

@@ -97,10 +97,6 @@ class Modes:
         """Those of a list that held at many times, (N, m) and (N, p)."""
         return cls(*(np.array(parts)[which] for parts in zip(*(vars(one).values() for one in modes), strict=True)))
 
-    def copy(self) -> "Modes":
-        """As they are now."""
-        return Modes(*(part.copy() for part in vars(self).values()))
-
     def given(self, t: Array, asked: Array) -> Array:
         """The torque (.., m) at times t (..) at which the law asks for `asked`."""
         return np.where(self.held == 0, asked, self.base + self.ramp * (t[..., None] - self.since))
