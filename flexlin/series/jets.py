@@ -6,7 +6,7 @@ it depends on. Its coefficients are real or complex numbers, at many points at o
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from math import comb, pi, sqrt
+from math import pi, sqrt
 from typing import Any
 
 import casadi as ca
@@ -15,8 +15,8 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.precision import EPS
-from flexlin.program import CONST, INPUT, OUTPUT, Program, name_of
-from flexlin.series.indices import LISTED_PRODUCTS, Indices, kept_indices, sum_products
+from flexlin.program import Program, name_of
+from flexlin.series.indices import Indices, kept_indices, sum_products
 
 
 def atan2(y: Array, x: Array) -> Array:
@@ -319,12 +319,11 @@ def power(u: Jet, b: Jet) -> Jet:
     p = b.known
     if p is None:
         return unary[ca.OP_EXP](b * unary[ca.OP_LOG](u))
-    if p < 0 and p == int(p):
-        return 1 / power(u, u.space.number(-p))
-    if p == int(p) and p * EPS < 1:
-        half = power(u, u.space.number(p // 2)) if p > 1 else None
-        square = u if half is None else half * half
-        return u.space.number(1.0) if p == 0 else square * u if p % 2 and p > 1 else square
+    if p == int(p) and 0 < p < 1 / EPS:
+        if p == 1:
+            return u
+        half = power(u, u.space.number(p // 2))
+        return half * half * u if p % 2 else half * half
     return integral("power", u, lambda w, y, g, k: (p * y[w.degree(k)] - w.convolve(g, u.c, k)) / u.c[:1], p)
 
 
@@ -385,9 +384,6 @@ binary: dict[int, Callable[[Jet, Jet], Jet]] = {
     ca.OP_OR: lambda a, b: switch("logic_or", a, b),
     ca.OP_IF_ELSE_ZERO: choice,
 }
-CONSTANT = (ca.OP_LT, ca.OP_LE, ca.OP_AND, ca.OP_OR, ca.OP_NOT)
-"""Operations whose results do not move with what they read."""
-PAIRED = (ca.OP_SIN, ca.OP_COS, ca.OP_SINH, ca.OP_COSH)
 
 
 def apply(code: int, a: Jet, b: Jet) -> Jet:
@@ -412,20 +408,6 @@ def carry_out(program: Program, *inputs: Sequence[Jet]) -> list[list[Jet]]:
     """The outputs of a program for series; nan or infinite where they do not exist."""
     space = next(one.space for jets in inputs for one in jets)
     return program.carry_out([list(jets) for jets in inputs], space.number, apply)
-
-
-def bytes_of(program: Program, n: int, inputs: Sequence[Sequence[tuple[int, ...]]], order: int) -> int:
-    """The memory of the series that a program holds at once, of its outputs and of one product; inputs: the variables of each."""
-    variables, sizes, ends, live, most = dict[int, set[int]](), dict[int, int](), program.find_ends(), 0, 0
-    for i, (code, k, a, b) in enumerate(program.steps.tolist()):
-        if code != OUTPUT:
-            fixed = code in (CONST, *CONSTANT)
-            variables[k] = set() if fixed else set(inputs[a][b]) if code == INPUT else variables[a] | variables[b]
-            sizes[k] = comb(len(variables[k]) + order, order) * (2 if code in PAIRED else 1)
-            live += sizes[k]
-            most = max(most, live)
-        live -= sum(sizes[value] for value in ends[i])
-    return 8 * (most + (2 * int(program.sizes.sum()) + 4) * comb(n + order, order) + LISTED_PRODUCTS)
 
 
 def scalar_function(name: str, expressions: Sequence[Any], symbols: Sequence[Any]) -> ca.Function:

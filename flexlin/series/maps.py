@@ -16,7 +16,7 @@ from flexlin.precision import FAINT, SLIGHT
 from flexlin.program import Program
 from flexlin.series.equations import Equations, Radius, find_fold, line_series, newton, newton_step, radius_along
 from flexlin.series.indices import Polynomial, indices
-from flexlin.series.jets import Jet, Space, Symbolic, bytes_of, carry_out, scalar_function
+from flexlin.series.jets import Jet, Space, Symbolic, carry_out, scalar_function
 from flexlin.summary import represent
 from flexlin.symbolic import as_expression
 
@@ -157,7 +157,7 @@ def taylor(A: Expression, x: Expression, x0: ArrayLike, order: int) -> TaylorMap
     A = A if isinstance(A, ca.MX) else as_expression("A", A)
     point = real_array("x0", x0, (x.numel(),))
     program, n = Program.read(scalar_function("A", [ca.vec(A)], [x])), len(point)
-    table = indices(n, order, bytes_of(program, n, [[(i,) for i in range(n)]], max(order, 0)))
+    table = indices(n, order, 8 * len(program.steps) * comb(n + max(order, 0), n))
     space = Space(n, order)
     (jets,) = carry_out(program, [space.variable(i, value) for i, value in enumerate(point)])
     coefficients = np.array([jet.whole for jet in jets]).T.reshape(table.size, -1)
