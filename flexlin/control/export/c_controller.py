@@ -27,8 +27,8 @@ from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries
 from flexlin.periodic.system import PeriodicSystem, corners_of
 from flexlin.precision import EPS, SAFETY
 
-NEGLIGIBLE = SAFETY * EPS
-"""Coefficients at the end of a series are left out when all together are smaller than this against the largest value."""
+ROUNDING = SAFETY * EPS
+"""What the sums in C lose by rounding, against the largest value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ def write_series(name: str, f: MatrixFunction, period: float, breaks: tuple[floa
     series = series_of(f, edges, bool(breaks))
     t = (edges[:-1, None] + np.diff(edges)[:, None] * stratified(499)).ravel()
     wanted = f(t)
-    error = NEGLIGIBLE + float(np.abs(series(t) - wanted).max() / (np.abs(wanted).max() or 1.0))
+    error = ROUNDING + float(np.abs(series(t) - wanted).max() / (np.abs(wanted).max() or 1.0))
     source, layout = write_fourier(name, series) if isinstance(series, FourierSeries) else write_panels(name, series)
     if isinstance(f, SampledGain):
         layout = f"that of the nearest of {len(f.gains)} samples; take it at a sample, and hold the torque to the next"
@@ -61,26 +61,8 @@ def series_of(f: MatrixFunction, edges: Array, ends: bool) -> Series:
     if isinstance(f, SampledGain):
         return f.series
     if isinstance(f, FourierSeries | ChebyshevPanels):
-        return shortened(f)
-    breaks = edges[:-1].tolist() if ends else []
-    return shortened(resolve(f, float(edges[-1]), breaks, complete=True, repeats=not ends).series)
-
-
-def shortened(series: Series) -> Series:
-    """The series without the end that is below rounding."""
-    c = series.coefficients
-    sizes = np.abs(c).reshape(*c.shape[:-2], -1).max(axis=-1)
-    limit = NEGLIGIBLE * (sizes.max() or 1.0)
-    if isinstance(series, FourierSeries):
-        H = series.degree
-        keep = needed(sizes[1 : H + 1] + sizes[H + 1 :], limit)
-        return FourierSeries(np.concatenate([c[: keep + 1], c[H + 1 : H + 1 + keep]]), series.period)
-    return ChebyshevPanels(series.edges, c[:, : max(1, needed(sizes.max(axis=0), limit))])
-
-
-def needed(sizes: Array, limit: float) -> int:
-    """How many of the first (N,) are needed for the sum of the rest to stay below the limit."""
-    return int(np.count_nonzero(sizes[::-1].cumsum() > limit))
+        return f
+    return resolve(f, float(edges[-1]), edges[:-1].tolist() if ends else [], complete=True, repeats=not ends).series
 
 
 def write_fourier(name: str, series: FourierSeries) -> tuple[str, str]:
