@@ -256,12 +256,11 @@ def leave_unknown(problem: Problem, point: Point, paths: list[str]) -> Evidence:
 
 def group_directions(members: Array) -> list[list[int]]:
     """Numbers that share a direction (columns), joined where two directions share a number."""
-    groups: list[set[int]] = []
-    for column in members.T:
-        own = set(np.flatnonzero(column).tolist())
-        apart = [group for group in groups if not group & own]
-        groups = [*apart, own.union(*(group for group in groups if group & own))]
-    return [sorted(group) for group in groups]
+    from scipy.sparse.csgraph import connected_components
+
+    count, label = connected_components(members @ members.T)
+    groups = [np.flatnonzero((label == i) & members.any(axis=1)).tolist() for i in range(count)]
+    return [group for group in groups if group]
 
 
 def with_colour(C: Array, J: Array, residual: Array, shape: tuple[int, ...]) -> Array:

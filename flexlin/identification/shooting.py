@@ -1,6 +1,7 @@
 """Simulation of all windows of a log side by side by the classical Runge-Kutta method, and the exact derivative of that method."""
 
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 
 import numpy as np
 
@@ -63,9 +64,7 @@ class Windows:
                 expected=f"{FEWEST_SAMPLES} rows, with all inputs, without a gap",
                 todo="fill short gaps of the inputs, or log without them",
             )
-        rows = np.full((len(chosen), max(map(len, chosen))), -1)
-        for k, one in enumerate(chosen):
-            rows[k, : len(one)] = one
+        rows = np.array(list(zip_longest(*chosen, fillvalue=-1))).T
         first, last = rows[:, 0], np.array([one[-1] for one in chosen])
         made = cls(log, log.time[first], log.time[last], step, rows)
         check_size("the log's prediction", 8 * len(chosen) * made.steps * 400, "give a part of the log, or thin it")

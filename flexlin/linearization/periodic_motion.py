@@ -15,7 +15,6 @@ from flexlin.linearization.deviation import Deviation, differentiate, loop_expre
 from flexlin.linearization.harmonic_balance import (
     Closing,
     Solver,
-    Unknowns,
     balance,
     by_law,
     lost,
@@ -113,8 +112,6 @@ def describe_singular(t: float) -> str:
     where = f"the arm's inertia, its tip held on its line, is singular about t = {t:.3g} s"
     return f"{where}: accelerations and torque are not determined there"
 
-
-__all__ = ["Closing", "PeriodicMotion", "Unknowns", "periodic_motion"]
 
 COARSEST_INTERVALS, POINT_SETS = 32, 5
 """Harmonic balance begins with one point more than this, and tries so many sets of points, each with twice the intervals."""
