@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = load_lazily(
     {
         "control.tracking": "tip_positions",
         "simulation.attraction": "Attraction region_of_attraction",
-        "simulation.drive": "Drive",
+        "simulation.modes": "Drive",
         "simulation.loop": "NonlinearLoop",
         "simulation.collocation": "predict",
         "simulation.result": "Simulation",

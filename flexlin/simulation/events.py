@@ -13,10 +13,9 @@ from flexlin.errors import ArgumentError
 from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.sampled import hold_controller
-from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import Places, find_held, from_coordinates, to_coordinates
 from flexlin.simulation.mesh import BREAK_DISTANCE, law_times
-from flexlin.simulation.modes import SAMPLED, Friction, Modes, find_holding
+from flexlin.simulation.modes import SAMPLED, Drive, Friction, Modes, find_holding
 from flexlin.simulation.stopping import stopped
 from flexlin.simulation.window import Grid, Path, Rule, between
 

@@ -14,8 +14,8 @@ from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.precision import ROOT_EPS
 from flexlin.simulation.collocation import RUNS, distance, predict
-from flexlin.simulation.drive import Drive, scene_drive
 from flexlin.simulation.loop import NonlinearLoop
+from flexlin.simulation.modes import Drive, scene_drive
 from flexlin.simulation.result import Peaks, Simulation, subdivide
 
 

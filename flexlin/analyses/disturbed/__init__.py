@@ -28,9 +28,9 @@ from flexlin.periodic.system import Backward, OfPlant, PeriodicSystem, dual_syst
 from flexlin.precision import SLIGHT
 from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
-from flexlin.simulation.drive import Drive, scene_drive
 from flexlin.simulation.equations import NonlinearEquations, Places
 from flexlin.simulation.loop import NonlinearLoop
+from flexlin.simulation.modes import Drive, scene_drive
 from flexlin.summary import represent
 
 PHASES = np.arange(16) / 16
