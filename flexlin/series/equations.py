@@ -103,12 +103,14 @@ def newton(equations: Equations, u: Array, v: Array, steps: int = 25) -> tuple[A
     Returns: v (N, nv) and the size of the last step of each point (N,): above 1e-12 or infinite where the iteration did not end.
     """
     v, size = v.copy(), np.full(len(v), np.inf)
+    active = np.arange(len(v))
     for _ in range(steps):
-        step = newton_step(equations, u, v)
-        size = np.abs(step).max(axis=1)
-        moving = np.isfinite(size)
-        v[moving] -= step[moving]
-        if not np.any(size[moving] > 1e-14 * (1 + np.abs(v[moving]).max(axis=1))):
+        step = newton_step(equations, u[active], v[active])
+        size[active] = np.abs(step).max(axis=1)
+        moving = np.isfinite(size[active])
+        v[active[moving]] -= step[moving]
+        active = active[moving & (size[active] > 1e-14 * (1 + np.abs(v[active]).max(axis=1)))]
+        if not active.size:
             break
     return v, size
 
