@@ -12,8 +12,7 @@ from flexlin.control import linear_range, pd_feedback
 from flexlin.control.validity import LARGEST_AMPLITUDE, SMALLEST_AMPLITUDE
 from flexlin.errors import DesignError, NumericalError, SimulationStopped, TooLarge
 from flexlin.simulation import Drive, simulate
-from flexlin.simulation.equations import NonlinearEquations
-from flexlin.simulation.modes import ModedEquations
+from flexlin.simulation.equations import ModedEquations, NonlinearEquations
 from flexlin.simulation.result import find_peaks, subdivide
 from tests.closed_arm import closed, opened
 from tests.mechanics.scenes import scene_of

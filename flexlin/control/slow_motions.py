@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PPoly
+from scipy.interpolate import BPoly, PPoly
 
 from flexlin.checks import SUM_ROUNDING, Array, check_size
 from flexlin.errors import NumericalError
@@ -133,8 +133,7 @@ def interpolate(system: PeriodicSystem, n: int, slow: SlowMotions) -> list[PPoly
     )
     h = np.diff(t)[:, None]
     (y, rate), (end, end_rate) = ((part[:, :, :n], part[:, :, n : 2 * n]) for part in (x[:, :-1], x[:, 1:]))
-    v, a = h * rate, h**2 * after / 2
-    rise, slope, bend = end - (y + v + a), h * end_rate - (v + 2 * a), h**2 * before / 2 - a
-    falling = (6 * rise - 3 * slope + bend, -15 * rise + 7 * slope - 2 * bend, 10 * rise - 4 * slope + bend, a, v, y)
-    c = np.array([part / h**power for part, power in zip(falling, range(5, -1, -1), strict=True)])
-    return [PPoly(c[:, k], t) for k in range(len(x))]
+    leaving = y, y + h * rate / 5, y + 2 * h * rate / 5 + h**2 * after / 20
+    arriving = end - 2 * h * end_rate / 5 + h**2 * before / 20, end - h * end_rate / 5, end
+    c = np.array([*leaving, *arriving])  # Bernstein's
+    return [PPoly.from_bernstein_basis(BPoly(c[:, k], t)) for k in range(len(x))]

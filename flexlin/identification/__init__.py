@@ -5,10 +5,9 @@ from flexlin.lazy import load_lazily
 __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {
-        "identification.log": "Log",
+        "identification.log": "Log read_log",
         "identification.maximum_likelihood": "Identification identify",
         "identification.prediction": "predict Prediction",
-        "identification.reading": "read_log",
     },
     within={
         "identification.equations": "Logged",

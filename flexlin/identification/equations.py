@@ -272,7 +272,7 @@ class Logged:
 
     @lazy
     def reading_slopes(self) -> Compiled:
-        """Slopes of the readings by state, (k, 2n), accelerations and p."""
+        """Slopes of the readings by state and p, (k, 2n + n_p), and by accelerations."""
         at, rate, acceleration = self.motion
-        by = [ca.vertcat(at, rate), acceleration, self.arm.parameters.symbols]
+        by = [ca.vertcat(at, rate, self.arm.parameters.symbols), acceleration]
         return compiled([*self.given, acceleration], [ca.jacobian(self.readings, one) for one in by])

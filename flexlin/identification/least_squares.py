@@ -25,8 +25,6 @@ NOTED_CORRELATION = 0.9
 """Correlation that is worth a word."""
 WHITE_DEVIATIONS = 3.0
 """Correlation of neighbours, in standard deviations of that of white noise, from which on residuals are coloured."""
-GOOD_GAIN = 0.75
-"""Share of what a linear step promises that it should gain for the next to be damped less."""
 STEP_REACH = 2.0
 """Times its size, or that in the scene, by which a step may change a number that has no sign: farther off no slope leads back."""
 RESIDUAL_BLOCKS = 4
@@ -135,24 +133,15 @@ def solve(
             trial = problem.at(*to)
             with np.errstate(invalid="ignore"):
                 gain = together(problem, point.costs - trial.costs)
-                expected = together(problem, promise(point, slopes, residual, *to))
             better = gain > 0
             point, gained = choose(point, trial, better), np.where(better, gain, gained)
-            dampings = dampings * np.where(gain > GOOD_GAIN * expected, 0.2, np.where(better, 1.0, 5.0))
+            dampings = dampings * np.where(better, 0.2, 5.0)
             if better.any() or late():
                 break
         if np.all(gained <= tol * together(problem, point.costs)):
             break
     point.damping = float(dampings.max())
     return point
-
-
-def promise(point: Point, slopes: Array, residual: Array, start: Array, p: Array) -> Array:
-    """How much less each window's cost would be at another point if the readings were linear."""
-    shared = slopes.shape[2] - start.shape[1]
-    step = np.concatenate([start - point.start, np.tile((p - point.p)[:shared], (len(start), 1))], axis=1)
-    moved = np.einsum("wij,wj->wi", slopes, step)
-    return np.einsum("wi,wi->w", moved, residual - 0.5 * moved)
 
 
 def together(problem: Problem, costs: Array) -> Array:
@@ -267,12 +256,11 @@ def leave_unknown(problem: Problem, point: Point, paths: list[str]) -> Evidence:
 
 def group_directions(members: Array) -> list[list[int]]:
     """Numbers that share a direction (columns), joined where two directions share a number."""
-    groups: list[set[int]] = []
-    for column in members.T:
-        own = set(np.flatnonzero(column).tolist())
-        apart = [group for group in groups if not group & own]
-        groups = [*apart, own.union(*(group for group in groups if group & own))]
-    return [sorted(group) for group in groups]
+    from scipy.sparse.csgraph import connected_components
+
+    count, label = connected_components(members @ members.T)
+    groups = [np.flatnonzero((label == i) & members.any(axis=1)).tolist() for i in range(count)]
+    return [group for group in groups if group]
 
 
 def with_colour(C: Array, J: Array, residual: Array, shape: tuple[int, ...]) -> Array:

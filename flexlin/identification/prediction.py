@@ -160,13 +160,13 @@ def prepare(model: Logged, windows: Windows, values: Array) -> Shooting:
     return Shooting(model, windows.refined(count_substeps(Shooting(model, windows), values)))
 
 
-def find_starts(shooting: Shooting, settle: float, values: Array, steps: int = 12) -> Point:
-    """The starting state of each window from its first seconds, with these free numbers, by so many Gauss-Newton steps at the most."""
+def find_starts(shooting: Shooting, settle: float, values: Array) -> Point:
+    """The starting state of each window from its first seconds, with these free numbers."""
     head = Shooting(shooting.model, shooting.windows.head(settle))
     readings = head.windows.readings()
     nothing = np.zeros(0)
     fixed = Problem(head, readings, deviations(shooting.windows.readings()), nothing, nothing, nothing)
-    return solve(fixed, fixed.at(guess_starts(shooting.model, readings, values), values), steps, 1e-4)
+    return solve(fixed, fixed.at(guess_starts(shooting.model, readings, values), values), 12, 1e-4)
 
 
 def deviations(readings: Array) -> Array:

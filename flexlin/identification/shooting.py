@@ -1,6 +1,7 @@
 """Simulation of all windows of a log side by side by the classical Runge-Kutta method, and the exact derivative of that method."""
 
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 
 import numpy as np
 
@@ -63,9 +64,7 @@ class Windows:
                 expected=f"{FEWEST_SAMPLES} rows, with all inputs, without a gap",
                 todo="fill short gaps of the inputs, or log without them",
             )
-        rows = np.full((len(chosen), max(map(len, chosen))), -1)
-        for k, one in enumerate(chosen):
-            rows[k, : len(one)] = one
+        rows = np.array(list(zip_longest(*chosen, fillvalue=-1))).T
         first, last = rows[:, 0], np.array([one[-1] for one in chosen])
         made = cls(log, log.time[first], log.time[last], step, rows)
         check_size("the log's prediction", 8 * len(chosen) * made.steps * 400, "give a part of the log, or thin it")
@@ -228,11 +227,6 @@ class Shooting:
             raise SingularMassMatrix("the mass matrix is singular at rest", todo=todo)
         return np.asarray(np.linalg.eigvals(np.concatenate([np.eye(n, 2 * n, n), by])))
 
-    def fastest(self, p: Array) -> float:
-        """The rate that steps have to follow, in 1/s."""
-        values = self.rates(p)
-        return float(np.maximum(np.abs(values.imag), np.abs(values) * STEP_ANGLE / STEP_DECAY).max())
-
     def stages(self, states: Array, u: Array, du: Array, p: Array) -> Array:
         """The slopes of each step by x and p, (steps, W, 2n, 2n + n_p)."""
         (nodes, count), h = states.shape[:2], self.windows.h
@@ -246,37 +240,26 @@ class Shooting:
         """Slopes of the readings at all nodes by start and p, (K + 1, W, outputs, 2n + n_p)."""
         w, n = self.windows, self.model.n
         u, du = w.drive(self.delays(p)[0])
-        S = np.zeros((w.count, 2 * n, 2 * n + len(p)))
-        S[:, :, : 2 * n] = np.eye(2 * n)
+        S = np.tile(np.eye(2 * n + len(p)), (w.count, 1, 1))  # of [x; p], by x at the start and p
         found = np.empty((w.steps + 1, w.count, len(self.model.outputs), S.shape[2]))
         block = max(2, BLOCK_NODES // w.count)
         for first in range(0, w.steps, block):
             last = min(first + block, w.steps)
             inputs = u[2 * first : 2 * last + 1], du[2 * first : 2 * last + 1]
             steps = self.stages(states[first : last + 1], *inputs, p)
-            carried = np.empty((last - first + 1, *S.shape))
-            carried[0] = S
-            by_x, by_p = steps[..., : 2 * n], steps[..., 2 * n :]
-            for one, before, after, more, moved in zip(
-                by_x, carried[:-1], carried[1:], by_p, carried[1:, ..., 2 * n :], strict=True
-            ):
+            carried = np.tile(S, (last - first + 1, 1, 1, 1))
+            for one, before, after in zip(steps, carried[:-1], carried[1:, :, : 2 * n], strict=True):
                 np.matmul(one, before, out=after)
-                moved += more
             S = carried[-1]
             found[first : last + 1] = self.seen(states[first : last + 1], *inputs, p, carried)
         return found
 
     def seen(self, states: Array, u: Array, du: Array, p: Array, carried: Array) -> Array:
         """Slopes of the readings, from those of the states at some nodes."""
-        n, given, S = self.model.n, self.given(states, u, du, p), carried.reshape(-1, *carried.shape[2:])
-        a, by = self.model.slopes(*given) if self.model.accelerated else (np.zeros((*given[0].shape, 1)), None)
-        by_x, by_a, by_p = self.model.reading_slopes(*given, a[:, :, 0])
-        made = by_x @ S
-        made[:, :, 2 * n :] += by_p
-        if by is not None:
-            moved = by[:, :, : 2 * n] @ S
-            moved[:, :, 2 * n :] += by[:, :, 2 * n :]
-            made += by_a @ moved
+        given, S = self.given(states, u, du, p), carried.reshape(-1, *carried.shape[2:])
+        a, moved = self.model.slopes(*given) if self.model.accelerated else (np.zeros((*given[0].shape, 1)), None)
+        by, by_a = self.model.reading_slopes(*given, a[:, :, 0])
+        made = (by if moved is None else by + by_a @ moved) @ S
         return made.reshape(*states.shape[:2], *made.shape[1:])
 
     def jacobian(self, states: Array, p: Array) -> Array:
@@ -289,4 +272,6 @@ class Shooting:
 
 def count_substeps(shooting: Shooting, p: Array) -> int:
     """Steps for one of the log's, so that the fastest motion of the equations is followed."""
-    return int(np.clip(np.ceil(shooting.fastest(p) * shooting.windows.log.step / STEP_ANGLE), 1, MOST_SUBSTEPS))
+    rates = shooting.rates(p)
+    angles = np.maximum(np.abs(rates.imag) / STEP_ANGLE, np.abs(rates) / STEP_DECAY)
+    return int(np.clip(np.ceil(angles.max() * shooting.windows.log.step), 1, MOST_SUBSTEPS))

@@ -152,3 +152,25 @@ class Deviation:
         function = self.arm.functions[name]
         phase = [self.motion.phase_of(t)[:, None]] if "phase" in function.name_in() else []
         return symbolic.evaluate(function, *positions, *phase, p)[0]
+
+
+def loop_expressions(about: Deviation) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX]:
+    """The inputs y, y', y'', torque; the angles; F = M s'' + C s' + g + d - B torque of the coordinates kept; the power where F = 0.
+
+    power = s' (M s'' + C s' + g), in whose rows of coordinates kept B torque - d stands for the inertial forces.
+    """
+    arm, kept = about.arm, list(about.kept)
+    y, rate, acceleration, angles = about.symbols()
+    torque = ca.SX.sym("torque", about.m)
+    given = arm.B[:, list(about.driven)] @ torque
+    balance = ca.SX(arm.residual)
+    balance[kept] = given[kept]
+    expressions = [(arm.residual - given)[kept], ca.dot(arm.s_dot, balance - arm.damping)]
+    F, power = about.lift(expressions, angles, y, rate, acceleration)
+    return {"y": y, "y1": rate, "y2": acceleration, "torque": torque}, angles, F, power
+
+
+def differentiate(F: ca.SX, inputs: dict[str, ca.SX]) -> dict[str, ca.SX]:
+    """M, D, K, B: the slopes of F by y'', y' and y, and against the torque."""
+    slopes = {name: ca.jacobian(F, inputs[by]) for name, by in (("M", "y2"), ("D", "y1"), ("K", "y"), ("B", "torque"))}
+    return slopes | {"B": -slopes["B"]}

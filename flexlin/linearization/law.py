@@ -66,12 +66,10 @@ class Law:
     __repr__ = represent
 
     @classmethod
-    def constant(cls, gain: ArrayLike, forward: ArrayLike | None = None) -> "Law":
-        """A constant gain (m, 2n), and if given a constant torque (m,)."""
+    def constant(cls, gain: ArrayLike) -> "Law":
+        """A constant gain (m, 2n) alone."""
         K = real_array("gain", gain, (None, None))
-        torque = np.zeros(len(K)) if forward is None else real_array("forward", forward, (len(K),))
-        kind = "none" if forward is None else "constant"
-        return cls(kind, Constant(torque), Constant(K), Constant(np.zeros(K.shape[1])))
+        return cls("none", Constant(np.zeros(len(K))), Constant(K), Constant(np.zeros(K.shape[1])))
 
     @property
     def memory(self) -> int:

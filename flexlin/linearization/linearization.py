@@ -1,7 +1,7 @@
 """What `linearize` returns: M_L y'' + D_L y' + K_L y = h_L + B_L u along the rigid basic motion, and the periodic system of it."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -151,7 +151,7 @@ class Linearization(Shown):
         M, D, K, h, B, tau = self.about.evaluate(self.coefficients, times(t))
         return Coefficients(M, D, K, h[:, :, 0], B, tau[:, :, 0])
 
-    def _part(self, t: Array, *names: str) -> tuple[Array, ...]:
+    def _part(self, t: Array, *names: str) -> Any:
         """Some of the coefficients at times (N,), without the work for the others."""
         return self.about.evaluate(Part(self.coefficients, names), times(t))
 
@@ -258,8 +258,7 @@ class Linearization(Shown):
         tuple of array, each of shape (N, n, n)
             M, D, K.
         """
-        M, D, K = self._part(t, "M", "D", "K")
-        return M, D, K
+        return self._part(t, "M", "D", "K")
 
     def mass_and_input(self, t: Array) -> tuple[Array, Array]:
         """Return M and B without the rest.
@@ -276,8 +275,7 @@ class Linearization(Shown):
         B : array, shape (N, n, m)
             Input matrix.
         """
-        M, B = self._part(t, "M", "B")
-        return M, B
+        return self._part(t, "M", "B")
 
     @property
     def input_units(self) -> tuple[str, ...]:

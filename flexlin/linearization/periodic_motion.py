@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -10,11 +11,10 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, at_times, positive
 from flexlin.errors import MotionError, NumericalError, ToleranceNotReached
-from flexlin.linearization.deviation import Deviation
+from flexlin.linearization.deviation import Deviation, differentiate, loop_expressions
 from flexlin.linearization.harmonic_balance import (
     Closing,
     Solver,
-    Unknowns,
     balance,
     by_law,
     lost,
@@ -112,8 +112,6 @@ def describe_singular(t: float) -> str:
     where = f"the arm's inertia, its tip held on its line, is singular about t = {t:.3g} s"
     return f"{where}: accelerations and torque are not determined there"
 
-
-__all__ = ["Closing", "PeriodicMotion", "Unknowns", "periodic_motion"]
 
 COARSEST_INTERVALS, POINT_SETS = 32, 5
 """Harmonic balance begins with one point more than this, and tries so many sets of points, each with twice the intervals."""
@@ -349,27 +347,11 @@ def distance(y: FourierSeries, coarse: FourierSeries) -> float:
     return float(np.abs(y(t) - coarse(t)[:, :n]).max() / size_of(y(t[::2])))
 
 
-@dataclass(frozen=True, eq=False)
-class Slopes:
-    """M, D, K, B about a periodic motion of the elastic arm, as functions of time (N,)."""
-
-    motion: PeriodicMotion
-    function: ca.Function
-
-    def sample(self, t: Array, *names: str) -> tuple[Array, ...]:
-        """Some of them at times (N,), in one mapped call."""
-        motion = self.motion
-        along = motion.y(t), motion.y(t, 1), motion.y(t, 2), motion.torque(t)
-        return motion.lin.about.evaluate(Part(self.function, names), t, *along)
-
-    def one(self, name: str, t: Array) -> Array:
-        """One of them."""
-        return self.sample(t, name)[0]
-
-    def equations(self, t: Array) -> tuple[Array, Array, Array]:
-        """M, D, K."""
-        M, D, K = self.sample(t, "M", "D", "K")
-        return M, D, K
+def sample_slopes(motion: PeriodicMotion, names: str, t: Array) -> Any:
+    """Some of M, D, K, B about a periodic motion of the elastic arm at times (N,), in one mapped call; one alone as it is."""
+    along = motion.y(t), motion.y(t, 1), motion.y(t, 2), motion.torque(t)
+    found = motion.lin.about.evaluate(Part(slopes(motion.lin.about), tuple(names)), t, *along)
+    return found if len(names) > 1 else found[0]
 
 
 @checked
@@ -412,9 +394,9 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
     'stable'
     """
     lin = motion.lin
-    found = Slopes(motion, slopes(lin.about))
-    M, D, K, B = (partial(found.one, name) for name in "MDKB")
-    system = PeriodicSystem.from_second_order(M, D, K, lin.period, B, lin.breaks, found.equations)
+    M, D, K, B = (partial(sample_slopes, motion, name) for name in "MDKB")
+    equations = partial(sample_slopes, motion, "MDK")
+    system = PeriodicSystem.from_second_order(M, D, K, lin.period, B, lin.breaks, equations)
     law = lin.law
     if not closed:
         return system
@@ -425,12 +407,5 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
 @lru_cache(maxsize=8)
 def slopes(about: Deviation) -> ca.Function:
     """M, D, K, B about s = s_R + y, as functions of y, y', y'', torque and the place on the motion; kept for the next run."""
-    arm, kept, driven = about.arm, list(about.kept), list(about.driven)
-    *moved, angles = about.symbols()
-    torque = ca.SX.sym("torque", about.m)
-    inputs = arm.B[:, driven]
-    left = arm.residual - inputs @ torque
-    parts = [ca.jacobian(left, by)[kept, kept] for by in (arm.s_ddot, arm.s_dot, arm.s)]
-    lifted = about.lift([*parts, inputs[kept, :]], angles, *moved)
-    named = dict(zip(("y", "y1", "y2", "torque"), [*moved, torque], strict=True))
-    return about.function(angles, named, dict(zip("MDKB", lifted, strict=True)))
+    inputs, angles, F, _ = loop_expressions(about)
+    return about.function(angles, inputs, differentiate(F, inputs))

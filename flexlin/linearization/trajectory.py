@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -95,23 +97,18 @@ class Trajectory:
         return np.union1d(np.linspace(0.0, self.period, SAMPLES + 1), self.breaks)
 
 
-@dataclass(frozen=True, eq=False)
-class Column:
-    """A column as a function of time: of an expression of t, or of a function (N,) -> (N, n) of the user."""
-
-    of: object
-
-    def __call__(self, t: Array) -> Array:
-        if isinstance(self.of, ca.Function):
-            return symbolic.evaluate(self.of, t[:, None])[0]
-        values = np.asarray(self.of(t))  # type: ignore[operator]
-        return values[:, :, None] if values.ndim == 2 else values
+def sample_column(of: Any, t: Array) -> Array:
+    """A column at times (N,): of an expression of t, or of a function (N,) -> (N, n) of the user."""
+    if isinstance(of, ca.Function):
+        return symbolic.evaluate(of, t[:, None])[0]
+    values = np.asarray(of(t))
+    return values[:, :, None] if values.ndim == 2 else values
 
 
 def as_column(name: str, given: object, t: ca.SX | None, period: float) -> MatrixFunction:
     """x* or u* as a function of times (N,) -> (N, n, 1). Raises: ArgumentError."""
     if callable(given):
-        found = as_matrix_function(name, Column(given))
+        found = as_matrix_function(name, partial(sample_column, given))
     else:
         expression = ca.densify(symbolic.as_expression(name, given))
         symbol = ca.SX.sym("t") if t is None else t
@@ -119,7 +116,7 @@ def as_column(name: str, given: object, t: ca.SX | None, period: float) -> Matri
         if strange:
             known = "t alone; name its symbol: Trajectory(x, u, period=..., t=t)"
             raise ArgumentError(f"{name} holds symbols that are not known", got=", ".join(strange), expected=known)
-        found = Column(ca.Function(name, [symbol], [expression]))
+        found = partial(sample_column, ca.Function(name, [symbol], [expression]))
     shape = check_samples(name, found, period).shape[1:]
     if shape[1] != 1 or not shape[0]:
         raise ArgumentError(f"{name} is no column", got=shape, expected="(n, 1), or a function of times (N,) -> (N, n)")

@@ -1,7 +1,7 @@
 """Joint motions that lead the tip along a path: solutions of inverse kinematics followed over a period."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -26,29 +26,22 @@ POSTURE_TRIES = 24
 """Postures beside the given one from which the path's beginning is sought."""
 
 
-@dataclass(frozen=True, eq=False)
-class TipAngles:
+def tip_angles(equations: TipEquations, period: float, near: CubicHermiteSpline, t: Array) -> Angles:
     """q, q', q'' at any time: the solution from `near`, the cubics between solutions, refined; its rates are exact derivatives."""
-
-    equations: TipEquations
-    period: float
-    near: CubicHermiteSpline
-
-    def __call__(self, t: Array) -> Angles:
-        phases = np.mod(t / self.period, 1.0)
-        z = self.near(phases)
-        for _ in range(6):
-            step = self.equations.newton_steps(phases, z)
-            z = z - step
-            if np.abs(step).max(initial=0.0) < FAINT * (1 + np.abs(z).max(initial=0.0)):
-                break
-        else:
-            worst = int(np.abs(step).max(axis=1).argmax())
-            got = f"t = {t[worst]:.6g} s"
-            raise ToleranceNotReached("inverse kinematics does not converge between its nodes", got=got)
-        rate, second = self.equations.rates(phases, z)
-        n, T = self.equations.joints, self.period
-        return z[:, :n], rate[:, :n] / T, second[:, :n] / T**2
+    phases = np.mod(t / period, 1.0)
+    z = near(phases)
+    for _ in range(6):
+        step = equations.newton_steps(phases, z)
+        z = z - step
+        if np.abs(step).max(initial=0.0) < FAINT * (1 + np.abs(z).max(initial=0.0)):
+            break
+    else:
+        worst = int(np.abs(step).max(axis=1).argmax())
+        got = f"t = {t[worst]:.6g} s"
+        raise ToleranceNotReached("inverse kinematics does not converge between its nodes", got=got)
+    rate, second = equations.rates(phases, z)
+    n = equations.joints
+    return z[:, :n], rate[:, :n] / period, second[:, :n] / period**2
 
 
 def make_tip_path(table: TipPath, arm: Manipulator, prescribed: tuple[bool, ...]) -> SampledMotion:
@@ -74,7 +67,8 @@ def make_tip_path(table: TipPath, arm: Manipulator, prescribed: tuple[bool, ...]
         except MotionError as error:
             problems.append(error)
             continue
-        angles = TipAngles(equations, path.period, CubicHermiteSpline(nodes, z, equations.rates(nodes, z)[0]))
+        near = CubicHermiteSpline(nodes, z, equations.rates(nodes, z)[0])
+        angles = partial(tip_angles, equations, path.period, near)
         angles(path.period * (np.arange(4 * MOTION_NODES) + 0.5) / (4 * MOTION_NODES))
         breaks = tuple(path.period * phase for phase in path.breaks)
         return SampledMotion(arm.joints, path.period, prescribed, breaks, sampler=angles)

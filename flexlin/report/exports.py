@@ -13,8 +13,7 @@ import flexlin
 from flexlin.analyses.judging import Loop
 from flexlin.checks import check_size, memory_limit
 from flexlin.control.designed_loop import Design, scene_feedback
-from flexlin.control.export.c_controller import write_estimator, write_gain
-from flexlin.control.export.c_linearization import write_linearization
+from flexlin.control.export.c_source import write_estimator, write_gain, write_linearization
 from flexlin.control.export.files import matlab_script, write_system
 from flexlin.control.lqr import horizon_system
 from flexlin.control.sensors import scene_sensors

@@ -13,7 +13,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.program import Program
 from flexlin.series.indices import kept_indices
-from flexlin.series.jets import Jet, Space, carry_out, scalar_function
+from flexlin.series.jets import Jet, Space, Work, carry_out, scalar_function
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,16 +73,16 @@ def solve_linear(space: Space, V: list[list[Jet]], f: list[Array], first: int) -
 
     V_0 x_k = -f_k - sum_(j > 0) V_j x_(k-j)
     """
-    indices = space.indices(space.all)
+    work = Work(space, space.all, space.indices(space.all), [])
     x = np.array([space.zeros(space.all) for _ in V])
     head = np.array([[jet.c[0] for jet in row] for row in V])
     moving = [[(i, space.fit(jet.whole).c) for i, jet in enumerate(row) if jet.variables] for row in V]
     for k in range(first, space.order + 1):
-        where = indices.degree(k)
+        where = work.degree(k)
         right = np.array([-one[where] for one in f])
         for one, row in zip(right, moving, strict=True):
             for i, c in row if k > first else ():
-                one -= space.convolve(indices, c, x[i], k)
+                one -= work.convolve(c, x[i], k)
         x[:, where] = space.solve(head, right)
     return x
 
@@ -324,6 +324,8 @@ def singularities(series: Array) -> Array:
 
     A factor (1 - t/t*)^a of w' gives a pole of residue a; zeros of w' (a = 1, 2 ...) and noise (a = 0) are left out.
     """
+    from scipy.linalg import solve_triangular, toeplitz
+
     k, nv = np.arange(1, len(series)), series.shape[1]
     poles = []
     for weights in (*np.eye(nv), np.cos(1.0 + np.arange(nv))):
@@ -331,21 +333,13 @@ def singularities(series: Array) -> Array:
         second = k[:-1] * first[1:]
         if abs(first[0]) <= 1e-9 * np.abs(first[:4]).max():
             continue
-        quotient = power_quotient(second, first[:-1])
+        quotient = solve_triangular(toeplitz(first[:-1], 0 * first[:-1]), second, lower=True, check_finite=False)
         if not np.all(np.isfinite(quotient)):
             continue
         for pole, residue in pade_poles(quotient):
             if residue.real < -0.25 and abs(residue.imag) < 0.3 and pole.imag >= 0:
                 poles.append(pole)
     return np.array(sorted(poles, key=abs), dtype=complex)
-
-
-def power_quotient(a: Array, b: Array) -> Array:
-    """Divide two power series."""
-    q = np.zeros_like(a)
-    for k in range(len(a)):
-        q[k] = (a[k] - q[:k] @ b[k:0:-1]) / b[0]
-    return q
 
 
 def pade_poles(c: Array) -> list[tuple[complex, complex]]:

@@ -18,15 +18,6 @@ LISTED_PRODUCTS = 50_000
 """Products of two coefficients up to which they are listed; of more only the places in which they are summed are kept."""
 
 
-@dataclass(frozen=True)
-class Pairs:
-    """Products a[left] * b[right] that make the coefficients of one degree, grouped by result: group g begins at start[g]."""
-
-    left: Array
-    right: Array
-    start: Array
-
-
 class Indices:
     """The multi-indices alpha in n variables with |alpha| <= order: binomial(n + order, order) of them.
 
@@ -114,8 +105,8 @@ class Indices:
         return self.kept[i, j]
 
     @lru_cache(maxsize=64)  # noqa: B019  an Indices lives as long as its cache in `indices`
-    def pairs(self, k: int) -> Pairs:
-        """All products that give degree k."""
+    def pairs(self, k: int) -> tuple[Array, Array, Array]:
+        """Products a[left] * b[right] that give degree k, grouped by result: group g begins at start[g]."""
         blocks = []
         for i in range(k + 1):
             a, b = (np.arange(self.start[d], self.start[d + 1]) for d in (i, k - i))
@@ -123,7 +114,7 @@ class Indices:
         result, left, right = (np.concatenate(column) for column in zip(*blocks, strict=True))
         sequence = np.argsort(result, kind="stable")
         start = np.searchsorted(result[sequence], np.arange(self.width(k)))
-        return Pairs(left[sequence], right[sequence], start)
+        return left[sequence], right[sequence], start
 
     def dense(self, k: int) -> Array:
         """The place of the monomial of each column (i_1 ... i_k) of the Kronecker layout, i_k fastest (n^k,)."""

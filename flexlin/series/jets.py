@@ -98,19 +98,6 @@ class Space:
         fitted[: len(c)] = c[: len(fitted)]
         return Jet(self, self.all, fitted)
 
-    def convolve(self, indices: Indices, a: Array, b: Array, k: int) -> Array:
-        """The part of degree k of a product; parts that are not yet computed are zero."""
-        if indices.tabulated or self.batch:
-            pairs = indices.pairs(k)
-            return np.add.reduceat(a[pairs.left] * b[pairs.right], pairs.start, axis=0)
-        return sum_products(indices, a, b, k, np.ones(k + 1))
-
-    def integrate(self, indices: Indices, u: Array, g: Array, k: int) -> Array:
-        """The part of degree k of y with y' = g u', by the Euler derivative: k y_k = sum_j j u_j g_(k-j)."""
-        if indices.tabulated or self.batch:
-            return self.convolve(indices, indices.degrees.reshape(-1, *[1] * len(self.batch)) * u, g, k) / k
-        return sum_products(indices, u, g, k, np.arange(k + 1) / k)
-
     def apply(self, name: str, *values: Array) -> Array:
         """An elementary function of coefficients of degree 0."""
         return NUMPY[name](*values)
@@ -252,10 +239,17 @@ class Work:
         return self.indices.degree(k)
 
     def convolve(self, a: Array, b: Array, k: int) -> Array:
-        return self.space.convolve(self.indices, a, b, k)
+        """The part of degree k of a product; parts that are not yet computed are zero."""
+        if self.indices.tabulated or self.space.batch:
+            left, right, start = self.indices.pairs(k)
+            return np.add.reduceat(a[left] * b[right], start, axis=0)
+        return sum_products(self.indices, a, b, k, np.ones(k + 1))
 
     def integrate(self, u: Array, g: Array, k: int) -> Array:
-        return self.space.integrate(self.indices, u, g, k)
+        """The part of degree k of y with y' = g u', by the Euler derivative: k y_k = sum_j j u_j g_(k-j)."""
+        if self.indices.tabulated or self.space.batch:
+            return self.convolve(self.indices.degrees.reshape(-1, *[1] * len(self.space.batch)) * u, g, k) / k
+        return sum_products(self.indices, u, g, k, np.arange(k + 1) / k)
 
     def jet(self, c: Array) -> Jet:
         """The result."""
@@ -325,12 +319,11 @@ def power(u: Jet, b: Jet) -> Jet:
     p = b.known
     if p is None:
         return unary[ca.OP_EXP](b * unary[ca.OP_LOG](u))
-    if p < 0 and p == int(p):
-        return 1 / power(u, u.space.number(-p))
-    if p == int(p) and p * EPS < 1:
-        half = power(u, u.space.number(p // 2)) if p > 1 else None
-        square = u if half is None else half * half
-        return u.space.number(1.0) if p == 0 else square * u if p % 2 and p > 1 else square
+    if p == int(p) and 0 < p < 1 / EPS:
+        if p == 1:
+            return u
+        half = power(u, u.space.number(p // 2))
+        return half * half * u if p % 2 else half * half
     return integral("power", u, lambda w, y, g, k: (p * y[w.degree(k)] - w.convolve(g, u.c, k)) / u.c[:1], p)
 
 

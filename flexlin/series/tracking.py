@@ -69,40 +69,25 @@ def find_singular(
     shortest: how exactly a turn is found.
     """
 
-    def between(k: int, at: float) -> Array:
+    from scipy.optimize import bisect  # takes longer to load than most motions to look through
+
+    def between(at: float, k: int) -> Array:
         found, reached = track(step, z[k], float(t[k]), at, shortest)
         return matrix(np.array([reached]), (z[k] if found is None else found)[None])[0]
 
+    def side(at: float, k: int) -> float:
+        return 1.0 if np.linalg.slogdet(between(at, k))[0] == signs[k] else -1.0
+
     V = matrix(t, z)
-    signs = np.linalg.slogdet(V)[0]
-    size = np.array([worth(one) for one in V])
+    signs, size = np.linalg.slogdet(V)[0], 1 / np.linalg.cond(V)
     for k in range(1, len(t)):
         if signs[k] != signs[k - 1]:
-            return find_turn(lambda at, k=k: sign_of(between(k - 1, at)), t[k - 1], t[k], shortest), 0.0  # type: ignore[misc]
+            return float(bisect(side, t[k - 1], t[k], (k - 1,), shortest)), 0.0
         if 1 < k < len(t) and size[k - 1] <= min(size[k - 2], size[k], SUSPECT_CONDITION):
-            at, found = find_lowest(lambda at, k=k: worth(between(k - 2, at)), t[k - 2], t[k])  # type: ignore[misc]
+            at, found = find_lowest(lambda at, k=k: 1 / np.linalg.cond(between(at, k - 2)), t[k - 2], t[k])  # type: ignore[misc]
             if found < SINGULAR_CONDITION:
                 return at, found
     return None
-
-
-def sign_of(V: Array) -> float:
-    """The sign of det V."""
-    return float(np.linalg.slogdet(V)[0])
-
-
-def worth(V: Array) -> float:
-    """The reciprocal condition number."""
-    values = np.linalg.svd(V, compute_uv=False)
-    return float(values[-1] / values[0]) if values.size and values[0] else 0.0
-
-
-def find_turn(side: Callable[[float], float], a: float, b: float, width: float) -> float:
-    """The time in (a, b], within `width`, from which on a sign is another one than at a."""
-    from scipy.optimize import bisect  # takes longer to load than most motions to look through
-
-    before = side(a)
-    return float(bisect(lambda at: 1.0 if side(at) == before else -1.0, a, b, xtol=width))
 
 
 def find_lowest(value: Callable[[float], float], a: float, b: float) -> tuple[float, float]:

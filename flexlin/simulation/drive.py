@@ -49,14 +49,9 @@ class Drive:
     steps: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        for name, values in (
-            ("limit", self.limit or ()),
-            ("rate", self.rate or ()),
-            ("encoders", self.encoders or ()),
-            ("steps", self.steps or ()),
-            ("sample_time", (self.sample_time,) if self.sample_time else ()),
-        ):
-            if any(not value > 0 for value in values):
+        for name in ("limit", "rate", "encoders", "steps", "sample_time"):
+            values = getattr(self, name)
+            if values is not None and not np.all(np.greater(values, 0)):
                 raise ArgumentError(f"{name} is not positive", got=values, expected="numbers greater than 0")
         if self.rate is not None and self.sample_time is not None:
             raise ArgumentError(

@@ -8,11 +8,11 @@ import numpy as np
 
 from flexlin import symbolic
 from flexlin.checks import Array
-from flexlin.linearization.deviation import Deviation
+from flexlin.linearization.deviation import Deviation, differentiate
 from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
-from flexlin.linearization.periodic_motion import slopes
 from flexlin.simulation.mesh import law_times
+from flexlin.simulation.modes import Friction, Modes, find_holding, in_modes
 from flexlin.simulation.window import Ready
 
 Matrices = tuple[Array, Array, Array]
@@ -130,9 +130,10 @@ class LinearEquations:
 class NonlinearEquations(LinearEquations):
     """M(s) s'' + C s' + g + d = B torque under a law, with s = s_R + y."""
 
-    def __init__(self, lin: Linearization, law: Law):
+    def __init__(self, lin: Linearization, law: Law, friction: Friction | None = None):
         super().__init__(lin, law)
-        self._residual, self._power = loop_functions(lin.about)
+        self.friction = friction
+        self._residual, self._power = loop_functions(lin.about, friction)
 
     def residual(self, at: Places, y: Array, v: Array, w: Array) -> Array:
         """What is left of the equations of the arm, and of the controller's."""
@@ -156,13 +157,48 @@ class NonlinearEquations(LinearEquations):
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices:
         """Exact derivatives, the gain's part included."""
-        M, D, K, B = self.at_places(slopes(self.lin.about), at, y, v, w)
-        return self.extended(at, M, D, K, B, at.gain)
+        return self.linearized(at, y, v, w)[0]
+
+    def linearized(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Matrices, Array]:
+        """dF/dy'', dF/dy', dF/dy with the gain's part, and F of the arm."""
+        M, D, K, B, F = self.at_places(loop_slopes(self.lin.about, self.friction), at, y, v, w)
+        return self.extended(at, M, D, K, B, at.gain), F[:, :, 0]
 
     def at_places(self, function: ca.Function, at: Places, y: Array, v: Array, w: Array) -> list[Array]:
         """The outputs (N, rows, columns) of a function of y, y', y'', the torque and the place."""
         arm = (part[:, : self.n] for part in (y, v, w))
         return symbolic.call(function, [np.ascontiguousarray(part) for part in (*arm, at.torque(y, v), *at.place)])
+
+
+class ModedEquations(NonlinearEquations):
+    """The nonlinear equations of the arm in the present modes, which others change between windows.
+
+    sliding:  M s'' + C s' + g + d + sign F_sliding = B torque;   sticking: s'' = 0 for the joint instead
+    """
+
+    def __init__(self, lin: Linearization, law: Law, modes: Modes, friction: Friction | None):
+        super().__init__(lin, law, friction)
+        self.modes = modes
+
+    def places(self, t: Array) -> Places:
+        """What of the law is followed, and the equations about y = 0."""
+        law, modes, now, place = self.law, self.modes, law_times(self.lin, t), self.lin.about.place(t)
+        if self.friction is not None:
+            place.insert(0, np.tile(modes.slip, (len(t), 1)))
+        gain, offset = np.where(modes.held[:, None] == 0, law.gain(now), 0.0), modes.given(t, law.offset(now))
+        at, rest = self.follow(t, place, gain, offset), np.zeros((len(t), self.n + self.k))
+        linear, F = self.linearized(at, rest, rest, rest)
+        at.force[:, : self.n] = -F
+        return replace(at, linear=linear)
+
+    def rates(self, t: Array) -> tuple[Array, Array]:
+        """What the states and the time alone put into z': rates [[y; y'] - reference; z] + unwinding (asked - given)."""
+        (rates, steer), law, modes, now = super().rates(t), self.law, self.modes, law_times(self.lin, t)
+        if law.controller is None:
+            return rates, steer
+        unwinding, offset = law.controller.unwinding, law.offset(now)
+        missing = (unwinding * (modes.held != 0)) @ law.gain(now)
+        return rates - missing, steer + (offset - modes.given(t, offset)) @ unwinding.T
 
 
 def solve_acceleration(equations: LinearEquations, t: float, y: Array, v: Array) -> tuple[Array, Places]:
@@ -174,28 +210,26 @@ def solve_acceleration(equations: LinearEquations, t: float, y: Array, v: Array)
     return -unit * np.linalg.solve((moved - F).T, F[0]), at
 
 
-def loop_expressions(about: Deviation) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX, ca.SX]:
-    """The inputs y, y', y'', torque; the angles; F of the coordinates kept; B; the power where F = 0.
-
-    power = s' (M s'' + C s' + g), in whose rows of coordinates kept B torque - d stands for the inertial forces.
-    """
-    arm, kept = about.arm, list(about.kept)
-    y, rate, acceleration, angles = about.symbols()
-    torque = ca.SX.sym("torque", about.m)
-    driven = arm.B[:, list(about.driven)]
-    balance = ca.SX(arm.residual)
-    balance[kept] = (driven @ torque)[kept]
-    expressions = [arm.residual, driven, ca.dot(arm.s_dot, balance - arm.damping)]
-    left, B, power = about.lift(expressions, angles, y, rate, acceleration)
-    inputs = {"y": y, "y1": rate, "y2": acceleration, "torque": torque}
-    return inputs, angles, (left - B @ torque)[kept], B[kept, :], power
+@lru_cache(maxsize=8)
+def loop_functions(about: Deviation, friction: Friction | None) -> tuple[ca.Function, ca.Function]:
+    """F, and the power, as functions of y, y', y'', the torque, the slip of joints that stick, and the place; kept for the next run."""
+    inputs, angles, F, power = in_modes(about, friction)
+    return about.function(angles, inputs, {"F": F}), about.function(angles, inputs, {"power": power})
 
 
 @lru_cache(maxsize=8)
-def loop_functions(about: Deviation) -> tuple[ca.Function, ca.Function]:
-    """F, and the power, as functions of y, y', y'', the torque and the place on the motion; kept for the next run."""
-    inputs, angles, F, _, power = loop_expressions(about)
-    return about.function(angles, inputs, {"F": F}), about.function(angles, inputs, {"power": power})
+def loop_slopes(about: Deviation, friction: Friction | None) -> ca.Function:
+    """dF/dy'', dF/dy', dF/dy, -dF/dtorque and F, as functions of the same."""
+    inputs, angles, F, _ = in_modes(about, friction)
+    return about.function(angles, inputs, {**differentiate(F, inputs), "F": F})
+
+
+def find_held(about: Deviation, friction: Friction, t: Array, x: Array, torque: Array, slip: Array) -> Array:
+    """The friction (N, p) of joints that stick, in states x = [y; y'] (N, 2n) under a torque (N, m), with the slip (N, p) of all."""
+    y, v = (np.ascontiguousarray(part) for part in np.split(x, 2, axis=1))
+    none = np.zeros_like(y)
+    M, *_, F = symbolic.call(loop_slopes(about, friction), [y, v, none, torque, slip, *about.place(t)])
+    return find_holding(about, friction, t, (y, v, -np.linalg.solve(M, F)[:, :, 0]), torque)
 
 
 def to_coordinates(x: Array, n: int) -> Array:

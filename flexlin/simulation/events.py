@@ -1,5 +1,6 @@
 """Events of a loop: a torque reaches or leaves a limit or is sampled, a joint sticks or breaks loose; found on whole windows at once."""
 
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -13,9 +14,9 @@ from flexlin.linearization.law import Law
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.sampled import hold_controller
 from flexlin.simulation.drive import Drive
-from flexlin.simulation.equations import Places, from_coordinates, to_coordinates
+from flexlin.simulation.equations import Places, find_held, from_coordinates, to_coordinates
 from flexlin.simulation.mesh import BREAK_DISTANCE, law_times
-from flexlin.simulation.modes import SAMPLED, Friction, Modes, find_held, find_holding
+from flexlin.simulation.modes import SAMPLED, Friction, Modes, find_holding
 from flexlin.simulation.stopping import stopped
 from flexlin.simulation.window import Grid, Path, Rule, between
 
@@ -94,7 +95,7 @@ class Events:
             rates = self._rates(t, x)
             self.modes.slip = np.where(np.abs(rates) > LIMIT_SLACK, np.sign(rates), 0.0)
             x = self._settle(t, x.copy())
-        self.passed.append((t, self.modes.copy()))
+        self.passed.append((t, deepcopy(self.modes)))
         return x
 
     def _begin_inputs(self, t: float, x: Array) -> None:
@@ -109,7 +110,7 @@ class Events:
             asked = self._asked(t + BREAK_DISTANCE * self._lin.period, from_coordinates(x, self._lin.n, self._memory))
             for which in range(len(asked)):
                 self._choose(t, which, asked[which], 0.0, before[which])
-            self.passed.append((t, self.modes.copy()))
+            self.passed.append((t, deepcopy(self.modes)))
 
     def first(self, grid: Grid, path: Path, at: Places) -> Event | None:
         """The first event on a motion at the stages `at` of a grid."""
@@ -143,7 +144,7 @@ class Events:
             self._choose(t, which, event.asked[which], event.pace[which], given)
         else:
             z = self._change_joint(t, z, event.guard - 2 * m)
-        self.passed.append((t, self.modes.copy()))
+        self.passed.append((t, deepcopy(self.modes)))
         return to_coordinates(z, n)
 
     def torques(self, t: Array, asked: Array) -> Array:
@@ -334,7 +335,7 @@ class Samples(Events):
     def _act(self, t: float) -> None:
         """From here on the torque is that of the last sample."""
         self.modes.base = self._next
-        self.passed.append((t, self.modes.copy()))
+        self.passed.append((t, deepcopy(self.modes)))
 
     def memory(self, t: Array) -> Array:
         """The controller's states (N, k) at times (N,)."""

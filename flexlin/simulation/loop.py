@@ -13,10 +13,10 @@ from flexlin.linearization.linearization import Linearization
 from flexlin.precision import SLIGHT
 from flexlin.simulation.collocation import LEAST_RUN_TOL, Collocation
 from flexlin.simulation.drive import Drive
-from flexlin.simulation.equations import NonlinearEquations, from_coordinates, to_coordinates
+from flexlin.simulation.equations import ModedEquations, NonlinearEquations, from_coordinates, to_coordinates
 from flexlin.simulation.events import Events, Samples
 from flexlin.simulation.mesh import Trail, find_rough_times, law_times, mark_times
-from flexlin.simulation.modes import Friction, ModedEquations
+from flexlin.simulation.modes import Friction
 from flexlin.simulation.result import LARGEST_DEVIATION, PEAK_PARTS
 from flexlin.simulation.stopping import explain_end, find_indefinite, name_largest, stopped
 from flexlin.simulation.window import Grid, Path, between

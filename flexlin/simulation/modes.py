@@ -1,6 +1,6 @@
 """The equations of a loop in one of its modes: inputs held at a limit or on a ramp, joints that stick or slide one way."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -11,13 +11,10 @@ from flexlin import symbolic
 from flexlin.checks import Array
 from flexlin.control.sensors import encoder_rows
 from flexlin.errors import ArgumentError
-from flexlin.linearization.deviation import Deviation
-from flexlin.linearization.law import Law
+from flexlin.linearization.deviation import Deviation, loop_expressions
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.effects.base import per_joint
 from flexlin.mechanics.effects.coulomb_friction import CoulombFriction
-from flexlin.simulation.equations import Matrices, NonlinearEquations, Places, loop_expressions
-from flexlin.simulation.mesh import law_times
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,61 +97,17 @@ class Modes:
         """Those of a list that held at many times, (N, m) and (N, p)."""
         return cls(*(np.array(parts)[which] for parts in zip(*(vars(one).values() for one in modes), strict=True)))
 
-    def copy(self) -> "Modes":
-        """As they are now."""
-        return Modes(*(part.copy() for part in vars(self).values()))
-
     def given(self, t: Array, asked: Array) -> Array:
         """The torque (.., m) at times t (..) at which the law asks for `asked`."""
         return np.where(self.held == 0, asked, self.base + self.ramp * (t[..., None] - self.since))
 
 
-class ModedEquations(NonlinearEquations):
-    """The nonlinear equations of the arm in the present modes, which others change between windows.
+def in_modes(about: Deviation, friction: Friction | None) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX]:
+    """`loop_expressions`, with the slip of joints that stick among the inputs.
 
     sliding:  M s'' + C s' + g + d + sign F_sliding = B torque;   sticking: s'' = 0 for the joint instead
     """
-
-    def __init__(self, lin: Linearization, law: Law, modes: Modes, friction: Friction | None):
-        super().__init__(lin, law)
-        self.modes, self._friction = modes, friction
-        self._residual, self._power, self._all = moded_functions(lin.about, friction)
-
-    def places(self, t: Array) -> Places:
-        """What of the law is followed, and the equations about y = 0."""
-        law, modes, now, place = self.law, self.modes, law_times(self.lin, t), self.lin.about.place(t)
-        if self._friction is not None:
-            place.insert(0, np.tile(modes.slip, (len(t), 1)))
-        gain, offset = np.where(modes.held[:, None] == 0, law.gain(now), 0.0), modes.given(t, law.offset(now))
-        at, rest = self.follow(t, place, gain, offset), np.zeros((len(t), self.n + self.k))
-        linear, F = self.linearized(at, rest, rest, rest)
-        at.force[:, : self.n] = -F
-        return replace(at, linear=linear)
-
-    def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices:
-        """Exact derivatives, the gain's part included."""
-        return self.linearized(at, y, v, w)[0]
-
-    def linearized(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Matrices, Array]:
-        """dF/dy'', dF/dy', dF/dy with the gain's part, and F of the arm."""
-        M, D, K, B, F = self.at_places(self._all, at, y, v, w)
-        return self.extended(at, M, D, K, B, at.gain), F[:, :, 0]
-
-    def rates(self, t: Array) -> tuple[Array, Array]:
-        """What the states and the time alone put into z': rates [[y; y'] - reference; z] + unwinding (asked - given)."""
-        (rates, steer), law, modes, now = super().rates(t), self.law, self.modes, law_times(self.lin, t)
-        if law.controller is None:
-            return rates, steer
-        unwinding, offset = law.controller.unwinding, law.offset(now)
-        missing = (unwinding * (modes.held != 0)) @ law.gain(now)
-        return rates - missing, steer + (offset - modes.given(t, offset)) @ unwinding.T
-
-
-@lru_cache(maxsize=8)
-def moded_functions(about: Deviation, friction: Friction | None) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """F; the power; dF/dy'', dF/dy', dF/dy, -dF/dtorque and F, of y, y', y'', the torque, the slip of joints that stick, the place."""
-    inputs, angles, F, _, power = loop_expressions(about)
-    moved = {"y2": inputs["y2"], "y1": inputs["y1"], "y": inputs["y"], "torque": inputs["torque"]}
+    inputs, angles, F, power = loop_expressions(about)
     if friction is not None:
         slip, places = ca.SX.sym("slip", len(friction.rows)), list(friction.places)
         expressions = [about.arm.s_dot[places], about.arm.s_ddot[places]]
@@ -164,27 +117,16 @@ def moded_functions(about: Deviation, friction: Friction | None) -> tuple[ca.Fun
             F[row] = slip[i] ** 2 * (F[row] + added) + (1 - slip[i] ** 2) * accelerations[i]
             power -= rates[i] * added
         inputs["slip"] = slip
-    M, D, K, against = (ca.jacobian(F, by) for by in moved.values())
-    outputs = {"F": F}, {"power": power}, {"M": M, "D": D, "K": K, "B": -against, "F": F}
-    left, given, slopes = (about.function(angles, inputs, found) for found in outputs)
-    return left, given, slopes
+    return inputs, angles, F, power
 
 
 @lru_cache(maxsize=8)
 def holding_function(about: Deviation, friction: Friction) -> ca.Function:
     """The friction (p,) that the joints would need at these accelerations, of y, y', y'', the torque and the place on the motion."""
-    inputs, angles, F, _, _ = loop_expressions(about)
+    inputs, angles, F, _ = loop_expressions(about)
     rates = about.lift([about.arm.s_dot[list(friction.places)]], angles, inputs["y"], inputs["y1"])[0]
     smooth = [friction.level(i, rates[i]) * ca.tanh(rates[i] / friction.rate[i]) for i in range(len(friction.rows))]
     return about.function(angles, inputs, {"holding": ca.vertcat(*smooth) - F[list(friction.rows)]})
-
-
-def find_held(about: Deviation, friction: Friction, t: Array, x: Array, torque: Array, slip: Array) -> Array:
-    """The friction (N, p) of joints that stick, in states x = [y; y'] (N, 2n) under a torque (N, m), with the slip (N, p) of all."""
-    y, v = (np.ascontiguousarray(part) for part in np.split(x, 2, axis=1))
-    none = np.zeros_like(y)
-    M, *_, F = symbolic.call(moded_functions(about, friction)[2], [y, v, none, torque, slip, *about.place(t)])
-    return find_holding(about, friction, t, (y, v, -np.linalg.solve(M, F)[:, :, 0]), torque)
 
 
 def find_holding(about: Deviation, friction: Friction, t: Array, parts: tuple[Array, ...], torque: Array) -> Array:

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 
 from flexlin.analyses.accuracy.result import Trial
 from flexlin.checks import SAMPLES, Array
+from flexlin.linearization.deviation import loop_expressions
 from flexlin.linearization.linearization import Linearization
 from flexlin.motion import SymbolicMotion
-from flexlin.simulation.equations import loop_expressions
 
 COMPARED_TIMES = 32
 """Times in a period at which periodic answers are compared."""
@@ -24,7 +24,7 @@ Rate = Callable[[float, Array], Array]
 def derive_loop_rate(lin: Linearization) -> ca.Function:
     """(phase, [y; y'], p) -> T [y'; y''] of the nonlinear loop under the scene's law."""
     about, law = lin.about, lin.law
-    inputs, _, F, _, _ = loop_expressions(about)
+    inputs, _, F, _ = loop_expressions(about)
     y, v, w, torque = inputs.values()
     assert isinstance(about.motion, SymbolicMotion)
     phase, p = about.motion.phase, about.arm.parameters.symbols
