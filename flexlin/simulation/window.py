@@ -212,7 +212,10 @@ class Window:
         with np.errstate(over="ignore", invalid="ignore"):
             apart = (path.x[:-1, self.n :] - to_start @ path.v)[..., None]
             missed = (last - to_start @ path.w)[..., None]
-            rates = np.linalg.solve(M + g * (D + g * K), g * (M @ missed - g * (K @ apart)))
+            try:
+                rates = np.linalg.solve(M + g * (D + g * K), g * (M @ missed - g * (K @ apart)))
+            except np.linalg.LinAlgError:  # no length of a step is as unlucky twice
+                rates = np.full_like(apart, np.inf)
             return np.concatenate([g * (rates + apart), rates], axis=1)[..., 0]
 
 
