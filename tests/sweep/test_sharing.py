@@ -59,6 +59,11 @@ def test_two_processes_and_one_that_dies(whole, tmp_path):
     assert_same(job.dataset(), whole)
 
 
+def test_values_found_one_by_one_do_not_depend_on_those_before():
+    scene, values = fl.load_scene("spatial-arm", {"designs": []}), {"effects.payload.mass": np.linspace(0.2, 3.0, 12)}
+    assert_same(*(fl.sweep(scene, values, workers=count) for count in (1, 2)))
+
+
 def test_a_block_that_kills_every_process_is_marked(tmp_path, monkeypatch):
     monkeypatch.setattr("flexlin.analyses.sweep.sharing.BLOCK_ATTEMPTS", 1)
     job = make_job(FEW)

@@ -30,6 +30,7 @@ from flexlin.resources import Stopwatch, advance, part
 from flexlin.scene.library import models_folder
 from flexlin.scene.loading import check_axes, raw_tables
 from flexlin.scene.scene import Scene
+from flexlin.symbolic import reading_at_once
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,11 +52,12 @@ class OneByOne:
     threaded = False
 
     def compute(self, points: Array) -> Found:
-        """All values of a block."""
+        """All values of a block, whose last bits do not depend on what was computed before."""
         found = Found.empty(len(points), self.source.states)
-        for i, point in enumerate(points):
-            advance(i / len(points))
-            found.put_alone(i, partial(self.source.system_at, point), self.tol)
+        with reading_at_once():
+            for i, point in enumerate(points):
+                advance(i / len(points))
+                found.put_alone(i, partial(self.source.system_at, point), self.tol)
         return found
 
 
