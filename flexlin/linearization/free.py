@@ -203,8 +203,9 @@ def parametric_loop(scene: Scene, paths: Iterable[str], *, closed: bool = True) 
     return loop_of(linearize(arm, scene.motion, scene.control if closed else None))
 
 
+@lru_cache(maxsize=8)
 def loop_of(lin: Linearization) -> ParametricLoop:
-    """The linear equations of an arm whose numbers were left free, for all their values.
+    """The linear equations of an arm whose numbers were left free, for all their values (kept, with its kernel: a report asks for several).
 
     Raises: ArgumentError for a motion that is given by samples, or ends.
     """
@@ -222,8 +223,9 @@ class Needs(IntFlag):
     POINT = auto()
 
 
+@lru_cache(maxsize=8)
 def make_kernel(source: ParametricLoop | PeriodicFamily) -> Kernel:
-    """The kernel of a loop or a family.
+    """The kernel of a loop or a family (kept: it takes longer to make than some values).
 
     Raises: ArgumentError where an expression holds an operation that the kernel does not know, and where breaks move.
     """

@@ -30,7 +30,7 @@ SEGMENT_FACTORS = 1.15, 2.0
 """Factors between the numbers of segments of a value's trials."""
 PILOT_MARGIN = 1.06
 """What values are given over what pilots needed: a second trial costs more."""
-PILOT_VALUES = 16, 256
+PILOT_VALUES = 8, 256
 """Least and largest number of values that are tried, one of 64 between them: a trial of one costs as much as three of the values."""
 
 
