@@ -20,7 +20,7 @@ WORTHWHILE = 1.05
 def advise(analysis: Analysis) -> list[str]:
     """What to do, most urgent first."""
     comments = (
-        *(comment_on_model, comment_on_verdict, comment_on_elastic_motion, comment_on_sampling, comment_on_drives),
+        *(comment_on_model, comment_on_stability, comment_on_elastic_motion, comment_on_sampling, comment_on_drives),
         *(comment_on_designs, comment_on_tip, comment_on_zeros, comment_on_trust),
     )
     return [said for comment in comments for said in comment(analysis)]
@@ -38,8 +38,8 @@ def comment_on_model(a: Analysis) -> Iterator[str]:
         )
 
 
-def comment_on_verdict(a: Analysis) -> Iterator[str]:
-    """What the verdict on the own loop asks for."""
+def comment_on_stability(a: Analysis) -> Iterator[str]:
+    """What to do where the own loop is unstable, undecided, or hardly stable."""
     free, condition = a.own.kind == "open", name_condition(a.own)
     if a.own.floquet is None:
         yield f"There is no verdict {condition}: {a.own.problem}."
