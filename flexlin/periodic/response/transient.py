@@ -172,15 +172,15 @@ def divide_times(system: PeriodicSystem, marks: Array, tol: float, others: Seque
     longest = float(choose_gauss_step(measure_pace(system).rate.max(keepdims=True), tol, STEP_STAGES).min())
     panels = [divide_segments(one.edges, PANEL_STEPS) for one in every if one.panels > 1]
     corners = np.concatenate([edges_of_short(edges, longest) for edges in panels] + [one.breaks for one in every])
-    turns = T * np.arange(np.floor(marks[0] / T), np.floor(marks[-1] / T) + 1)
-    inner = (turns[:, None] + corners).ravel()
-    marks = np.union1d(marks, inner[(inner > marks[0]) & (inner < marks[-1])])
-    counts = np.maximum(np.ceil(np.diff(marks) / longest), 1).astype(int)
-    if counts.sum() > MOST_STEPS:
-        raise TooManySegments(
-            "the answer takes too many steps", got=int(counts.sum()), expected=f"at most {MOST_STEPS}"
-        )
-    return divide_evenly(marks, counts)
+    span = float(marks[-1] - marks[0])
+    steps = span / longest + (span / T + 1) * len(corners) + len(marks)
+    if steps > MOST_STEPS:
+        raise TooManySegments("the answer takes too many steps", got=f"{steps:.3g}", expected=f"at most {MOST_STEPS}")
+    if len(corners):
+        turns = T * np.arange(np.floor(marks[0] / T), np.floor(marks[-1] / T) + 1)
+        inner = (turns[:, None] + corners).ravel()
+        marks = np.union1d(marks, inner[(inner > marks[0]) & (inner < marks[-1])])
+    return divide_evenly(marks, np.maximum(np.ceil(np.diff(marks) / longest), 1).astype(int))
 
 
 def follow(
