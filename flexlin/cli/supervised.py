@@ -30,8 +30,8 @@ LOOK_INTERVAL = 0.1
 """Seconds between two looks at the work, and at the line that shows its progress."""
 ENDING_SECONDS = 1.5
 """Seconds that Python takes to begin, and a process that is ended to give its memory back."""
-LIBRARY_BYTES = 2.5e8
-"""Bytes that the libraries take: in less address space they cannot be loaded, and one of them then tries for ever."""
+LIBRARY_BYTES, LIBRARY_SPACE = 2.5e8, 4.5e8
+"""Bytes that the libraries take, in memory and in address space: in less than that one of them, OpenBLAS, tries for ever to load."""
 PASSED_ON = (signal.SIGINT, signal.SIGTERM)
 INTERRUPTED = "interrupted; no file was left half-written"
 NO_MEMORY = "there is not enough memory; ask for less at once"
@@ -81,8 +81,8 @@ def supervise(work: Sequence[str]) -> int:
     Where it is ended by something else, or goes on beyond its limits, say so.
     """
     begun = time.perf_counter()
-    if (space := read_space()) < LIBRARY_BYTES:
-        got = f"got {space / 1e6:.0f} MB of address space, expected {LIBRARY_BYTES / 1e6:.0f} MB: raise ulimit -v"
+    if (space := read_space()) < LIBRARY_SPACE:
+        got = f"got {space / 1e6:.0f} MB of address space, expected {LIBRARY_SPACE / 1e6:.0f} MB: raise ulimit -v"
         print(f"flexlin: {NO_MEMORY}; {got}", file=sys.stderr)
         return BAD_INPUT
     reader, writer = os.pipe()
