@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from flexlin.analyses.sweep.found import Found
 from flexlin.checks import Array
@@ -45,12 +46,14 @@ class Needs:
     def predict(self, points: Array) -> Array:
         """Places in SEGMENT_NUMBERS for points (V, P): the largest of the P + 1 nearest pilots', by how many pilots lie between."""
         near = min(points.shape[1] + 1, len(self.rungs))
-        distances = np.zeros((len(points), len(self.rungs)))
-        for x, known in zip(points.T, self.pilots.T, strict=True):
-            steps = np.unique(known)
-            places = [np.interp(each, steps, np.arange(len(steps))) for each in (np.nan_to_num(x), known)]
-            distances += (places[0][:, None] - places[1]) ** 2
-        return np.asarray(self.rungs[np.argpartition(distances, near - 1, axis=1)[:, :near]].max(axis=1))
+        _, nearest = cKDTree(self.count_between(self.pilots)).query(self.count_between(points), near)
+        return np.asarray(self.rungs[nearest.reshape(len(points), near)].max(axis=1))
+
+    def count_between(self, points: Array) -> Array:
+        """Points (V, P) by how many values of the pilots lie before each number."""
+        steps = [np.unique(known) for known in self.pilots.T]
+        places = [np.interp(np.nan_to_num(x), one, np.arange(len(one))) for x, one in zip(points.T, steps, strict=True)]
+        return np.stack(places, axis=1)
 
     @property
     def usual(self) -> int:
