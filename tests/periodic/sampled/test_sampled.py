@@ -7,7 +7,7 @@ from scipy.linalg import block_diag, expm
 
 import flexlin as fl
 from flexlin.control import lifted_model, sampled_floquet
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.sampled_cost import SampledProblem, solve_samples
 from tests.periodic.dense import integrate
 
@@ -101,6 +101,15 @@ def test_a_constant_plant_has_the_eigenvalues_of_one_sample(memory, part):
         assert found.errors[0] < 1e-9
         if h == 0.1:
             assert np.abs(found.multipliers[sound, None] - known**20).min(axis=1).max() < 1e-9
+
+
+def test_a_sample_longer_than_a_period_passes_over_no_jump():
+    """x' = a(t) x: the exponent is the mean of a. A sample beyond all numbers is refused."""
+    plant = fl.PeriodicSystem(lambda t: np.where(t % 2 < 0.7, 1.0, -0.3)[:, None, None], 2.0, np.ones((1, 1)))
+    found = sampled_floquet(plant, np.zeros((1, 1)), 5.0)
+    assert abs(found.exponents[0] - (0.7 - 0.3 * 1.3) / 2) <= found.errors[0] < 1e-12
+    with pytest.raises(TooManySegments, match="too many steps"):
+        sampled_floquet(plant, np.zeros((1, 1)), 1e300)
 
 
 def test_the_lifted_model_is_the_sampled_plant():
