@@ -164,16 +164,16 @@ def test_ctrl_c_that_a_library_drops_comes_again(lose, monkeypatch):
     time.sleep(0.3)  # nothing strikes once the work is over
 
 
-@pytest.mark.parametrize("space", [60e6, 200e6])
+@pytest.mark.parametrize("space", [60e6, 430e6])
 def test_little_memory_from_the_start_ends_in_one_message(space):
-    """Libraries that cannot even be loaded: some raise, some end the process, some wait for ever."""
+    """Libraries that cannot even be loaded: some raise, some end the process, OpenBLAS waits for ever."""
     from resource import RLIMIT_AS, setrlimit
 
     words = "-m", "flexlin", "check", "single-link", "--limit-seconds", "8"
     run = begin(*words, preexec_fn=lambda: setrlimit(RLIMIT_AS, (int(space), int(space))))
     _, said = run.communicate(timeout=300)
-    assert run.returncode in (1, 2)
-    assert re.search("memory|time limit", said)
+    assert run.returncode == 2
+    assert "address space" in said
     assert not re.search("Traceback|fault of flexlin", said)
 
 
