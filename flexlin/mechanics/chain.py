@@ -162,12 +162,12 @@ def _derive_equations(
         check=False,
     )
     tip = ca.densify(chain.tips[-1].rotation)
-    arm = _add_masses_at_large(arm, chain.masses) if chain.masses else arm
+    arm = _add_masses_of_curves(arm, chain.masses) if chain.masses else arm
     arm = replace(arm, measured=measured, axes=list_axes(chain)[: points.size1(), :], rotation=tip)
     return _load(arm, chain, effects)
 
 
-def _add_masses_at_large(arm: Manipulator, masses: Sequence[InertiaForm]) -> Manipulator:
+def _add_masses_of_curves(arm: Manipulator, masses: Sequence[InertiaForm]) -> Manipulator:
     """An arm whose links are curves, with their masses and those of its rigid bodies: by virtual work, far shorter than through T.
 
         T = 1/2 r'.W r',   forces J^T W r'',   M = J^T W J,   J = dr/ds

@@ -73,7 +73,7 @@ def solve_by_segments(
     start, before, refined, factored, part = None, np.inf, False, None, False
     while True:
         factored = factored or factor_twice(system, setting)
-        spectrum, method = measure_spectrum(system, setting, factored, start, part)
+        spectrum, method = find_exponents_with_errors(system, setting, factored, start, part)
         wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / METHOD_SAFETY
         if setting.method == "radau":
             spectrum = bound_extinct(spectrum, method > wanted)
@@ -128,12 +128,12 @@ def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum) -> Segmen
     """
     setting, panels = spectrum.setting, len(spectrum.setting.shares)
     finer = setting.with_segments(int(np.ceil(FINER_BOUNDS[0] * setting.segments)) + panels)  # more in every panel
-    other = measure_spectrum(system, finer, factor_twice(system, finer), spectrum.start)[0]
+    other = find_exponents_with_errors(system, finer, factor_twice(system, finer), spectrum.start)[0]
     moved = match_logs(spectrum.logs, other.logs)[1]
     return replace(spectrum, errors=np.maximum(spectrum.errors, METHOD_SAFETY * moved))
 
 
-def measure_spectrum(
+def find_exponents_with_errors(
     system: PeriodicSystem, setting: Setting, factored: Factored, start: Array | None = None, part: bool = False
 ) -> tuple[SegmentedSpectrum, Array]:
     """The exponents at one resolution, and the method's part of their errors (n,)."""
@@ -141,7 +141,7 @@ def measure_spectrum(
     damped = setting.method == "radau"  # what is fast is damped: the stages do not cancel
     found = find_spectrum(plain, better, unknown, start=start, steps=None if damped else steps, part=part)
     logs, rounding = found.logs, found.rounding
-    method = share_errors(found, system.period)
+    method = enlarge_small_errors(found, system.period)
     errors = METHOD_SAFETY * method + rounding
     if damped:
         grid = place_segments(system, setting)
@@ -182,7 +182,7 @@ def hidden_growth(system: PeriodicSystem, grid: Array) -> float:
     return max(means) + (max(means) - min(means))
 
 
-def share_errors(found: ProductSpectrum, period: float) -> Array:
+def enlarge_small_errors(found: ProductSpectrum, period: float) -> Array:
     """The errors of the logs by the method (n,): every mode has at least a part of the worst mode's, each relative to max(T, |log|).
 
     A mode whose rounding exceeds its error by the method says nothing of the others: what moves it is rounding too.
