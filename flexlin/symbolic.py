@@ -125,13 +125,13 @@ class Usage:
         """The program, where the points so far and these are worth one, and the compiled core knows all of its operations."""
         self.points += points
         if not self.tried and (AT_ONCE.get() or self.points > READING_POINTS + READING_COST / self.operations):
-            self.tried = True
             with suppress(
                 ArgumentError
             ):  # what is none of scalars, calls another, or has a rare operation is left to CasADi
                 program = Program.read(self.function)
                 program.check_known()
                 self.program = program
+            self.tried = True  # only now: another thread may ask meanwhile
         return self.program
 
 
