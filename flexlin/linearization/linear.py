@@ -8,7 +8,7 @@ from typing import Any, overload
 import casadi as ca
 import numpy as np
 
-from flexlin.arguments import checked, instance
+from flexlin.arguments import checked
 from flexlin.errors import ArgumentError, ModelError, MotionError
 from flexlin.kronecker.symbolic import derivative
 from flexlin.linearization.closed_loops import refuse_open_loops
@@ -21,7 +21,7 @@ from flexlin.mechanics.validation import TOLERANCE, need_positive
 from flexlin.motion import Motion, build_motion
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import Control
-from flexlin.scene.motion import AnyMotion, MotionTable
+from flexlin.scene.motion import AnyMotion
 from flexlin.scene.problems import checked_table
 
 __all__ = ["Coefficients", "Linearization", "Trajectory", "linearize"]
@@ -151,22 +151,14 @@ def linearize(
         return linearize_along(arm, motion)
     if isinstance(control, Mapping):
         control = checked_table(Control, control, "control", "control")
-    if control is not None:
-        instance("control", control, Control, "give scene.control, or a dict of its keys")
-    instance("arm", arm, Manipulator, "make one: fl.build_manipulator(scene), or Manipulator.from_matrices(...)")
     if isinstance(motion, Trajectory):
         raise ArgumentError(
             "a trajectory belongs to a function", got="a Manipulator", expected="a casadi.Function x' = f"
         )
     if not isinstance(motion, Motion):
-        instance(
-            "motion", motion, (MotionTable, Mapping), "give scene.motion, a dict of its keys, or build_motion(...)"
-        )
         motion = build_motion(motion, arm.joints, arm.parameters, arm)
     if motion.joints != arm.joints:
         raise MotionError("the motion has the wrong number of joints", got=motion.joints, expected=str(arm.joints))
-    if route not in ROUTES:
-        raise ArgumentError("there is no such route", got=repr(route), expected=" or ".join(ROUTES))
     about = Deviation.of(arm, motion)
     if arm.near.loops is not None:
         refuse_open_loops(about.near)

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
-from flexlin.arguments import checked, instance
+from flexlin.arguments import checked
 from flexlin.checks import SAMPLES
 from flexlin.errors import ArgumentError, MotionError
 from flexlin.mechanics import build_manipulator
@@ -18,7 +18,7 @@ from flexlin.motion.smooth import MAKERS, highest_harmonic, read_nominal
 from flexlin.motion.table import read_log_motion, read_table_motion
 from flexlin.plots.view import Series, View
 from flexlin.scene.loading import read_motion
-from flexlin.scene.motion import AnyMotion, LogMotion, MotionTable, TableMotion, TipPath
+from flexlin.scene.motion import AnyMotion, LogMotion, TableMotion, TipPath
 from flexlin.scene.scene import Scene
 
 __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]
@@ -68,7 +68,6 @@ def build_motion(
     if isinstance(table, Mapping):
         slides = {one.unit == "m" for one in arm.coordinates if one.kind == "joint"} if arm else {False}
         table = read_motion(table, None if len(slides) > 1 else True in slides)
-    instance("table", table, MotionTable, "give scene.motion")
     if joints is None:
         joints = len(table.joints) if arm is None else arm.joints
     if not joints:

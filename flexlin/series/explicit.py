@@ -164,7 +164,7 @@ def taylor(A: Expression, x: Expression, x0: ArrayLike, order: int) -> TaylorMap
 def check_symbols(name: str, x: Any) -> None:
     """Check that x is a column of symbols."""
     instance(name, x, (ca.SX, ca.MX), "give a vector of CasADi symbols")
-    if not (isinstance(x, ca.SX | ca.MX) and x.is_column() and x.is_valid_input() and x.numel()):
+    if not (x.is_column() and x.is_valid_input() and x.numel()):
         raise ArgumentError(f"{name} is not a column of symbols", got=x, expected="SX.sym or MX.sym of shape (n, 1)")
 
 
