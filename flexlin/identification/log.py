@@ -12,17 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexlin import bounds
 from flexlin.arguments import checked
-from flexlin.bounds import (
-    IN_RANGE,
-    LARGEST_LOG,
-    LARGEST_NUMBER,
-    MOST_COLUMNS,
-    SMALLEST_NUMBER,
-    hint_at,
-    printable,
-    refuse_odd,
-)
 from flexlin.checks import Array, real_array, whole
 from flexlin.errors import ArgumentError, FlexlinError, TooLarge, counted
 from flexlin.plots.view import Series, Shown, View
@@ -256,18 +247,18 @@ def as_numbers(name: str, values: Array) -> Array:
     values = values.astype(str) if np.iscomplexobj(values) else values  # none of which is a number then
     if values.dtype.kind in "iuf":
         numbers = values.astype(float)
-        odd = np.flatnonzero(np.abs(numbers) > LARGEST_NUMBER)
+        odd = np.flatnonzero(np.abs(numbers) > bounds.LARGEST_NUMBER)
     else:
         import pandas
 
         numbers = np.asarray(pandas.to_numeric(values, errors="coerce"), dtype=float)
-        odd = np.flatnonzero(~(np.abs(numbers) <= LARGEST_NUMBER) & ~pandas.isna(values))
+        odd = np.flatnonzero(~(np.abs(numbers) <= bounds.LARGEST_NUMBER) & ~pandas.isna(values))
     if len(odd):
         row = int(odd[0])
         raise ArgumentError(
             f"column {name} is not numeric",
-            got=f"{printable(repr(str(values[row])))} in row {row + 1}",
-            expected=f"empty cells, or {IN_RANGE}",
+            got=f"{bounds.printable(repr(str(values[row])))} in row {row + 1}",
+            expected=f"empty cells, or {bounds.IN_RANGE}",
         )
     return numbers
 
@@ -275,7 +266,7 @@ def as_numbers(name: str, values: Array) -> Array:
 def varies(values: Array) -> bool:
     """Whether readings, of which some are known, differ by more than rounding."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    return high - low > max(SMALLEST_NUMBER, ROOT_EPS * max(abs(low), abs(high)))
+    return high - low > max(bounds.SMALLEST_NUMBER, ROOT_EPS * max(abs(low), abs(high)))
 
 
 @checked
@@ -324,7 +315,7 @@ def read_log(path: Any, scene: Scene) -> Log:
         if one.sensor == "strain":
             groups["outputs"][name] = without_held(found[one.column])
     columns = {name: one.column for group in (table.inputs, table.outputs) for name, one in group.items()}
-    source = printable(path) if isinstance(path, (str, Path)) else ""
+    source = bounds.printable(path) if isinstance(path, (str, Path)) else ""
     return Log(table.second * found[table.time], groups["inputs"], groups["outputs"], columns, source)
 
 
@@ -340,11 +331,11 @@ def take_columns(source: Any, wanted: list[str]) -> dict[str, Array]:
     if not isinstance(source, (str, Path)):
         if not hasattr(source, "keys"):
             expected = "the name of a file, or columns by name"
-            raise ArgumentError("this is no log", got=printable(repr(source))[:80], expected=expected)
+            raise ArgumentError("this is no log", got=bounds.printable(repr(source))[:80], expected=expected)
         return pick_columns(source, wanted)
     path = Path(source)
     try:
-        refuse_odd(path.stat(), LARGEST_LOG)
+        bounds.refuse_odd(path.stat(), bounds.LARGEST_LOG)
         with open_table(path, wanted) as table:
             return pick_columns(table, wanted)
     except FlexlinError:
@@ -352,7 +343,7 @@ def take_columns(source: Any, wanted: list[str]) -> dict[str, Array]:
     except Exception as error:  # whatever the reader of a damaged file meets
         expected = "a CSV file in UTF-8 with a head line, .npz, or .nc"
         raise ArgumentError(
-            f"the log {printable(path)} cannot be read", got=printable(error)[:120], expected=expected
+            f"the log {bounds.printable(path)} cannot be read", got=bounds.printable(error)[:120], expected=expected
         ) from None
 
 
@@ -362,8 +353,8 @@ def pick_columns(data: Any, wanted: list[str]) -> dict[str, Array]:
     missing = [name for name in wanted if name not in names]
     if missing:
         some = ", ".join(names[:12]) + (" ..." if len(names) > 12 else "")
-        todo = f"correct the scene's [log] table{hint_at(missing[0], names)}"
-        raise ArgumentError("the log lacks columns", got=printable(some), expected=", ".join(missing), todo=todo)
+        todo = f"correct the scene's [log] table{bounds.hint_at(missing[0], names)}"
+        raise ArgumentError("the log lacks columns", got=bounds.printable(some), expected=", ".join(missing), todo=todo)
     columns = {name: data[name] for name in wanted}
     rows = max(int(np.prod(np.shape(column), dtype=float)) for column in columns.values())
     if rows > MOST_SAMPLES:
@@ -389,8 +380,8 @@ def open_table(path: Path, wanted: list[str]) -> Iterator[Any]:
 
         with path.open(encoding="utf-8-sig") as file:
             head = next((line for line in file if line.strip() and not line.startswith("#")), "")
-        if head.count(",") > MOST_COLUMNS:  # pandas takes time by the square of names that are alike
-            raise ValueError(f"it has {head.count(',')} columns, more than {MOST_COLUMNS}")
+        if head.count(",") > bounds.MOST_COLUMNS:  # pandas takes time by the square of names that are alike
+            raise ValueError(f"it has {head.count(',')} columns, more than {bounds.MOST_COLUMNS}")
         names = next(csv.reader([head], skipinitialspace=True), [])
         if len(names) == 1 < len(wanted) and (";" in head or "\t" in head):
             raise ValueError("its columns are parted by semicolons or tabs, not by commas; numbers need points")

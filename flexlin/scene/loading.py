@@ -10,17 +10,8 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from flexlin import bounds
 from flexlin.arguments import checked
-from flexlin.bounds import (
-    DEEPEST_NESTING,
-    LARGEST_SCENE,
-    SHALLOW,
-    hint_at,
-    list_excesses,
-    parse_toml,
-    printable,
-    read_text,
-)
 from flexlin.checks import Array
 from flexlin.errors import Problem, SceneError
 from flexlin.scene.base import Table
@@ -118,10 +109,10 @@ def parse_scene(
     >>> fl.parse_scene(raw).motion.frequency
     0.5
     """
-    source, data, changes = printable(source), as_python(raw), as_python(overrides or {})
-    beyond = [*list_excesses(data), *list_excesses(changes)]
+    source, data, changes = bounds.printable(source), as_python(raw), as_python(overrides or {})
+    beyond = [*bounds.list_excesses(data), *bounds.list_excesses(changes)]
     if beyond:
-        raise SceneError(source, [Problem(printable(path), *said) for path, *said in beyond])
+        raise SceneError(source, [Problem(bounds.printable(path), *said) for path, *said in beyond])
     data, problems = apply_overrides(data, changes)
     folders = [Path(one) for one in (folder or Path(), data_folder) if one is not None]
     if ADDED & set(data):
@@ -142,7 +133,7 @@ def parse_scene(
     return scene
 
 
-def as_python(raw: Any, depth: int = DEEPEST_NESTING + 1) -> Any:
+def as_python(raw: Any, depth: int = bounds.DEEPEST_NESTING + 1) -> Any:
     """Plain data whose NumPy numbers and arrays are Python's own; what lies deeper than data may is left."""
     if isinstance(raw, np.generic | np.ndarray):
         return raw.tolist()
@@ -168,7 +159,7 @@ class OnlyMotion(Table):
 def read_motion(raw: Mapping[str, Any], sliding: bool | None = False) -> AnyMotion:
     """Check a motion that is given as plain data; `sliding` as in `all_slide`. Raises: SceneError with all problems at once."""
     data = {"motion": as_python(raw)}
-    problems = [Problem(printable(path), *said) for path, *said in list_excesses(data)]
+    problems = [Problem(bounds.printable(path), *said) for path, *said in bounds.list_excesses(data)]
     problems = problems or place_motion_file(data, [Path()])
     if not problems:
         try:
@@ -188,12 +179,12 @@ def scene_text(source: str | Path) -> str:
 
 def _read_text(path: Path) -> str:
     try:
-        return read_text(path, LARGEST_SCENE)
+        return bounds.read_text(path, bounds.LARGEST_SCENE)
     except (UnicodeDecodeError, OSError) as error:
-        got = printable(getattr(error, "strerror", None) or error)
+        got = bounds.printable(getattr(error, "strerror", None) or error)
         if isinstance(error, UnicodeDecodeError):
             got = f"bytes that are no text in UTF-8, from byte {error.start} on"
-        raise SceneError(printable(path), [Problem("file", got, "a TOML file in UTF-8")]) from None
+        raise SceneError(bounds.printable(path), [Problem("file", got, "a TOML file in UTF-8")]) from None
 
 
 def _explains(known: Problem, other: Problem) -> bool:
@@ -216,19 +207,21 @@ def _find(source: str | Path) -> Path:
         got = "a folder" if path.is_dir() else got
     except OSError:  # the name is too long, or its folder may not be searched
         pass
-    expected = f"a TOML file, or one of {', '.join(sorted(scenes))}{hint_at(name, scenes)}"
-    raise SceneError(printable(name), [Problem("file", got, expected)])
+    expected = f"a TOML file, or one of {', '.join(sorted(scenes))}{bounds.hint_at(name, scenes)}"
+    raise SceneError(bounds.printable(name), [Problem("file", got, expected)])
 
 
 def _read(path: Path) -> dict[str, Any]:
     text = _read_text(path)
     try:
-        return parse_toml(text)
+        return bounds.parse_toml(text)
     except RecursionError:
-        raise SceneError(printable(path), [Problem("file", "tables in tables without end", SHALLOW)]) from None
+        raise SceneError(
+            bounds.printable(path), [Problem("file", "tables in tables without end", bounds.SHALLOW)]
+        ) from None
     except tomllib.TOMLDecodeError as error:
         got, expected = explain_fault(text, error)
-        raise SceneError(printable(path), [Problem("file", printable(got), expected)]) from None
+        raise SceneError(bounds.printable(path), [Problem("file", bounds.printable(got), expected)]) from None
 
 
 FAULTS = {

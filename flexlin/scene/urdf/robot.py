@@ -6,23 +6,13 @@ from pathlib import Path
 from typing import TypeVar
 from xml.parsers import expat
 
-from flexlin.bounds import (
-    DEEPEST_NESTING,
-    LARGEST_ROBOT,
-    LONGEST_SHOWN,
-    MOST_ELEMENTS,
-    SMALLEST_NUMBER,
-    hint_at,
-    printable,
-    read_number,
-    read_text,
-)
+from flexlin import bounds
 from flexlin.errors import Problem, SceneError
 
 
 def shown(text: str) -> str:
     """A piece of a file as a message shows it."""
-    return printable(text)[:LONGEST_SHOWN]
+    return bounds.printable(text)[: bounds.LONGEST_SHOWN]
 
 
 @dataclass
@@ -58,7 +48,7 @@ class Element:
             raise self.refuse(f"no {name}", f'{name}="..."')
         if "${" in value or "$(" in value:
             raise self.refuse(f"{name}={shown(repr(value))}", "a name; a xacro file must be expanded first")
-        return printable(value)[:200]
+        return bounds.printable(value)[:200]
 
     def numbers(self, name: str, count: int, default: tuple[float, ...] | None = None) -> tuple[float, ...]:
         """An attribute of finite numbers, separated by blanks."""
@@ -68,7 +58,7 @@ class Element:
             return default
         words = self.attributes[name].split()
         try:
-            values = tuple(map(read_number, words))
+            values = tuple(map(bounds.read_number, words))
         except ValueError:
             values = ()
         if len(values) != count:
@@ -86,15 +76,17 @@ def read_elements(path: Path) -> Element:
 
     Raises: SceneError, naming the line, for what is no XML, declares a document type, and with it entities, or is too large.
     """
-    source, parser, count = printable(path), expat.ParserCreate("utf-8"), 0
+    source, parser, count = bounds.printable(path), expat.ParserCreate("utf-8"), 0
     whole = Element(source, "", 0, {})
     stack = [whole]
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal count
         element, count = Element(source, tag, parser.CurrentLineNumber, attributes), count + 1
-        if count > MOST_ELEMENTS or len(stack) > DEEPEST_NESTING:
-            raise element.refuse("elements without end", f"{MOST_ELEMENTS} at most, {DEEPEST_NESTING} in each other")
+        if count > bounds.MOST_ELEMENTS or len(stack) > bounds.DEEPEST_NESTING:
+            raise element.refuse(
+                "elements without end", f"{bounds.MOST_ELEMENTS} at most, {bounds.DEEPEST_NESTING} in each other"
+            )
         stack[-1].children.append(element)
         stack.append(element)
 
@@ -109,11 +101,13 @@ def read_elements(path: Path) -> Element:
     parser.StartElementHandler, parser.EndElementHandler = start, lambda tag: stack.pop()
     parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = keep_words, refuse_type
     try:
-        parser.Parse(read_text(path, LARGEST_ROBOT).encode("utf-8", errors="replace"), True)
+        parser.Parse(bounds.read_text(path, bounds.LARGEST_ROBOT).encode("utf-8", errors="replace"), True)
     except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(source, [Problem("file", printable(error), "a readable URDF file")]) from None
+        raise SceneError(source, [Problem("file", bounds.printable(error), "a readable URDF file")]) from None
     except expat.ExpatError as error:
-        raise SceneError(source, [Problem(f"line {error.lineno}", printable(error), "well-formed XML")]) from None
+        raise SceneError(
+            source, [Problem(f"line {error.lineno}", bounds.printable(error), "well-formed XML")]
+        ) from None
     return whole.children[0]
 
 
@@ -159,7 +153,7 @@ def check_spelling(element: Element) -> None:
 
 def check_word(element: Element, got: str, word: str, known: Iterable[str], inside: str) -> None:
     """Refuse a word that is not read where nothing else may stand, or that looks like one that is read."""
-    hint = hint_at(word, known, SPELLING_LIKENESS)
+    hint = bounds.hint_at(word, known, SPELLING_LIKENESS)
     if inside in CLOSED or hint:
         raise element.refuse(f"{got} in <{inside}>", f"{', '.join(known) or 'nothing'}{hint}")
 
@@ -243,7 +237,7 @@ def read_robot(path: str | Path) -> Robot:
     if not links:
         raise root.refuse("no <link>", "at least one")
     check_tree(links, joints)
-    name = printable(root.attributes.get("name", ""))[:200]
+    name = bounds.printable(root.attributes.get("name", ""))[:200]
     return Robot(name, root, links, joints, tuple(list_notes(root, links, joints)))
 
 
@@ -288,8 +282,8 @@ def read_joint(element: Element) -> UrdfJoint:
     parent, child = (read_end(element, tag) for tag in ("parent", "child"))
     axis, dynamics, limit, mimic = (element.one(tag) for tag in ("axis", "dynamics", "limit", "mimic"))
     direction = axis.numbers("xyz", 3) if axis is not None else (1.0, 0.0, 0.0)
-    if axis is not None and kind != "fixed" and max(map(abs, direction)) < SMALLEST_NUMBER:
-        expected = f"three numbers, not all of them zero or smaller than {SMALLEST_NUMBER:g}"
+    if axis is not None and kind != "fixed" and max(map(abs, direction)) < bounds.SMALLEST_NUMBER:
+        expected = f"three numbers, not all of them zero or smaller than {bounds.SMALLEST_NUMBER:g}"
         raise axis.refuse("an axis of no length", expected)
     damping, friction = (dynamics.number(key, 0.0) if dynamics is not None else 0.0 for key in ("damping", "friction"))
     if dynamics is not None and min(damping, friction) < 0:
