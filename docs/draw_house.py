@@ -41,7 +41,7 @@ GROUND = tuple(
     name
     for name in (
         *("symbolic", "program", "plots", "_core", "lazy", "files"),
-        *("arguments", "checks", "bounds", "errors", "precision", "summary", "resources"),
+        *("arguments", "checks", "bounds", "errors", "precision", "summary", "resources", "context"),
     )
     if is_package(name) or (PACKAGE / name).with_suffix(".py").exists()
 )

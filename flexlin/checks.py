@@ -1,8 +1,8 @@
 """Checks at the boundary: shape, finite, range; made once, where a value comes in."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from math import isfinite
 from operator import index
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlin.bounds import MEMORY_LIMIT
+from flexlin.context import holding
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit, TooLarge
 
 Array = NDArray[Any]
@@ -90,14 +91,9 @@ def at_times(evaluate: Callable[[Array], Array], t: ArrayLike) -> Array:
     return evaluate(times(given)) if given.ndim else evaluate(times(given[None]))[0]
 
 
-@contextmanager
-def memory_limit(size: float) -> Iterator[None]:
+def memory_limit(size: float) -> AbstractContextManager[None]:
     """Let `check_size` refuse what takes more than `size` bytes, within the block and in this thread."""
-    token = _limit.set(int(positive("the limit of memory", size)))
-    try:
-        yield
-    finally:
-        _limit.reset(token)
+    return holding(_limit, int(positive("the limit of memory", size)))
 
 
 def try_to(work: Callable[[], Answer]) -> Answer | FlexlinError | np.linalg.LinAlgError:

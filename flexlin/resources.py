@@ -6,8 +6,10 @@ A calculation says its share wherever it knows, and whoever listens shows it; wi
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from contextvars import ContextVar
+
+from flexlin.context import holding
 
 LIMIT_SECONDS, LIMIT_BYTES = 60.0, 7e8
 """The usual limits: time of the processor in s, and memory beside the libraries."""
@@ -72,14 +74,9 @@ def advance(share: float) -> None:
         listener(share)
 
 
-@contextmanager
-def listening(listener: Listener) -> Iterator[None]:
+def listening(listener: Listener) -> AbstractContextManager[None]:
     """Hand every share that the block says to a listener."""
-    before = _listener.set(listener)
-    try:
-        yield
-    finally:
-        _listener.reset(before)
+    return holding(_listener, listener)
 
 
 @contextmanager

@@ -1,8 +1,8 @@
 """The one checked door between CasADi and NumPy: many points, one mapped call; and the pickling of objects that hold expressions."""
 
 from collections import deque
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, fields
 from functools import lru_cache
@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from flexlin.checks import Array, real_array
+from flexlin.context import holding
 from flexlin.errors import ArgumentError, counted
 from flexlin.lazy import lazy
 from flexlin.program import Layout, Program
@@ -138,14 +139,9 @@ class Usage:
 AT_ONCE = ContextVar("functions become programs at once", default=False)
 
 
-@contextmanager
-def reading_at_once() -> Iterator[None]:
+def reading_at_once() -> AbstractContextManager[None]:
     """Within it results do not depend, in their last bits, on how many points went through a function before."""
-    before = AT_ONCE.set(True)
-    try:
-        yield
-    finally:
-        AT_ONCE.reset(before)
+    return holding(AT_ONCE, True)
 
 
 @lru_cache(maxsize=64)
@@ -243,11 +239,7 @@ def flattened(value: Any, serializer: "ca.StringSerializer | Row") -> Any:
     if isinstance(value, Expressions):
         state = {f.name: getattr(value, f.name) for f in fields(value)}  # type: ignore[arg-type]
         return Held(type(value), flattened(state, serializer))
-    if isinstance(value, dict):
-        return {key: flattened(item, serializer) for key, item in value.items()}
-    if type(value) is tuple:
-        return tuple(flattened(item, serializer) for item in value)
-    return value
+    return each_inside(value, lambda item: flattened(item, serializer))
 
 
 def restored(value: Any, expressions: "ca.StringDeserializer | Row") -> Any:
@@ -258,11 +250,14 @@ def restored(value: Any, expressions: "ca.StringDeserializer | Row") -> Any:
         made: Any = object.__new__(value.kind)
         rebuild(made, restored(value.state, expressions))
         return made
+    return each_inside(value, lambda item: restored(item, expressions))
+
+
+def each_inside(value: Any, change: Callable[[Any], Any]) -> Any:
+    """A dictionary or a tuple with each of its items changed; anything else as it is."""
     if isinstance(value, dict):
-        return {key: restored(item, expressions) for key, item in value.items()}
-    if type(value) is tuple:
-        return tuple(restored(item, expressions) for item in value)
-    return value
+        return {key: change(item) for key, item in value.items()}
+    return tuple(map(change, value)) if type(value) is tuple else value
 
 
 class Row(deque[Any]):

@@ -1,7 +1,7 @@
 """The coordinates of a manipulator: what each one is, and the symbols of a chain's; scene numbers that stay free, as symbols too."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Literal, TypeVar
@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from flexlin.checks import Array
+from flexlin.context import holding
 from flexlin.scene.links import Direction, Link
 from flexlin.scene.parameters import PARAMETERS, get_value, need_numbers, path_in, replace_value
 from flexlin.summary import represent
@@ -53,14 +54,9 @@ class Parameters(Expressions):
 _given: ContextVar[Parameters | None] = ContextVar("given", default=None)
 
 
-@contextmanager
-def given_to_model(parameters: Parameters) -> Iterator[None]:
+def given_to_model(parameters: Parameters) -> AbstractContextManager[None]:
     """Within the block, equations that are made without a list of parameters hold these."""
-    token = _given.set(parameters)
-    try:
-        yield
-    finally:
-        _given.reset(token)
+    return holding(_given, parameters)
 
 
 def parameters_at_hand(parameters: Parameters | None = None) -> Parameters:

@@ -2,8 +2,8 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from flexlin.analyses.boundary import CriticalValue, Margin
 from flexlin.analyses.clock import Step
 from flexlin.analyses.judging import Loop, ModelEvidence, ModelValidity
 from flexlin.checks import Array
+from flexlin.context import holding
 from flexlin.errors import counted
 from flexlin.periodic.floquet.result import MARGINAL_GROWTH
 from flexlin.plots.scales import SUPERSCRIPTS, write_powers
@@ -34,14 +35,9 @@ _length: ContextVar[int | str | None] = ContextVar("length", default=None)
 """The power of ten of the prefix of every deflection on a page, NONE for a scene without dimensions."""
 
 
-@contextmanager
-def units_of_scene(scene: Scene, prefix: int | None = None) -> Iterator[None]:
+def units_of_scene(scene: Scene, prefix: int | None = None) -> AbstractContextManager[None]:
     """Say each length in the unit that suits it alone, or all by one prefix; without a unit for a scene without dimensions."""
-    token = _length.set(NONE if scene.unit_system == "dimensionless" else prefix)
-    try:
-        yield
-    finally:
-        _length.reset(token)
+    return holding(_length, NONE if scene.unit_system == "dimensionless" else prefix)
 
 
 def units_of(analysis: Analysis) -> AbstractContextManager[None]:
