@@ -135,6 +135,7 @@ class Progress:
         self.reach = float(grid.h.sum()) / 2
 
 
+@dataclass(frozen=True)
 class Collocation:
     """Radau IIA collocation with s stages: L-stable, so modes that no step follows are damped, and of order 2 s - 1 at the edges.
 
@@ -142,47 +143,39 @@ class Collocation:
     Source: Hairer, Wanner, Solving ODEs II, IV.8.
     """
 
-    def __init__(
-        self,
-        equations: LinearEquations,
-        period: float,
-        stages: int,
-        tol: float,
-        accept: Accept | None = None,
-        hurries: Hurries | None = None,
-        events: Events | None = None,
-    ):
-        self._equations, self._period, self._stages, self._tol, self._events = equations, period, stages, tol, events
-        self._accept, self._hurries = accept or (lambda t, x, torque: None), hurries
+    equations: LinearEquations
+    period: float
+    stages: int
+    tol: float
+    accept: Accept = lambda t, x, torque: None
+    hurries: Hurries | None = None
+    events: Events | None = None
 
     def integrate(
         self, t: Array, start: Array, marks: Array, narrow: Array, linear: bool = False, trail: Trail | None = None
-    ) -> tuple[Array, Trail | None]:
-        """States and work (N, 2n + 1) at times t.
+    ) -> tuple[Array, Array | None, Trail | None]:
+        """States [y; y'; z] and work (N, 2n + k + 1) at times t from a start (2n + k,); what is known of the steps for another run.
 
         marks (K,), from the first to the last time, are edges of windows, behind which accelerations may jump; narrow: edges of steps.
 
-        With `linear`, the 2n states of the linear equations on the same steps follow, (N, 4n + 1); the steps are short enough for both.
+        With `linear`, the states (N, 2n + k) of the linear equations on the same steps too, which are then short enough for both.
 
         Raises: SimulationStopped where no step is short enough or too many are needed; TooLarge when one step's matrices would not fit.
         """
-        n = len(start) // 2
-        size = 8 * (self._stages * n) ** 2
+        start, n = to_coordinates(start, self.equations.n), self.equations.n + self.equations.k
+        size = 8 * (self.stages * n) ** 2
         check_size("a simulation step", 4 * size, "use fewer elastic coordinates")
         most = int(np.clip(WINDOW_BYTES // size, 1, LARGEST_WINDOW))
-        mesh = (
-            Mesh.graded(float(t[0]), self._period, self._stages, self._tol)
-            if trail is None
-            else trail.mesh_for(self._tol, self._stages)
-        )
+        fresh = Mesh.graded(float(t[0]), self.period, self.stages, self.tol)
+        mesh = fresh if trail is None else trail.mesh_for(self.tol, self.stages)
         at = Progress(float(t[0]), start, 0.0, np.abs(start), mesh, most, trail=trail)
         at.linear = LinearPath(start) if linear else None
         out, done = np.empty((len(t), 2 * n + 1 + 2 * n * linear)), int(np.searchsorted(t, t[0], side="right"))
         out[:done] = np.concatenate([start, [0.0], start if linear else []])
         for mark in marks[1:]:
             at.behind_break()
-            if self._events is not None:
-                self._events.pass_break(at.t, at.x, at.torque)
+            if self.events is not None:
+                self.events.pass_break(at.t, at.x, at.torque)
             while at.t < mark:
                 self._foresee(at, at.t - float(t[0]), float(t[-1] - t[0]))
                 window = self._advance(at, float(mark), float(t[-1] - t[0]), most, narrow)
@@ -196,12 +189,14 @@ class Collocation:
                     out[done:stop, 2 * n + 1 :] = between(grid, beside, np.zeros_like(power), t[done:stop])[0]
                 at.work += float(work[-1])
                 done = stop
-        whole_trail = at.windows and self._events is None
-        return out, Trail.of(at.passed, at.windows, self._tol) if whole_trail else None
+        whole_trail = at.windows and self.events is None
+        parts = np.split(out, [2 * n + 1], axis=1)
+        z, along = (from_coordinates(part, self.equations.n, self.equations.k) for part in parts)
+        return z, along if linear else None, Trail.of(at.passed, at.windows, self.tol) if whole_trail else None
 
     def _foresee(self, at: Progress, passed: float, whole: float) -> None:
         """Give up where too many steps were taken, or would be: some periods show how many the whole time needs."""
-        even = passed > FORESEEN_PERIODS * self._period
+        even = passed > FORESEEN_PERIODS * self.period
         if even and at.steps > MOST_STEPS / 100 and at.steps * whole > EXCESS_STEPS * MOST_STEPS * passed:
             needed = f"about {at.steps * whole / passed:.1g} steps would be needed, at most {MOST_STEPS} are taken"
             raise stopped(at.t, needed, at.x, SHORTER)
@@ -212,15 +207,15 @@ class Collocation:
         self, at: Progress, mark: float, whole: float, most: int, narrow: Array
     ) -> tuple[Grid, Path, Array, Path | None] | None:
         """Try a window: the steps of it that hold, and `at` moved to their end; None where none does, and `at` has shorter steps."""
-        grid = Grid(at.mesh.next_edges(at.t, mark, at.count, at.reach, narrow), self._stages)
+        grid = Grid(at.mesh.next_edges(at.t, mark, at.count, at.reach, narrow), self.stages)
         at.steps += grid.count
         if grid.h.min() < SHORTEST_STEP * whole:
             raise stopped(at.t, "no step is short enough", at.x)
-        about, before = Rigid.of(self._equations, grid, BREAK_DISTANCE * self._period), self._acceleration(at)
+        about, before = Rigid.of(self.equations, grid, BREAK_DISTANCE * self.period), self._acceleration(at)
         tried, ratio, beside, scale = grid, np.zeros(grid.count), None, np.maximum(at.largest, ABSOLUTE_STATE)
         if at.linear is not None:
             beside, missed = at.linear.on(about, ABSOLUTE_STATE)
-            ratio = missed.max(axis=1) / self._tol
+            ratio = missed.max(axis=1) / self.tol
             good = first_refused(ratio)
             if good <= grid.count // 2:
                 at.learn(grid, ratio, 0)
@@ -231,9 +226,9 @@ class Collocation:
             at.shorten(grid)
             return None
         estimate = np.abs(solved.window.local_errors(solved.path, before) / scale).max(axis=1)
-        ratio[: grid.count] = np.maximum(ratio[: grid.count], estimate / self._tol)
-        if self._hurries is not None:
-            hurried = self._hurries(grid, solved.path) ** (grid.stages + 1)
+        ratio[: grid.count] = np.maximum(ratio[: grid.count], estimate / self.tol)
+        if self.hurries is not None:
+            hurried = self.hurries(grid, solved.path) ** (grid.stages + 1)
             ratio[: grid.count] = np.maximum(ratio[: grid.count], hurried)
         good = first_refused(ratio)
         at.learn(tried, ratio, good)
@@ -243,19 +238,19 @@ class Collocation:
             return None
         part, path, begin = grid.first(good), solved.path.first(good), at.t
         event = None
-        if self._events is not None:
-            event = self._events.first(part, path, about.first(good).at)
+        if self.events is not None:
+            event = self.events.first(part, path, about.first(good).at)
         if event is not None:
             part, path = part.first(event.step + 1), path.first(event.step + 1)
         edges, x, power = part.edges[1:].copy(), path.x[1:].copy(), solved.power[: part.count]
         if event is not None:
             edges[-1], x[-1] = event.time, between(part, path, power, np.array([event.time]))[0][0]
         at.windows.append((part.edges, path.w))
-        self._accept(edges, x, solved.torque[: part.count])
+        self.accept(edges, x, solved.torque[: part.count])
         at.t, at.x, at.before, at.torque = float(edges[-1]), x[-1], path.w[-1, -1], solved.torque[part.count - 1, -1]
         at.largest = np.maximum(at.largest, np.abs(path.x).max(axis=0))
-        if event is not None and self._events is not None:
-            at.stop_at(event, self._events.switch(event, begin, at.x))
+        if event is not None and self.events is not None:
+            at.stop_at(event, self.events.switch(event, begin, at.x))
         if at.linear is not None and beside is not None:
             beside = beside.first(good)
             at.linear.accept(beside)
@@ -268,7 +263,7 @@ class Collocation:
             at.begin = Start.RIGID
         for begin in list(Start)[at.begin :]:
             path = at.trail.follow(about.grid, at.x) if at.trail and begin is not Start.NEWTON else None
-            solved = solve_window(self._equations, about, at.x, before, scale, self._tol, begin, path)
+            solved = solve_window(self.equations, about, at.x, before, scale, self.tol, begin, path)
             if solved is not None:
                 if begin > at.begin or (begin is Start.RIGID and solved.sweeps > MANY_SWEEPS):
                     at.begin, at.far = max(begin, Start.SHIFTED), size
@@ -281,8 +276,8 @@ class Collocation:
         """The acceleration (n,) from which the window starts."""
         if at.before is None:
             n = len(at.x) // 2
-            t = at.t + BREAK_DISTANCE * self._period
-            at.before, places = solve_acceleration(self._equations, t, at.x[:n], at.x[n:])
+            t = at.t + BREAK_DISTANCE * self.period
+            at.before, places = solve_acceleration(self.equations, t, at.x[:n], at.x[n:])
             if at.linear is not None:
                 at.linear.behind_break(places)
         return at.before
@@ -335,14 +330,13 @@ def predict(lin: Linearization, t: Array, start: Array, law: Law, tol: float) ->
     """
     marks, narrow = mark_times(t[[0, -1]], lin, find_rough_times(law, lin))
     equations = LinearEquations(lin, law)
-    n, k = lin.n, law.memory
 
     def run(stages: int, share: float, trail: Trail | None = None) -> tuple[Array, Trail | None]:
         integrator = Collocation(equations, lin.period, stages, max(share * tol, LEAST_RUN_TOL))
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                found, trail = integrator.integrate(t, to_coordinates(start, n), marks, narrow, trail=trail)
-                return from_coordinates(found[:, :-1], n, k), trail
+                found, _, trail = integrator.integrate(t, start, marks, narrow, trail=trail)
+                return found[:, :-1], trail
         except NumericalError:
             return np.full((len(t), len(start)), np.nan), trail
 

@@ -1,6 +1,6 @@
 """What the drive makes of the commanded torque: saturation, sampling, delay, steps of encoders and torques."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,11 +90,8 @@ def scene_drive(lin: Linearization) -> Drive:
     if lin.control is None:
         return Drive()
     limit, sampling = lin.control.saturation, lin.control.sampling
-    return Drive(
-        None if limit is None else limit.torque,
-        None if sampling is None else sampling.period,
-        0.0 if sampling is None else sampling.delay,
-        None if limit is None else limit.rate,
-        None if sampling is None else sampling.encoders,
-        None if sampling is None else sampling.torque,
-    )
+    drive = Drive() if limit is None else Drive(limit=limit.torque, rate=limit.rate)
+    if sampling is None:
+        return drive
+    steps = {"encoders": sampling.encoders, "steps": sampling.torque}
+    return replace(drive, sample_time=sampling.period, delay=sampling.delay, **steps)

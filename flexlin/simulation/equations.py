@@ -38,14 +38,8 @@ class Places:
     def some(self, which: Array | slice) -> "Places":
         """The same at some of the times."""
         M, D, K = (A[which] for A in self.linear)
-        return Places(
-            self.t[which],
-            [part[which] for part in self.place],
-            self.gain[which],
-            self.offset[which],
-            (M, D, K),
-            self.force[which],
-        )
+        t, gain, offset, force = (part[which] for part in (self.t, self.gain, self.offset, self.force))
+        return Places(t, [part[which] for part in self.place], gain, offset, (M, D, K), force)
 
     def torque(self, y: Array, v: Array) -> Array:
         """What the law commands, (N, m)."""

@@ -13,7 +13,7 @@ from flexlin.linearization.linearization import Linearization
 from flexlin.precision import SLIGHT
 from flexlin.simulation.collocation import LEAST_RUN_TOL, Collocation
 from flexlin.simulation.drive import Drive
-from flexlin.simulation.equations import ModedEquations, NonlinearEquations, from_coordinates, to_coordinates
+from flexlin.simulation.equations import ModedEquations, NonlinearEquations
 from flexlin.simulation.events import Events, Samples
 from flexlin.simulation.mesh import Trail, find_rough_times, law_times, mark_times
 from flexlin.simulation.modes import Friction
@@ -195,26 +195,22 @@ class NonlinearLoop:
         self, t: Array, start: Array, rtol: float, stages: int, linear: bool, trail: Trail | None
     ) -> tuple[Array, Array | None]:
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
-        n, k = self.n, self._law.memory
-        found, self.trail = self._integrate(
-            self._equations_under(self._law), t, to_coordinates(start, n), rtol, stages, None, linear, trail
-        )
-        states, work, beside = np.split(found, [2 * (n + k), 2 * (n + k) + 1], axis=1)
-        z = np.column_stack([from_coordinates(states, n, k), work])
-        return z, from_coordinates(beside, n, k) if linear else None
+        equations = self._equations_under(self._law)
+        z, beside, self.trail = self._integrate(equations, t, start, rtol, stages, None, linear, trail)
+        return z, beside
 
     def _switched(self, t: Array, start: Array, rtol: float, stages: int) -> Array:
         """From event to event and from sample to sample, in a mode at a time."""
-        law, n, sampled = self._law, self.n, self.drive.sample_time is not None
+        law, sampled = self._law, self.drive.sample_time is not None
         events = (Samples if sampled else Events)(self.lin, law, self.drive, self.friction)
         arm = ModedEquations(self.lin, law.direct if sampled else law, events.modes, self.friction)
-        start = events.begin(float(t[0]), start)[: 2 * n + arm.k]
-        found, _ = self._integrate(arm, t, to_coordinates(start, n), rtol, stages, events)
-        x = from_coordinates(found[:, :-1], n, arm.k)
+        start = events.begin(float(t[0]), start)[: 2 * self.n + arm.k]
+        z, *_ = self._integrate(arm, t, start, rtol, stages, events)
         if isinstance(events, Samples):
-            x = np.column_stack([x, events.memory(t)])
-        self.events, self.given = tuple(events.notes), events.torques(t, law.torque(law_times(self.lin, t), x))
-        return np.column_stack([x, found[:, -1]])
+            z = np.column_stack([z[:, :-1], events.memory(t), z[:, -1]])
+        self.events = tuple(events.notes)
+        self.given = events.torques(t, law.torque(law_times(self.lin, t), z[:, :-1]))
+        return z
 
     def _integrate(
         self,
@@ -226,7 +222,7 @@ class NonlinearLoop:
         events: Events | None,
         linear: bool = False,
         trail: Trail | None = None,
-    ) -> tuple[Array, Trail | None]:
+    ) -> tuple[Array, Array | None, Trail | None]:
         """States by collocation, each looked at once it is reached."""
         ends, limit = t[[0, -1]], self.drive.limit
         if isinstance(events, Samples):

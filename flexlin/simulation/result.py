@@ -269,14 +269,8 @@ class Simulation(Shown):
         states = [*self.names, *[f"{name}_rate" for name in self.names]]
         units = [*self.units, *[f"{unit}/s" for unit in self.units]] or [""] * len(states)
         units_of = {"axis": {"units": "m"}, "input": {"units": "N m, or N on a joint that slides"}}
-        axes = {
-            "nonlinear": "state",
-            "linear": "state",
-            "torque": "input",
-            "tip": "axis",
-            "tip_linear": "axis",
-            "tip_rigid": "axis",
-        }
+        axes = {"nonlinear": "state", "linear": "state", "torque": "input"}
+        axes |= dict.fromkeys(("tip", "tip_linear", "tip_rigid"), "axis")
         series = {name: (("time", axis), getattr(self, name), units_of.get(axis, {})) for name, axis in axes.items()}
         coords = {
             "time": ("time", self.t, {"units": "s"}),
