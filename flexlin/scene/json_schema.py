@@ -7,14 +7,12 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from pydantic import BaseModel
-from pydantic.fields import FieldInfo
 
-from flexlin.scene.base import Unit
 from flexlin.scene.effects import effects_table, known_effects
 from flexlin.scene.library import registered_model, shipped_models
 from flexlin.scene.links import ASKED
 from flexlin.scene.parameters import PARAMETERS
-from flexlin.scene.problems import list_tables
+from flexlin.scene.problems import Place
 from flexlin.scene.scene import FlexibleTable, JointTable, RobotTable, Scene
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -88,15 +86,10 @@ def commented_scene(data: dict[str, Any]) -> str:
 
 def note(path: tuple[str, ...], model: str | None) -> str:
     """What is said of a key in a comment: its description and unit; nothing where no table knows it."""
-    tables: list[type[BaseModel]] = [Scene]
-    fields = list[FieldInfo]()
-    for step in path:
-        fields = [one for table in tables for name, one in table.model_fields.items() if step in (name, one.alias)]
-        of_model = [registered_model(model).schema] if step == PARAMETERS and model else tables
-        tables = [table for one in fields for table in list_tables(one.annotation)] or of_model
-    described = next((one for one in fields if one.description), FieldInfo(description=""))
-    unit = "".join(f" [{mark.name}]" for mark in described.metadata if isinstance(mark, Unit) and mark.name)
-    return str(described.description).partition("\n")[0] + unit
+    of_model = model is not None and path[0] == PARAMETERS and len(path) > 1
+    place = Place.of(registered_model(str(model)).schema, path[1:]) if of_model else Place.of(Scene, path)
+    described = next((field.description for field in place.fields if field.description), "")
+    return described.partition("\n")[0] + (f" [{place.unit}]" if place.unit else "")
 
 
 Note = Callable[[tuple[str, ...]], str]

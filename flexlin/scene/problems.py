@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 from flexlin.bounds import LONGEST_SHOWN, MOST_ITEMS, hint_at, printable
 from flexlin.errors import Problem, SceneError
@@ -107,10 +108,15 @@ class Place:
         return next((key for key in reversed(self.keys) if isinstance(key, str)), "")
 
     @property
+    def fields(self) -> list[FieldInfo]:
+        """What the last key is, in each of its tables that has it."""
+        known = [item for table in self.tables for item in table.model_fields.items()]
+        return [field for name, field in known if self.name in (name, field.alias)]
+
+    @property
     def annotations(self) -> list[Any]:
         """What the last key may hold."""
-        fields = [item for table in self.tables for item in table.model_fields.items()]
-        return [field.annotation for name, field in fields if self.name in (name, field.alias)]
+        return [field.annotation for field in self.fields]
 
     @property
     def models(self) -> tuple[type[BaseModel], ...]:
