@@ -27,8 +27,8 @@ from flexlin.plots.view import Series, Shown, View
 from flexlin.precision import MINOR, SLIGHT
 from flexlin.resources import Stopwatch, part
 from flexlin.scene.links import DIRECTIONS
-from flexlin.scene.loading import raw_tables, revise_scene
-from flexlin.scene.parameters import get_value, path_in
+from flexlin.scene.loading import parse_scene, raw_tables, revise_scene
+from flexlin.scene.parameters import get_value, need_numbers, path_in
 from flexlin.scene.scene import MOST_UNCERTAIN, Scene
 from flexlin.summary import represent
 
@@ -246,12 +246,9 @@ def identify(
 
 def find_limits(scene: Scene, paths: list[str]) -> tuple[Array, Array]:
     """The ends of what the scene's schema takes: 0 where it refuses a negative number, 1 where it refuses 2, else none."""
-    low, high, large = [], [], dict[str, float]()
-    for path in paths:
-        value = get_value(scene, path)
-        if not isinstance(value, float):
-            raise ArgumentError(f"{path} cannot be fitted", got=repr(value)[:60], expected="a real number of the scene")
-        large[path] = 1e3 * max(abs(value), 1.0)
+    need_numbers(scene, paths)
+    low, high = [], []
+    large = {path: 1e3 * max(abs(get_value(scene, path)), 1.0) for path in paths}
     for path in paths:
         size = max(abs(get_value(scene, path)), 1e-3)
         low.append(-np.inf if accepts(scene, {path: -size}) else 0.0 if accepts(scene, {path: 0.0}) else 1e-6 * size)
@@ -393,8 +390,6 @@ def sample_shapes(scene: Scene) -> list[Array]:
 
 def place_uncertainty(scene: Scene, evidence: Evidence, limits: tuple[Array, Array], paths: list[str]) -> Scene:
     """The scene with two standard errors to both sides of each number of the arm as its [uncertainty]."""
-    from flexlin.scene.loading import parse_scene
-
     table: dict[str, dict[str, float]] = {}
     for path, error in list(evidence.errors.items()):
         k, value = paths.index(path), float(get_value(scene, path))

@@ -77,7 +77,7 @@ class ParametricLoop:
 
     @lazy
     def matrices(self) -> ca.Function:
-        """(phase, p) -> M, D, K, or (phase, p, gain) where a designed gain is kept; `inputs` makes its arguments."""
+        """(phase, p) -> M, D, K, or (phase, p, gain) where a designed gain is kept."""
         return loop_matrices(self.linearization, self.kept)
 
     @property
@@ -121,14 +121,10 @@ class ParametricLoop:
 
     def sample(self, phases: Array, points: Array) -> tuple[Array, Array, Array]:
         """M, D, K (N V, n + k, n + k) at N phases times V points, the points running fastest."""
-        M, D, K = symbolic.evaluate(self.matrices, *self.inputs(phases, points))
-        return M, D, K
-
-    def inputs(self, phases: Array, points: Array) -> list[Array]:
-        """The arguments of `matrices` at N phases times V points, the points running fastest, (N V, rows) each."""
         of_phase = np.repeat(self.of_phase(phases), len(points), axis=0)
         gain = [] if self.kept is None else [of_phase[:, 1:]]
-        return [of_phase[:, :1], np.tile(points, (len(phases), 1)), *gain]
+        M, D, K = symbolic.evaluate(self.matrices, of_phase[:, :1], np.tile(points, (len(phases), 1)), *gain)
+        return M, D, K
 
     def of_phase(self, phases: Array) -> Array:
         """What of the arguments of `matrices` the phase decides: itself, and the kept gain column by column, (N, 1 + m (2n + k))."""

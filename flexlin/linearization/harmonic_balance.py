@@ -208,12 +208,8 @@ def find_passages(layers: Layers, y: FourierSeries, points: int) -> Array:
     for one in values.T:
         size, moved = np.abs(one), np.abs(np.diff(one))
         fastest = np.maximum(moved[1:], moved[:-1])
-        low = (
-            (size[1:-1] <= size[:-2])
-            & (size[1:-1] < size[2:])
-            & (size[1:-1] - fastest < LAYER_ARGUMENT)
-            & (fastest > 0)
-        )
+        low = (size[1:-1] <= size[:-2]) & (size[1:-1] < size[2:]) & (fastest > 0)
+        low &= size[1:-1] - fastest < LAYER_ARGUMENT
         for i in np.flatnonzero(low) + 1:
             slope = (one[i + 1] - one[i - 1]) / (t[i + 1] - t[i - 1])
             crosses = one[i + 1] * one[i - 1] < 0

@@ -82,9 +82,7 @@ X, Y, Z = ca.horzsplit(ca.SX.eye(3))
 
 def cross_matrix(a: ca.SX) -> ca.SX:
     """The matrix (3, 3) with cross_matrix(a) b = a x b."""
-    x, y, z, none = a[0], a[1], a[2], ca.SX(1, 1)
-    rows = ((none, -z, y), (z, none, -x), (-y, x, none))
-    return ca.vertcat(*[ca.horzcat(*row) for row in rows])
+    return ca.sparsify(ca.skew(a))
 
 
 def is_same(a: ca.SX, b: ca.SX) -> bool:
@@ -232,12 +230,7 @@ class RigidMass:
     def carried_by(self, frame: Frame, axis: ca.SX) -> Body:
         """The body in a frame, with its inertia about an axis of length 1."""
         inertia = tensor(**self.tensor.entries()) + about(axis, self.inertia)
-        return rigid_body(frame, self.mass, inertia, column(*self.place))
-
-
-def rigid_body(frame: Frame, mass: Any, inertia: ca.SX, centre: ca.SX | None = None) -> Body:
-    """A rigid body with its centre at `centre` (3, 1) in the frame's axes and `inertia` (3, 3) about its centre."""
-    return Body(frame, rigid_moments(mass, inertia, ca.SX(3, 1) if centre is None else centre))
+        return Body(frame, rigid_moments(self.mass, inertia, column(*self.place)))
 
 
 def rigid_moments(mass: Any, inertia: ca.SX, centre: ca.SX) -> Moments:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import casadi as ca
 
-from flexlin.mechanics.body import Body, about, rigid_body
+from flexlin.mechanics.body import Body, Moments, about
 from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_joint
 from flexlin.precision import MINOR
 from flexlin.scene.base import NonNegative, PerLink, Positive, Unit
@@ -37,7 +37,7 @@ class BearingCompliance(Effect):
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
         turning = [i for i in chain.moving if chain.links[i].table.joint == "revolute"]
-        return tuple(rigid_body(chain.joints[i], 0.0, self._across(chain, i)) for i in turning)
+        return tuple(Body(chain.joints[i], Moments(second=self._across(chain, i))) for i in turning)
 
     def _across(self, chain: Chain, joint: int) -> ca.SX:
         """J (E - a a^T), (3, 3)."""
