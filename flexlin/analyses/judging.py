@@ -220,7 +220,7 @@ class Bending:
 
 @dataclass(frozen=True)
 class AtRest:
-    """Natural frequencies in Hz with the joints held as the motion begins, rising; `gives_way`: it buckles or flutters there."""
+    """Natural frequencies in Hz with the joints held as the motion begins, rising; `gives_way`: in a posture it buckles or flutters."""
 
     frequencies: Array
     gives_way: bool
@@ -246,13 +246,13 @@ def examine(plant: Linearization, lengths: Array) -> AtRest | None:
         loads = [linearize(arm, one) for one in (resting, held)]
     except InputError:
         return None
-    squares = np.linalg.eigvals(np.linalg.solve(loads[0].M(0.0), loads[0].K(0.0)))
-    squares = squares[np.argsort(squares.real)]
+    c = loads[0].sample(motion.period * np.arange(SAMPLES) / SAMPLES)
+    squares = np.linalg.eigvals(np.linalg.solve(c.M, c.K))
     rounding = SUM_ROUNDING * np.abs(squares).max()
-    if squares[0].real <= rounding or np.abs(squares.imag).max() > rounding:
+    if squares.real.min() <= rounding or np.abs(squares.imag).max() > rounding:
         return AtRest(np.zeros(0), True, None)
     known = None if arm.axes is None else Bending(lengths, *(bend(lin, lengths) for lin in loads))
-    return AtRest(np.sqrt(squares.real) / (2 * np.pi), False, known)
+    return AtRest(np.sqrt(np.sort(squares[0].real)) / (2 * np.pi), False, known)
 
 
 def find_bending(scene: Scene) -> float:
