@@ -17,6 +17,7 @@ from flexlin.cli import main
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
 from flexlin.report import page as pages
 from flexlin.report import write_report
+from flexlin.scene import Accuracy
 from tests.test_limits import raising
 
 WEIGHTS = "state_weight=[1, 1, 1, 1], input_weight=[1.0]"
@@ -116,7 +117,7 @@ def test_what_libraries_warn_of_is_a_note_of_the_stage(report, monkeypatch: pyte
 
 
 def test_a_note_is_one_line_and_steers_nothing() -> None:
-    clock = Clock()
+    clock = Clock(Budget(Accuracy()))
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         with clock.step("work"):
@@ -158,9 +159,9 @@ def exhaust(scene: str, folder: Path, monkeypatch: pytest.MonkeyPatch, exhausted
     """The page, and the names of the stages, of which one is given no time."""
     stage = Clock.stage
 
-    def hurried(self, name, accuracy, work, *rest, **options):
+    def hurried(self, name, work, *rest, **options):
         late = raising(TimeLimit(f"{name}: stopped at the time limit"))
-        return stage(self, name, accuracy, late if name == exhausted else work, *rest, **options)
+        return stage(self, name, late if name == exhausted else work, *rest, **options)
 
     with monkeypatch.context() as patch:
         patch.setattr(Clock, "stage", hurried)

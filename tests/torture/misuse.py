@@ -157,7 +157,7 @@ NONSENSE = (
 def outcome(function: Callable, arguments: dict[str, Any]) -> str:
     """ "answered", "refused", or what untyped error came through."""
     try:
-        with warnings.catch_warnings(), limited("the call", Budget().allow("the call", Accuracy(seconds=LONGEST))):
+        with warnings.catch_warnings(), limited("the call", Budget(Accuracy(seconds=LONGEST)).allow("the call")):
             warnings.simplefilter("ignore")
             function(**arguments)
     except FlexlinError:

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from flexlin.analyses.analysis import derive_equations
-from flexlin.analyses.clock import Clock
+from flexlin.analyses.clock import Budget, Clock
 from flexlin.analyses.disturbed.stated import Directions, Disturbance, Kind, disturb, state_disturbance
 from flexlin.analyses.judging import LEAST_TOL
 from flexlin.analyses.loops import find_design
@@ -351,16 +351,15 @@ def answer_in_scene(
 
     Raises: ArgumentError for words that cannot be read, an unknown loop, or one that is not stable.
     """
-    clock, asked = clock or Clock(), scene.accuracy
     table = None if loop in ("own", "open") else find_design(scene, loop)
-    tol = max(asked.tol, LEAST_TOL)
+    clock, tol = clock or Clock(Budget(scene.accuracy)), max(scene.accuracy.tol, LEAST_TOL)
     shared = derive_equations(scene, clock)
     closed = shared.plant if loop == "open" else shared.closed
     stated = state_disturbance(kind, words, closed)
     law, system = closed.law, closed.periodic_system()
     if table is not None:
-        made = clock.stage(f"design: {loop}", asked, partial(design, shared.plant, table, asked.tol))
+        made = clock.stage(f"design: {loop}", partial(design, shared.plant, table, scene.accuracy.tol))
         law, system = law.with_gain(made.K, made.controller), made.closed_loop
     if kind == "noise":
-        return clock.stage("covariance", asked, lambda: answer_noise(closed, stated, system, tol))
-    return clock.stage("answer", asked, lambda: respond(closed, stated, law, system, periods, tol, scene.drives))
+        return clock.stage("covariance", lambda: answer_noise(closed, stated, system, tol))
+    return clock.stage("answer", lambda: respond(closed, stated, law, system, periods, tol, scene.drives))
