@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -26,10 +25,10 @@ from flexlin.periodic.system import (
     dual_system,
     with_matrices,
 )
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Estimator:
     """A periodic state estimator.
 
@@ -63,8 +62,6 @@ class Estimator:
     C: MatrixFunction
     dual: RiccatiSolution
     closed_loop: PeriodicSystem
-
-    __repr__ = represent
 
     @property
     def error(self) -> float:

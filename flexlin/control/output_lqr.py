@@ -20,7 +20,7 @@ from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.riccati.scattering import transpose
 from flexlin.periodic.system import PeriodicSystem, as_system, dual_system
 from flexlin.precision import LARGEST_LOG_GROWTH, ROOT_EPS, SLIGHT
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
 def measured_gain(K: Array, C: MatrixFunction) -> MatrixFunction:
@@ -28,7 +28,7 @@ def measured_gain(K: Array, C: MatrixFunction) -> MatrixFunction:
     return combine(partial(np.matmul, K), C)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class OutputDesign:
     """A static output feedback u = -K y, y = C(t) x.
 
@@ -60,8 +60,6 @@ class OutputDesign:
     cost: float
     change: float
     status: str
-
-    __repr__ = represent
 
 
 @checked

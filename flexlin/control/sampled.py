@@ -28,7 +28,7 @@ from flexlin.periodic.sampled import (
 from flexlin.periodic.sampled_cost import SampledProblem, bound_rounding, solve_samples, spread_noise, weigh_samples
 from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside, with_matrices
 from flexlin.precision import SAFETY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class SampledGain:
         return np.asarray(self.in_order[place])
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class SampledDesign:
     """A state feedback that is computed at samples and held, u(t) = -K_k z_k for t_k + delay <= t < t_(k+1) + delay.
 
@@ -92,8 +92,6 @@ class SampledDesign:
     sample_time: float
     delay: float
     error: float
-
-    __repr__ = represent
 
     @property
     def gain(self) -> MatrixFunction:
@@ -214,7 +212,7 @@ def sampled_lqr(
     return SampledDesign(system, K, X, turn.instants, sample_time, delay, error)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class SampledEstimator:
     """A Kalman filter that works from sample to sample, z = x:
 
@@ -257,8 +255,6 @@ class SampledEstimator:
     instants: Array
     sample_time: float
     error: float
-
-    __repr__ = represent
 
     def floquet(self, design: SampledDesign | None = None, tol: float = 1e-9) -> FloquetResult:
         """Return Floquet's verdict on the error of the estimate, or on a design that feeds back the corrected estimate.

@@ -1,7 +1,6 @@
 """How much gain, phase and delay a periodic loop endures: Floquet's verdict on the perturbed loop, no frozen time."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import partial
 from math import factorial
 
@@ -18,7 +17,7 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem, as_system, input_of, with_matrices
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
 from flexlin.precision import ROOT_EPS
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 LARGEST_GAIN, GAIN_RATIO = 1e3, 1.4
 """Factors on the gain that are tried, and the ratio from one gain or delay to the next."""
@@ -34,7 +33,7 @@ Start = tuple[float, float]
 """A value whose loop is the one without change, and the growth rate of that; the perturbed loop itself need not exist there."""
 
 
-@dataclass(frozen=True)
+@immutable
 class Margins:
     """What a loop endures before it becomes unstable, all inputs perturbed alike.
 
@@ -66,8 +65,6 @@ class Margins:
     delay: float
     errors: tuple[float, float, float, float]
     reason: str = ""
-
-    __repr__ = represent
 
 
 @checked

@@ -24,13 +24,13 @@ from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_be
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS, choose_setting, find_rule, place_segments
 from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
 from flexlin.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY, SLIGHT, TINY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 INPUT_HARMONICS, START_MODES = 8, 3
 """Harmonics of inputs that are tried; modes about whose frequencies the largest gain is sought, and as many steps to it."""
 
 
-@dataclass(frozen=True)
+@immutable
 class H2Norm:
     """The H2 norm and a bound on its error, in units of the output per root of the unit of white noise on the inputs.
 
@@ -50,8 +50,6 @@ class H2Norm:
 
     value: float
     error: float
-
-    __repr__ = represent
 
 
 @checked
@@ -290,7 +288,7 @@ class PeakSearch:
         return max(again, self.gains[omega]) + SAFETY * abs(again - self.gains[omega])
 
 
-@dataclass(frozen=True)
+@immutable
 class HinfNorm:
     """The largest gain from inputs to outputs, in the sense of energy, with its error and the frequency where it is reached.
 
@@ -314,8 +312,6 @@ class HinfNorm:
     value: float
     error: float
     frequency: float
-
-    __repr__ = represent
 
 
 @checked

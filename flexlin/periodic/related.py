@@ -1,6 +1,6 @@
 """Periodic systems with outputs, and how they are connected: in series, in parallel, in feedback."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 import numpy as np
@@ -13,10 +13,10 @@ from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, ha
 from flexlin.periodic.interpolation import golden
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
 from flexlin.precision import ROOT_EPS
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class PeriodicStateSpace:
     """A periodic system with an output, x' = A x + B u, y = C x + D u, all of one period.
 
@@ -61,8 +61,6 @@ class PeriodicStateSpace:
     C: MatrixFunction
     D: MatrixFunction
     p: int = field(init=False)
-
-    __repr__ = represent
 
     @checked
     def __init__(

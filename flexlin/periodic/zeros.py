@@ -1,6 +1,5 @@
 """Invariant zeros: the motions that a system may make while its output stays zero."""
 
-from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
 
@@ -18,10 +17,10 @@ from flexlin.periodic.coefficients import MatrixFunction, close_loop, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
 from flexlin.precision import EPS, FAINT, SAFETY, SLIGHT, TINY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class InvariantZeros:
     """The zeros of x' = A x + B u, y = C x + D u, as exponents.
 
@@ -49,8 +48,6 @@ class InvariantZeros:
     errors: Array
     relative_degree: tuple[int, ...]
     verdict: str
-
-    __repr__ = represent
 
 
 @checked

@@ -13,7 +13,7 @@ from flexlin.checks import Array
 from flexlin.errors import FlexlinError
 from flexlin.periodic.circle import measure_distances
 from flexlin.resources import advance
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 STAGES = (
     "coefficients", "transition matrices", "exponents", "periodic Riccati", "forced response", "simulation",
@@ -60,7 +60,7 @@ class Row:
     outside: bool = False
 
 
-@dataclass(frozen=True)
+@immutable
 class CostResult:
     """A table of accuracy against time.
 
@@ -87,8 +87,6 @@ class CostResult:
     rows: tuple[Row, ...]
     floor: float
     notes: tuple[str, ...] = ()
-
-    __repr__ = represent
 
     def stage(self, name: str) -> tuple[Row, ...]:
         """Return the rows of one stage.

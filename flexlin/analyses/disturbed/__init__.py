@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -30,7 +30,7 @@ from flexlin.scene.scene import Scene
 from flexlin.simulation.drive import Drive, scene_drive
 from flexlin.simulation.equations import NonlinearEquations, Places
 from flexlin.simulation.loop import NonlinearLoop
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 PHASES = np.arange(16) / 16
 """At which the disturbance begins."""
@@ -128,7 +128,7 @@ Seen = Callable[[Array, Array], Array]
 """Times (N,) and states (N, 2n) -> what is looked at, (N,)."""
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class DisturbanceAnswer:
     """What a disturbance does to a loop, beside its steady motion.
 
@@ -173,8 +173,6 @@ class DisturbanceAnswer:
     nonlinear: Array | None
     problem: str
     load: DriveLoad | None
-
-    __repr__ = represent
 
     @property
     def peak(self) -> float:
@@ -294,7 +292,7 @@ def overshoot(values: Array, end: Array) -> float:
     return max(0.0, back / ahead) if ahead > 0 else 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class NoiseAnswer:
     """Root mean squares in the long run, beside the steady motion.
 
@@ -317,8 +315,6 @@ class NoiseAnswer:
     states: Array
     tip: Array
     error: float
-
-    __repr__ = represent
 
 
 def answer_noise(lin: Linearization, stated: Disturbance, loop: PeriodicSystem, tol: float = 1e-8) -> NoiseAnswer:

@@ -30,7 +30,7 @@ from flexlin.periodic.transition.gauss import (
 )
 from flexlin.plots.view import Series, Shown, View
 from flexlin.precision import CUBE_ROOT_EPS, EPS, SAFETY, TINY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 if TYPE_CHECKING:
     import xarray
@@ -41,7 +41,7 @@ LANCZOS_VECTORS = 8
 """Of which the input with the largest gain is made, before they are begun anew from it."""
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class FrequencyResponse(Shown):
     """What u = exp(i omega t) v does in the long run: y = sum over k of H_k exp(i (omega + 2 pi k / T) t) v.
 
@@ -71,8 +71,6 @@ class FrequencyResponse(Shown):
     H: Array
     error: float
     period: float
-
-    __repr__ = represent
 
     @property
     def direct(self) -> Array:

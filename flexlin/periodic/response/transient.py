@@ -1,7 +1,6 @@
 """What a periodic system does from a state on: under steps, pushes and other inputs, and under noise."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
@@ -20,7 +19,7 @@ from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, choose_gau
 from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.plots.view import Series, Shown, View
 from flexlin.precision import EPS, SAFETY, TINY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 if TYPE_CHECKING:
     import xarray
@@ -32,7 +31,7 @@ MOST_STEPS = NODES * MAX_SEGMENTS
 Input = Callable[[Array], Array] | ArrayLike
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Transient(Shown):
     """States from a time on, and how far noise spreads them.
 
@@ -59,8 +58,6 @@ class Transient(Shown):
     x: Array
     covariance: Array
     error: float
-
-    __repr__ = represent
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return the states and their covariance as a dataset.

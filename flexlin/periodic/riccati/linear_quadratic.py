@@ -14,7 +14,7 @@ from flexlin.periodic.floquet.modes import find_coinciding, floquet_modes
 from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, divided
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, dual_system, input_of
 from flexlin.precision import CUBE_ROOT_EPS, EPS, ROOT_EPS, SLIGHT, TINY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 WEIGHT_TIMES = 64
 """Times of a period at which the weights are checked, and on which X is begun."""
@@ -145,7 +145,7 @@ def check_definite(name: str, weight: Callable[[Array], Array], t: Array, strict
         )
 
 
-@dataclass(frozen=True)
+@immutable
 class RiccatiSolution:
     """X(t) and the gain K(t) of a linear-quadratic problem, at any time, with the evidence that they are right.
 
@@ -193,8 +193,6 @@ class RiccatiSolution:
     doublings: int
     segments: int
     status: str
-
-    __repr__ = represent
 
     @property
     def edges(self) -> Array:
