@@ -20,7 +20,7 @@ from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, RiccatiSo
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.riccati.scattering import symmetrize, transpose
 from flexlin.periodic.sampled import sampled_floquet
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import immutable
 
@@ -279,7 +279,6 @@ def pd_feedback(
     >>> fl.floquet(made.closed_loop).exponents.real.round(6).tolist()
     [-1.0, -2.0]
     """
-    system = as_system(system)
     n = system.n // 2
     wanted = f"{system.m}: one for each input"
     places = real_array("joints", joints, (None,))

@@ -20,7 +20,6 @@ from flexlin.periodic.system import (
     MatrixFunction,
     PeriodicSystem,
     as_matrix_function,
-    as_system,
     check_samples,
     dual_system,
     with_matrices,
@@ -161,7 +160,6 @@ def kalman_filter(
     >>> print(f"{estimator.P(0.0).item():.6f} {1 + np.sqrt(2):.6f}")
     2.414214 2.414214
     """
-    system = as_system(system)
     C, _ = as_measurement(C, system)
     W, V = (as_matrix_function(name, value) for name, value in (("W", W), ("V", V)))
     for name, noise in (("W", W), ("V", V)):

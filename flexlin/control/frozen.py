@@ -15,7 +15,7 @@ from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, Resolv
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, linear_quadratic, refuse_mode
 from flexlin.periodic.riccati.riccati import resolve_problem
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 
 REACHED_SHARE = 1e-13
 """A mode counts as reached (or seen) when its share in B (or Q) is larger than this, relative to the matrices' sizes: than rounding."""
@@ -81,7 +81,6 @@ def averaged_lqr(
     >>> fl.floquet(design.closed_loop).verdict
     'stable'
     """
-    system = as_system(system)
     problem = linear_quadratic(system, Q, R, N)
     resolved, _ = resolve_problem(problem, system)
     A, B, state, effort, cross = map(mean, (resolved.A, resolved.B, resolved.Q, resolved.R, resolved.N))
@@ -161,7 +160,6 @@ def frozen_lqr(
     >>> design.error < 1e-3, fl.floquet(design.closed_loop).verdict
     (True, 'stable')
     """
-    system = as_system(system)
     if phases < 1:
         raise ArgumentError("no phases", got=phases, expected="at least 1")
     check_size(f"a schedule of {phases} phases", 32 * phases * system.n**2, "take fewer phases")

@@ -17,7 +17,7 @@ from flexlin.periodic.coefficient_series.sampling import RESOLVED_TOL
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution, linear_quadratic
 from flexlin.periodic.riccati.riccati import finite_horizon_riccati, periodic_riccati, rough_places
-from flexlin.periodic.system import PeriodicSystem, as_system, extend_system
+from flexlin.periodic.system import PeriodicSystem, extend_system
 
 SMOOTH_PARTS = 64
 """Of the period: where coefficients change in a shorter time the gain has a series of its own."""
@@ -85,7 +85,6 @@ def periodic_lqr(
     >>> design.error < 1e-9, fl.floquet(design.closed_loop).verdict
     (True, 'stable')
     """
-    system = as_system(system)
     solution = periodic_riccati(system, Q, R, N, tol)
     gain, apart = represent_gain(solution, system, tol)
     error = float(solution.gain_error + apart)
@@ -156,7 +155,6 @@ def with_integral_action(system: PeriodicSystem, measured: ArrayLike) -> Periodi
     >>> fl.control.with_integral_action(system, [[1.0, 0.0]]).A([0.0])[0].tolist()
     [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     """
-    system = as_system(system)
     if system.B is None:
         raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
     C = real_array("measured", measured, (None, system.n))
@@ -269,7 +267,6 @@ def finite_horizon_lqr(
     >>> print(f"{design.X(0.25).item():.8f} {np.tanh(0.75):.8f}")
     0.63514895 0.63514895
     """
-    system = as_system(system)
     final = cost_at_rest(system, Q, R, N) if end is None else end
     solution = finite_horizon_riccati(system, Q, R, final, N, tol)
     repeated = system.feedback(partial(repeat, solution.K, system.period), (0.0,))

@@ -18,7 +18,7 @@ from flexlin.periodic.interpolation import fourier_nodes
 from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.riccati.scattering import transpose
-from flexlin.periodic.system import PeriodicSystem, as_system, dual_system
+from flexlin.periodic.system import PeriodicSystem, dual_system
 from flexlin.precision import LARGEST_LOG_GROWTH, ROOT_EPS, SLIGHT
 from flexlin.summary import immutable
 
@@ -120,7 +120,7 @@ def output_lqr(
     >>> made.K.round(4).tolist()
     [[1.0, 1.7321]]
     """
-    system, tol = as_system(system), positive("tol", tol)
+    tol = positive("tol", tol)
     posed = linear_quadratic(system, Q, real_array("R", R, (system.m, system.m)))
     output, p = as_measurement(C, system)
     problem = OutputProblem(system, posed, output)

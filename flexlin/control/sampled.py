@@ -26,7 +26,7 @@ from flexlin.periodic.sampled import (
     sampled_floquet,
 )
 from flexlin.periodic.sampled_cost import SampledProblem, bound_rounding, solve_samples, spread_noise, weigh_samples
-from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside, with_matrices
+from flexlin.periodic.system import PeriodicSystem, resolve_beside, with_matrices
 from flexlin.precision import SAFETY
 from flexlin.summary import immutable
 
@@ -197,7 +197,7 @@ def sampled_lqr(
     >>> print(f"{made.K.item():.6f}")
     0.649000
     """
-    system, tol = as_system(system), positive("tol", tol)
+    tol = positive("tol", tol)
     turn = find_round(system, sample_time, delay)
     posed = linear_quadratic(system, Q, R)
     weights = resolve_beside(system, posed.Q), resolve_beside(system, posed.R)
@@ -361,7 +361,7 @@ def sampled_estimator(
     >>> print(f"{made.P.item():.6f}")
     1.618034
     """
-    system, tol = as_system(system), positive("tol", tol)
+    tol = positive("tol", tol)
     if system.B is None:
         system = with_matrices(system, system.A, Constant(np.zeros((system.n, 1))))
     turn, n = find_round(system, sample_time, 0.0), system.n

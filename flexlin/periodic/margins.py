@@ -14,7 +14,7 @@ from flexlin.errors import NotStable, NumericalError, TimeLimit
 from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_function, combine, hold_input
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.system import PeriodicSystem, as_system, input_of, with_matrices
+from flexlin.periodic.system import PeriodicSystem, input_of, with_matrices
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
 from flexlin.precision import ROOT_EPS
 from flexlin.summary import immutable
@@ -110,7 +110,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     >>> print(f"{fl.margins(plant, [[1.0, 1.0]]).phase:.4f}")
     0.9046
     """
-    system, tol = as_system(system), positive("tol", tol)
+    tol = positive("tol", tol)
     B, K = input_of(system), as_matrix_function("gain", gain)
     nominal = system.feedback(K)
     found = floquet(nominal, ROOT_EPS)

@@ -20,7 +20,7 @@ from flexlin.periodic.interpolation import fourier_nodes
 from flexlin.periodic.response.frequency import Segments, condense
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.roots import MOST_STEPS
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
+from flexlin.periodic.system import PeriodicSystem, as_port, edges_between, input_of, resolve_beside
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS, choose_setting, find_rule, place_segments
 from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
 from flexlin.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY, SLIGHT, TINY
@@ -95,7 +95,6 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     >>> print(f"{fl.h2_norm(system, [[1.0, 0.0]]).value:.6f}")
     1.000000
     """
-    system = as_system(system)
     B, output = system.resolved_input, as_port("C", C, (None, system.n), system.period)
     solution = periodic_lyapunov(system, combine(multiply_transposed, output), MINOR * positive("tol", tol))
     corners = np.union1d(solution.edges, B.edges)
@@ -366,7 +365,6 @@ def hinf_norm(
     >>> print(f"{fl.hinf_norm(system, [[1.0, 0.0]]).value:.6f} {1 / (0.2 * 0.99**0.5):.6f}")
     5.025189 5.025189
     """
-    system = as_system(system)
     input_of(system)
     output, tol = as_port("C", C, (None, system.n), system.period), positive("tol", tol)
     rows = output(np.zeros(1)).shape[1]

@@ -11,7 +11,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, has_nothing_narrow
 from flexlin.periodic.interpolation import golden
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
+from flexlin.periodic.system import PeriodicSystem, as_port, input_of
 from flexlin.precision import ROOT_EPS
 from flexlin.summary import immutable
 
@@ -69,7 +69,6 @@ class PeriodicStateSpace:
         C: MatrixFunction | ArrayLike,
         D: MatrixFunction | ArrayLike | None = None,
     ):
-        system = as_system(system)
         input_of(system)
         output = as_port("C", C, (None, system.n), system.period)
         p = output(np.zeros(1)).shape[1]

@@ -15,7 +15,7 @@ from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficient_series.sampling import RESOLVED_TOL, stratified
 from flexlin.periodic.coefficients import MatrixFunction, close_loop, combine
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
+from flexlin.periodic.system import PeriodicSystem, as_port, edges_between, input_of, resolve_beside
 from flexlin.precision import EPS, FAINT, SAFETY, SLIGHT, TINY
 from flexlin.summary import immutable
 
@@ -107,7 +107,7 @@ def invariant_zeros(
     >>> print(f"{found.exponents.real.item():.9f} {4 / 3**0.5 - 3:.9f}")
     -0.690598923 -0.690598923
     """
-    system, tol = as_system(system), positive("tol", tol)
+    tol = positive("tol", tol)
     input_of(system)
     n, m = system.n, system.m
     as_many = system.period, ": outputs as inputs"

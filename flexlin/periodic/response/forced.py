@@ -25,7 +25,7 @@ from flexlin.periodic.coefficients import (
 )
 from flexlin.periodic.interpolation import FINER_BOUNDS, NODES, TAIL, edges_of_short, place_edges
 from flexlin.periodic.product import COHERENT_PART, cyclic_system, find_spectrum
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import (
     GUESS_MARGIN,
     MAX_SEGMENTS,
@@ -222,7 +222,6 @@ def forced_response(
     >>> print(f"{response(0.7).item():.9f} {(np.cos(0.7) + np.sin(0.7)) / 2:.9f}")
     0.704529937 0.704529937
     """
-    system = as_system(system)
     whole("max_segments", max_segments)
     force = as_force(f, system)
     problem = ForcedProblem(system, force, find_corners(system, force, real_array("breaks", breaks, (None,))))

@@ -16,7 +16,7 @@ from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.interpolation import place_edges
 from flexlin.periodic.product import cyclic_system
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
+from flexlin.periodic.system import PeriodicSystem, as_port, input_of, resolve_beside
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
@@ -153,7 +153,7 @@ def frequency_response(
     >>> [(int(k), round(float(abs(H)), 6)) for k, H in zip(found.orders, found.H[0, :, 0, 0]) if abs(H) > 1e-8]
     [(-1, 0.5), (1, 0.5)]
     """
-    system, tol = as_system(system), positive("tol", tol)
+    tol = positive("tol", tol)
     frequencies = np.atleast_1d(real_array("omega", omega))
     input_of(system)
     given = as_port("C", C, (None, system.n), system.period)

@@ -14,7 +14,7 @@ from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
 from flexlin.periodic.interpolation import NODES, divide_evenly, divide_segments, edges_of_short
 from flexlin.periodic.response.forced import STEP_STAGES
-from flexlin.periodic.system import PeriodicSystem, as_system, input_of
+from flexlin.periodic.system import PeriodicSystem, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, choose_gauss_step, measure_pace
 from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.plots.view import Series, Shown, View
@@ -132,7 +132,7 @@ def respond(
     >>> found.covariance[:, 0, 0].round(6).tolist()
     [0.0, 0.432332, 0.5]
     """
-    system, times = as_system(system), real_array("t", t, (None,))
+    times = real_array("t", t, (None,))
     if len(times) < 2 or not np.all(np.diff(times) > 0):
         raise ArgumentError("t does not increase", got=f"{len(times)} times", expected="two or more, increasing")
     n, m = system.n, system.m
