@@ -11,16 +11,7 @@ import numpy as np
 
 from flexlin.analyses.boundary import Margin
 from flexlin.analyses.clock import Answer, Budget, Clock, Measure, Step
-from flexlin.analyses.judging import (
-    LEAST_TOL,
-    Loop,
-    ModelValidity,
-    Response,
-    arm_length,
-    find_response,
-    judge_model,
-    response_error,
-)
+from flexlin.analyses.judging import LEAST_TOL, Loop, ModelValidity, Response, arm_length, find_response, judge_model
 from flexlin.analyses.loops import SAMPLED, TIMES
 from flexlin.checks import SAMPLES, Array
 from flexlin.control.catalogue import design, pose_design
@@ -207,7 +198,8 @@ def judge_period(a: Analysis) -> None:
         look = partial(find_resonances, system, floquet_modes(system, result))
         a.resonances = tuple(a.attempt("resonances", "cause of the instability", look) or ())
     work = partial(find_response, a.closed, system, a.t, a.asked.tol)
-    a.own = replace(a.own, response=a.attempt("response", "forced response", work, response_error))
+    response = a.attempt("response", "forced response", work, lambda found: found.relative_error)
+    a.own = replace(a.own, response=response)
     follow_nonlinear(a)
     if result is None:
         a.problems["linear range"] = "no Floquet modes are known to measure it along"
@@ -311,7 +303,8 @@ def with_response(a: Stages, loop: Loop, system: PeriodicSystem | None = None) -
     if known is None or sampled or loop.verdict not in ("stable", "undecided"):
         return loop
     work = partial(find_response, a.closed, known, a.t, a.asked.tol)
-    return replace(loop, response=a.clock.attempt(f"forced response: {loop.name}", work, response_error)[0])
+    response, _ = a.clock.attempt(f"forced response: {loop.name}", work, lambda found: found.relative_error)
+    return replace(loop, response=response)
 
 
 def judge_sampled_loops(a: Analysis) -> tuple[Loop, ...]:

@@ -161,6 +161,22 @@ class Trial:
     detail: Callable[[Any], str] | None = None
 
 
+Trials = tuple[Iterable[Trial], Callable[[Any], float]]
+"""What a stage tries, and the error of what comes out."""
+
+
+def measure_stage(name: str, stage: Callable[[], Trials], most: float) -> tuple[list[Row], list[str]]:
+    """The rows of a stage that may take some s and begins with its references; a note where it has none, or not all."""
+    begin, seconds = perf_counter(), max(min(STAGE_SECONDS, most), 1e-3)
+    try:
+        with time_limit(name, max(min(2 * seconds, most), 1e-3)):
+            rows = measure_trials(name, *stage(), seconds)
+    except FlexlinError as error:
+        return [], [f"{name} left out: {error.what}"]
+    over = f"{name}: the slowest settings are left out, which {seconds:.2g} s do not hold"
+    return rows, [over] if perf_counter() - begin > seconds else []
+
+
 def measure_trials(
     stage: str, trials: Iterable[Trial], error: Callable[[Any], float], seconds: float = STAGE_SECONDS
 ) -> list[Row]:
