@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
 from flexlin.control.designed_loop import Design
-from flexlin.control.frozen import constant_lqr
+from flexlin.control.frozen import solve_frozen
 from flexlin.errors import ArgumentError, ToleranceNotReached
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficient_series.matrix import Series
@@ -267,23 +267,13 @@ def finite_horizon_lqr(
     >>> print(f"{design.X(0.25).item():.8f} {np.tanh(0.75):.8f}")
     0.63514895 0.63514895
     """
-    final = cost_at_rest(system, Q, R, N) if end is None else end
-    solution = finite_horizon_riccati(system, Q, R, final, N, tol)
+    if end is None:
+        last = np.array([system.period * (1 - 1e-12)])
+        (X,) = solve_frozen(linear_quadratic(system, Q, R, N), last, "at the end of the horizon")[1]
+        end = 0.5 * (X + X.T)
+    solution = finite_horizon_riccati(system, Q, R, end, N, tol)
     repeated = system.feedback(partial(repeat, solution.K, system.period), (0.0,))
     status = describe_gain(solution, solution.gain_error, tol)
     return Design(
         name, "finite-horizon-lqr", solution.K, repeated, solution.gain_error, status, solution.problem, solution
     )
-
-
-def cost_at_rest(
-    system: PeriodicSystem,
-    Q: MatrixFunction | ArrayLike,
-    R: MatrixFunction | ArrayLike,
-    N: MatrixFunction | ArrayLike | None,
-) -> Array:
-    """Return the LQR cost of the coefficients at the end of the horizon."""
-    problem, last = linear_quadratic(system, Q, R, N), np.array([system.period * (1 - 1e-12)])
-    A, B, state, effort, cross = (f(last)[0] for f in (problem.A, problem.B, problem.Q, problem.R, problem.N))
-    _, X = constant_lqr(A, B, state, effort, cross, "at the end of the horizon")
-    return 0.5 * (X + X.T)
