@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         ),
         "analyses.audit": "Audit Judge Measure Row find_reach",
         "analyses.audit.versions": "list_effect_versions read_scale",
-        "analyses.clock": "Budget Clock DRAWING_SHARE Step limited time_limit",
+        "analyses.clock": "Clock DRAWING_SHARE Step limited time_limit",
         "analyses.disturbed": "answer_in_scene answer_noise overshoot respond settling_time",
         "analyses.disturbed.stated": "state_disturbance",
         "analyses.judging": "arm_length examine find_bending judge_model Loop SMALL_SHARE",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.analyses.boundary import Margin
-from flexlin.analyses.clock import Answer, Budget, Clock, Measure, Step
+from flexlin.analyses.clock import Answer, Clock, Measure, Step
 from flexlin.analyses.judging import LEAST_TOL, Loop, ModelValidity, Response, arm_length, find_response, judge_model
 from flexlin.analyses.loops import SAMPLED, TIMES
 from flexlin.checks import SAMPLES, Array
@@ -167,7 +167,7 @@ def analyse(scene: Scene, clock: Clock | None = None, free: Sequence[str] = ()) 
     Returns: an `Analysis`; a stage that fails or meets a limit is a message in it.
     Raises: InputError for a scene that cannot be used; NumericalError when there are no linear equations.
     """
-    shared = derive_equations(scene, clock or Clock(Budget(scene.accuracy)), free)
+    shared = derive_equations(scene, clock or Clock(scene.accuracy), free)
     coefficients = shared.clock.stage("coefficients over a period", partial(shared.plant.sample, shared.t))
     own, open_loop = judge_own_loops(shared)
     a = Analysis(**vars(shared), coefficients=coefficients, own=own, open_loop=open_loop)

@@ -200,42 +200,6 @@ PLANNED_SHARE = 0.9
 """Share of its time that a search plans with: a call of a library may take longer than those before it."""
 
 
-@dataclass
-class Budget:
-    """Time and memory of one piece of work, as it is `asked`; `held`: bytes in use before its first stage."""
-
-    asked: Accuracy
-    watch: Stopwatch = field(default_factory=Stopwatch)
-    held: int | None = None
-
-    def allow(
-        self, name: str, share: float = 1.0, at_most: float = inf, by_tol: bool = False, last: bool = False
-    ) -> Allowance:
-        """What a stage gets: a share of what is left, at most some s (more of a long whole); the last one takes what was kept too.
-
-        Raises: TimeLimit where no time is left.
-        """
-        asked = self.asked
-        if self.held is None:
-            self.held = read_resident()
-        end = asked.last_end if last else asked.stages_end
-        left, clock = end - self.watch.seconds, asked.patience * end - self.watch.clock
-        most, memory = at_most * max(1.0, asked.seconds / LIMIT_SECONDS), asked.memory + self.held - read_resident()
-        above = max(asked.seconds, LIMIT_SECONDS) if most < share * left else asked.seconds
-        seconds, waits = min(share * left, most), (1 + share) / 2 * clock
-        allowed = Allowance(seconds, max(memory, 1.0), asked.seconds, asked.memory, above, waits, by_tol)
-        if min(left, clock) <= 0:
-            kept = "" if last else "; the rest is for drawing and writing"
-            used = f"{end:g} of {asked.seconds:g} s are used up{kept}"
-            raise TimeLimit(f"{name}: not begun", got=used, todo=allowed.more_time)
-        return allowed
-
-    def plan(self, share: float = 1.0) -> float:
-        """The seconds that a search within a stage plans with, of which no more pass by the clock before the stage is ended."""
-        allowed = self.allow("the search", share)
-        return PLANNED_SHARE * min(allowed.seconds, allowed.clock)
-
-
 LOG = logging.getLogger(__name__)
 Progress = Callable[[str], None]
 Answer = TypeVar("Answer")
@@ -266,15 +230,45 @@ class Step:
 class Clock:
     """Collects the steps, and the errors of attempts by their names; `progress` is called with the name of each step as it begins.
 
-    budget: what all stages together may take, and the error that each is asked for;
-    planned: how many steps there will be, where that is known: each is said to be one part of the work.
+    asked: the error of each stage, and what all of them together may take; watch: since when;
+    planned: how many steps there will be, where that is known: each is said to be one part of the work;
+    held: bytes in use before the first stage.
     """
 
-    budget: Budget
+    asked: Accuracy
     progress: Progress | None = None
     planned: int = 0
+    watch: Stopwatch = field(default_factory=Stopwatch)
+    held: int | None = None
     steps: list[Step] = field(default_factory=list)
     failures: dict[str, FlexlinError] = field(default_factory=dict)
+
+    def allow(
+        self, name: str, share: float = 1.0, at_most: float = inf, by_tol: bool = False, last: bool = False
+    ) -> Allowance:
+        """What a stage gets: a share of what is left, at most some s (more of a long whole); the last one takes what was kept too.
+
+        Raises: TimeLimit where no time is left.
+        """
+        asked = self.asked
+        if self.held is None:
+            self.held = read_resident()
+        end = asked.last_end if last else asked.stages_end
+        left, clock = end - self.watch.seconds, asked.patience * end - self.watch.clock
+        most, memory = at_most * max(1.0, asked.seconds / LIMIT_SECONDS), asked.memory + self.held - read_resident()
+        above = max(asked.seconds, LIMIT_SECONDS) if most < share * left else asked.seconds
+        seconds, waits = min(share * left, most), (1 + share) / 2 * clock
+        allowed = Allowance(seconds, max(memory, 1.0), asked.seconds, asked.memory, above, waits, by_tol)
+        if min(left, clock) <= 0:
+            kept = "" if last else "; the rest is for drawing and writing"
+            used = f"{end:g} of {asked.seconds:g} s are used up{kept}"
+            raise TimeLimit(f"{name}: not begun", got=used, todo=allowed.more_time)
+        return allowed
+
+    def plan(self, share: float = 1.0) -> float:
+        """The seconds that a search within a stage plans with, of which no more pass by the clock before the stage is ended."""
+        allowed = self.allow("the search", share)
+        return PLANNED_SHARE * min(allowed.seconds, allowed.clock)
 
     @contextmanager
     def step(self, name: str) -> Iterator[dict[str, Any]]:
@@ -320,8 +314,8 @@ class Clock:
         """
         with self.step(name) as found:
             if error_of is not None:
-                found["asked"] = tol or self.budget.asked.tol
-            allowed = self.budget.allow(name, share, at_most, error_of is not None, last)
+                found["asked"] = tol or self.asked.tol
+            allowed = self.allow(name, share, at_most, error_of is not None, last)
             with limited(name, allowed):
                 answer = work()
             if error_of is not None:

@@ -89,7 +89,7 @@ def tune_gains(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         limits, vary = ({key: (low, high) for key, low, high, _ in asked} for asked in (options.gain, options.vary))
         tune = partial(flexlin.tune, work.scene, list(limits) or None, vary, limits, tol=work.scene.accuracy.tol)
-        found = clock.stage("tune the gains", lambda: tune(seconds=clock.budget.plan()))
+        found = clock.stage("tune the gains", lambda: tune(seconds=clock.plan()))
     print(f"{work.scene.title}: {found.status}")
     for path, value in found.gains.items():
         print(f"  {path} = {value:.6g}")
@@ -145,7 +145,7 @@ def identify_numbers(work: Work, options: argparse.Namespace) -> int:
         scene = work.scene
         log = clock.stage("read the log", partial(flexlin.read_log, options.log, scene))
         fit = partial(flexlin.identify, scene, log, options.free, options.window, options.hold_back)
-        found = clock.stage("fit the log", lambda: fit(seconds=clock.budget.plan()))
+        found = clock.stage("fit the log", lambda: fit(seconds=clock.plan()))
     print(found.summary())
     fields = "values errors unknown correlations fit noise settled status"
     record = {"log": log.source, **report.record_fields(found, fields)}

@@ -249,7 +249,7 @@ def effects(work: Work, options: argparse.Namespace) -> int:
 def measure_cost(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         measure = partial(flexlin.cost, work.scene)
-        result = clock.stage("accuracy against time", lambda: measure(seconds=clock.budget.plan()))
+        result = clock.stage("accuracy against time", lambda: measure(seconds=clock.plan()))
     print(report.cost_table(result))
     done = work.write("cost", [report.draw_cost(result)], result.record(), report.summarise_cost(result))
     return done if result.rows else NO_ANSWER

@@ -293,8 +293,7 @@ class Work:
         """The clock of the stages within; `planned`: how many there will be, where that is known."""
         with Progress() as self.progress:
             self.progress("load the numerical libraries")
-            budget = analyses.Budget(self.scene.accuracy, self.options.watch)
-            self.kept = analyses.Clock(budget, self.progress, planned)
+            self.kept = analyses.Clock(self.scene.accuracy, self.progress, planned, self.options.watch)
             yield self.kept
 
     def say_accuracy(self) -> None:

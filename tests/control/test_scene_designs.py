@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_simpson
 from scipy.linalg import solve_continuous_are
 
 import flexlin as fl
-from flexlin.analyses import Budget, Clock, Loop, analyse, plant_and_designs
+from flexlin.analyses import Clock, Loop, analyse, plant_and_designs
 from flexlin.control import design, gain_source, kalman_filter, output_feedback, save, scene_sensors
 from flexlin.control.export.files import Labels
 from flexlin.errors import ArgumentError, NumericalError, SceneError
@@ -165,7 +165,7 @@ def test_the_report_judges_the_design_with_its_states_estimated_and_exports_both
     own = found.designs[0].floquet.exponents
     assert max(np.abs(loop.floquet.exponents - value).min() for value in own) < 1e-4 * np.abs(own).max()
     assert record(found)["estimated"]["LQG, estimated"]["verdict"] == "stable"
-    export_all(*plant_and_designs(scene, Clock(Budget(scene.accuracy))), tmp_path, 8, scene)
+    export_all(*plant_and_designs(scene, Clock(scene.accuracy)), tmp_path, 8, scene)
     assert (tmp_path / "c-lqg" / "gain.h").exists()
     assert "[1] curvature of link 1 at 0 in 1/m" in (tmp_path / "c-lqg" / "estimator.h").read_text(encoding="utf-8")
 

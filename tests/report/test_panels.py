@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import Analysis, Budget, Clock, Loop, analyse
+from flexlin.analyses import Analysis, Clock, Loop, analyse
 from flexlin.analyses.judging import find_response
 from flexlin.plots import SMALL_FONT, Linear, Logarithmic, Mark, Panel, Symlog, draw, measure_text
 from flexlin.report import draw_pictures, figures
@@ -39,7 +39,7 @@ def large() -> Analysis:
     response = find_response(closed, closed.periodic_system(), t, 1e-6)
     own = Loop("PD", "pd", None, "not asked", response=response)
     found = {"coefficients": plant.sample(t), "open_loop": Loop("open loop", "open", None, "not asked")}
-    return Analysis(scene, Clock(Budget(scene.accuracy)), plant, closed, t, own=own, **found)
+    return Analysis(scene, Clock(scene.accuracy), plant, closed, t, own=own, **found)
 
 
 @pytest.fixture

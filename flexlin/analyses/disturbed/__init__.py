@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from flexlin.analyses.analysis import derive_equations
-from flexlin.analyses.clock import Budget, Clock
+from flexlin.analyses.clock import Clock
 from flexlin.analyses.disturbed.stated import Directions, Disturbance, Kind, disturb, state_disturbance
 from flexlin.analyses.judging import LEAST_TOL
 from flexlin.analyses.loops import find_design
@@ -348,7 +348,7 @@ def answer_in_scene(
     Raises: ArgumentError for words that cannot be read, an unknown loop, or one that is not stable.
     """
     table = None if loop in ("own", "open") else find_design(scene, loop)
-    clock, tol = clock or Clock(Budget(scene.accuracy)), max(scene.accuracy.tol, LEAST_TOL)
+    clock, tol = clock or Clock(scene.accuracy), max(scene.accuracy.tol, LEAST_TOL)
     shared = derive_equations(scene, clock)
     closed = shared.plant if loop == "open" else shared.closed
     stated = state_disturbance(kind, words, closed)
