@@ -9,7 +9,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
 from flexlin.control.designed_loop import Design
 from flexlin.control.frozen import solve_frozen
-from flexlin.errors import ArgumentError, ToleranceNotReached
+from flexlin.errors import ToleranceNotReached
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficient_series.matrix import Series
 from flexlin.periodic.coefficient_series.resolve import resolve
@@ -17,7 +17,7 @@ from flexlin.periodic.coefficient_series.sampling import RESOLVED_TOL
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution, linear_quadratic
 from flexlin.periodic.riccati.riccati import finite_horizon_riccati, periodic_riccati, rough_places
-from flexlin.periodic.system import PeriodicSystem, extend_system
+from flexlin.periodic.system import PeriodicSystem, extend_system, input_of
 
 SMOOTH_PARTS = 64
 """Of the period: where coefficients change in a shorter time the gain has a series of its own."""
@@ -155,8 +155,7 @@ def with_integral_action(system: PeriodicSystem, measured: ArrayLike) -> Periodi
     >>> fl.control.with_integral_action(system, [[1.0, 0.0]]).A([0.0])[0].tolist()
     [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     """
-    if system.B is None:
-        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
+    input_of(system)
     C = real_array("measured", measured, (None, system.n))
     return extend_system(system, np.hstack([C, np.zeros((len(C), len(C)))]))
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.control.designed_loop import Design
-from flexlin.control.estimator import as_measurement, said_of_a_filter
+from flexlin.control.estimator import said_of_a_filter
 from flexlin.errors import ArgumentError, counted
 from flexlin.linearization.law import Law
 from flexlin.periodic.coefficients import Constant, MatrixFunction
@@ -26,7 +26,7 @@ from flexlin.periodic.sampled import (
     sampled_floquet,
 )
 from flexlin.periodic.sampled_cost import SampledProblem, bound_rounding, solve_samples, spread_noise, weigh_samples
-from flexlin.periodic.system import PeriodicSystem, resolve_beside, with_matrices
+from flexlin.periodic.system import PeriodicSystem, as_port, resolve_beside, with_matrices
 from flexlin.precision import SAFETY
 from flexlin.summary import immutable
 
@@ -365,7 +365,8 @@ def sampled_estimator(
     if system.B is None:
         system = with_matrices(system, system.A, Constant(np.zeros((system.n, 1))))
     turn, n = find_round(system, sample_time, 0.0), system.n
-    output, p = as_measurement(C, system)
+    output = as_port("C", C, (None, n), system.period)
+    p = output(np.zeros(1)).shape[1]
     measured = PeriodicSystem(np.zeros((n, n)), system.period, np.zeros((n, p)))
     posed = linear_quadratic(measured, W, V)
     t = turn.instants
