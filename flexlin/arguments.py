@@ -25,6 +25,7 @@ HINTS = {
     "a Scene or a PeriodicFamily": "load one: fl.load_scene(name or path)",
     "a Linearization": "make one: fl.linearize(arm, motion, control)",
     "a PeriodicMotion": "give what periodic_motion hands back",
+    "a FloquetModes": "give what floquet_modes hands back",
     ANY_SYSTEM: f"make one of A(t) and its period: fl.{SYSTEM}(A, period)",
 }
 """What to do where a scene or a system is missing, which most often means that its name, or A(t) itself, was given."""
@@ -32,10 +33,11 @@ HINTS = {
 
 @dataclass(frozen=True)
 class Kind:
-    """What an argument must be, in words and as a test; as a mark it stands in `Annotated[Any, Kind(...)]`."""
+    """What an argument must be, in words and as a test, and what is made of it; as a mark it stands in `Annotated[Any, Kind(...)]`."""
 
     words: str
     fits: Callable[[Any], bool]
+    take: Callable[[Any], Any] = lambda value: value
 
 
 def instance(name: str, value: object, kind: type | tuple[type, ...], todo: str | None = None) -> None:
@@ -52,7 +54,7 @@ def name_kind(kind: type) -> str:
 
 
 def checked(function: Function) -> Function:
-    """Refuse arguments of another kind than the annotations state, before the function begins.
+    """Refuse arguments of another kind than the annotations state, before the function begins; a system is made of what has one.
 
     Values are the function's own matter: this looks at kinds alone, and at what is annotated in a way that says something.
     Raises: ArgumentError naming the argument.
@@ -68,14 +70,17 @@ def checked(function: Function) -> Function:
     @wraps(function)
     def begin(*given: Any, **named: Any) -> Any:
         try:
-            bound = signature.bind_partial(*given, **named).arguments
+            bound = signature.bind_partial(*given, **named)
         except TypeError:  # too many or unknown arguments: Python says it best
             return function(*given, **named)
         for name, kind in kinds().items():
-            if name in bound and not kind.fits(bound[name]):
-                got, todo = shown(bound[name]), HINTS.get(kind.words)
-                raise ArgumentError(f"{name} is of another kind", got=got, expected=kind.words, todo=todo)
-        return function(*given, **named)
+            if name in bound.arguments:
+                value = bound.arguments[name]
+                if not kind.fits(value):
+                    got, todo = shown(value), HINTS.get(kind.words)
+                    raise ArgumentError(f"{name} is of another kind", got=got, expected=kind.words, todo=todo)
+                bound.arguments[name] = kind.take(value)
+        return function(*bound.args, **bound.kwargs)
 
     return begin  # type: ignore[return-value]
 
@@ -113,7 +118,11 @@ def kind_of(annotation: Any) -> Kind | None:
     if not isinstance(annotation, type) or annotation in (object, Any, inspect.Parameter.empty):
         return None
     if annotation.__name__ == SYSTEM:
-        return Kind(ANY_SYSTEM, lambda v: isinstance(v, annotation) or callable(getattr(v, MAKER, None)))
+        return Kind(
+            ANY_SYSTEM,
+            lambda v: isinstance(v, annotation) or (not isinstance(v, type) and callable(getattr(v, MAKER, None))),
+            lambda v: v if isinstance(v, annotation) else getattr(v, MAKER)(),
+        )
     return Kind(name_kind(annotation), lambda value: isinstance(value, annotation))
 
 

@@ -1,9 +1,10 @@
 """A short repr for results: names, shapes and numbers instead of every entry of every array."""
 
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
+from functools import partial
 from numbers import Complex, Integral, Real
 from textwrap import wrap
-from typing import Any
+from typing import Any, dataclass_transform
 
 WIDTH, MOST_LINES = 110, 12
 """Columns and lines of a summary."""
@@ -11,11 +12,19 @@ FULL_ENTRIES = 6
 """Entries of an array or a tuple that are shown in full."""
 
 
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def immutable(made: Any = None, **how: bool) -> Any:
+    """Make a class a frozen dataclass with a repr by `represent`; how: as `dataclass` takes it, such as eq=False."""
+    if made is None:
+        return partial(immutable, **how)
+    made.__repr__ = represent
+    return dataclass(frozen=True, **how)(made)
+
+
 def represent(result: Any) -> str:
     """Return a repr of a dataclass in at most 12 lines of 110 columns.
 
     Numbers are shown with six digits, arrays of more than six entries by kind and shape, other objects by the name of their class.
-    Write `__repr__ = represent` in the class: `dataclass` leaves a `__repr__` alone that stands there.
     """
     name = type(result).__name__
     parts = [f"{field.name}={represent_value(getattr(result, field.name))}" for field in fields(result) if field.repr]

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexlin.analyses import Budget, Clock, limited, time_limit
+from flexlin.analyses import Clock, limited, time_limit
 from flexlin.analyses.clock import Allowance
 from flexlin.bounds import MEMORY_LIMIT
 from flexlin.checks import check_size, memory_limit
@@ -209,15 +210,14 @@ def test_the_limit_of_memory_holds_within_its_block():
 
 
 def test_memory_and_linear_algebra_that_give_out_are_the_stage_s_message():
-    clock, problems = Clock(), dict[str, str]()
-    singular = lambda: np.linalg.inv(np.zeros((2, 2)))  # noqa: E731
-    assert clock.attempt(problems, "a", "inverse", Accuracy(), singular) is None
-    assert clock.attempt(problems, "b", "table", Accuracy(), raising(MemoryError("cannot allocate 3 TiB"))) is None
-    assert "inverse: linear algebra has no answer; got Singular matrix" in problems["a"]
-    assert "table: there is not enough memory; got cannot allocate 3 TiB" in problems["b"]
-    assert [step.problem for step in clock.steps] == [problems["a"], problems["b"]]
-    assert clock.failures["a"].__traceback__ is None
-    with pytest.raises(ZeroDivisionError), limited("a fault", Budget().allow("a fault", Accuracy())):
+    clock = Clock(Accuracy())
+    singular, full = partial(np.linalg.inv, np.zeros((2, 2))), raising(MemoryError("cannot allocate 3 TiB"))
+    answers, problems = zip(clock.attempt("inverse", singular), clock.attempt("table", full), strict=True)
+    assert (answers, problems) == ((None, None), tuple(step.problem for step in clock.steps))
+    assert "inverse: linear algebra has no answer; got Singular matrix" in problems[0]
+    assert "table: there is not enough memory; got cannot allocate 3 TiB" in problems[1]
+    assert clock.failures["inverse"].__traceback__ is None
+    with pytest.raises(ZeroDivisionError), limited("a fault", clock.allow("a fault")):
         raise ZeroDivisionError
 
 
@@ -233,37 +233,37 @@ def raising(error: BaseException) -> Callable[..., None]:
 @pytest.mark.parametrize("words", ["std::bad_alloc", "x.so: failed to map segment", "can't start new thread"])
 def test_memory_that_gives_out_inside_a_library_is_named(words):
     with pytest.raises(NumericalError, match="map: there is not enough memory"):
-        Clock().stage("map", Accuracy(), raising(RuntimeError(f"/casadi/core/function.cpp:56: {words}")))
+        Clock(Accuracy()).stage("map", raising(RuntimeError(f"/casadi/core/function.cpp:56: {words}")))
     with pytest.raises(RuntimeError, match="other"):
-        Clock().stage("map", Accuracy(), raising(RuntimeError("other")))
+        Clock(Accuracy()).stage("map", raising(RuntimeError("other")))
 
 
 def test_the_stages_share_one_limit_and_the_last_one_gets_what_was_kept_for_it():
     """Each attempt gets two thirds of what is left, the last stage the kept rest; nothing begins beyond the end."""
     asked, now = Accuracy(seconds=60.0), Stopwatch()
 
-    def spent(seconds: float, waited: float = 0.0) -> Budget:
+    def spent(seconds: float, waited: float = 0.0) -> Clock:
         """After so many seconds of work, and of waiting for other programs."""
         watch = Stopwatch(now.begun - seconds - waited)
         watch.worked -= seconds
-        return Budget(watch)
+        return Clock(asked, watch=watch)
 
     waiting = spent(8.0, 30.0)
     for found, expected in (
-        (Budget(now).allow("one", asked, share=2 / 3).seconds, 32.0),
-        (spent(47.0).allow("one", asked).seconds, 1.0),
-        (spent(52.0).allow("figures", asked, last=True).seconds, 8.0),
-        (waiting.allow("one", asked).seconds, 40.0),
-        (waiting.allow("one", asked).clock, 10.0),
-        (waiting.plan("one", asked), 9.0),
-        (waiting.allow("one", Accuracy()).clock, 106.0),
+        (Clock(asked, watch=now).allow("one", share=2 / 3).seconds, 32.0),
+        (spent(47.0).allow("one").seconds, 1.0),
+        (spent(52.0).allow("figures", last=True).seconds, 8.0),
+        (waiting.allow("one").seconds, 40.0),
+        (waiting.allow("one").clock, 10.0),
+        (waiting.plan(), 9.0),
+        (Clock(Accuracy(), watch=waiting.watch).allow("one").clock, 106.0),
     ):
         assert found == pytest.approx(expected, abs=0.9)
     said = r"one: not begun; got 48 of 60 s are used up; .*writing; allow more time \(--limit-seconds above 60"
     with pytest.raises(TimeLimit, match=said):
-        spent(52.0).allow("one", asked)
-    held = Budget(now, held=read_resident() - 2**20)
-    assert held.allow("one", asked).memory == pytest.approx(asked.memory - 2**20, abs=2**22)
+        spent(52.0).allow("one")
+    held = Clock(asked, watch=now, held=read_resident() - 2**20)
+    assert held.allow("one").memory == pytest.approx(asked.memory - 2**20, abs=2**22)
     ends = [(one.stages_end, one.last_end) for one in (Accuracy(seconds=s) for s in (60.0, 3600.0, 2.0))]
     assert ends == [(48.0, 60.0), (3570.0, 3600.0), (1.6, 3.1)]
 
@@ -272,10 +272,10 @@ def test_the_stages_share_one_limit_and_the_last_one_gets_what_was_kept_for_it()
 def test_what_is_advised_helps():
     """A proof gets a share of the whole: more seconds let it end, as its message says; it names no tol, which would not."""
     for seconds, proved in ((60.0, None), (1200.0, "proved")):
-        problems, asked = dict[str, str](), Accuracy(seconds=seconds)
-        found = Clock().attempt(problems, "proof", "proof", asked, lambda: spin(0.5) or "proved", at_most=0.2)
+        clock = Clock(Accuracy(seconds=seconds))
+        found, problem = clock.attempt("proof", lambda: spin(0.5) or "proved", at_most=0.2)
         assert found == proved
         said = "no answer in 0.2 s of the 60 s of the whole; allow more time (--limit-seconds above 60"
-        assert (said in problems.get("proof", "")) is (proved is None)
+        assert (said in problem) is (proved is None)
     with pytest.raises(TimeLimit, match="ask for a larger tol, or allow more time"):
-        Clock().stage("exponents", Accuracy(seconds=0.2), lambda: spin(60.0), lambda _: 0.0)
+        Clock(Accuracy(seconds=0.2)).stage("exponents", lambda: spin(60.0), lambda _: 0.0)

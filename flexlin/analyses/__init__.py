@@ -6,10 +6,12 @@ __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {},
     within={
-        "analyses.analysis": "analyse Analysis build_with_free derive_equations find_loop_margins plant_and_designs",
+        "analyses.analysis": (
+            "analyse Analysis build_with_free derive_equations find_loop_margins plant_and_designs simulation_error"
+        ),
         "analyses.audit": "Audit Judge Measure Row find_reach",
         "analyses.audit.versions": "list_effect_versions read_scale",
-        "analyses.clock": "Budget Clock DRAWING_SHARE Step limited time_limit",
+        "analyses.clock": "Clock DRAWING_SHARE Step limited time_limit",
         "analyses.disturbed": "answer_in_scene answer_noise overshoot respond settling_time",
         "analyses.disturbed.stated": "state_disturbance",
         "analyses.judging": "arm_length examine find_bending judge_model Loop SMALL_SHARE",

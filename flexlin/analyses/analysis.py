@@ -4,23 +4,14 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import inf, pi
-from typing import TYPE_CHECKING, Any, TypeVar
+from math import pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexlin.analyses.boundary import Margin
-from flexlin.analyses.clock import Clock, Step
-from flexlin.analyses.judging import (
-    LEAST_TOL,
-    Loop,
-    ModelValidity,
-    Response,
-    arm_length,
-    find_response,
-    judge_model,
-    response_error,
-)
+from flexlin.analyses.clock import Answer, Clock, Measure, Step
+from flexlin.analyses.judging import LEAST_TOL, Loop, ModelValidity, Response, arm_length, find_response, judge_model
 from flexlin.analyses.loops import SAMPLED, TIMES
 from flexlin.checks import SAMPLES, Array
 from flexlin.control.catalogue import design, pose_design
@@ -53,10 +44,6 @@ if TYPE_CHECKING:
 
     from flexlin.analyses.audit import Audit
     from flexlin.analyses.nearest import NearestInstability
-
-Answer = TypeVar("Answer")
-Measure = Callable[[Any], float] | None
-"""The error of an answer, where it has one."""
 
 SIMULATED_PERIODS = 3.0
 SIMULATED_DURATIONS = 1.5
@@ -91,16 +78,12 @@ class Stages:
         return self.scene.accuracy
 
     def attempt(
-        self, key: str, name: str, work: Callable[[], Answer], error_of: Measure = None, at_most: float = inf
+        self, key: str, name: str, work: Callable[[], Answer], error_of: Measure = None, **how: float
     ) -> Answer | None:
-        """Do the work of a stage; where it has no trustworthy answer, `problems` says why under `key`."""
-        return self.clock.attempt(self.problems, key, name, self.asked, work, error_of, at_most=at_most)
-
-    def attempt_alone(
-        self, name: str, work: Callable[[], Answer], error_of: Measure = None, at_most: float = inf
-    ) -> tuple[Answer | None, str]:
-        """The answer of a stage about one loop, or why it has none."""
-        return self.attempt(name, name, work, error_of, at_most), self.problems.pop(name, "")
+        """As `Clock.attempt`; where there is no trustworthy answer, `problems` says why under `key`."""
+        answer, problem = self.clock.attempt(name, work, error_of, **how)
+        self.problems |= {key: problem} if problem else {}
+        return answer
 
 
 @dataclass
@@ -184,9 +167,8 @@ def analyse(scene: Scene, clock: Clock | None = None, free: Sequence[str] = ()) 
     Returns: an `Analysis`; a stage that fails or meets a limit is a message in it.
     Raises: InputError for a scene that cannot be used; NumericalError when there are no linear equations.
     """
-    shared = derive_equations(scene, clock or Clock(), free)
-    work = partial(shared.plant.sample, shared.t)
-    coefficients = shared.clock.stage("coefficients over a period", shared.asked, work)
+    shared = derive_equations(scene, clock or Clock(scene.accuracy), free)
+    coefficients = shared.clock.stage("coefficients over a period", partial(shared.plant.sample, shared.t))
     own, open_loop = judge_own_loops(shared)
     a = Analysis(**vars(shared), coefficients=coefficients, own=own, open_loop=open_loop)
     if a.plant.motion.periodic:
@@ -216,7 +198,8 @@ def judge_period(a: Analysis) -> None:
         look = partial(find_resonances, system, floquet_modes(system, result))
         a.resonances = tuple(a.attempt("resonances", "cause of the instability", look) or ())
     work = partial(find_response, a.closed, system, a.t, a.asked.tol)
-    a.own = replace(a.own, response=a.attempt("response", "forced response", work, response_error))
+    response = a.attempt("response", "forced response", work, lambda found: found.relative_error)
+    a.own = replace(a.own, response=response)
     follow_nonlinear(a)
     if result is None:
         a.problems["linear range"] = "no Floquet modes are known to measure it along"
@@ -234,7 +217,7 @@ def judge_period(a: Analysis) -> None:
 
 def derive_equations(scene: Scene, clock: Clock, free: Sequence[str] = ()) -> Stages:
     """The arm alone, and with the scene's own loop; limits of the drives and designs that do not fit are refused before any other work."""
-    arm = clock.stage("equations of motion", scene.accuracy, lambda: build_with_free(scene, free))
+    arm = clock.stage("equations of motion", lambda: build_with_free(scene, free))
 
     def work() -> tuple[Linearization, Linearization]:
         plant = linearize(arm, scene.motion)
@@ -244,7 +227,7 @@ def derive_equations(scene: Scene, clock: Clock, free: Sequence[str] = ()) -> St
             pose_design(plant, table)
         return plant, closed
 
-    plant, closed = clock.stage("linearization", scene.accuracy, work)
+    plant, closed = clock.stage("linearization", work)
     if plant.motion.origin:
         clock.note(f"the motion is made from {plant.motion.origin}")
     return Stages(scene, clock, plant, closed, np.linspace(0.0, plant.period, SAMPLES + 1))
@@ -278,7 +261,7 @@ def describe_end(plant: Linearization) -> str:
 def judge_elastic_loop(a: Stages) -> Loop:
     """The scene's own loop, linearized about the periodic motion of the elastic arm in the place of the rigid one."""
     name, work = "about elastic motion", partial(periodic_motion, a.closed, tol=a.asked.tol)
-    motion, problem = a.attempt_alone("periodic motion of the elastic arm", work, lambda made: made.error)
+    motion, problem = a.clock.attempt("periodic motion of the elastic arm", work, lambda made: made.error)
     if motion is None:
         return Loop(name, "elastic", None, problem)
     return judge_loop(a, name, "elastic", "Floquet: about the elastic motion", linearize_about(motion))
@@ -286,11 +269,11 @@ def judge_elastic_loop(a: Stages) -> Loop:
 
 def judge_loop(a: Stages, name: str, kind: str, step: str, system: PeriodicSystem, made: Design | None = None) -> Loop:
     """Floquet's verdict on a loop, or why there is none."""
-    result, problem = a.attempt_alone(step, lambda: floquet(system, a.asked.tol), exponent_error)
+    result, problem = a.clock.attempt(step, lambda: floquet(system, a.asked.tol), exponent_error)
     loop = Loop(name, kind, result, problem, made)
     if result is None or loop.verdict != "stable" or -loop.growth[0] <= WORTH_PROOF * 2 * pi / result.period:
         return loop
-    proof, _ = a.attempt_alone(f"certificate: {name}", result.certificate, at_most=CERTIFICATE_SECONDS)
+    proof, _ = a.clock.attempt(f"certificate: {name}", result.certificate, at_most=CERTIFICATE_SECONDS)
     return replace(loop, certificate=proof)
 
 
@@ -302,13 +285,13 @@ def judge_designs(a: Stages) -> tuple[Loop, ...]:
 def judge_design(a: Stages, table: DesignTable) -> Loop:
     """A designed controller with the verdict on its closed loop."""
     error_of = (lambda made: float(made.error)) if table.kind in BY_TOL else None
-    made, problem = a.attempt_alone(f"design: {table.name}", partial(design, a.plant, table, a.asked.tol), error_of)
+    made, problem = a.clock.attempt(f"design: {table.name}", partial(design, a.plant, table, a.asked.tol), error_of)
     if made is None:
         return Loop(table.name, table.kind, None, problem)
     if not a.plant.motion.periodic:
         return Loop(table.name, table.kind, None, describe_end(a.plant), made, ends=True)
     if made.sample_time is not None:
-        judged = a.attempt_alone(f"Floquet: {table.name}", partial(made.floquet, max(a.asked.tol, LEAST_TOL)))
+        judged = a.clock.attempt(f"Floquet: {table.name}", partial(made.floquet, max(a.asked.tol, LEAST_TOL)))
         return Loop(table.name, made.kind, *judged, made)
     return judge_loop(a, table.name, table.kind, f"Floquet: {table.name}", made.closed_loop, made)
 
@@ -320,7 +303,8 @@ def with_response(a: Stages, loop: Loop, system: PeriodicSystem | None = None) -
     if known is None or sampled or loop.verdict not in ("stable", "undecided"):
         return loop
     work = partial(find_response, a.closed, known, a.t, a.asked.tol)
-    return replace(loop, response=a.attempt_alone(f"forced response: {loop.name}", work, response_error)[0])
+    response, _ = a.clock.attempt(f"forced response: {loop.name}", work, lambda found: found.relative_error)
+    return replace(loop, response=response)
 
 
 def judge_sampled_loops(a: Analysis) -> tuple[Loop, ...]:
@@ -335,7 +319,7 @@ def judge_sampled_loops(a: Analysis) -> tuple[Loop, ...]:
         rates = None if law.controller is None else law.controller.rates
         given = law.gain, sampling.period, sampling.delay, max(a.asked.tol, LEAST_TOL), rates
         name, work = f"{loop.name}, sampled", partial(sampled_floquet, a.plant.periodic_system(), *given)
-        found.append(Loop(name, "sampled", *a.attempt_alone(f"Floquet: {name}", work)))
+        found.append(Loop(name, "sampled", *a.clock.attempt(f"Floquet: {name}", work)))
     return tuple(found)
 
 
@@ -348,7 +332,7 @@ def judge_estimated_loops(a: Analysis) -> tuple[Loop, ...]:
             continue
         name = f"{loop.name}, estimated"
         work = partial(scene_sensors(a.scene, a.plant, table).filter, a.plant, a.asked.tol)
-        estimator, problem = a.attempt_alone(f"estimator: {loop.name}", work, lambda known: known.error)
+        estimator, problem = a.clock.attempt(f"estimator: {loop.name}", work, lambda known: known.error)
         if estimator is None:
             found.append(Loop(name, "lqg", None, problem))
         else:
@@ -364,13 +348,17 @@ def exponent_error(result: FloquetResult) -> float:
 
 def follow_nonlinear(a: Analysis) -> None:
     """The nonlinear equations beside the linear ones: over some periods, or to the end of a motion and beyond."""
-    asked, periodic = a.asked.of_comparison, a.plant.motion.periodic
+    tol, periodic = a.asked.compared_tol, a.plant.motion.periodic
     span, of = (SIMULATED_PERIODS, "periods") if periodic else (SIMULATED_DURATIONS, "durations")
-    work = partial(simulate, a.closed, span, tol=asked.tol)
-    name, error_of = f"nonlinear simulation of {span:g} {of}", lambda found: max(found.error, found.linear_error)
-    a.simulation = a.clock.attempt(a.problems, "simulation", name, asked, work, error_of)
-    failure = a.clock.failures.get("simulation")
+    name, work = f"nonlinear simulation of {span:g} {of}", partial(simulate, a.closed, span, tol=tol)
+    a.simulation = a.attempt("simulation", name, work, simulation_error, tol=tol)
+    failure = a.clock.failures.get(name)
     a.stopped = failure if isinstance(failure, SimulationStopped) else None
+
+
+def simulation_error(found: Simulation) -> float:
+    """The larger error of both answers, the nonlinear and the linear one."""
+    return max(found.error, found.linear_error)
 
 
 def find_loop_margins(a: Analysis) -> None:

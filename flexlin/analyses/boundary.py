@@ -1,7 +1,7 @@
 """Where a loop becomes unstable or stable again: values of one number, how far the scene's own is from them, and curves in two numbers."""
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -18,13 +18,13 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.precision import MINOR
 from flexlin.scene.parameters import get_value, need_numbers
 from flexlin.scene.scene import Scene
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 SPECTRA_PER_VALUE = 6
 """Spectra that take as long as the resonance and the slope at a value."""
 
 
-@dataclass(frozen=True)
+@immutable
 class CriticalValue:
     """A value of a number at which a loop becomes unstable, or stable again.
 
@@ -68,8 +68,6 @@ class CriticalValue:
     distance: float
     slope: float
     touching: bool = False
-
-    __repr__ = represent
 
 
 @checked
@@ -207,7 +205,7 @@ UNASKED_SECONDS = 1.25
 scene with damping is settled about its own numbers."""
 
 
-@dataclass(frozen=True)
+@immutable
 class Margin:
     """The critical values of one number between low and high, and the scene's own value; values: how many were tried; gap: the widest part
     of the range in which a change may hide since the search had to end, 0 where it did not; searched: ends of the part about its own value
@@ -221,8 +219,6 @@ class Margin:
     critical: tuple[CriticalValue, ...]
     gap: float = 0.0
     searched: tuple[float, float] = (-inf, inf)
-
-    __repr__ = represent
 
     @property
     def nearest(self) -> CriticalValue | None:
@@ -272,7 +268,7 @@ def find_number(scene: Scene, path: str) -> tuple[str, float]:
     return path, 0.0
 
 
-@dataclass(frozen=True)
+@immutable
 class BoundaryCurve:
     """A curve in two numbers that parts stability from instability; the unstable side is on its left.
 
@@ -316,8 +312,6 @@ class BoundaryCurve:
     evaluations: int
     lost: Array
     status: str
-
-    __repr__ = represent
 
 
 @checked

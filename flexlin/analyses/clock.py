@@ -200,43 +200,11 @@ PLANNED_SHARE = 0.9
 """Share of its time that a search plans with: a call of a library may take longer than those before it."""
 
 
-@dataclass
-class Budget:
-    """Time and memory of one piece of work; `held`: bytes in use before its first stage."""
-
-    watch: Stopwatch = field(default_factory=Stopwatch)
-    held: int | None = None
-
-    def allow(
-        self, name: str, asked: Accuracy, share: float = 1.0, at_most: float = inf, by_tol: bool = False, last: bool = False
-    ) -> Allowance:  # fmt: skip
-        """What a stage gets: a share of what is left, at most some s (more of a long whole); the last one takes what was kept too.
-
-        Raises: TimeLimit where no time is left.
-        """
-        if self.held is None:
-            self.held = read_resident()
-        end = asked.last_end if last else asked.stages_end
-        left, clock = end - self.watch.seconds, asked.patience * end - self.watch.clock
-        most, memory = at_most * max(1.0, asked.seconds / LIMIT_SECONDS), asked.memory + self.held - read_resident()
-        above = max(asked.seconds, LIMIT_SECONDS) if most < share * left else asked.seconds
-        seconds, waits = min(share * left, most), (1 + share) / 2 * clock
-        allowed = Allowance(seconds, max(memory, 1.0), asked.seconds, asked.memory, above, waits, by_tol)
-        if min(left, clock) <= 0:
-            kept = "" if last else "; the rest is for drawing and writing"
-            used = f"{end:g} of {asked.seconds:g} s are used up{kept}"
-            raise TimeLimit(f"{name}: not begun", got=used, todo=allowed.more_time)
-        return allowed
-
-    def plan(self, name: str, asked: Accuracy, share: float = 1.0) -> float:
-        """The seconds that a search within a stage plans with, of which no more pass by the clock before the stage is ended."""
-        allowed = self.allow(name, asked, share)
-        return PLANNED_SHARE * min(allowed.seconds, allowed.clock)
-
-
 LOG = logging.getLogger(__name__)
 Progress = Callable[[str], None]
 Answer = TypeVar("Answer")
+Measure = Callable[[Any], float] | None
+"""The error of an answer, where it has one."""
 
 
 @dataclass(frozen=True)
@@ -260,17 +228,47 @@ class Step:
 
 @dataclass
 class Clock:
-    """Collects the steps, and the errors of attempts by their keys; `progress` is called with the name of each step as it begins.
+    """Collects the steps, and the errors of attempts by their names; `progress` is called with the name of each step as it begins.
 
-    budget: what all stages together may take;
-    planned: how many steps there will be, where that is known: each is said to be one part of the work.
+    asked: the error of each stage, and what all of them together may take; watch: since when;
+    planned: how many steps there will be, where that is known: each is said to be one part of the work;
+    held: bytes in use before the first stage.
     """
 
+    asked: Accuracy
     progress: Progress | None = None
+    planned: int = 0
+    watch: Stopwatch = field(default_factory=Stopwatch)
+    held: int | None = None
     steps: list[Step] = field(default_factory=list)
     failures: dict[str, FlexlinError] = field(default_factory=dict)
-    planned: int = 0
-    budget: Budget = field(default_factory=Budget)
+
+    def allow(
+        self, name: str, share: float = 1.0, at_most: float = inf, by_tol: bool = False, last: bool = False
+    ) -> Allowance:
+        """What a stage gets: a share of what is left, at most some s (more of a long whole); the last one takes what was kept too.
+
+        Raises: TimeLimit where no time is left.
+        """
+        asked = self.asked
+        if self.held is None:
+            self.held = read_resident()
+        end = asked.last_end if last else asked.stages_end
+        left, clock = end - self.watch.seconds, asked.patience * end - self.watch.clock
+        most, memory = at_most * max(1.0, asked.seconds / LIMIT_SECONDS), asked.memory + self.held - read_resident()
+        above = max(asked.seconds, LIMIT_SECONDS) if most < share * left else asked.seconds
+        seconds, waits = min(share * left, most), (1 + share) / 2 * clock
+        allowed = Allowance(seconds, max(memory, 1.0), asked.seconds, asked.memory, above, waits, by_tol)
+        if min(left, clock) <= 0:
+            kept = "" if last else "; the rest is for drawing and writing"
+            used = f"{end:g} of {asked.seconds:g} s are used up{kept}"
+            raise TimeLimit(f"{name}: not begun", got=used, todo=allowed.more_time)
+        return allowed
+
+    def plan(self, share: float = 1.0) -> float:
+        """The seconds that a search within a stage plans with, of which no more pass by the clock before the stage is ended."""
+        allowed = self.allow("the search", share)
+        return PLANNED_SHARE * min(allowed.seconds, allowed.clock)
 
     @contextmanager
     def step(self, name: str) -> Iterator[dict[str, Any]]:
@@ -300,15 +298,15 @@ class Clock:
     def stage(
         self,
         name: str,
-        accuracy: Accuracy,
         work: Callable[[], Answer],
-        error_of: Callable[[Answer], float] | None = None,
+        error_of: Measure = None,
         *,
+        tol: float | None = None,
         share: float = 1.0,
         at_most: float = inf,
         last: bool = False,
     ) -> Answer:
-        """Do the work within the limits; with `error_of` the step says which error was asked for and reached.
+        """Do the work within the limits; with `error_of` the step says which error was reached, and asked for: `tol`, or that of all.
 
         Of the time that is left it gets a share, at most some s of 60; the last stage also what was kept for it.
 
@@ -316,8 +314,8 @@ class Clock:
         """
         with self.step(name) as found:
             if error_of is not None:
-                found["asked"] = accuracy.tol
-            allowed = self.budget.allow(name, accuracy, share, at_most, error_of is not None, last)
+                found["asked"] = tol or self.asked.tol
+            allowed = self.allow(name, share, at_most, error_of is not None, last)
             with limited(name, allowed):
                 answer = work()
             if error_of is not None:
@@ -326,22 +324,20 @@ class Clock:
 
     def attempt(
         self,
-        problems: dict[str, str],
-        key: str,
         name: str,
-        accuracy: Accuracy,
         work: Callable[[], Answer],
-        error_of: Callable[[Answer], float] | None = None,
+        error_of: Measure = None,
         *,
+        tol: float | None = None,
         at_most: float = inf,
-    ) -> Answer | None:
-        """As `stage`, with time left for what follows; where there is no trustworthy answer, note why under `key` and return nothing."""
+    ) -> tuple[Answer | None, str]:
+        """As `stage`, with time left for what follows: the answer, or why there is none that can be trusted."""
         try:
-            return self.stage(name, accuracy, work, error_of, share=STAGE_SHARE, at_most=at_most)
+            return self.stage(name, work, error_of, tol=tol, share=STAGE_SHARE, at_most=at_most), ""
         except FlexlinError as error:  # equations may break at values that a stage tries, and refuse what it computed
             error.__cause__ = error.__context__ = None  # calls that led to it would keep all their arrays in memory
-            problems[key], self.failures[key] = str(error), error.with_traceback(None)
-            return None
+            self.failures[name] = error.with_traceback(None)
+            return None, str(error)
 
 
 def note_of(warning: warnings.WarningMessage) -> str:

@@ -44,6 +44,11 @@ class Response:
     law: Law | None = None
 
     @property
+    def relative_error(self) -> float:
+        """The error of the states, relative to the largest, absolute below 1."""
+        return self.error / max(1.0, float(np.abs(self.states).max()))
+
+    @property
     def tip_error(self) -> Array:
         """The distance of the tip from its rigid motion, (N,) in m; not a number where the model has no points."""
         return np.linalg.norm(self.tip, axis=1)
@@ -68,11 +73,6 @@ def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: fl
     rigid = tip_positions(closed, t, np.zeros_like(states))
     tip, by_bending = (tip_positions(closed, t, x) - rigid for x in (states, bent))
     return Response(*known, states, tip, by_bending, None if forward is None else forward.law)
-
-
-def response_error(found: Response) -> float:
-    """The error of the states, relative to the largest, absolute below 1."""
-    return found.error / max(1.0, float(np.abs(found.states).max()))
 
 
 def arm_length(plant: Linearization) -> float:

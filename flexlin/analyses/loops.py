@@ -1,7 +1,7 @@
 """Which loop on the arm is asked about while scene numbers vary: the scene's own, the open arm, or one that is designed."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from flexlin.scene.control import DesignTable
 from flexlin.scene.loading import revise_scene
 from flexlin.scene.parameters import PARAMETERS, get_value, need_numbers, path_in
 from flexlin.scene.scene import Scene
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 REDONE = ", redone"
 """What is written behind a design's name to have it made anew at each value."""
@@ -32,15 +32,13 @@ TIMES = ("motion.move_time", "motion.dwell_time")
 """Numbers that move the breaks of a motion."""
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class RedesignedLoop:
     """A loop whose controller is designed anew, to `tol`, at each point of the free scene numbers."""
 
     plant: "ParametricLoop | RebuiltLoop"
     table: DesignTable
     tol: float
-
-    __repr__ = represent
 
     @property
     def states(self) -> int:
@@ -54,7 +52,7 @@ class RedesignedLoop:
         return design(self.plant.at(point), self.table, self.tol).closed_loop
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class RebuiltLoop:
     """A loop whose equations are derived anew at each point, for models whose code, or motions that, take numbers and no symbols."""
 
@@ -62,8 +60,6 @@ class RebuiltLoop:
     paths: tuple[str, ...]
     closed: bool
     kept: KeptGain | None = None
-
-    __repr__ = represent
 
     @lazy
     def arm(self) -> Manipulator:

@@ -17,7 +17,7 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.scene.loading import check_axes
 from flexlin.scene.scene import Scene
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 FURTHEST_CHANGE = 4.0
 """Multiple of the stated changes up to which is searched, as far as the scene's schema goes."""
@@ -187,7 +187,7 @@ def cross(box: Box, direction: Array, stable: float, unstable: float) -> float:
     return float(brentq(lambda r: box.growth(r * direction), stable, unstable, xtol=1e-12, rtol=1e-12))
 
 
-@dataclass(frozen=True)
+@immutable
 class NearestInstability:
     """The smallest change of uncertain numbers, in units of what is stated of each, that makes a loop unstable.
 
@@ -231,8 +231,6 @@ class NearestInstability:
     furthest: float
     tried: int
     growth: tuple[float, float]
-
-    __repr__ = represent
 
     @property
     def status(self) -> str:

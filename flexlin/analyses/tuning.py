@@ -22,7 +22,7 @@ from flexlin.scene.loading import revise_scene
 from flexlin.scene.parameters import get_value, numeric_paths
 from flexlin.scene.scene import Scene
 from flexlin.scene.units import in_si
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 CONFIRMED_SCENARIOS = 8
 """The worst scenarios of all that `floquet` confirms."""
@@ -39,7 +39,7 @@ class ActiveExponent:
     error: float
 
 
-@dataclass(frozen=True)
+@immutable
 class Tuning:
     """Tuned gains, with what they bring and what limits them.
 
@@ -80,8 +80,6 @@ class Tuning:
     limits: tuple[str, ...]
     scenarios: int
     status: str
-
-    __repr__ = represent
 
 
 @checked

@@ -19,7 +19,7 @@ def linearize_scene(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         made = analyses.derive_equations(work.scene, clock)
         sample = partial(report.coefficients_dataset, work.scene, made.plant, made.closed, options.points)
-        data = clock.stage("coefficients", made.asked, sample)
+        data = clock.stage("coefficients", sample)
     return print_paths(work.write_files("coefficients", {}, data))
 
 
@@ -50,20 +50,15 @@ def design(work: Work, options: argparse.Namespace) -> int:
     "simulate", "integrate the nonlinear equations beside the linear ones", "periods feedforward attraction animate"
 )
 def simulate_loop(work: Work, options: argparse.Namespace) -> int:
-    scene, asked, tol = work.scene, work.scene.accuracy, work.scene.accuracy.tol
-    problems, said = dict[str, str](), list[str]()
+    scene, tol, said = work.scene, work.scene.accuracy.tol, list[str | None]()
     with work.clock(4 + 2 * options.attraction + options.animate) as clock:
         closed = analyses.derive_equations(scene, clock).closed
-        clock.stage("size of the result", asked, lambda: simulation.check_duration(closed, options.periods))
+        clock.stage("size of the result", lambda: simulation.check_duration(closed, options.periods))
         forward = None
         if options.feedforward != "scene":
-            forward = clock.stage("feedforward", asked, lambda: control.feedforward(closed, options.feedforward, tol))
-        result = clock.stage(
-            "nonlinear simulation",
-            asked,
-            lambda: simulation.simulate(closed, options.periods, feedforward=forward, tol=tol),
-            lambda found: max(found.error, found.linear_error),
-        )
+            forward = clock.stage("feedforward", lambda: control.feedforward(closed, options.feedforward, tol))
+        simulate = partial(simulation.simulate, closed, options.periods, feedforward=forward, tol=tol)
+        result = clock.stage("nonlinear simulation", simulate, analyses.simulation_error)
         words = "deviations from the rigid motion as states [y; y'], tips in m"
         data = report.described(result.to_xarray(), scene, closed.period, words)
         send_written(paths := work.write_files("simulation", {}, data))
@@ -72,19 +67,18 @@ def simulate_loop(work: Work, options: argparse.Namespace) -> int:
             "region of attraction": lambda: simulation.region_of_attraction(closed, tol=tol).status,
         }
         for name, find in further.items() if options.attraction else ():
-            said.append(clock.attempt(problems, name, name, asked, find) or problems[name])
+            said += clock.attempt(name, find)
         if options.animate:
             draw = partial(report.animation_page, scene, closed, result, work.quoted)
-            page = clock.attempt(problems, "animation", "animation", asked, draw)
-            if page is None:
-                said.append(problems["animation"])
-            else:
+            page, problem = clock.attempt("animation", draw)
+            said.append(problem)
+            if page is not None:
                 paths = work.write_files("simulation", {"animation.html": page}, data)
     for line in filter(None, (result.status, result.sticking, *said)):
         print(line)
     work.say_accuracy()
     done = print_paths(paths)
-    return NO_ANSWER if problems else done
+    return NO_ANSWER if clock.failures else done
 
 
 @scene_command("tune", "find the gains that decay fastest in all scenarios", "vary gain", usual=SEARCH_SECONDS)
@@ -94,10 +88,8 @@ def tune_gains(work: Work, options: argparse.Namespace) -> int:
         raise ArgumentError("a number is named twice", got=", ".join(key for key, *_ in spans), expected="each once")
     with work.clock() as clock:
         limits, vary = ({key: (low, high) for key, low, high, _ in asked} for asked in (options.gain, options.vary))
-        seconds = clock.budget.plan("tune the gains", work.scene.accuracy)
-        tune = partial(flexlin.tune, tol=work.scene.accuracy.tol, seconds=seconds)
-        search = partial(tune, work.scene, list(limits) or None, vary, limits)
-        found = clock.stage("tune the gains", work.scene.accuracy, search)
+        tune = partial(flexlin.tune, work.scene, list(limits) or None, vary, limits, tol=work.scene.accuracy.tol)
+        found = clock.stage("tune the gains", lambda: tune(seconds=clock.plan()))
     print(f"{work.scene.title}: {found.status}")
     for path, value in found.gains.items():
         print(f"  {path} = {value:.6g}")
@@ -121,7 +113,7 @@ def export(work: Work, options: argparse.Namespace) -> int:
         report.check_gains(scene, options.points)
         plant, loops = analyses.plant_and_designs(scene, clock)
         write = partial(report.export_all, plant, loops, options.out, options.points, scene)
-        paths = clock.stage("files", scene.accuracy, write, last=True)
+        paths = clock.stage("files", write, last=True)
     work.say_accuracy()
     for loop in loops:
         if loop.design is None:
@@ -134,9 +126,8 @@ def export(work: Work, options: argparse.Namespace) -> int:
 def predict_log(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         scene = work.scene
-        log = clock.stage("read the log", scene.accuracy, partial(flexlin.read_log, options.log, scene))
-        fit = partial(flexlin.predict, scene, log, options.window)
-        found = clock.stage("predict the log", scene.accuracy, fit)
+        log = clock.stage("read the log", partial(flexlin.read_log, options.log, scene))
+        found = clock.stage("predict the log", partial(flexlin.predict, scene, log, options.window))
     print(found.summary())
     record = {"log": log.source, "window": options.window, **report.record_fields(found, "fit starts status")}
     return work.write("predict", [report.draw_prediction(found)], record)
@@ -152,10 +143,9 @@ def predict_log(work: Work, options: argparse.Namespace) -> int:
 def identify_numbers(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         scene = work.scene
-        log = clock.stage("read the log", scene.accuracy, partial(flexlin.read_log, options.log, scene))
-        seconds = clock.budget.plan("fit the log", scene.accuracy)
-        fit = partial(flexlin.identify, scene, log, options.free, options.window, options.hold_back, seconds=seconds)
-        found = clock.stage("fit the log", scene.accuracy, fit)
+        log = clock.stage("read the log", partial(flexlin.read_log, options.log, scene))
+        fit = partial(flexlin.identify, scene, log, options.free, options.window, options.hold_back)
+        found = clock.stage("fit the log", lambda: fit(seconds=clock.plan()))
     print(found.summary())
     fields = "values errors unknown correlations fit noise settled status"
     record = {"log": log.source, **report.record_fields(found, fields)}

@@ -85,7 +85,7 @@ def check(work: Work, options: argparse.Namespace) -> int:
 
         scene, plant = work.scene, analyses.derive_equations(work.scene, clock).closed
         lengths = array([link.length for link in scene.links])
-        rest = clock.stage("arm at rest", scene.accuracy, lambda: analyses.examine(plant, lengths))
+        rest = clock.stage("arm at rest", lambda: analyses.examine(plant, lengths))
     print(f"{scene.title}: usable")
     if scene.source:
         print(f"  source       {scene.source}")
@@ -197,7 +197,7 @@ def chart(work: Work, options: argparse.Namespace) -> int:
         send_written(write(without("the program ended before")))
         try:
             draw = partial(report.draw_charts, made)
-            pictures = clock.stage("figures", scene.accuracy, draw, share=analyses.DRAWING_SHARE, last=True)
+            pictures = clock.stage("figures", draw, share=analyses.DRAWING_SHARE, last=True)
         except (NumericalError, TooLarge) as error:  # the numbers stand without a picture
             pictures, problem = without(error), problem or str(error)
         paths = write(pictures)
@@ -236,7 +236,7 @@ def respond(work: Work, options: argparse.Namespace) -> int:
 def effects(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         compare = partial(flexlin.audit, work.scene, options.tolerance, work.progress, work.scene.accuracy.tol)
-        result = clock.stage("audit of the effects", work.scene.accuracy, compare)
+        result = clock.stage("audit of the effects", compare)
     print("\n".join(report.audit_lines(result)))
     texts = {"effects.json": report.to_json({"schema": 1, "title": work.scene.title, **report.audit_block(result)})}
     if result.minimal is not None:
@@ -248,9 +248,8 @@ def effects(work: Work, options: argparse.Namespace) -> int:
 @scene_command("cost", "measure what accuracy costs in time, beside other programs (a minute)", tol=False)
 def measure_cost(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
-        seconds = clock.budget.plan("accuracy against time", work.scene.accuracy)
-        measure = partial(flexlin.cost, work.scene, seconds=seconds)
-        result = clock.stage("accuracy against time", work.scene.accuracy, measure)
+        measure = partial(flexlin.cost, work.scene)
+        result = clock.stage("accuracy against time", lambda: measure(seconds=clock.plan()))
     print(report.cost_table(result))
     done = work.write("cost", [report.draw_cost(result)], result.record(), report.summarise_cost(result))
     return done if result.rows else NO_ANSWER

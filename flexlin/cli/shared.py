@@ -293,7 +293,7 @@ class Work:
         """The clock of the stages within; `planned`: how many there will be, where that is known."""
         with Progress() as self.progress:
             self.progress("load the numerical libraries")
-            self.kept = analyses.Clock(self.progress, planned=planned, budget=analyses.Budget(self.options.watch))
+            self.kept = analyses.Clock(self.scene.accuracy, self.progress, planned, self.options.watch)
             yield self.kept
 
     def say_accuracy(self) -> None:

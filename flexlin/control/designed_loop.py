@@ -1,7 +1,6 @@
 """A controller design: what every kind of design hands back, and the designs whose gains are given, PD and a scene's own feedback."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,9 +20,9 @@ from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, RiccatiSo
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.riccati.scattering import symmetrize, transpose
 from flexlin.periodic.sampled import sampled_floquet
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 from flexlin.plots.view import Series, Shown, View
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 if TYPE_CHECKING:
     import xarray
@@ -39,7 +38,7 @@ def weigh_loop(K: Array, Q: Array, R: Array, N: Array) -> Array:
     return symmetrize(Q + transpose(K) @ R @ K - 2 * N @ K)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Design(Shown):
     """A linear state feedback u = -K(t) x with its closed loop.
 
@@ -88,8 +87,6 @@ class Design(Shown):
     solution: RiccatiSolution | None = None
     controller: Controller | None = None
     sample_time: float | None = None
-
-    __repr__ = represent
 
     def floquet(self, tol: float = 1e-9) -> FloquetResult:
         """Return Floquet's verdict on the loop, with its input held where the design is sampled.
@@ -282,7 +279,6 @@ def pd_feedback(
     >>> fl.floquet(made.closed_loop).exponents.real.round(6).tolist()
     [-1.0, -2.0]
     """
-    system = as_system(system)
     n = system.n // 2
     wanted = f"{system.m}: one for each input"
     places = real_array("joints", joints, (None,))

@@ -13,7 +13,7 @@ from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics.effects import effects_of
 from flexlin.scene.control import Drives
 from flexlin.scene.units import spread
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 UNITS = {"N": ("N", "m/s", "N/A"), "N m": ("N m", "rad/s", "N m/A")}
 """Units of a joint's torque, speed and torque constant by that of its torque."""
@@ -35,7 +35,7 @@ class Demand:
         return self.limit is not None and not self.value <= self.limit
 
 
-@dataclass(frozen=True)
+@immutable
 class DriveLoad:
     """What a loop asks of the drives along a motion.
 
@@ -68,8 +68,6 @@ class DriveLoad:
     power: Array
     current: Array | None
     demands: tuple[Demand, ...]
-
-    __repr__ = represent
 
     @property
     def exceeded(self) -> tuple[Demand, ...]:

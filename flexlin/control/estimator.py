@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, at_times
 from flexlin.control.designed_loop import Design
-from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, counted
+from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.linearization.law import Law
 from flexlin.periodic.coefficients import Combined
 from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution
@@ -21,15 +20,15 @@ from flexlin.periodic.system import (
     MatrixFunction,
     PeriodicSystem,
     as_matrix_function,
-    as_system,
+    as_port,
     check_samples,
     dual_system,
     with_matrices,
 )
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Estimator:
     """A periodic state estimator.
 
@@ -63,8 +62,6 @@ class Estimator:
     C: MatrixFunction
     dual: RiccatiSolution
     closed_loop: PeriodicSystem
-
-    __repr__ = represent
 
     @property
     def error(self) -> float:
@@ -164,8 +161,7 @@ def kalman_filter(
     >>> print(f"{estimator.P(0.0).item():.6f} {1 + np.sqrt(2):.6f}")
     2.414214 2.414214
     """
-    system = as_system(system)
-    C, _ = as_measurement(C, system)
+    C = as_port("C", C, (None, system.n), system.period)
     W, V = (as_matrix_function(name, value) for name, value in (("W", W), ("V", V)))
     for name, noise in (("W", W), ("V", V)):
         check_samples(name, noise, system.period)
@@ -174,15 +170,6 @@ def kalman_filter(
         solution = periodic_riccati(dual_system(system, C), Backward(W, T), Backward(V, T), tol=tol)
     open_loop = with_matrices(system, system.A, Backward(solution.K, T), others=(W, V))
     return Estimator(system, C, solution, open_loop.feedback(C))
-
-
-def as_measurement(C: MatrixFunction | ArrayLike, system: PeriodicSystem) -> tuple[MatrixFunction, int]:
-    """C as a function of time, and its number p of rows. Raises: ArgumentError where it does not fit the system."""
-    output = as_matrix_function("C", C)
-    p, columns = check_samples("C", output, system.period).shape[1:]
-    if columns != system.n:
-        raise ArgumentError("C does not fit the system", got=counted(columns, "column"), expected=str(system.n))
-    return output, p
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, Resolv
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, linear_quadratic, refuse_mode
 from flexlin.periodic.riccati.riccati import resolve_problem
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 
 REACHED_SHARE = 1e-13
 """A mode counts as reached (or seen) when its share in B (or Q) is larger than this, relative to the matrices' sizes: than rounding."""
@@ -81,7 +81,6 @@ def averaged_lqr(
     >>> fl.floquet(design.closed_loop).verdict
     'stable'
     """
-    system = as_system(system)
     problem = linear_quadratic(system, Q, R, N)
     resolved, _ = resolve_problem(problem, system)
     A, B, state, effort, cross = map(mean, (resolved.A, resolved.B, resolved.Q, resolved.R, resolved.N))
@@ -161,29 +160,28 @@ def frozen_lqr(
     >>> design.error < 1e-3, fl.floquet(design.closed_loop).verdict
     (True, 'stable')
     """
-    system = as_system(system)
     if phases < 1:
         raise ArgumentError("no phases", got=phases, expected="at least 1")
     check_size(f"a schedule of {phases} phases", 32 * phases * system.n**2, "take fewer phases")
     problem = linear_quadratic(system, Q, R, N)
     knots = system.period * np.arange(phases) / phases
-    gains = frozen_gains(problem, knots)
+    gains = solve_frozen(problem, knots)[0]
     schedule: MatrixFunction = Constant(gains[0])
     if phases > 1:
         closed = np.concatenate([gains, gains[:1]])
         schedule = PeriodicSpline(np.append(knots, system.period), closed, bc_type="periodic")
     between = knots + 0.5 * system.period / phases
-    missed = np.abs(schedule(between) - frozen_gains(problem, between)).max() / (np.abs(gains).max() or 1.0)
+    missed = np.abs(schedule(between) - solve_frozen(problem, between)[0]).max() / (np.abs(gains).max() or 1.0)
     status = f"gain scheduled over {phases} phases, off by {missed:.1e} half-way between them; the verdict is Floquet's"
     loop = system.feedback(schedule, tuple(knots) if phases > 1 else ())
     return Design(name, "frozen-lqr", schedule, loop, float(missed), status, problem)
 
 
-def frozen_gains(problem: LinearQuadratic, t: Array) -> Array:
-    """Return the LQR gains of the coefficients frozen at times t, (N, m, n)."""
+def solve_frozen(problem: LinearQuadratic, t: Array, when: str = "when frozen at t = {:.4g} s") -> tuple[Array, Array]:
+    """The LQR gains (N, m, n) and costs (N, n, n) of the coefficients frozen at times t; when: how a message names the time."""
     frozen = zip(t, *(f(t) for f in (problem.A, problem.B, problem.Q, problem.R, problem.N)), strict=True)
-    when = "when frozen at t = {:.4g} s"
-    return np.array([constant_lqr(A, B, Q, R, N, when.format(at))[0] for at, A, B, Q, R, N in frozen])
+    solved = [constant_lqr(A, B, Q, R, N, when.format(at)) for at, A, B, Q, R, N in frozen]
+    return np.array([K for K, _ in solved]), np.array([X for _, X in solved])
 
 
 def check_constant_pair(A: Array, B: Array, Q: Array, when: str) -> None:

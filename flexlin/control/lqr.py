@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
 from flexlin.control.designed_loop import Design
-from flexlin.control.frozen import constant_lqr
-from flexlin.errors import ArgumentError, ToleranceNotReached
+from flexlin.control.frozen import solve_frozen
+from flexlin.errors import ToleranceNotReached
 from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.coefficient_series.matrix import Series
 from flexlin.periodic.coefficient_series.resolve import resolve
@@ -17,7 +17,7 @@ from flexlin.periodic.coefficient_series.sampling import RESOLVED_TOL
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.riccati.linear_quadratic import RiccatiSolution, linear_quadratic
 from flexlin.periodic.riccati.riccati import finite_horizon_riccati, periodic_riccati, rough_places
-from flexlin.periodic.system import PeriodicSystem, as_system, extend_system
+from flexlin.periodic.system import PeriodicSystem, extend_system, input_of
 
 SMOOTH_PARTS = 64
 """Of the period: where coefficients change in a shorter time the gain has a series of its own."""
@@ -85,7 +85,6 @@ def periodic_lqr(
     >>> design.error < 1e-9, fl.floquet(design.closed_loop).verdict
     (True, 'stable')
     """
-    system = as_system(system)
     solution = periodic_riccati(system, Q, R, N, tol)
     gain, apart = represent_gain(solution, system, tol)
     error = float(solution.gain_error + apart)
@@ -156,9 +155,7 @@ def with_integral_action(system: PeriodicSystem, measured: ArrayLike) -> Periodi
     >>> fl.control.with_integral_action(system, [[1.0, 0.0]]).A([0.0])[0].tolist()
     [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     """
-    system = as_system(system)
-    if system.B is None:
-        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
+    input_of(system)
     C = real_array("measured", measured, (None, system.n))
     return extend_system(system, np.hstack([C, np.zeros((len(C), len(C)))]))
 
@@ -269,24 +266,13 @@ def finite_horizon_lqr(
     >>> print(f"{design.X(0.25).item():.8f} {np.tanh(0.75):.8f}")
     0.63514895 0.63514895
     """
-    system = as_system(system)
-    final = cost_at_rest(system, Q, R, N) if end is None else end
-    solution = finite_horizon_riccati(system, Q, R, final, N, tol)
+    if end is None:
+        last = np.array([system.period * (1 - 1e-12)])
+        (X,) = solve_frozen(linear_quadratic(system, Q, R, N), last, "at the end of the horizon")[1]
+        end = 0.5 * (X + X.T)
+    solution = finite_horizon_riccati(system, Q, R, end, N, tol)
     repeated = system.feedback(partial(repeat, solution.K, system.period), (0.0,))
     status = describe_gain(solution, solution.gain_error, tol)
     return Design(
         name, "finite-horizon-lqr", solution.K, repeated, solution.gain_error, status, solution.problem, solution
     )
-
-
-def cost_at_rest(
-    system: PeriodicSystem,
-    Q: MatrixFunction | ArrayLike,
-    R: MatrixFunction | ArrayLike,
-    N: MatrixFunction | ArrayLike | None,
-) -> Array:
-    """Return the LQR cost of the coefficients at the end of the horizon."""
-    problem, last = linear_quadratic(system, Q, R, N), np.array([system.period * (1 - 1e-12)])
-    A, B, state, effort, cross = (f(last)[0] for f in (problem.A, problem.B, problem.Q, problem.R, problem.N))
-    _, X = constant_lqr(A, B, state, effort, cross, "at the end of the horizon")
-    return 0.5 * (X + X.T)

@@ -10,7 +10,6 @@ from scipy.optimize import minimize
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive, real_array
 from flexlin.control.designed_loop import running_cost
-from flexlin.control.estimator import as_measurement
 from flexlin.control.lqr import periodic_lqr
 from flexlin.errors import NotStabilizable, NotStable
 from flexlin.periodic.coefficients import MatrixFunction, combine
@@ -18,9 +17,9 @@ from flexlin.periodic.interpolation import fourier_nodes
 from flexlin.periodic.riccati.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.riccati.scattering import transpose
-from flexlin.periodic.system import PeriodicSystem, as_system, dual_system
+from flexlin.periodic.system import PeriodicSystem, as_port, dual_system
 from flexlin.precision import LARGEST_LOG_GROWTH, ROOT_EPS, SLIGHT
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
 def measured_gain(K: Array, C: MatrixFunction) -> MatrixFunction:
@@ -28,7 +27,7 @@ def measured_gain(K: Array, C: MatrixFunction) -> MatrixFunction:
     return combine(partial(np.matmul, K), C)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class OutputDesign:
     """A static output feedback u = -K y, y = C(t) x.
 
@@ -60,8 +59,6 @@ class OutputDesign:
     cost: float
     change: float
     status: str
-
-    __repr__ = represent
 
 
 @checked
@@ -122,13 +119,12 @@ def output_lqr(
     >>> made.K.round(4).tolist()
     [[1.0, 1.7321]]
     """
-    system, tol = as_system(system), positive("tol", tol)
+    tol = positive("tol", tol)
     posed = linear_quadratic(system, Q, real_array("R", R, (system.m, system.m)))
-    output, p = as_measurement(C, system)
+    output = as_port("C", C, (None, system.n), system.period)
     problem = OutputProblem(system, posed, output)
-    K, J, best = problem.descend(
-        *problem.begin(None if start is None else real_array("start", start, (system.m, p))), tol
-    )
+    first = None if start is None else real_array("start", start, (system.m, output(np.zeros(1)).shape[1]))
+    K, J, best = problem.descend(*problem.begin(first), tol)
     change = float(np.abs(best - K).max() / (np.abs(best).max() or 1.0))
     status = (
         "converged to a local optimum"

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.control.designed_loop import Design
-from flexlin.control.estimator import as_measurement, said_of_a_filter
+from flexlin.control.estimator import said_of_a_filter
 from flexlin.errors import ArgumentError, counted
 from flexlin.linearization.law import Law
 from flexlin.periodic.coefficients import Constant, MatrixFunction
@@ -26,9 +26,9 @@ from flexlin.periodic.sampled import (
     sampled_floquet,
 )
 from flexlin.periodic.sampled_cost import SampledProblem, bound_rounding, solve_samples, spread_noise, weigh_samples
-from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside, with_matrices
+from flexlin.periodic.system import PeriodicSystem, as_port, resolve_beside, with_matrices
 from flexlin.precision import SAFETY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class SampledGain:
         return np.asarray(self.in_order[place])
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class SampledDesign:
     """A state feedback that is computed at samples and held, u(t) = -K_k z_k for t_k + delay <= t < t_(k+1) + delay.
 
@@ -92,8 +92,6 @@ class SampledDesign:
     sample_time: float
     delay: float
     error: float
-
-    __repr__ = represent
 
     @property
     def gain(self) -> MatrixFunction:
@@ -199,7 +197,7 @@ def sampled_lqr(
     >>> print(f"{made.K.item():.6f}")
     0.649000
     """
-    system, tol = as_system(system), positive("tol", tol)
+    tol = positive("tol", tol)
     turn = find_round(system, sample_time, delay)
     posed = linear_quadratic(system, Q, R)
     weights = resolve_beside(system, posed.Q), resolve_beside(system, posed.R)
@@ -214,7 +212,7 @@ def sampled_lqr(
     return SampledDesign(system, K, X, turn.instants, sample_time, delay, error)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class SampledEstimator:
     """A Kalman filter that works from sample to sample, z = x:
 
@@ -257,8 +255,6 @@ class SampledEstimator:
     instants: Array
     sample_time: float
     error: float
-
-    __repr__ = represent
 
     def floquet(self, design: SampledDesign | None = None, tol: float = 1e-9) -> FloquetResult:
         """Return Floquet's verdict on the error of the estimate, or on a design that feeds back the corrected estimate.
@@ -365,11 +361,12 @@ def sampled_estimator(
     >>> print(f"{made.P.item():.6f}")
     1.618034
     """
-    system, tol = as_system(system), positive("tol", tol)
+    tol = positive("tol", tol)
     if system.B is None:
         system = with_matrices(system, system.A, Constant(np.zeros((system.n, 1))))
     turn, n = find_round(system, sample_time, 0.0), system.n
-    output, p = as_measurement(C, system)
+    output = as_port("C", C, (None, n), system.period)
+    p = output(np.zeros(1)).shape[1]
     measured = PeriodicSystem(np.zeros((n, n)), system.period, np.zeros((n, p)))
     posed = linear_quadratic(measured, W, V)
     t = turn.instants

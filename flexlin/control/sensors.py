@@ -19,7 +19,7 @@ from flexlin.periodic.zeros import InvariantZeros, invariant_zeros
 from flexlin.scene.control import EstimatorTable
 from flexlin.scene.scene import Scene
 from flexlin.scene.units import spread
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
 def read_encoders(arm: Manipulator, *_: object) -> ca.SX:
@@ -317,7 +317,7 @@ def excite(B: Array, S: Array) -> Array:
     return B @ S @ np.swapaxes(B, 1, 2)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Sensors:
     """What is measured and how well.
 
@@ -347,8 +347,6 @@ class Sensors:
     V: Array
     W: MatrixFunction
     names: tuple[str, ...]
-
-    __repr__ = represent
 
     def filter(self, lin: Linearization, tol: float = 1e-9) -> Estimator:
         """Return the Kalman filter of these sensors.

@@ -17,7 +17,7 @@ from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.precision import LARGEST_LOG_GROWTH, SAFETY, SLIGHT
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 LARGEST_AMPLITUDE, SMALLEST_AMPLITUDE = 10.0, 1e-7
 """Amplitudes between which the border is sought, in rad or m."""
@@ -111,7 +111,7 @@ class Along:
         return Terms.along(self.plant, t, self.motion), np.abs(rose)
 
 
-@dataclass(frozen=True)
+@immutable
 class Validity:
     """How large a deflection along the slowest Floquet modes the linear model bears.
 
@@ -144,8 +144,6 @@ class Validity:
     share: float
     leading: tuple[Coordinate, ...]
     errors: Array
-
-    __repr__ = represent
 
     @property
     def status(self) -> str:

@@ -6,7 +6,7 @@ import warnings
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from flexlin.errors import ArgumentError, FlexlinError, TooLarge, counted
 from flexlin.plots.view import Series, Shown, View
 from flexlin.precision import ROOT_EPS
 from flexlin.scene.scene import Scene
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 if TYPE_CHECKING:
     import xarray
@@ -34,7 +34,7 @@ GAP_INTERVALS = 5.0
 """A gap is a time between rows of more than so many usual ones; over shorter ones inputs are interpolated."""
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Log(Shown):
     """A measured log: inputs and sensors as they were recorded.
 
@@ -76,8 +76,6 @@ class Log(Shown):
     outputs: Mapping[str, Array]
     columns: Mapping[str, str] = field(default_factory=dict)
     source: str = ""
-
-    __repr__ = represent
 
     def __post_init__(self) -> None:
         time = check_times(self.time)

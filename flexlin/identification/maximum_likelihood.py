@@ -30,7 +30,7 @@ from flexlin.scene.links import DIRECTIONS
 from flexlin.scene.loading import parse_scene, raw_tables, revise_scene
 from flexlin.scene.parameters import get_value, need_numbers, path_in
 from flexlin.scene.scene import MOST_UNCERTAIN, Scene
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 if TYPE_CHECKING:
     import xarray
@@ -63,7 +63,7 @@ SEARCH_SHARE = 0.6
 """Share of the time after which no step is begun: one may take long, and so may the prediction."""
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Identification(Shown):
     """Numbers of a scene by a measured log.
 
@@ -112,8 +112,6 @@ class Identification(Shown):
     prediction: Prediction
     settled: bool
     status: str
-
-    __repr__ = represent
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return numbers, errors and covariance as a dataset.

@@ -1,6 +1,5 @@
 """What the scene's equations say a log should read, window by window, held against what it reads."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,7 @@ from flexlin.identification.log import Log, varies
 from flexlin.identification.shooting import Shooting, Windows, count_substeps
 from flexlin.plots.view import Series, Shown, View
 from flexlin.scene.scene import Scene
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 if TYPE_CHECKING:
     import xarray
@@ -25,7 +24,7 @@ START_SECONDS = 0.2
 """Seconds of a window from which its starting state is found."""
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Prediction(Shown):
     """What was predicted of a log, and how well.
 
@@ -62,8 +61,6 @@ class Prediction(Shown):
     starts: Array
     states: Array
     status: str
-
-    __repr__ = represent
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return predicted and measured readings as a dataset.

@@ -1,7 +1,7 @@
 """Where the arm is when it deviates from its rigid motion, s = E q(t) + P y: in expressions and numbers."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -13,10 +13,10 @@ from flexlin.lazy import lazy
 from flexlin.mechanics.effects import effects_of
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, SymbolicMotion
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Deviation:
     """The small motion y of an arm about a rigid basic motion.
 
@@ -30,8 +30,6 @@ class Deviation:
     motion: Motion
     kept: tuple[int, ...]
     driven: tuple[int, ...]
-
-    __repr__ = represent
 
     @classmethod
     def of(cls, arm: Manipulator, motion: Motion) -> "Deviation":

@@ -1,7 +1,7 @@
 """Families of periodic systems: A(t, p), written by the user as CasADi expressions of the time and of parameters."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import Any
 
@@ -15,11 +15,11 @@ from flexlin.errors import ArgumentError, counted
 from flexlin.lazy import lazy
 from flexlin.periodic.interpolation import golden
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.summary import represent
+from flexlin.summary import immutable
 from flexlin.symbolic import Expressions, as_expression
 
 
-@dataclass(frozen=True, init=False, repr=False, eq=False)
+@immutable(init=False, eq=False)
 class PeriodicFamily(Expressions):
     """Linear systems whose coefficients repeat with a period and depend on parameters, as expressions.
 
@@ -87,8 +87,6 @@ class PeriodicFamily(Expressions):
     times: tuple[ca.SX, ...] = field(repr=False)
     n: int = field(default=0)
     paths: tuple[str, ...] = ()
-
-    __repr__ = represent
 
     @checked
     def __init__(

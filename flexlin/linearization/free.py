@@ -22,7 +22,7 @@ from flexlin.periodic.many import SIZES, Kernel, Model, take_phases
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, extend_system
 from flexlin.program import INPUT, OUTPUT, Program
 from flexlin.scene.scene import Scene
-from flexlin.summary import represent
+from flexlin.summary import immutable
 from flexlin.symbolic import selected
 
 
@@ -55,7 +55,7 @@ class KeptGain:
         return plant.feedback(partial(self.at_phases, period=system.period), corners)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class ParametricLoop:
     """The linear equations of one loop on a scene's arm as functions of the phase t/T and of free scene numbers p.
 
@@ -72,8 +72,6 @@ class ParametricLoop:
     kept: KeptGain | None = None
 
     is_smooth: ClassVar[bool] = True  # an arm's equations name their narrow features
-
-    __repr__ = represent
 
     @lazy
     def matrices(self) -> ca.Function:

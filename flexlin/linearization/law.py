@@ -18,7 +18,7 @@ from flexlin.errors import ArgumentError, counted
 from flexlin.linearization.deviation import Deviation
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction
 from flexlin.scene.control import AnyFilter, Control, LowPass, Pid
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 INTEGRAL = "_integral"
 """What stands behind a coordinate's name for the integral of its error."""
@@ -27,7 +27,7 @@ INTEGRAL = "_integral"
 VectorFunction = Callable[[Array], Array]
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Controller:
     """What a law remembers, z: integrals of errors and states of filters.
 
@@ -41,15 +41,13 @@ class Controller:
     names: tuple[str, ...]
     units: tuple[str, ...]
 
-    __repr__ = represent
-
     @property
     def states(self) -> int:
         """The number k of states."""
         return len(self.rates)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Law:
     """A control law: torque = forward(t) - gain(t) [[y; y'] - reference(t); z], in N m (N for sliding joints, V for motors).
 
@@ -62,8 +60,6 @@ class Law:
     gain: MatrixFunction
     reference: VectorFunction
     controller: Controller | None = None
-
-    __repr__ = represent
 
     @classmethod
     def constant(cls, gain: ArrayLike) -> "Law":

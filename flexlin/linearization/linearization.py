@@ -23,7 +23,7 @@ from flexlin.periodic.system import PeriodicSystem
 from flexlin.plots.view import Series, Shown, View
 from flexlin.scene.control import Control
 from flexlin.scene.parameters import replace_value
-from flexlin.summary import represent
+from flexlin.summary import immutable
 from flexlin.symbolic import Part
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Route = Literal["jacobian", "kronecker"]
 
 
-@dataclass(frozen=True)
+@immutable
 class Coefficients:
     """M_L, D_L, K_L (N, n, n), h_L (N, n), B_L (N, n, m) and the feedforward torque of the rigid motion tau (N, m), at N times."""
 
@@ -42,8 +42,6 @@ class Coefficients:
     h: Array
     B: Array
     tau: Array
-
-    __repr__ = represent
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,5 @@
 """Periodic motions of the elastic arm: which one is sought, what is handed back, and linearization about it."""
 
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any
 
@@ -28,7 +27,7 @@ from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.system import PeriodicSystem, extend_system
 from flexlin.precision import SLIGHT
-from flexlin.summary import represent
+from flexlin.summary import immutable
 from flexlin.symbolic import Part
 
 
@@ -118,7 +117,7 @@ COARSEST_INTERVALS, POINT_SETS = 32, 5
 SOFTER = "let friction saturate at a larger rate (effects.coulomb_friction.rate), or simulate the arm until its motion repeats"
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class PeriodicMotion:
     """A periodic solution s = s_R + y of M s'' + C s' + g + d = B torque.
 
@@ -159,8 +158,6 @@ class PeriodicMotion:
     error: float
     status: str
     controller: FourierSeries
-
-    __repr__ = represent
 
     def __call__(self, t: ArrayLike) -> Array:
         return at_times(self.y, t)

@@ -16,13 +16,13 @@ from flexlin.errors import ArgumentError, MotionError
 from flexlin.mechanics.beam.integrals import panels
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 TRAJECTORY_NODES = 4
 """Panels of the trajectory, and Gauss nodes in each, on which it is held against f: exact to 1e-8 for 60 harmonics."""
 
 
-@dataclass(frozen=True, init=False, eq=False)
+@immutable(init=False, eq=False)
 class Trajectory:
     """A solution x*(t), u*(t) of x' = f(t, x, u), along which `linearize` linearizes.
 
@@ -64,8 +64,6 @@ class Trajectory:
     breaks: tuple[float, ...]
     periodic: bool
     tol: float
-
-    __repr__ = represent
 
     @checked
     def __init__(

@@ -14,21 +14,19 @@ from flexlin.checks import Array
 from flexlin.context import holding
 from flexlin.scene.links import Direction, Link
 from flexlin.scene.parameters import PARAMETERS, get_value, need_numbers, path_in, replace_value
-from flexlin.summary import represent
+from flexlin.summary import immutable
 from flexlin.symbolic import Expressions
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Parameters(Expressions):
     """The free parameters of a manipulator, p of shape (n_p, 1)."""
 
     paths: tuple[str, ...] = ()
     symbols: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     values: Array = field(default_factory=lambda: np.zeros(0))
-
-    __repr__ = represent
 
     @classmethod
     def of_scene(cls, scene: BaseModel, paths: Iterable[str]) -> "Parameters":

@@ -1,7 +1,7 @@
 """Basic motions: the angles of the joints as functions of the phase t/T, with exact rates."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import casadi as ca
 import numpy as np
@@ -10,7 +10,7 @@ from flexlin import symbolic
 from flexlin.checks import Array
 from flexlin.lazy import lazy
 from flexlin.mechanics.coordinates import Parameters
-from flexlin.summary import represent
+from flexlin.summary import immutable
 from flexlin.symbolic import Expressions
 
 Angles = tuple[Array, Array, Array]
@@ -20,7 +20,7 @@ MOTION_NODES = 512
 """Times of a period at which a motion is looked at, or kept."""
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Motion:
     """The motion of the joints if the links were rigid.
 
@@ -59,8 +59,6 @@ class Motion:
     harmonics: int | None = None
     features: tuple[tuple[float, float], ...] = ()
     origin: str = ""
-
-    __repr__ = represent
 
     def sample(self, t: Array) -> Angles:
         """Return angles, rates and accelerations.
@@ -105,7 +103,7 @@ class Motion:
         return bool(rates.sum() * self.period <= 2 * np.pi * MOST_TURNS)
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class SymbolicMotion(Expressions, Motion):
     """A motion given as a CasADi expression of the phase t/T and of free parameters.
 
@@ -132,8 +130,6 @@ class SymbolicMotion(Expressions, Motion):
     angles: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     duration: ca.SX = field(default_factory=lambda: ca.SX(1))
     parameters: Parameters = field(default_factory=Parameters)
-
-    __repr__ = represent
 
     @lazy
     def rates(self) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -195,7 +191,7 @@ class SymbolicMotion(Expressions, Motion):
         return q[:, :, 0], q1[:, :, 0], q2[:, :, 0]
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class SampledMotion(Motion):
     """A motion given by numbers, such as a spline through a table.
 
@@ -216,8 +212,6 @@ class SampledMotion(Motion):
     """
 
     sampler: Callable[[Array], Angles] = field(kw_only=True)
-
-    __repr__ = represent
 
     def sample(self, t: Array) -> Angles:
         """Return angles, rates and accelerations.

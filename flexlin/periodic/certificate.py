@@ -27,7 +27,7 @@ from flexlin.periodic.riccati.riccati import solve_lyapunov
 from flexlin.periodic.riccati.scattering import symmetrize
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.precision import EPS, ROOT_EPS, TINY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 CLOSE_SHARE = 1e-6
 """How small the last coefficients of X must be, relative to its largest values; and relative distance of a bound above the eigenvalues
@@ -168,7 +168,7 @@ def bound_ratio(R: Array, X: Array) -> float:
     return most + CLOSE_SHARE * abs(most) + TINY
 
 
-@dataclass(frozen=True)
+@immutable
 class Certificate:
     """A periodic X(t) > 0 along which every motion of x' = A(t) x decays.
 
@@ -200,8 +200,6 @@ class Certificate:
     margin: float
     tolerates: float
     source: str
-
-    __repr__ = represent
 
     def X(self, t: ArrayLike) -> Array:
         """Return the Lyapunov matrix.

@@ -1,7 +1,6 @@
 """How much gain, phase and delay a periodic loop endures: Floquet's verdict on the perturbed loop, no frozen time."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import partial
 from math import factorial
 
@@ -15,10 +14,10 @@ from flexlin.errors import NotStable, NumericalError, TimeLimit
 from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_function, combine, hold_input
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.system import PeriodicSystem, as_system, input_of, with_matrices
+from flexlin.periodic.system import PeriodicSystem, input_of, with_matrices
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
 from flexlin.precision import ROOT_EPS
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 LARGEST_GAIN, GAIN_RATIO = 1e3, 1.4
 """Factors on the gain that are tried, and the ratio from one gain or delay to the next."""
@@ -34,7 +33,7 @@ Start = tuple[float, float]
 """A value whose loop is the one without change, and the growth rate of that; the perturbed loop itself need not exist there."""
 
 
-@dataclass(frozen=True)
+@immutable
 class Margins:
     """What a loop endures before it becomes unstable, all inputs perturbed alike.
 
@@ -66,8 +65,6 @@ class Margins:
     delay: float
     errors: tuple[float, float, float, float]
     reason: str = ""
-
-    __repr__ = represent
 
 
 @checked
@@ -113,7 +110,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     >>> print(f"{fl.margins(plant, [[1.0, 1.0]]).phase:.4f}")
     0.9046
     """
-    system, tol = as_system(system), positive("tol", tol)
+    tol = positive("tol", tol)
     B, K = input_of(system), as_matrix_function("gain", gain)
     nominal = system.feedback(K)
     found = floquet(nominal, ROOT_EPS)

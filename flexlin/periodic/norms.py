@@ -20,17 +20,17 @@ from flexlin.periodic.interpolation import fourier_nodes
 from flexlin.periodic.response.frequency import Segments, condense
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.roots import MOST_STEPS
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
+from flexlin.periodic.system import PeriodicSystem, as_port, edges_between, input_of, resolve_beside
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS, choose_setting, find_rule, place_segments
 from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
 from flexlin.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY, SLIGHT, TINY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 INPUT_HARMONICS, START_MODES = 8, 3
 """Harmonics of inputs that are tried; modes about whose frequencies the largest gain is sought, and as many steps to it."""
 
 
-@dataclass(frozen=True)
+@immutable
 class H2Norm:
     """The H2 norm and a bound on its error, in units of the output per root of the unit of white noise on the inputs.
 
@@ -50,8 +50,6 @@ class H2Norm:
 
     value: float
     error: float
-
-    __repr__ = represent
 
 
 @checked
@@ -97,7 +95,6 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     >>> print(f"{fl.h2_norm(system, [[1.0, 0.0]]).value:.6f}")
     1.000000
     """
-    system = as_system(system)
     B, output = system.resolved_input, as_port("C", C, (None, system.n), system.period)
     solution = periodic_lyapunov(system, combine(multiply_transposed, output), MINOR * positive("tol", tol))
     corners = np.union1d(solution.edges, B.edges)
@@ -290,7 +287,7 @@ class PeakSearch:
         return max(again, self.gains[omega]) + SAFETY * abs(again - self.gains[omega])
 
 
-@dataclass(frozen=True)
+@immutable
 class HinfNorm:
     """The largest gain from inputs to outputs, in the sense of energy, with its error and the frequency where it is reached.
 
@@ -314,8 +311,6 @@ class HinfNorm:
     value: float
     error: float
     frequency: float
-
-    __repr__ = represent
 
 
 @checked
@@ -370,7 +365,6 @@ def hinf_norm(
     >>> print(f"{fl.hinf_norm(system, [[1.0, 0.0]]).value:.6f} {1 / (0.2 * 0.99**0.5):.6f}")
     5.025189 5.025189
     """
-    system = as_system(system)
     input_of(system)
     output, tol = as_port("C", C, (None, system.n), system.period), positive("tol", tol)
     rows = output(np.zeros(1)).shape[1]

@@ -1,6 +1,6 @@
 """Periodic systems with outputs, and how they are connected: in series, in parallel, in feedback."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 import numpy as np
@@ -11,12 +11,12 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, has_nothing_narrow
 from flexlin.periodic.interpolation import golden
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of
+from flexlin.periodic.system import PeriodicSystem, as_port, input_of
 from flexlin.precision import ROOT_EPS
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class PeriodicStateSpace:
     """A periodic system with an output, x' = A x + B u, y = C x + D u, all of one period.
 
@@ -62,8 +62,6 @@ class PeriodicStateSpace:
     D: MatrixFunction
     p: int = field(init=False)
 
-    __repr__ = represent
-
     @checked
     def __init__(
         self,
@@ -71,7 +69,6 @@ class PeriodicStateSpace:
         C: MatrixFunction | ArrayLike,
         D: MatrixFunction | ArrayLike | None = None,
     ):
-        system = as_system(system)
         input_of(system)
         output = as_port("C", C, (None, system.n), system.period)
         p = output(np.zeros(1)).shape[1]

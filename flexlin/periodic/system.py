@@ -322,24 +322,6 @@ def as_port(
     return function
 
 
-def as_system(value: object, name: str = "system") -> PeriodicSystem:
-    """The periodic system that is given: itself, or that of a linearization, which has one.
-
-    Raises: ArgumentError naming what was given instead.
-    """
-    if isinstance(value, PeriodicSystem):
-        return value
-    make = getattr(value, "periodic_system", None)
-    if not isinstance(value, type) and callable(make):
-        return as_system(make(), name)
-    raise ArgumentError(
-        f"{name} is of another kind",
-        got=repr(value)[:80],
-        expected="a PeriodicSystem",
-        todo="make one: fl.PeriodicSystem(A, period), or lin.periodic_system()",
-    )
-
-
 def with_matrices(
     system: PeriodicSystem,
     A: MatrixFunction,

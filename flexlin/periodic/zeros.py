@@ -1,6 +1,5 @@
 """Invariant zeros: the motions that a system may make while its output stays zero."""
 
-from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
 
@@ -16,12 +15,12 @@ from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficient_series.sampling import RESOLVED_TOL, stratified
 from flexlin.periodic.coefficients import MatrixFunction, close_loop, combine
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, edges_between, input_of, resolve_beside
+from flexlin.periodic.system import PeriodicSystem, as_port, edges_between, input_of, resolve_beside
 from flexlin.precision import EPS, FAINT, SAFETY, SLIGHT, TINY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class InvariantZeros:
     """The zeros of x' = A x + B u, y = C x + D u, as exponents.
 
@@ -49,8 +48,6 @@ class InvariantZeros:
     errors: Array
     relative_degree: tuple[int, ...]
     verdict: str
-
-    __repr__ = represent
 
 
 @checked
@@ -110,7 +107,7 @@ def invariant_zeros(
     >>> print(f"{found.exponents.real.item():.9f} {4 / 3**0.5 - 3:.9f}")
     -0.690598923 -0.690598923
     """
-    system, tol = as_system(system), positive("tol", tol)
+    tol = positive("tol", tol)
     input_of(system)
     n, m = system.n, system.m
     as_many = system.period, ": outputs as inputs"

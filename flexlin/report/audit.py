@@ -94,10 +94,8 @@ def audit_lines(audit: Audit) -> list[str]:
     head = f"{'change':<30} {'significance':>12} {'margin 1/s':>11} {'frequency':>10} {'tip path':>9} {'torque':>9} {'instr.':>7}  advice"
     rows = sorted((*audit.effects, *audit.modes), key=clip_significance, reverse=True)
     figures: list[str] = []
-    for on, words in (
-        (True, "effects of the scene, with its figures"),
-        (False, "effects that are off were tried with"),
-    ):
+    named = {True: "effects of the scene, with its figures", False: "effects that are off were tried with"}
+    for on, words in named.items():
         tried = [row for row in rows if row.kind == "effect" and row.on is on]
         figures += [words] if tried else []
         figures += [f"  {row.subject}: {format_figures(row.table, row.units)}" for row in tried]

@@ -40,35 +40,32 @@ def find_boundary(
 
     Of what meets a limit there is none, and `data.attrs["search"]` says why.
     """
-    asked, problems = scene.accuracy, dict[str, str]()
-    seconds = BOUNDARY_SHARE * asked.seconds
+    seconds = BOUNDARY_SHARE * scene.accuracy.seconds
     if len(ranges) == 1:
         ((path, limits),) = ranges.items()
         find = partial(find_margin, scene, path, limits, seconds, loop=loop)
-        margin = clock.attempt(problems, "critical", "critical values", asked, find)
+        margin, problem = clock.attempt("critical values", find)
         if margin is not None and margin.gap:
             gap = with_unit_of(scene, path, f"{margin.gap:.2g}")
-            problems["gap"] = f"the {margin.values} values that time allowed leave gaps of up to {gap}"
-        data.attrs["search"] = " ".join(problems.values())
+            problem = f"the {margin.values} values that time allowed leave gaps of up to {gap}"
+        data.attrs["search"] = problem
         return [] if margin is None else list(margin.critical), []
     effort = Effort(seconds)
     tol = 2e-4 * max(1.0, *(high - low for low, high in ranges.values()))  # a fifth of what a picture shows
     follow = partial(search_boundary, scene, ranges, tol, loop, CELLS, effort)
-    curves = clock.attempt(problems, "boundary", "boundary of stability", asked, follow) or []
-    if effort.unfinished:
-        problems["boundary"] = f"the boundary was not followed to its end in {effort.seconds:.3g} s"
-    if lost := [place for curve in curves for place in curve.lost]:
+    curves, problem = clock.attempt("boundary of stability", follow)
+    problems = [f"the boundary was not followed to its end in {effort.seconds:.3g} s" if effort.unfinished else problem]
+    if lost := [place for curve in curves or () for place in curve.lost]:
         where = ", ".join(label_value(scene, path, value) for path, value in zip(ranges, lost[0], strict=True))
-        problems["lost"] = f"the boundary was lost at {where}: ask for narrower ranges around that place"
-    data.attrs["search"] = "; ".join(problems.values())
-    return [], curves
+        problems.append(f"the boundary was lost at {where}: ask for narrower ranges around that place")
+    data.attrs["search"] = "; ".join(filter(None, problems))
+    return [], curves or []
 
 
 def say_bending(
     scene: Scene, ranges: dict[str, tuple[float, float]], critical: Sequence[CriticalValue], clock: Clock
 ) -> str:
     """Where, of a chart's corners and critical values, links bend so far that linear equations may not hold; empty where none does."""
-    problems = dict[str, str]()
     corners = [dict(zip(ranges, place, strict=True)) for place in product(*ranges.values())]
     places = [*({one.path: one.value} for one in critical), *corners]
 
@@ -80,9 +77,9 @@ def say_bending(
         return list(shares)
 
     seconds = BOUNDARY_SHARE * scene.accuracy.seconds
-    shares = clock.attempt(problems, "bending", "bending of the links", scene.accuracy, work, at_most=seconds)
+    shares, problem = clock.attempt("bending of the links", work, at_most=seconds)
     if shares is None:
-        return f"How far the links bend was not found ({' '.join(problems.values())})."
+        return f"How far the links bend was not found ({problem})."
     far = dict[str, list[str]]()
     for place, share in zip(places, shares, strict=True):
         if share > SMALL_SHARE:
@@ -162,12 +159,12 @@ def compute_chart(
     Parameters: axes: one or two numbers of the scene, each with its limits and how many values it has.
     Raises: as `sweep`; KeyboardInterrupt and TimeLimit only where nothing was computed.
     """
-    accuracy, jobs = scene.accuracy, list[Job]()
+    jobs = list[Job]()
 
     def work() -> xarray.Dataset:
         check_values(prod(count for *_, count in axes))
         values = {path: np.linspace(low, high, count) for path, low, high, count in axes}
-        job = prepare_job(scene, values, accuracy.tol, grid=len(values) > 1, loop=loop)
+        job = prepare_job(scene, values, scene.accuracy.tol, grid=len(values) > 1, loop=loop)
         jobs.append(job)
         if store is not None:
             Store(store, job)
@@ -176,14 +173,14 @@ def compute_chart(
         return job.dataset()
 
     try:
-        return clock.stage("exponents of all values", accuracy, work, worst_error), ""
+        return clock.stage("exponents of all values", work, worst_error), ""
     except (KeyboardInterrupt, TimeLimit) as error:
         if not jobs or not jobs[0].done.any():
             raise
         data = jobs[0].dataset()
         # the stage has an answer, if not all of it
         clock.steps[-1] = replace(clock.steps[-1], problem="", reached=worst_error(data))
-        return data, say_what_is_missing(jobs[0], error, store, accuracy.seconds)
+        return data, say_what_is_missing(jobs[0], error, store, scene.accuracy.seconds)
 
 
 def say_what_is_missing(job: Job, error: BaseException, store: Path | None, seconds: float) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import flexlin
 from flexlin import analyses
-from flexlin.analyses.clock import DRAWING_SHARE, STAGE_SHARE, Budget, Clock, Progress, Step
+from flexlin.analyses.clock import DRAWING_SHARE, STAGE_SHARE, Clock, Progress, Step
 from flexlin.errors import FlexlinError, InputError, NumericalError, TooLarge
 from flexlin.files import results
 from flexlin.resources import LIMIT_SECONDS, Stopwatch
@@ -44,8 +44,8 @@ def write_report(
     Returns: the analysis, or why there are no linear equations, which the files say then; and their paths.
     Raises: InputError as `analyse`; OutputError when the folder cannot be written.
     """
-    budget = Budget(watch or Stopwatch())
-    clock = Clock(progress, planned=15 + 3 * len(scene.designs) + len(extras), budget=budget)
+    planned = 15 + 3 * len(scene.designs) + len(extras)
+    clock = Clock(scene.accuracy, progress, planned, watch or Stopwatch())
     with clock.step("load the numerical libraries"):
         from flexlin.report.numbers import record, step_block, to_json
     if scene.uncertainty:
@@ -90,7 +90,7 @@ def draw_in_time(analysis: "Analysis", clock: Clock) -> "list[Picture]":
     drawn: list[Picture] = []
     draw = partial(drawn.extend, draw_pictures(analysis))  # what was drawn before a limit stays
     with suppress(NumericalError, TooLarge):
-        clock.stage("figures", analysis.scene.accuracy, draw, share=DRAWING_SHARE, last=True)
+        clock.stage("figures", draw, share=DRAWING_SHARE, last=True)
     return drawn
 
 
@@ -122,7 +122,7 @@ def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | Non
     for left, (path, limits) in zip(range(len(ranges), 0, -1), reversed(ranges.items()), strict=True):
 
         def work(path: str = path, limits: tuple[float, float] = limits, left: int = left) -> "Margin | None":
-            seconds = unasked - watch.seconds if chosen is None else a.clock.budget.plan("", asked, STAGE_SHARE)
+            seconds = unasked - watch.seconds if chosen is None else a.clock.plan(STAGE_SHARE)
             with suppress(InputError) if chosen is None else nullcontext():
                 return analyses.find_margin(scene, path, limits, seconds / left, a.closed)
             return None

@@ -56,9 +56,9 @@ class Accuracy(Table):
         return 1.0 if "seconds" in self.model_fields_set else CLOCK_RATIO
 
     @property
-    def of_comparison(self) -> "Accuracy":
+    def compared_tol(self) -> float:
         """What a comparison of linear and nonlinear motion is asked for: tol if the user gave one, else COMPARED_TOL."""
-        return self if "tol" in self.model_fields_set else self.model_copy(update={"tol": COMPARED_TOL})
+        return self.tol if "tol" in self.model_fields_set else COMPARED_TOL
 
 
 class RobotTable(Table):

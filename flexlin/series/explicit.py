@@ -1,6 +1,5 @@
 """Taylor maps of explicit functions, each series held in the variables that it depends on."""
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 import casadi as ca
@@ -13,13 +12,13 @@ from flexlin.errors import ArgumentError
 from flexlin.program import Program
 from flexlin.series.indices import Polynomial, indices
 from flexlin.series.jets import Space, bytes_of, carry_out, scalar_function
-from flexlin.summary import represent
+from flexlin.summary import immutable
 from flexlin.symbolic import as_expression
 
 Expression = Annotated[Any, Kind("a CasADi expression", lambda value: isinstance(value, (ca.SX, ca.MX, ca.DM)))]
 
 
-@dataclass(frozen=True)
+@immutable
 class TaylorMap:
     """The Taylor polynomial of a matrix function.
 
@@ -49,8 +48,6 @@ class TaylorMap:
     polynomial: Polynomial
     x0: Array
     shape: tuple[int, int]
-
-    __repr__ = represent
 
     @property
     def order(self) -> int:

@@ -1,6 +1,5 @@
 """From equations f(u, v) = 0 to the Taylor map of v(u), which knows how far it may be trusted."""
 
-from dataclasses import dataclass
 from math import comb
 from typing import Any
 
@@ -17,7 +16,7 @@ from flexlin.series.equations import Equations, Radius, find_fold, line_series, 
 from flexlin.series.explicit import Expression, check_analytic, check_symbols
 from flexlin.series.indices import Polynomial, indices
 from flexlin.series.jets import Jet, Space, Symbolic
-from flexlin.summary import represent
+from flexlin.summary import immutable
 from flexlin.symbolic import as_expression
 
 
@@ -68,7 +67,7 @@ def c_code(function: ca.Function) -> str:
         raise ArgumentError("no C code for this function", got=str(error)[-200:]) from None
 
 
-@dataclass(frozen=True)
+@immutable
 class ImplicitMap:
     """The Taylor polynomial of an implicit function v(u), f(u, v) = 0, about a point.
 
@@ -103,8 +102,6 @@ class ImplicitMap:
     polynomial: Polynomial
     u0: Array
     v0: Array
-
-    __repr__ = represent
 
     @property
     def order(self) -> int:

@@ -1,6 +1,5 @@
 """Multi-indices of a truncated power series, each monomial once, their products, and polynomials: values, Kronecker layout, CasADi."""
 
-from dataclasses import dataclass
 from functools import lru_cache
 from math import comb
 from typing import Any
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, check_size, real_array
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 LISTED_PRODUCTS = 50_000
 """Products of two coefficients up to which they are listed; of more only the places in which they are summed are kept."""
@@ -189,7 +188,7 @@ def sum_products(indices: Indices, a: Array, b: Array, k: int, weights: Array) -
     return total
 
 
-@dataclass(frozen=True)
+@immutable
 class Polynomial:
     """p(dx) = sum_alpha c_alpha dx^alpha, |alpha| <= order, for several outputs.
 
@@ -198,8 +197,6 @@ class Polynomial:
 
     indices: Indices
     coefficients: Array
-
-    __repr__ = represent
 
     def __call__(self, dx: ArrayLike) -> Array:
         """Return the values (..., outputs) at dx (n,) or (N, n)."""

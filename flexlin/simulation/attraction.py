@@ -1,7 +1,5 @@
 """How far the loop may be disturbed: the region of attraction that the nonlinear model shows."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from flexlin.checks import Array
@@ -12,10 +10,10 @@ from flexlin.linearization.linearization import Linearization
 from flexlin.linearization.periodic_motion import periodic_motion
 from flexlin.periodic.system import MatrixFunction
 from flexlin.simulation.loop import NonlinearLoop
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
-@dataclass(frozen=True)
+@immutable
 class Attraction:
     """How large a deflection along the slowest Floquet modes still comes back.
 
@@ -42,8 +40,6 @@ class Attraction:
     inside: Array
     outside: Array
     status: str
-
-    __repr__ = represent
 
 
 def region_of_attraction(

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import SUM_ROUNDING, Array
 from flexlin.plots.view import Series, Shown, View
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 if TYPE_CHECKING:
     import xarray
@@ -80,7 +80,7 @@ def subdivide(t: Array, reached: Array, columns: int) -> Array:
     return np.union1d(t, inner)
 
 
-@dataclass(frozen=True)
+@immutable
 class Simulation(Shown):
     """A nonlinear simulation and the linear prediction of the same motion.
 
@@ -149,8 +149,6 @@ class Simulation(Shown):
     events: tuple[tuple[float, str, str], ...] = ()
     peaks: Peaks | None = None
     driven_by: str = ""
-
-    __repr__ = represent
 
     @property
     def largest(self) -> Peaks:

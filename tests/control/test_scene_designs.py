@@ -165,7 +165,7 @@ def test_the_report_judges_the_design_with_its_states_estimated_and_exports_both
     own = found.designs[0].floquet.exponents
     assert max(np.abs(loop.floquet.exponents - value).min() for value in own) < 1e-4 * np.abs(own).max()
     assert record(found)["estimated"]["LQG, estimated"]["verdict"] == "stable"
-    export_all(*plant_and_designs(scene, Clock()), tmp_path, 8, scene)
+    export_all(*plant_and_designs(scene, Clock(scene.accuracy)), tmp_path, 8, scene)
     assert (tmp_path / "c-lqg" / "gain.h").exists()
     assert "[1] curvature of link 1 at 0 in 1/m" in (tmp_path / "c-lqg" / "estimator.h").read_text(encoding="utf-8")
 

@@ -35,7 +35,7 @@ def scene():
 @pytest.fixture(scope="module")
 def result(scene):
     with pytest.MonkeyPatch.context() as patch:  # all trials, however slow the machine
-        patch.setattr("flexlin.analyses.accuracy.STAGE_SECONDS", 600.0)
+        patch.setattr("flexlin.analyses.accuracy.result.STAGE_SECONDS", 600.0)
         return cost(scene, peers=False, seconds=1e4)
 
 

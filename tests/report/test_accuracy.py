@@ -110,10 +110,10 @@ def test_parts_of_parts_say_shares_of_the_whole_and_end_where_an_error_ends_them
 
 def test_planned_stages_share_the_work_alike() -> None:
     said: list[float] = []
-    clock = Clock(planned=4)
+    clock = Clock(Accuracy(), planned=4)
     with listening(said.append):
         for _ in range(5):  # one more than was planned
-            clock.stage("stage", Accuracy(), lambda: advance(0.5))
+            clock.stage("stage", lambda: advance(0.5))
     assert said == sorted(said)
     assert 0.375 in said
     assert said[-1] <= 1.0
@@ -169,5 +169,5 @@ def test_the_time_left_is_that_of_the_rest_and_never_counts_up() -> None:
 
 def test_stages_are_logged(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level("INFO", logger="flexlin"):
-        Clock().stage("a stage", Accuracy(), lambda: None)
+        Clock(Accuracy()).stage("a stage", lambda: None)
     assert [record.getMessage().partition(":")[0] for record in caplog.records] == ["a stage"]

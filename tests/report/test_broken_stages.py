@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import Budget, Clock
+from flexlin.analyses import Clock
 from flexlin.analyses import analysis as stages
 from flexlin.cli import main
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
@@ -116,7 +116,7 @@ def test_what_libraries_warn_of_is_a_note_of_the_stage(report, monkeypatch: pyte
 
 
 def test_a_note_is_one_line_and_steers_nothing() -> None:
-    clock = Clock()
+    clock = Clock(fl.load_scene("khang-2019").accuracy)
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         with clock.step("work"):
@@ -158,9 +158,9 @@ def exhaust(scene: str, folder: Path, monkeypatch: pytest.MonkeyPatch, exhausted
     """The page, and the names of the stages, of which one is given no time."""
     stage = Clock.stage
 
-    def hurried(self, name, accuracy, work, *rest, **options):
+    def hurried(self, name, work, *rest, **options):
         late = raising(TimeLimit(f"{name}: stopped at the time limit"))
-        return stage(self, name, accuracy, late if name == exhausted else work, *rest, **options)
+        return stage(self, name, late if name == exhausted else work, *rest, **options)
 
     with monkeypatch.context() as patch:
         patch.setattr(Clock, "stage", hurried)
@@ -211,7 +211,7 @@ SAID = re.compile(rf"{WHOLE}|noticed with the figures tried: none|(?:is|are) (?:
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_what_is_made_in_a_hurry_says_nothing_that_the_full_answer_does_not(command, tmp_path, monkeypatch, capsys):
-    allow, arguments = Budget.allow, [command.split()[0], *COMMANDS[command], "--out"]
+    allow, arguments = Clock.allow, [command.split()[0], *COMMANDS[command], "--out"]
 
     def hurried(self, name, *rest, **options):
         allowed = allow(self, name, *rest, **options)
@@ -224,5 +224,5 @@ def test_what_is_made_in_a_hurry_says_nothing_that_the_full_answer_does_not(comm
         return {re.sub(r"[\d.]+", "#", said) for said in SAID.findall(text)}
 
     full = statements(tmp_path / "full")
-    monkeypatch.setattr(Budget, "allow", hurried)
+    monkeypatch.setattr(Clock, "allow", hurried)
     assert statements(tmp_path / "hurried") <= full

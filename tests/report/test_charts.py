@@ -82,8 +82,8 @@ def test_a_chart_says_where_its_links_bend_too_far_for_linear_equations():
     level, loads = swinging({"amplitude": 1e-3}, frequency=0.01), {"gravity": {}, "payload": {"mass": 0.1}}
     scene = plain_scene([strip], level, effects=loads, control=control)
     onset = CriticalValue(path, 0.6, 1e-9, "onset", "not looked for", 0.5, np.nan)
-    assert say_bending(scene, {path: (0.0, 0.3)}, [], Clock()) == ""
-    said = say_bending(scene, {path: (0.0, 4.0)}, [onset], Clock())
+    assert say_bending(scene, {path: (0.0, 0.3)}, [], Clock(scene.accuracy)) == ""
+    said = say_bending(scene, {path: (0.0, 4.0)}, [onset], Clock(scene.accuracy))
     bent = f"A link bends by {100 * share:.3g} % of its length at payload mass 0.6 kg"
     assert said.startswith(f"{bent}; by more than its length at")
     assert "linear model alone" in said
@@ -93,7 +93,7 @@ def test_a_chart_over_one_number_says_where_its_search_had_to_end(monkeypatch):
     scene, path = fl.load_scene("spinning-link"), "motion.joints.0.rate"
     data = fl.sweep(scene, {path: np.linspace(2.0, 4.0, 9)})
     monkeypatch.setattr("flexlin.report.charts.BOUNDARY_SHARE", 1e-4)
-    values, _ = find_boundary(scene, {path: (2.0, 4.0)}, data, Clock())
+    values, _ = find_boundary(scene, {path: (2.0, 4.0)}, data, Clock(scene.accuracy))
     said = draw_charts(Chart(scene, data, values, []))[0].caption
     assert "was not searched to the end" in said
     assert "that time allowed leave gaps of up to" in said

@@ -39,7 +39,7 @@ def large() -> Analysis:
     response = find_response(closed, closed.periodic_system(), t, 1e-6)
     own = Loop("PD", "pd", None, "not asked", response=response)
     found = {"coefficients": plant.sample(t), "open_loop": Loop("open loop", "open", None, "not asked")}
-    return Analysis(scene, Clock(), plant, closed, t, own=own, **found)
+    return Analysis(scene, Clock(scene.accuracy), plant, closed, t, own=own, **found)
 
 
 @pytest.fixture

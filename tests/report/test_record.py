@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import Analysis, Audit, Clock, Measure, Row, analyse, find_loop_margins
+from flexlin.analyses import Analysis, Audit, Measure, Row, analyse, find_loop_margins
 from flexlin.cli import main
 from flexlin.periodic import Margins
 from flexlin.report import audit_block, audit_lines, describe_endured, draw_effects, record, record_endured, to_json
@@ -62,7 +62,7 @@ def test_margins_in_words_and_as_data():
 @pytest.mark.slow
 def test_the_own_loop_of_an_arm_has_margins_and_the_open_one_has_none():
     scene = fl.load_scene("single-link", {"links.0.modes": 0}).model_copy(update={"designs": ()})
-    a = analyse(scene, Clock())
+    a = analyse(scene)
     find_loop_margins(a)
     assert list(a.endured) == [a.own.name]
     own = a.endured[a.own.name]

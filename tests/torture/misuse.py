@@ -15,7 +15,7 @@ import numpy as np
 
 import flexlin as fl
 from flexlin import control, kronecker, screws
-from flexlin.analyses import Budget, limited
+from flexlin.analyses import Clock, limited
 from flexlin.errors import FlexlinError
 from flexlin.scene import Accuracy
 from tests.public_results import RIGID, arm_results, series_results, stability_results
@@ -157,7 +157,7 @@ NONSENSE = (
 def outcome(function: Callable, arguments: dict[str, Any]) -> str:
     """ "answered", "refused", or what untyped error came through."""
     try:
-        with warnings.catch_warnings(), limited("the call", Budget().allow("the call", Accuracy(seconds=LONGEST))):
+        with warnings.catch_warnings(), limited("the call", Clock(Accuracy(seconds=LONGEST)).allow("the call")):
             warnings.simplefilter("ignore")
             function(**arguments)
     except FlexlinError:

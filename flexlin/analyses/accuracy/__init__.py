@@ -12,26 +12,19 @@ import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
+from flexlin.analyses.accuracy import scipy_methods
 from flexlin.analyses.accuracy.result import (
-    STAGE_SECONDS,
     CostResult,
     Row,
     Trial,
+    Trials,
     compare_arrays,
     compare_exponents,
-    measure_trials,
+    measure_stage,
 )
-from flexlin.analyses.accuracy.scipy_methods import (
-    COMPARED_TIMES,
-    scipy_responses,
-    scipy_riccati,
-    scipy_simulations,
-    scipy_transitions,
-)
-from flexlin.analyses.clock import time_limit
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive
-from flexlin.errors import ArgumentError, FlexlinError, counted
+from flexlin.errors import ArgumentError, counted
 from flexlin.linearization.linear import linearize
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics import build_manipulator
@@ -58,9 +51,6 @@ REFERENCE_TOL = 1e-11
 """What references are asked for."""
 MOST_SEGMENTS = 4096
 """Segments of a trial of the engine at the most, and segments times order of one of collocation."""
-
-Trials = tuple[Iterable[Trial], Callable[[Any], float]]
-"""What a stage tries, and the error of what comes out."""
 
 __all__ = ["CostResult", "Row", "cost"]
 
@@ -145,23 +135,23 @@ def name_setting(setting: Setting) -> str:
 
 def try_riccati(plant: Linearization, tols: Sequence[float]) -> Trials:
     """The periodic Riccati equation of the open loop with unit weights, X at 32 times."""
-    t, Q, R = plant.period * np.arange(COMPARED_TIMES) / COMPARED_TIMES, np.eye(2 * plant.n), np.eye(plant.about.m)
+    t, Q, R = plant.period * scipy_methods.PHASES, np.eye(2 * plant.n), np.eye(plant.about.m)
 
     def run(tol: float) -> Array:
         return periodic_riccati(replace(plant).periodic_system(), Q, R, tol=tol).X(t)
 
-    return against(run(REFERENCE_TOL), at_each_tol("periodic_riccati", run), scipy_riccati(plant, tols))
+    return against(run(REFERENCE_TOL), at_each_tol("periodic_riccati", run), scipy_methods.riccati(plant, tols))
 
 
 def try_forced_response(closed: Linearization, tols: Sequence[float]) -> Trials:
     """The periodic response to what the rigid motion leaves over, at 32 times."""
-    t = closed.period * np.arange(COMPARED_TIMES) / COMPARED_TIMES
+    t = closed.period * scipy_methods.PHASES
 
     def run(tol: float) -> Array:
         system = replace(closed).periodic_system()
         return forced_response(system, OfPlant(closed.forcing, system.n, system.n), tol)(t)
 
-    return against(run(REFERENCE_TOL), at_each_tol("forced_response", run), scipy_responses(closed, tols))
+    return against(run(REFERENCE_TOL), at_each_tol("forced_response", run), scipy_methods.responses(closed, tols))
 
 
 def try_simulation(closed: Linearization, tols: Sequence[float]) -> Trials:
@@ -173,7 +163,7 @@ def try_simulation(closed: Linearization, tols: Sequence[float]) -> Trials:
     def run(tol: float) -> Array:
         return simulate(closed, 1.0, tol=tol, points_per_period=SAMPLES).nonlinear
 
-    return against(run(REFERENCE_TOL), at_each_tol("simulate", run), scipy_simulations(closed, tols))
+    return against(run(REFERENCE_TOL), at_each_tol("simulate", run), scipy_methods.simulations(closed, tols))
 
 
 def try_modes(scene: Scene) -> Trials:
@@ -266,7 +256,7 @@ def cost(scene: Scene, *, peers: bool = True, seconds: float | None = None) -> C
         nonlocal floor
         rough, exact = (multiply_period(system, choose_reference(system, order)) for order in (20, 24))
         floor = max(compare_arrays(rough, exact), 1e-15)
-        return against(exact, try_transition_matrices(system), scipy_transitions(closed, tols))
+        return against(exact, try_transition_matrices(system), scipy_methods.transitions(closed, tols))
 
     stages: dict[str, Callable[[], Trials]] = {
         "exponents": partial(try_exponents, closed),
@@ -288,15 +278,3 @@ def cost(scene: Scene, *, peers: bool = True, seconds: float | None = None) -> C
             found, note = measure_stage(name, stage, (end - perf_counter()) / (len(stages) - done))
         rows, notes = [*rows, *found], [*notes, *note]
     return CostResult(scene.title, tuple(rows), floor, tuple(notes))
-
-
-def measure_stage(name: str, stage: Callable[[], Trials], most: float) -> tuple[list[Row], list[str]]:
-    """The rows of a stage that may take some s and begins with its references; a note where it has none, or not all."""
-    begin, seconds = perf_counter(), max(min(STAGE_SECONDS, most), 1e-3)
-    try:
-        with time_limit(name, max(min(2 * seconds, most), 1e-3)):
-            rows = measure_trials(name, *stage(), seconds)
-    except FlexlinError as error:
-        return [], [f"{name} left out: {error.what}"]
-    over = f"{name}: the slowest settings are left out, which {seconds:.2g} s do not hold"
-    return rows, [over] if perf_counter() - begin > seconds else []

@@ -13,7 +13,7 @@ from flexlin.checks import Array
 from flexlin.errors import FlexlinError
 from flexlin.periodic.circle import measure_distances
 from flexlin.resources import advance
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 STAGES = (
     "coefficients", "transition matrices", "exponents", "periodic Riccati", "forced response", "simulation",
@@ -60,7 +60,7 @@ class Row:
     outside: bool = False
 
 
-@dataclass(frozen=True)
+@immutable
 class CostResult:
     """A table of accuracy against time.
 
@@ -87,8 +87,6 @@ class CostResult:
     rows: tuple[Row, ...]
     floor: float
     notes: tuple[str, ...] = ()
-
-    __repr__ = represent
 
     def stage(self, name: str) -> tuple[Row, ...]:
         """Return the rows of one stage.
@@ -161,6 +159,22 @@ class Trial:
     chosen: str = ""
     outside: bool = False
     detail: Callable[[Any], str] | None = None
+
+
+Trials = tuple[Iterable[Trial], Callable[[Any], float]]
+"""What a stage tries, and the error of what comes out."""
+
+
+def measure_stage(name: str, stage: Callable[[], Trials], most: float) -> tuple[list[Row], list[str]]:
+    """The rows of a stage that may take some s and begins with its references; a note where it has none, or not all."""
+    begin, seconds = perf_counter(), max(min(STAGE_SECONDS, most), 1e-3)
+    try:
+        with time_limit(name, max(min(2 * seconds, most), 1e-3)):
+            rows = measure_trials(name, *stage(), seconds)
+    except FlexlinError as error:
+        return [], [f"{name} left out: {error.what}"]
+    over = f"{name}: the slowest settings are left out, which {seconds:.2g} s do not hold"
+    return rows, [over] if perf_counter() - begin > seconds else []
 
 
 def measure_trials(

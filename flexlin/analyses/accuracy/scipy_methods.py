@@ -15,7 +15,8 @@ from flexlin.linearization.linearization import Linearization
 from flexlin.motion import SymbolicMotion
 
 COMPARED_TIMES = 32
-"""Times in a period at which periodic answers are compared."""
+PHASES = np.arange(COMPARED_TIMES) / COMPARED_TIMES
+"""Of the times in a period at which periodic answers are compared."""
 METHODS = ("DOP853", "Radau")
 Rate = Callable[[float, Array], Array]
 """(phase, columns of X one after another (n n,)) -> the columns of T A X."""
@@ -144,8 +145,8 @@ def try_scipy(
             yield Trial(f"SciPy {method}", f"tol {tol:.0e}", work, outside=True)
 
 
-scipy_transitions = partial(try_scipy, derive=derive_transition_rate, run=multiply_up)
-scipy_simulations = partial(try_scipy, derive=derive_loop_rate, run=integrate_loop)
-scipy_responses = partial(try_scipy, derive=derive_response_rate, run=respond_periodically)
-scipy_riccati = partial(try_scipy, derive=derive_riccati_rate, run=forget_start)
+transitions = partial(try_scipy, derive=derive_transition_rate, run=multiply_up)
+simulations = partial(try_scipy, derive=derive_loop_rate, run=integrate_loop)
+responses = partial(try_scipy, derive=derive_response_rate, run=respond_periodically)
+riccati = partial(try_scipy, derive=derive_riccati_rate, run=forget_start)
 """What SciPy needs for each of the answers that are compared."""

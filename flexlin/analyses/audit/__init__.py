@@ -21,12 +21,12 @@ from flexlin.linearization.linear import linearize
 from flexlin.mechanics import build_manipulator
 from flexlin.resources import advance, part
 from flexlin.scene.scene import Scene
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 __all__ = ["Audit", "Measure", "Minimal", "Row", "audit", "measure"]
 
 
-@dataclass(frozen=True)
+@immutable
 class Row:
     """One change of a scene and what came of it. Differences are version minus scene.
 
@@ -102,15 +102,13 @@ class Row:
     marks: tuple[str, ...] = ()
     unfelt: tuple[str, ...] = ()
 
-    __repr__ = represent
-
     @property
     def judged(self) -> bool:
         """Whether all figures are known: without them nothing can be called needless."""
         return bool(np.isfinite([self.margin, self.path, self.torque]).all())
 
 
-@dataclass(frozen=True)
+@immutable
 class Minimal:
     """The smallest scene that was found, and how far it is from the scene with modes enough.
 
@@ -142,10 +140,8 @@ class Minimal:
     added: tuple[str, ...]
     coordinates: int
 
-    __repr__ = represent
 
-
-@dataclass(frozen=True)
+@immutable
 class Audit:
     """What a scene needs.
 
@@ -183,8 +179,6 @@ class Audit:
     pairs: tuple[Row, ...] = ()
     minimal: Minimal | None = None
     problem: str = ""
-
-    __repr__ = represent
 
     @property
     def needed(self) -> tuple[str, ...]:

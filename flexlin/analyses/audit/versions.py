@@ -36,7 +36,7 @@ from flexlin.scene.library import registered_model
 from flexlin.scene.links import Direction, Modes
 from flexlin.scene.parameters import PARAMETERS, get_value, list_children, replace_value
 from flexlin.scene.scene import Scene
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 MOST_MODES = 12
 """No link is given more modes than these."""
@@ -179,7 +179,7 @@ MOST_SEGMENTS = 4000
 """A version that needs more segments than these for its margin is not judged."""
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Part:
     """Coordinates and controller states that nothing couples to the others; `felt`: whether motors or motion reach any of them.
 
@@ -193,10 +193,8 @@ class Part:
     verdict: str
     frequencies: Array
 
-    __repr__ = represent
 
-
-@dataclass(frozen=True)
+@immutable
 class Measure:
     """A scene's own loop in figures. A figure that is not known is not a number, and `problems` says why.
 
@@ -248,8 +246,6 @@ class Measure:
     path: Array | None = None
     demands: tuple[Demand, ...] | None = None
     parts: tuple[Part, ...] = ()
-
-    __repr__ = represent
 
 
 def measure(scene: Scene, tol: float = 1e-4) -> Measure:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -30,7 +30,7 @@ from flexlin.scene.scene import Scene
 from flexlin.simulation.drive import Drive, scene_drive
 from flexlin.simulation.equations import NonlinearEquations, Places
 from flexlin.simulation.loop import NonlinearLoop
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 PHASES = np.arange(16) / 16
 """At which the disturbance begins."""
@@ -128,7 +128,7 @@ Seen = Callable[[Array, Array], Array]
 """Times (N,) and states (N, 2n) -> what is looked at, (N,)."""
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class DisturbanceAnswer:
     """What a disturbance does to a loop, beside its steady motion.
 
@@ -173,8 +173,6 @@ class DisturbanceAnswer:
     nonlinear: Array | None
     problem: str
     load: DriveLoad | None
-
-    __repr__ = represent
 
     @property
     def peak(self) -> float:
@@ -294,7 +292,7 @@ def overshoot(values: Array, end: Array) -> float:
     return max(0.0, back / ahead) if ahead > 0 else 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class NoiseAnswer:
     """Root mean squares in the long run, beside the steady motion.
 
@@ -317,8 +315,6 @@ class NoiseAnswer:
     states: Array
     tip: Array
     error: float
-
-    __repr__ = represent
 
 
 def answer_noise(lin: Linearization, stated: Disturbance, loop: PeriodicSystem, tol: float = 1e-8) -> NoiseAnswer:
@@ -351,16 +347,15 @@ def answer_in_scene(
 
     Raises: ArgumentError for words that cannot be read, an unknown loop, or one that is not stable.
     """
-    clock, asked = clock or Clock(), scene.accuracy
     table = None if loop in ("own", "open") else find_design(scene, loop)
-    tol = max(asked.tol, LEAST_TOL)
+    clock, tol = clock or Clock(scene.accuracy), max(scene.accuracy.tol, LEAST_TOL)
     shared = derive_equations(scene, clock)
     closed = shared.plant if loop == "open" else shared.closed
     stated = state_disturbance(kind, words, closed)
     law, system = closed.law, closed.periodic_system()
     if table is not None:
-        made = clock.stage(f"design: {loop}", asked, partial(design, shared.plant, table, asked.tol))
+        made = clock.stage(f"design: {loop}", partial(design, shared.plant, table, scene.accuracy.tol))
         law, system = law.with_gain(made.K, made.controller), made.closed_loop
     if kind == "noise":
-        return clock.stage("covariance", asked, lambda: answer_noise(closed, stated, system, tol))
-    return clock.stage("answer", asked, lambda: respond(closed, stated, law, system, periods, tol, scene.drives))
+        return clock.stage("covariance", lambda: answer_noise(closed, stated, system, tol))
+    return clock.stage("answer", lambda: respond(closed, stated, law, system, periods, tol, scene.drives))

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     import control
 
 
-def arm_and_system(given: PeriodicSystem | Linearization) -> tuple[Linearization | None, PeriodicSystem]:
-    """The arm that names states and inputs, if there is one, and its system."""
-    return (given, given.periodic_system()) if isinstance(given, Linearization) else (None, given)
+def label_system(given: PeriodicSystem | Linearization) -> tuple[PeriodicSystem, Labels]:
+    """The system, and the names of its states and inputs: those of the arm, if there is one."""
+    lin, system = (given, given.periodic_system()) if isinstance(given, Linearization) else (None, given)
+    return system, Labels.fitting(lin, system.n, system.m)
 
 
 @checked
@@ -63,15 +64,13 @@ def to_control(
     """
     import control
 
-    lin, system = arm_and_system(system)
-
+    system, labels = label_system(system)
     if not 0 <= phase < 1:
         raise ArgumentError("phase is out of range", got=phase, expected="a number in [0, 1)")
     t = np.array([phase * system.period])
     A = system.A(t)[0]
     B = np.zeros((system.n, 0)) if system.B is None else system.B(t)[0]
     C = np.eye(system.n) if outputs is None else real_array("outputs", outputs, (None, system.n))
-    labels = Labels.fitting(lin, *B.shape)
     seen = list(names) or (list(labels.states) if outputs is None else [f"y{i + 1}" for i in range(len(C))])
     if len(seen) != len(C):
         raise ArgumentError("names do not fit the outputs", got=len(seen), expected=str(len(C)))
@@ -144,8 +143,7 @@ def periodic_plant(system: PeriodicSystem | Linearization, name: str = "plant") 
     """
     import control
 
-    lin, system = arm_and_system(system)
-    labels = Labels.fitting(lin, system.n, system.m)
+    system, labels = label_system(system)
 
     def update(t: float, x: Array, u: Array, _: Any) -> Array:
         now = np.array([float(t)])
@@ -203,7 +201,7 @@ def lifted_model(
     """
     import control
 
-    lin, system = arm_and_system(system)
+    system, labels = label_system(system)
     h, tol = positive("sample_time", sample_time), positive("tol", tol)
     turn = find_round(system, h, delay)
     N, n, m = turn.samples, system.n, system.m
@@ -216,7 +214,6 @@ def lifted_model(
         C[k * n : (k + 1) * n], D[k * n : (k + 1) * n] = state[:n], effect[:n]
         state, effect = F @ state, F @ effect
         effect[:, k * m : (k + 1) * m] += G
-    labels = Labels.fitting(lin, n, m)
     held = [name + LATE for name in labels.inputs] if r > n else []
     inputs, outputs = ([f"{name}[{k}]" for k in range(N) for name in names] for names in (labels.inputs, labels.states))
     named = {"states": [*labels.states, *held], "inputs": inputs, "outputs": outputs}

@@ -1,7 +1,6 @@
 """Open chains as products of exponentials, with all partial derivatives by multiplication alone."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,10 +10,10 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.screws.twists import Ad, ad, exponential, hat
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 
-@dataclass(frozen=True)
+@immutable
 class OpenChain:
     """An open chain of one-degree-of-freedom joints as a product of exponentials.
 
@@ -62,8 +61,6 @@ class OpenChain:
 
     screws: Array
     home: Array
-
-    __repr__ = represent
 
     @checked
     def __init__(self, screws: ArrayLike, pose: ArrayLike | None = None):

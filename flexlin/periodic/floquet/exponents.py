@@ -21,7 +21,7 @@ from flexlin.periodic.floquet.by_decoupling import (
 from flexlin.periodic.floquet.by_segments import solve_by_segments
 from flexlin.periodic.floquet.result import FloquetResult, find_coinciding_within, find_reached, judge
 from flexlin.periodic.product import balance_factors, bound_pairs, complex_schur, separate_triangular
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import (
     MAX_SEGMENTS,
     Setting,
@@ -107,7 +107,6 @@ def floquet(
     >>> bool(abs(found.exponents.real.sum() + 0.5) <= found.errors.sum())  # Liouville: the sum is the mean trace of A
     True
     """
-    system = as_system(system)
     tol = positive("tol", tol)
     order, segments = (None if v is None else whole(k, v) for k, v in (("order", order), ("segments", segments)))
     limit = max(1, min(whole("max_segments", max_segments), bytes_allowed() // (8 * WORKING_SETS * system.n**2)))

@@ -14,7 +14,7 @@ from flexlin.periodic.floquet.by_decoupling import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.product import balance_factors, periodic_vectors
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import (
     FEWER_SEGMENTS,
     METHODS,
@@ -186,7 +186,6 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
     >>> moved.real.round(9).tolist()
     [-0.0005, -0.0005]
     """
-    system = as_system(system)
     if result is not None:
         instance("result", result, FloquetResult, "give what floquet hands back")
     result = result or floquet(system, tol)

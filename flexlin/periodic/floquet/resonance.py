@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.arguments import instance
+from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.periodic.floquet.modes import FloquetModes
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem
 from flexlin.precision import CUBE_ROOT_EPS, MINOR
 
 
@@ -53,6 +53,7 @@ class Resonance:
         return f"{rule} rad/s {where} {self.order} w, w = {self.w:.4g} rad/s = 2 pi / T"
 
 
+@checked
 def find_resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonance]:
     """Identify the resonance behind every exponent that is unstable beyond its error (one entry for each complex pair).
 
@@ -63,8 +64,6 @@ def find_resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonan
 
     Source: Nayfeh, Mook, Nonlinear Oscillations (1979), ch. 5; Xie, Dynamic Stability of Structures (2006).
     """
-    system = as_system(system)
-    instance("modes", modes, FloquetModes, "give what floquet_modes hands back")
     values, vectors = np.linalg.eig(system.resolved.mean())
     found = []
     for i, exponent in enumerate(modes.exponents):

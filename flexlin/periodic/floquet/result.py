@@ -1,6 +1,6 @@
 """What `floquet` returns: exponents with their errors, a verdict that admits doubt, and what to do next."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib import import_module
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from flexlin.periodic.coefficient_series.sampling import RESOLVED_TOL
 from flexlin.periodic.decoupling.coupling import Decoupled
 from flexlin.periodic.transition.choose_segments import Setting
 from flexlin.plots.view import Series, Shown, View
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 if TYPE_CHECKING:
     import xarray
@@ -31,7 +31,7 @@ TOO_COARSE, UNRESOLVED = "the resolution is too coarse to decide", "leave method
 """Why a resolution that is held leaves the verdict open, and what to do."""
 
 
-@dataclass(frozen=True)
+@immutable
 class FloquetResult(Shown):
     """Floquet exponents lambda of x' = A(t) x, each with its error, and the verdict that they allow.
 
@@ -76,8 +76,6 @@ class FloquetResult(Shown):
     reason: str = ""
     resolved: ResolvedMatrix | ResolvedCompanion | None = field(default=None, repr=False, compare=False)
     decoupled: Decoupled | None = field(default=None, repr=False, compare=False)
-
-    __repr__ = represent
 
     @property
     def error(self) -> float:

@@ -25,7 +25,7 @@ from flexlin.periodic.coefficients import (
 )
 from flexlin.periodic.interpolation import FINER_BOUNDS, NODES, TAIL, edges_of_short, place_edges
 from flexlin.periodic.product import COHERENT_PART, cyclic_system, find_spectrum
-from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import (
     GUESS_MARGIN,
     MAX_SEGMENTS,
@@ -43,7 +43,7 @@ from flexlin.periodic.transition.gauss import (
 )
 from flexlin.plots.view import Series, Shown, View
 from flexlin.precision import EPS, FOURTH_ROOT_EPS, MINOR, ROOT_EPS, SAFETY, TINY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 if TYPE_CHECKING:
     import xarray
@@ -58,15 +58,13 @@ STIFF_SEGMENTS = 1024
 """Segments of Gauss collocation beyond which Radau IIA is tried first: it does not feel fast modes that are damped."""
 
 
-@dataclass(frozen=True)
+@immutable
 class PiecewiseSolution:
     """The collocation polynomials: x(t_k + theta h_k) = start_k + h_k sum_m slope_km int_0^theta P_m."""
 
     edges: Array
     start: Array
     slope: Array
-
-    __repr__ = represent
 
     def __call__(self, t: Array) -> Array:
         k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.start) - 1)
@@ -75,7 +73,7 @@ class PiecewiseSolution:
         return self.start[k] + (integral[:, None, :] @ self.slope[k])[:, 0]
 
 
-@dataclass(frozen=True)
+@immutable
 class ForcedResponse(Shown):
     """The periodic solution x(t) of a periodic system under a periodic force.
 
@@ -110,8 +108,6 @@ class ForcedResponse(Shown):
     amplification: float
     segments: int
     status: str
-
-    __repr__ = represent
 
     def __call__(self, t: ArrayLike) -> Array:
         """The state at times (N,), any real numbers, (N, n), or at one time, (n,)."""
@@ -226,7 +222,6 @@ def forced_response(
     >>> print(f"{response(0.7).item():.9f} {(np.cos(0.7) + np.sin(0.7)) / 2:.9f}")
     0.704529937 0.704529937
     """
-    system = as_system(system)
     whole("max_segments", max_segments)
     force = as_force(f, system)
     problem = ForcedProblem(system, force, find_corners(system, force, real_array("breaks", breaks, (None,))))

@@ -16,7 +16,7 @@ from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.interpolation import place_edges
 from flexlin.periodic.product import cyclic_system
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
+from flexlin.periodic.system import PeriodicSystem, as_port, input_of, resolve_beside
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
@@ -30,7 +30,7 @@ from flexlin.periodic.transition.gauss import (
 )
 from flexlin.plots.view import Series, Shown, View
 from flexlin.precision import CUBE_ROOT_EPS, EPS, SAFETY, TINY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 if TYPE_CHECKING:
     import xarray
@@ -41,7 +41,7 @@ LANCZOS_VECTORS = 8
 """Of which the input with the largest gain is made, before they are begun anew from it."""
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class FrequencyResponse(Shown):
     """What u = exp(i omega t) v does in the long run: y = sum over k of H_k exp(i (omega + 2 pi k / T) t) v.
 
@@ -71,8 +71,6 @@ class FrequencyResponse(Shown):
     H: Array
     error: float
     period: float
-
-    __repr__ = represent
 
     @property
     def direct(self) -> Array:
@@ -155,7 +153,7 @@ def frequency_response(
     >>> [(int(k), round(float(abs(H)), 6)) for k, H in zip(found.orders, found.H[0, :, 0, 0]) if abs(H) > 1e-8]
     [(-1, 0.5), (1, 0.5)]
     """
-    system, tol = as_system(system), positive("tol", tol)
+    tol = positive("tol", tol)
     frequencies = np.atleast_1d(real_array("omega", omega))
     input_of(system)
     given = as_port("C", C, (None, system.n), system.period)

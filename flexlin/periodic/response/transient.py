@@ -1,7 +1,6 @@
 """What a periodic system does from a state on: under steps, pushes and other inputs, and under noise."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
@@ -15,12 +14,12 @@ from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
 from flexlin.periodic.interpolation import NODES, divide_evenly, divide_segments, edges_of_short
 from flexlin.periodic.response.forced import STEP_STAGES
-from flexlin.periodic.system import PeriodicSystem, as_system, input_of
+from flexlin.periodic.system import PeriodicSystem, input_of
 from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, choose_gauss_step, measure_pace
 from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.plots.view import Series, Shown, View
 from flexlin.precision import EPS, SAFETY, TINY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 if TYPE_CHECKING:
     import xarray
@@ -32,7 +31,7 @@ MOST_STEPS = NODES * MAX_SEGMENTS
 Input = Callable[[Array], Array] | ArrayLike
 
 
-@dataclass(frozen=True, eq=False)
+@immutable(eq=False)
 class Transient(Shown):
     """States from a time on, and how far noise spreads them.
 
@@ -59,8 +58,6 @@ class Transient(Shown):
     x: Array
     covariance: Array
     error: float
-
-    __repr__ = represent
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return the states and their covariance as a dataset.
@@ -135,7 +132,7 @@ def respond(
     >>> found.covariance[:, 0, 0].round(6).tolist()
     [0.0, 0.432332, 0.5]
     """
-    system, times = as_system(system), real_array("t", t, (None,))
+    times = real_array("t", t, (None,))
     if len(times) < 2 or not np.all(np.diff(times) > 0):
         raise ArgumentError("t does not increase", got=f"{len(times)} times", expected="two or more, increasing")
     n, m = system.n, system.m

@@ -6,15 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.checks import Array, at_times, real_array
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, NumericalError
 from flexlin.periodic.coefficient_series.sampling import stratified
 from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
 from flexlin.periodic.floquet.modes import find_coinciding, floquet_modes
 from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, divided
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, dual_system, input_of
+from flexlin.periodic.system import PeriodicSystem, as_port, dual_system, input_of
 from flexlin.precision import CUBE_ROOT_EPS, EPS, ROOT_EPS, SLIGHT, TINY
-from flexlin.summary import represent
+from flexlin.summary import immutable
 
 WEIGHT_TIMES = 64
 """Times of a period at which the weights are checked, and on which X is begun."""
@@ -76,6 +77,7 @@ def take_once(values: Array) -> Array:
     return values[:1] if values.strides[0] == 0 else values
 
 
+@checked
 def linear_quadratic(
     system: PeriodicSystem,
     Q: MatrixFunction | ArrayLike,
@@ -90,7 +92,6 @@ def linear_quadratic(
     Raises: ArgumentError when the system has no input, a shape does not fit, a weight is not symmetric, R is not positive
     definite, or Q - N R^-1 N' is indefinite: each names the time and the eigenvalue.
     """
-    system = as_system(system)
     B, n, m = input_of(system), system.n, system.m
     cross = np.zeros((n, m)) if N is None else N
     weights = [
@@ -145,7 +146,7 @@ def check_definite(name: str, weight: Callable[[Array], Array], t: Array, strict
         )
 
 
-@dataclass(frozen=True)
+@immutable
 class RiccatiSolution:
     """X(t) and the gain K(t) of a linear-quadratic problem, at any time, with the evidence that they are right.
 
@@ -193,8 +194,6 @@ class RiccatiSolution:
     doublings: int
     segments: int
     status: str
-
-    __repr__ = represent
 
     @property
     def edges(self) -> Array:

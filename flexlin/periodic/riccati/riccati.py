@@ -25,7 +25,7 @@ from flexlin.periodic.riccati.linear_quadratic import (
 )
 from flexlin.periodic.riccati.newton import MOST_NODES, solve_by_newton
 from flexlin.periodic.riccati.nodes import FourierNodes, Nodes, PanelNodes
-from flexlin.periodic.system import PeriodicSystem, as_system, resolve_beside
+from flexlin.periodic.system import PeriodicSystem, resolve_beside
 from flexlin.periodic.transition.factors import Resolved
 from flexlin.precision import MINOR
 
@@ -33,6 +33,7 @@ PER_WAVE = 4
 """Nodes for each wave of the coefficients on which X is sought first."""
 
 
+@checked
 def periodic_riccati(
     system: PeriodicSystem,
     Q: MatrixFunction | ArrayLike,
@@ -102,7 +103,6 @@ def periodic_riccati(
     >>> solution.error < 1e-9
     True
     """
-    system = as_system(system)
     posed = linear_quadratic(system, Q, R, N)
     problem, edges = resolve_problem(posed, system)
     check_between(posed, edges)
@@ -119,6 +119,7 @@ def choose_nodes(problem: LinearQuadratic, edges: Array, tol: float) -> Nodes:
     return PanelNodes(divided(edges, T * PANEL_HARMONICS / max(waves, 1.0)), True)
 
 
+@checked
 def finite_horizon_riccati(
     system: PeriodicSystem,
     Q: MatrixFunction | ArrayLike,
@@ -173,7 +174,6 @@ def finite_horizon_riccati(
     >>> print(f"{solution.X(0.5).item():.9f} {np.tanh(1.5):.9f}")
     0.905148254 0.905148254
     """
-    system = as_system(system)
     end = real_array("end", end, (system.n, system.n))
     posed = linear_quadratic(system, Q, R, N)
     problem, edges = resolve_problem(posed, system, False)
@@ -234,7 +234,7 @@ def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol
     >>> print(f"{fl.periodic_lyapunov(fl.PeriodicSystem([[-2.0]], 1.0), [[1.0]]).X(0.0).item():.10f}")
     0.2500000000
     """
-    return solve_lyapunov(as_system(system), Q, positive("tol", tol))
+    return solve_lyapunov(system, Q, positive("tol", tol))
 
 
 def solve_lyapunov(
