@@ -6,13 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.coefficient_series.sampling import POINTS, RESOLVED_TOL, stratified
-from flexlin.periodic.decoupling.coupling import (
-    Decoupled,
-    block_values,
-    combined,
-    group_separation,
-    measure_rough,
-)
+from flexlin.periodic.decoupling.coupling import Decoupled, block_values, combined, group_separation, measure_rough
 from flexlin.periodic.decoupling.frames import (
     SLOW_PART,
     Group,
