@@ -23,13 +23,13 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.floquet.result": "judge",
         "periodic.floquet.by_segments": "hidden_growth",
         "periodic.interpolation": (
-            "chebyshev_coefficients chebyshev_nodes ChebyshevPanels panel_times "
-            "fourier_differentiation fourier_nodes FourierSeries place_edges"
+            "chebyshev_coefficients chebyshev_nodes ChebyshevPanels circle_derivative panel_times "
+            "fourier_nodes FourierSeries place_edges"
         ),
         "periodic.many": "Kernel MULTIPLES SIZES take_phases",
         "periodic.margins": "Margins",
         "periodic.norms": "find_largest_gain",
-        "periodic.product": "complex_schur cyclic_system find_spectrum separate_triangular Unknown",
+        "periodic.product": "complex_schur cyclic_system find_spectrum Unknown",
         "periodic.riccati.linear_quadratic": "linear_quadratic",
         "periodic.riccati.nodes": "FourierNodes",
         "periodic.riccati.riccati": "finite_horizon_riccati periodic_riccati",
