@@ -11,12 +11,12 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.lazy import lazy
-from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.interpolation import place_edges
 from flexlin.periodic.product import cyclic_system
-from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
+from flexlin.periodic.related import PeriodicStateSpace
+from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
@@ -155,17 +155,14 @@ def frequency_response(
     >>> [(int(k), round(float(abs(H)), 6)) for k, H in zip(found.orders, found.H[0, :, 0, 0]) if abs(H) > 1e-8]
     [(-1, 0.5), (1, 0.5)]
     """
-    system, tol = as_system(system), positive("tol", tol)
-    frequencies = np.atleast_1d(real_array("omega", omega))
-    input_of(system)
-    given = as_port("C", C, (None, system.n), system.period)
+    plant, tol = PeriodicStateSpace(system, C), positive("tol", tol)
+    frequencies, system = np.atleast_1d(real_array("omega", omega)), plant.system
     verdict = floquet(system)
     if verdict.verdict != "stable":
         raise NotStable("there is no response that lasts", got=verdict.status, expected="a stable system")
-    output = resolve_beside(system, given)
-    count, before = DEFAULT_STAGES, np.zeros((len(frequencies), 1, *output.shape[:1], system.m), complex)
+    count, before = DEFAULT_STAGES, np.zeros((len(frequencies), 1, plant.p, system.m), complex)
     while True:
-        found = find_harmonics(system, output, count, frequencies, min(count, FARTHEST_ORDER))
+        found = find_harmonics(plant, count, frequencies, min(count, FARTHEST_ORDER))
         size = np.abs(found).max(axis=(1, 2, 3)) + TINY
         beyond = (found.shape[1] - before.shape[1]) // 2
         apart = found - np.pad(before, ((0, 0), (beyond, beyond), (0, 0), (0, 0)))
@@ -183,15 +180,15 @@ def frequency_response(
         count, before = 2 * count, found
 
 
-def find_harmonics(system: PeriodicSystem, C: ResolvedMatrix, count: int, omega: Array, highest: int) -> Array:
+def find_harmonics(plant: PeriodicStateSpace, count: int, omega: Array, highest: int) -> Array:
     """H (W, 2 highest + 1, p, m) under u = exp(i omega t), on so many segments of a period, between all edges of the coefficients."""
-    every = (system.resolved, system.resolved_input, C)
+    system, every = plant.system, plant.series[:3]
     least = max((-(-2 * one.degree // DEFAULT_STAGES) for one in every if one.panels > 1), default=1)
     edges = place_edges(system.period, np.unique(np.concatenate([one.edges for one in every])), count, least)
     rule, h = radau(DEFAULT_STAGES), np.diff(edges)
     t = place_nodes(edges, rule.c)
     A, *ports = (sample_at(one, t) for one in every)
-    (K, s), p, m = t.shape, C.shape[0], system.m
+    (K, s), p, m = t.shape, plant.p, system.m
     orders = np.arange(-highest, highest + 1)[:, None, None]
     back = h[:, None] * rule.b / system.period * np.exp(-2j * np.pi / system.period * orders * t)
     v, found = np.tile(np.eye(m), (s, 1)), []
