@@ -223,11 +223,11 @@ def chebyshev_transform(count: int) -> Array:
 
 
 def chebyshev_coefficients(values: Array) -> Array:
-    """Return the coefficients of the interpolants of values (P, K, E) at the nodes of P panels; constants without rounding."""
-    start = values[:, :1]
-    coefficients = chebyshev_transform(values.shape[1]) @ (values - start)
-    coefficients[:, :1] += start
-    return coefficients
+    """Return the coefficients of the interpolants of values (P, K, ...) at the nodes of P panels; constants without rounding."""
+    flat = values.reshape(*values.shape[:2], -1)
+    coefficients = chebyshev_transform(values.shape[1]) @ (flat - flat[:, :1])
+    coefficients[:, :1] += flat[:, :1]
+    return coefficients.reshape(values.shape)
 
 
 def panel_times(begin: Array, end: Array, count: int) -> Array:

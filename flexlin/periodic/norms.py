@@ -163,9 +163,8 @@ class BoundedReal:
     def segments(self, edges: Array, rule: Tableau) -> Segments:
         """The system's, as they serve all frequencies; inputs and outputs so weighted that their squares add up to the integrals."""
         t, h = place_nodes(edges, rule.c), np.diff(edges)
-        A, *ports = (sample_at(one, t) for one in self.plant.series)
-        found = condense(A, ports, h, rule)
-        p, m = ports[2].shape[-2:]
+        A, B, C, D = (sample_at(one, t) for one in self.plant.series)
+        found, (p, m) = condense(A, B, C, D, h, rule), D.shape[-2:]
         by = np.sqrt(h[:, None] * rule.b)
         into, out = 1 / np.repeat(by, m, axis=1)[:, None], np.repeat(by, p, axis=1)[..., None]
         return Segments(found.free, found.pushed * into, found.seen * out, found.through * out * into)
