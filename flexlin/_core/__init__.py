@@ -75,7 +75,8 @@ class Function:
         self.call.argtypes = [ctypes.c_void_p if isinstance(kind, Numbers) else kind for kind in kinds]
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it. Raises: TypeError where an array is of another type or shape, not contiguous, or to be written and may not be."""
+        """Call it. Raises: TypeError where an array is of another type or shape, not contiguous, or to be written and may not be;
+        MemoryError where C returns -1."""
         passed = list(arguments)
         expected = self.shapes(*arguments) if self.shapes else (None,) * len(self.arrays)
         for (place, kind), shape in zip(self.arrays, expected, strict=True):
@@ -86,7 +87,9 @@ class Function:
             if not kind.fits(array) or (shape is not None and shape != has):
                 raise TypeError(f"{self.name}, {self.names[place]}: {kind.describe_misfit(array, shape)}")
             passed[place] = locate(array)
-        return self.call(*passed)
+        if (found := self.call(*passed)) == -1:
+            raise MemoryError(f"the arrays of {self.name}")
+        return found
 
 
 REALS = Numbers(DTYPES["double"]), Numbers(DTYPES["double"], written=True)

@@ -84,13 +84,13 @@ static void combine_stages(const Rule *r, int count, vec h, const vec *w, const 
 
 /* Transition matrices Phi (segments, 2 m, 2 m) from [M D K] at all stages (segments, stages, m, 3 m) and lengths h; tableau: c, a, a a, b;
  * good (segments,): whether each is right to rounding. To keep, or none: kept, room for (segments + 7) (2 n n + m + 1) + 8 numbers, n = stages m, and
- * by_start (segments, n, 2 m), the accelerations by the state at the beginning. Returns 0 where there is no memory. */
+ * by_start (segments, n, 2 m), the accelerations by the state at the beginning. Returns -1 where there is no memory. */
 CALLED int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, double *kept,
                                 double *by_start, double *Phi, int *good) {
   Rule r = read_rule(m, stages, tableau);
   long n = (long)stages * m, columns = 2 * m;
   vec *memory = aligned_alloc(sizeof(vec), (3 * m * n + 3 * n * columns + 2 * n * n + m + 9) * sizeof(vec));
-  if (!memory) return 0;
+  if (!memory) return -1;
   vec *own = memory, *right = own + 3 * m * n, *w = right + n * columns, *left = w + n * columns, *once = left + n * columns;
   for (int k = 0; k < segments; k += L) {
     int count = segments - k < L ? segments - k : L, turns;
@@ -111,7 +111,7 @@ CALLED int factor_accelerations(int m, int stages, int segments, const double *b
     combine_stages(&r, count, h, w, d, Phi + k * columns * columns);
   }
   free(memory);
-  return 1;
+  return 0;
 }
 
 /* free (steps, n) = -G^-1 F. Returns 0 without memory. */

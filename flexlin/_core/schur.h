@@ -48,7 +48,7 @@ typedef struct { Balance dgebal; Schur zgees; Triangularize dgelq2, zgelq2; Gene
  * of the invariant subspaces at the beginning. */
 typedef struct { int n, count; cpx *Q, *T, *closure, *turn, *logs; double *defect, *start; } Form;
 
-enum { SOUND, NO_MEMORY, NOT_FINITE, NO_SCHUR_FORM };
+enum { NO_MEMORY = -1, SOUND, NOT_FINITE, NO_SCHUR_FORM };
 
 int multiply_pairs(int n, int count, double *factors, double *work);
 /* Q (n, n) of A = Q R; A becomes R; work (2 n). */

@@ -21,13 +21,13 @@ static void build_equations(const Rule *r, const vec *hA, vec *G, vec *right) {
 }
 
 /* Transition matrices (segments, n, n) from A at all stages (segments, stages, n, n), lengths h and the tableau (a, b), in units of the states that
- * are powers of two; good (segments,): whether each is right to rounding. Returns 0 where there is no memory. */
+ * are powers of two; good (segments,): whether each is right to rounding. Returns -1 where there is no memory. */
 CALLED int factor_states(int n, int stages, int segments, int stiff, const double *A, const double *lengths, const double *tableau, const double *units,
                          double *Phi, int *good) {
   Rule r = {n, stages, stiff, tableau, tableau + stages * stages};
   long square = (long)n * n, all = stages * square, size = all * stages;
   vec *memory = aligned_alloc(sizeof(vec), (4 * all + 2 * size) * sizeof(vec));
-  if (!memory) return 0;
+  if (!memory) return -1;
   vec *hA = memory, *G = hA + all, *right = G + size, *Y = right + all, *left = Y + all, *factors = left + all;
   for (int k = 0; k < segments; k += L) {
     int count = segments - k < L ? segments - k : L;
@@ -54,5 +54,5 @@ CALLED int factor_states(int n, int stages, int segments, int stiff, const doubl
     for (int l = 0; l < count; l++) good[k + l] = sound >> l & 1;
   }
   free(memory);
-  return 1;
+  return 0;
 }

@@ -12,7 +12,7 @@ from flexlin.periodic.floquet.modes import find_coinciding
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choose_segments import METHODS, choose_setting, factor_by, place_segments
+from flexlin.periodic.transition.choose_segments import METHODS, choose_setting, factor_period, place_segments
 
 SLOW_TOL = 1e-6
 """Accuracy that is enough for a direction: of the exponents, in 1/s, of the segments where the exponents came without any (an L-stable
@@ -105,7 +105,7 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
         (8 + 64 * len(which)) * len(grid) * n * n,
         f"the modes need {len(grid)} transition matrices of order {n}: leave out the fastest modes, or lower the gains behind them",
     )
-    Phi, scale = balance_factors(factor_by(system, grid, setting.method, setting.order))
+    Phi, scale = balance_factors(factor_period(system, setting))
     ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
     found, _ = periodic_vectors(Phi, grid, result.exponents[which], ranks)
     modes = np.moveaxis(found * scale[:, None], -1, 0)

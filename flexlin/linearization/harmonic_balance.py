@@ -14,13 +14,7 @@ from flexlin.linearization.law import Controller, Law
 from flexlin.linearization.layers import LAYER_ARGUMENT, Layers
 from flexlin.mechanics.beam.integrals import panels
 from flexlin.periodic.coefficient_series.sampling import graded
-from flexlin.periodic.interpolation import (
-    FourierSeries,
-    fourier_basis,
-    fourier_differentiation,
-    place_edges,
-    waves_at_nodes,
-)
+from flexlin.periodic.interpolation import FourierSeries, circle_derivative, fourier_basis, fourier_nodes, place_edges
 from flexlin.precision import FAINT, MINOR
 
 NEWTON_STEPS = 25
@@ -112,7 +106,7 @@ class Solver:
     @lazy
     def derivatives(self) -> tuple[Array, Array]:
         """The matrices (N, N) of the first and second derivative."""
-        first = fourier_differentiation(self.points, self.about.motion.period)
+        first = circle_derivative(np.eye(self.points), self.about.motion.period)
         return first, first @ first
 
     def evaluate(self, z: Array, speed: float) -> tuple[Array, ...]:
@@ -238,7 +232,7 @@ def miss_between(solver: Solver, layers: Layers, values: Array) -> float:
     left[:, left.shape[1] - k :] += series(t, 1)[:, left.shape[1] - k :]
     onto = 2 * fourier_basis(t / T, N // 2).T @ (weights[:, None] * left) / T
     onto[0] /= 2
-    projected = waves_at_nodes(N, N // 2) @ onto
+    projected = FourierSeries(onto, T)(fourier_nodes(N, T))
     jacobian = solver.residual(values, 1.0)[1]
     moved = np.linalg.solve(jacobian, projected.ravel()).reshape(values.shape)[:, :n]
     return float(np.abs(moved).max() / size_of(values[:, :n]))

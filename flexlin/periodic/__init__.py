@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.boundary.spectra": "Effort Spectra",
         "periodic.boundary.together": "find_together",
         "periodic.certificate": "digest",
-        "periodic.circle": "assign count_turns match_logs measure_distances wrap_angle wrap_log",
+        "periodic.circle": "assign count_turns match_logs measure_distances wrap_angle",
         "periodic.coefficients": "build_companion stack_companion",
         "periodic.decoupling.coupling": "as_real Decoupled",
         "periodic.decoupling.decouple": "decouple",
@@ -23,22 +23,16 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.floquet.result": "judge",
         "periodic.floquet.by_segments": "hidden_growth",
         "periodic.interpolation": (
-            "chebyshev_coefficients chebyshev_nodes ChebyshevPanels panel_times "
-            "fourier_differentiation fourier_nodes FourierSeries place_edges"
+            "chebyshev_coefficients ChebyshevPanels circle_derivative panel_times "
+            "fourier_nodes FourierSeries place_edges"
         ),
-        "periodic.many": "Kernel MULTIPLES SIZES take_phases",
+        "periodic.many": "Kernel SIZES take_phases",
         "periodic.margins": "Margins",
-        "periodic.norms": "find_largest_gain",
-        "periodic.product": "complex_schur cyclic_system find_spectrum separate_triangular Unknown",
-        "periodic.riccati.linear_quadratic": "linear_quadratic",
-        "periodic.riccati.nodes": "FourierNodes",
+        "periodic.product": "complex_schur find_spectrum Unknown",
         "periodic.riccati.riccati": "finite_horizon_riccati periodic_riccati",
-        "periodic.riccati.scattering": "LoopLyapunov",
-        "periodic.coefficient_series.matrix": "weigh_entries",
         "periodic.coefficient_series.resolve": "resolve",
         "periodic.system": "extend_system",
         "periodic.transition.factors": "gauss_transitions",
-        "periodic.transition.gauss": "radau",
         "periodic.transition.choose_segments": "factor_by METHODS Setting",
     },
 )

@@ -56,7 +56,7 @@ def represent_on_panels(resolved: Resolved, solution: RiccatiSolution) -> Common
     waves = max(one.degree / share if isinstance(one, FourierSeries) else 0.0 for one, share in both)
     edges = divided(solution.series.edges, resolved.period * PANEL_HARMONICS / max(waves, PANEL_HARMONICS))
     t = panel_times(edges[:-1], edges[1:], NODES)
-    A, X = (find_coefficients(f(t.ravel()).reshape(*t.shape, n, n)) for f in (resolved, solution.X))
+    A, X = (chebyshev_coefficients(f(t.ravel()).reshape(*t.shape, n, n)) for f in (resolved, solution.X))
     X = symmetrize(X)
     u = np.linspace(-1.0, 1.0, 2 * NODES + 1)[1:-1]
     t = (edges[:-1, None] + edges[1:, None]) / 2 + np.diff(edges)[:, None] / 2 * u
@@ -113,7 +113,7 @@ def bound_margin(
 ) -> tuple[float, float, float]:
     """The margin proved with so many samples a panel, the change that leaves some of it, and what the bound between samples costs."""
     slope = ChebyshevPanels(edges, X).derivative().coefficients
-    R = find_coefficients(sum_terms(A, X, slope, chebyshev_nodes(A.shape[1] + X.shape[1] - 1)))
+    R = chebyshev_coefficients(sum_terms(A, X, slope, chebyshev_nodes(A.shape[1] + X.shape[1] - 1)))
     u = np.linspace(-1.0, 1.0, count)
     bends = [float(bend(one).max()) * (u[1] - u[0]) ** 2 / 8 for one in (R, X)]
     values, size = sum_terms(A, X, slope, u), evaluate(X, u)
@@ -143,11 +143,6 @@ def evaluate(coefficients: Array, u: Array) -> Array:
     return np.einsum(
         "uk,pkij->puij", np.polynomial.chebyshev.chebvander(u, coefficients.shape[1] - 1), coefficients, optimize=True
     )
-
-
-def find_coefficients(values: Array) -> Array:
-    """Chebyshev coefficients of matrices at the nodes of panels, both (P, K, n, n)."""
-    return chebyshev_coefficients(values.reshape(*values.shape[:2], -1)).reshape(values.shape)
 
 
 def bend(coefficients: Array) -> Array:

@@ -105,24 +105,39 @@ def fourier_basis(phase: Array, harmonics: int) -> Array:
     return basis
 
 
-@lru_cache(maxsize=16)
-def waves_at_nodes(count: int, harmonics: int) -> Array:
-    """Return the basis at N equally spaced times, (N, 2 H + 1), each to rounding, kept for the next call."""
-    turns = np.outer(2 * np.arange(count), np.arange(harmonics + 1)) % (2 * count)
-    angle = np.pi / count * turns
-    return np.concatenate([np.cos(angle), np.sin(angle[:, 1:])], axis=1)
+def harmonics(count: int) -> Array:
+    """The harmonic numbers of NumPy's discrete Fourier transform of `count` values."""
+    return np.fft.fftfreq(count, 1 / count)
 
 
-@lru_cache(maxsize=16)
-def fourier_differentiation(count: int, period: float) -> Array:
-    """Return the matrix that takes values at N equally spaced times to the derivatives of their interpolant there.
+def weigh_harmonics(values: Array, weight: Array) -> Array:
+    """Values (N, ...) with each harmonic multiplied by a weight, (N,) or (N, ...), those of k and -k conjugate where values are real."""
+    weight = weight.reshape(weight.shape + (1,) * (values.ndim - weight.ndim))
+    if np.iscomplexobj(values):
+        return np.fft.ifft(weight * np.fft.fft(values, axis=0), axis=0)
+    waves = np.fft.rfft(values, axis=0)
+    return np.fft.irfft(weight[: len(waves)] * waves, len(values), axis=0)
 
-    Source: Trefethen, Spectral Methods in MATLAB (2000), ch. 3.
+
+def turn_harmonics(count: int, shift: float) -> Array:
+    """What the harmonics (N,) are multiplied by where the nodes are moved by `shift` spacings.
+
+    The middle harmonic of an even count has no derivative and no shift of its own, so it is left out.
+    Source: Trefethen, Spectral Methods in MATLAB (2000), chapter 3.
     """
-    waves = np.fft.rfft(np.eye(count), axis=0)
-    D = np.fft.irfft(2j * np.pi / period * np.arange(len(waves))[:, None] * waves, count, axis=0)
-    D.setflags(write=False)
-    return D
+    k = harmonics(count)
+    return (np.abs(k) < count / 2) * np.exp(2j * np.pi * k * shift / count)
+
+
+def circle_derivative(values: Array, period: float, shift: float = 0.0) -> Array:
+    """The derivative at nodes that are moved by `shift` spacings."""
+    rate = 2j * np.pi / period * harmonics(len(values))
+    return weigh_harmonics(values, rate * turn_harmonics(len(values), shift))
+
+
+def shifted(values: Array, shift: float) -> Array:
+    """The values at nodes that are moved by `shift` spacings."""
+    return weigh_harmonics(values, turn_harmonics(len(values), shift))
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,11 +223,11 @@ def chebyshev_transform(count: int) -> Array:
 
 
 def chebyshev_coefficients(values: Array) -> Array:
-    """Return the coefficients of the interpolants of values (P, K, E) at the nodes of P panels; constants without rounding."""
-    start = values[:, :1]
-    coefficients = chebyshev_transform(values.shape[1]) @ (values - start)
-    coefficients[:, :1] += start
-    return coefficients
+    """Return the coefficients of the interpolants of values (P, K, ...) at the nodes of P panels; constants without rounding."""
+    flat = values.reshape(*values.shape[:2], -1)
+    coefficients = chebyshev_transform(values.shape[1]) @ (flat - flat[:, :1])
+    coefficients[:, :1] += flat[:, :1]
+    return coefficients.reshape(values.shape)
 
 
 def panel_times(begin: Array, end: Array, count: int) -> Array:

@@ -11,16 +11,17 @@ from flexlin.checks import SAMPLES, Array, positive
 from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.periodic.circle import measure_distances, wrap_angle
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
-from flexlin.periodic.coefficient_series.resolve import resolve, resolve_constant
+from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficients import MatrixFunction, assemble_hamiltonian, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import MODES_TOL, floquet_modes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.interpolation import fourier_nodes
+from flexlin.periodic.related import PeriodicStateSpace
 from flexlin.periodic.response.frequency import Segments, condense
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.roots import MOST_STEPS
-from flexlin.periodic.system import PeriodicSystem, as_port, edges_between, input_of, resolve_beside
+from flexlin.periodic.system import PeriodicSystem, edges_between
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS, choose_setting, find_rule, place_segments
 from flexlin.periodic.transition.gauss import Tableau, place_nodes, sample_at
 from flexlin.precision import EPS, FAINT, MINOR, PARTIAL, SAFETY, SLIGHT, TINY
@@ -95,8 +96,9 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     >>> print(f"{fl.h2_norm(system, [[1.0, 0.0]]).value:.6f}")
     1.000000
     """
-    B, output = system.resolved_input, as_port("C", C, (None, system.n), system.period)
-    solution = periodic_lyapunov(system, combine(multiply_transposed, output), MINOR * positive("tol", tol))
+    plant = PeriodicStateSpace(system, C)
+    system, B = plant.system, plant.system.resolved_input
+    solution = periodic_lyapunov(system, combine(multiply_transposed, plant.C), MINOR * positive("tol", tol))
     corners = np.union1d(solution.edges, B.edges)
     power = resolve(combine(reach, B, solution.X), system.period, corners[:-1].tolist(), complete=True)
     square, quadrature = float(power.mean()[0, 0]), float(power.mean_error(corners[[0, -1]])[0, 0, 0])
@@ -126,45 +128,41 @@ class BoundedReal:
     The norm is below g where no multiplier of H lies on the unit circle and g exceeds every singular value of D(t).
     """
 
-    system: PeriodicSystem
+    plant: PeriodicStateSpace
     found: FloquetResult
-    B: ResolvedMatrix
-    C: ResolvedMatrix
-    D: ResolvedMatrix
 
     @property
     def constant(self) -> bool:
         """Whether nothing depends on t."""
-        return all(one.constant for one in (self.system.resolved, self.B, self.C, self.D))
+        return all(one.constant for one in self.plant.series)
 
     def hamiltonian(self, level: float) -> PeriodicSystem:
         """The system x' = H(t) x of 2 n states."""
 
         def H(t: Array) -> Array:
-            B, C, D = self.B(t), self.C(t), self.D(t)
+            A, B, C, D = (one(t) for one in self.plant.series)
             turned_B, turned_C, turned_D = (np.swapaxes(one, 1, 2) for one in (B, C, D))
             R = level**2 * np.eye(D.shape[2]) - turned_D @ D
             S = level**2 * np.eye(D.shape[1]) - D @ turned_D
-            A = self.system.resolved(t) + B @ np.linalg.solve(R, turned_D @ C)
+            A = A + B @ np.linalg.solve(R, turned_D @ C)
             forth, back = level * B @ np.linalg.solve(R, turned_B), level * turned_C @ np.linalg.solve(S, C)
             return assemble_hamiltonian(A, -forth, back)
 
         if self.constant:
-            return PeriodicSystem(H(np.zeros(1))[0], self.system.period)
-        edges = edges_between(self.system.resolved, self.B, self.C, self.D)  # nothing narrow between them is overlooked
-        return PeriodicSystem(H, self.system.period, breaks=edges, complete=True)
+            return PeriodicSystem(H(np.zeros(1))[0], self.plant.system.period)
+        edges = edges_between(*self.plant.series)  # nothing narrow between them is overlooked
+        return PeriodicSystem(H, self.plant.system.period, breaks=edges, complete=True)
 
     def constant_gain(self, omega: float) -> float:
         """|C (i omega - A)^-1 B + D|, where nothing depends on t."""
-        A, B, C, D = (one.mean() for one in (self.system.resolved, self.B, self.C, self.D))
+        A, B, C, D = (one.mean() for one in self.plant.series)
         return float(np.linalg.norm(C @ np.linalg.solve(1j * omega * np.eye(len(A)) - A, B) + D, 2))
 
     def segments(self, edges: Array, rule: Tableau) -> Segments:
         """The system's, as they serve all frequencies; inputs and outputs so weighted that their squares add up to the integrals."""
         t, h = place_nodes(edges, rule.c), np.diff(edges)
-        A, *ports = (sample_at(one, t) for one in (self.system.resolved, self.B, self.C, self.D))
-        found = condense(A, ports, h, rule)
-        p, m = ports[2].shape[-2:]
+        A, B, C, D = (sample_at(one, t) for one in self.plant.series)
+        found, (p, m) = condense(A, B, C, D, h, rule), D.shape[-2:]
         by = np.sqrt(h[:, None] * rule.b)
         into, out = 1 / np.repeat(by, m, axis=1)[:, None], np.repeat(by, p, axis=1)[..., None]
         return Segments(found.free, found.pushed * into, found.seen * out, found.through * out * into)
@@ -203,13 +201,14 @@ class PeakSearch:
     noise: what rounding may make of them; best: the largest gain and its frequency.
     """
 
-    def __init__(self, problem: BoundedReal, largest: tuple[float, float], direct: float):
-        self.problem, system, found = problem, problem.system, problem.found
+    def __init__(self, problem: BoundedReal, largest: list[float], direct: float):
+        self.problem, system, found = problem, problem.plant.system, problem.found
+        _, B, C, _ = problem.plant.series
         rate = max(float(np.linalg.norm(system.resolved.mean(), 2)), 1 / system.period)
         self.floor = max(direct, EPS * largest[0] * largest[1] / rate)  # what rounding makes of nothing
         modes = floquet_modes(system, found)
-        reached, all_reached = measure_parts(np.swapaxes(problem.B(modes.times), 1, 2), modes.left.conj(), largest[0])
-        seen, all_seen = measure_parts(problem.C(modes.times), modes.right, largest[1])
+        reached, all_reached = measure_parts(np.swapaxes(B(modes.times), 1, 2), modes.left.conj(), largest[0])
+        seen, all_seen = measure_parts(C(modes.times), modes.right, largest[1])
         self.exponents, self.period, damping = modes.exponents, system.period, np.abs(modes.exponents.real)
         self.shares = np.where(np.isfinite(modes.errors), reached * seen / damping, np.inf)
         self.noise = FAINT * all_reached * all_seen / damping
@@ -221,7 +220,7 @@ class PeakSearch:
         near = self.problem.hamiltonian(max(greatest, 2 * self.floor))
         self.setting = choose_setting(near, MODES_TOL)
         if self.setting.segments > FEWER_SEGMENTS:  # an L-stable method only knows the modes that it resolves
-            self.setting = choose_setting(self.problem.system, MODES_TOL, "radau")
+            self.setting = choose_setting(self.problem.plant.system, MODES_TOL, "radau")
         self.edges = place_segments(near, self.setting)
         self.segments = cache(partial(self.problem.segments, self.edges))
         first = self.exponents[np.argsort(-self.shares)].imag[: 2 * START_MODES]
@@ -247,7 +246,7 @@ class PeakSearch:
             return max(self.problem.constant_gain(omega), self.floor)
         rule = find_rule(self.setting.method, self.setting.order + better)
         orders = np.arange(-INPUT_HARMONICS, INPUT_HARMONICS + 1)
-        t, m = place_nodes(self.edges, rule.c), self.problem.system.m
+        t, m = place_nodes(self.edges, rule.c), self.problem.plant.system.m
         waves = np.exp(1j * (omega + 2 * np.pi / self.period * orders) * t[..., None])
         tried = np.einsum("ks,ksl,ij->ksilj", np.sqrt(np.diff(self.edges)[:, None] * rule.b), waves, np.eye(m))
         found = self.segments(rule).largest_gain(
@@ -365,24 +364,18 @@ def hinf_norm(
     >>> print(f"{fl.hinf_norm(system, [[1.0, 0.0]]).value:.6f} {1 / (0.2 * 0.99**0.5):.6f}")
     5.025189 5.025189
     """
-    input_of(system)
-    output, tol = as_port("C", C, (None, system.n), system.period), positive("tol", tol)
-    rows = output(np.zeros(1)).shape[1]
-    through = as_port("D", np.zeros((rows, system.m)) if D is None else D, (rows, system.m), system.period)
-    verdict = floquet(system)
+    plant, tol = PeriodicStateSpace(system, C, D), positive("tol", tol)
+    verdict = floquet(plant.system)
     if verdict.verdict != "stable":
         raise NotStable("the norm is infinite or unknown", got=verdict.status, expected="a stable system")
-    problem = BoundedReal(
-        system, verdict, system.resolved_input, *(resolve_beside(system, one) for one in (output, through))
-    )
+    problem, T = BoundedReal(plant, verdict), plant.system.period
     if not problem.constant:
         return bracket_norm(problem, tol)
-    A = system.resolved.mean()
-    period = min(system.period, 1 / (float(np.linalg.norm(A)) + TINY))  # no frequency is folded
-    short = PeriodicSystem(A, period, B=problem.B.mean())
-    ports = (resolve_constant(one.mean(), period) for one in (problem.B, problem.C, problem.D))
-    found = bracket_norm(BoundedReal(short, floquet(short), *ports), tol)
-    return replace(found, frequency=abs(float(wrap_angle(np.array(found.frequency * system.period)))) / system.period)
+    means = [one.mean() for one in plant.series]
+    period = min(T, 1 / (float(np.linalg.norm(means[0])) + TINY))  # no frequency is folded
+    short = PeriodicStateSpace(PeriodicSystem(means[0], period, B=means[1]), *means[2:])
+    found = bracket_norm(BoundedReal(short, floquet(short.system)), tol)
+    return replace(found, frequency=abs(float(wrap_angle(np.array(found.frequency * T)))) / T)
 
 
 def find_largest_gain(D: ResolvedMatrix) -> float:
@@ -406,8 +399,8 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
     The feedthrough's own gain is the least level; one that is said to lie below, where no larger gain is found, says nothing.
     Raises: ToleranceNotReached when no level exceeds the norm.
     """
-    direct = find_largest_gain(problem.D)  # no level below it has a Hamiltonian system
-    largest = find_largest_gain(problem.B), find_largest_gain(problem.C)
+    _, *ports = problem.plant.series
+    *largest, direct = map(find_largest_gain, ports)  # no level below the last one has a Hamiltonian system
     if 0 in largest:
         return HinfNorm(direct, tol * direct, 0.0)
     search = PeakSearch(problem, largest, direct)

@@ -9,9 +9,11 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
+from flexlin.lazy import lazy
+from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, has_nothing_narrow
 from flexlin.periodic.interpolation import golden
-from flexlin.periodic.system import PeriodicSystem, as_port, input_of
+from flexlin.periodic.system import PeriodicSystem, as_port, input_of, resolve_beside
 from flexlin.precision import ROOT_EPS
 from flexlin.summary import immutable
 
@@ -74,6 +76,12 @@ class PeriodicStateSpace:
         p = output(np.zeros(1)).shape[1]
         through = as_port("D", np.zeros((p, system.m)) if D is None else D, (p, system.m), system.period)
         vars(self).update(system=system, C=output, D=through, p=p)
+
+    @lazy
+    def series(self) -> tuple[ResolvedMatrix | ResolvedCompanion, ResolvedMatrix, ResolvedMatrix, ResolvedMatrix]:
+        """A, B, C, D as series that agree with them everywhere. Raises: NotPeriodic, UnresolvedCoefficient, ArgumentError as `resolve`."""
+        output, through = (resolve_beside(self.system, one) for one in (self.C, self.D))
+        return self.system.resolved, self.system.resolved_input, output, through
 
     def __mul__(self, other: "PeriodicStateSpace") -> "PeriodicStateSpace":
         m, p, inputs, outputs = self.system.m, self.p, self.system.m + other.system.m, self.p + other.p

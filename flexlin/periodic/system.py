@@ -311,14 +311,14 @@ def resolve_beside(system: PeriodicSystem, given: MatrixFunction) -> ResolvedMat
 
 
 def as_port(
-    name: str, value: MatrixFunction | ArrayLike, shape: tuple[int | None, ...], period: float, why: str = ""
+    name: str, value: MatrixFunction | ArrayLike, shape: tuple[int | None, ...], period: float
 ) -> MatrixFunction:
     """What stands beside A(t) as a function of time. Raises: ArgumentError where it is not of the shape (None: of any length)."""
     function = as_matrix_function(name, value)
     got = check_samples(name, function, period).shape[1:]
     if any(wanted not in (None, length) for wanted, length in zip(shape, got, strict=True)):
         wanted = ", ".join("any" if one is None else str(one) for one in shape)
-        raise ArgumentError(f"{name} does not fit the system", got=got, expected=f"({wanted}){why}")
+        raise ArgumentError(f"{name} does not fit the system", got=got, expected=f"({wanted})")
     return function
 
 

@@ -8,14 +8,15 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive
-from flexlin.errors import NumericalError, counted
+from flexlin.errors import ArgumentError, NumericalError, counted
 from flexlin.periodic.circle import assign
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficient_series.sampling import RESOLVED_TOL, stratified
 from flexlin.periodic.coefficients import MatrixFunction, close_loop, combine
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.system import PeriodicSystem, as_port, edges_between, input_of, resolve_beside
+from flexlin.periodic.related import PeriodicStateSpace
+from flexlin.periodic.system import PeriodicSystem, edges_between
 from flexlin.precision import EPS, FAINT, SAFETY, SLIGHT, TINY
 from flexlin.summary import immutable
 
@@ -107,14 +108,12 @@ def invariant_zeros(
     >>> print(f"{found.exponents.real.item():.9f} {4 / 3**0.5 - 3:.9f}")
     -0.690598923 -0.690598923
     """
-    tol = positive("tol", tol)
-    input_of(system)
-    n, m = system.n, system.m
-    as_many = system.period, ": outputs as inputs"
-    output = as_port("C", C, (m, n), *as_many)
-    through = as_port("D", np.zeros((m, m)) if D is None else D, (m, m), *as_many)
-    A, B = system.resolved, system.resolved_input
-    chains = find_chains(system, *(resolve_beside(system, one) for one in (output, through)))
+    plant, tol = PeriodicStateSpace(system, C, D), positive("tol", tol)
+    system, n = plant.system, plant.system.n
+    if plant.p != system.m:
+        raise ArgumentError("C does not fit the system", got=plant.p, expected=f"{system.m}: as many outputs as inputs")
+    A, B, *ports = plant.series
+    chains = find_chains(system, *ports)
     degrees = tuple(len(rows) - 1 for rows, _ in chains)
     poles = 2 * np.pi / system.period * (0.5 + 0.23 * np.arange(sum(degrees)))
     weights = (np.atleast_1d(np.poly(-own))[::-1] for own in np.split(poles, np.cumsum(degrees)[:-1]))

@@ -180,8 +180,7 @@ class Window:
         self.kept, good = np.empty(kept_numbers(n, s, count)), np.empty(count, np.intc)
         self.by_start, self.transition = np.empty((count, s * n, 2 * n)), np.empty((count, 2 * n, 2 * n))
         given = n, s, count, self._blocks, grid.h, grid.rule.table
-        if not factor_accelerations_in_core(*given, self.kept, self.by_start, self.transition, good):
-            raise MemoryError("the stages of a step")
+        factor_accelerations_in_core(*given, self.kept, self.by_start, self.transition, good)
         self.sound = bool(good.all())
 
     def first(self, grid: Grid) -> "Window":
@@ -255,14 +254,13 @@ class Sweeps:
             read = addresses([path.y, path.v, path.w, self.torque, *residual.place])
             written = addresses([self.F], written=True)
             shared = (len(code.steps), code.steps, read, code.rows, written, code.sizes, residual.work)
-        found = sweep_steps(
-            *(window.n, grid.stages, grid.count, self.offset.shape[1], grid.h, grid.rule.table, window.kept),
-            *(window.by_start, window.transition, self.gain, self.offset, self.start, self.scale, tol, RULE),
-            *(int(known), int(once), *shared, self.state, self.F, self.torque, path.x, path.y, path.v, path.w),
+        return Found(
+            sweep_steps(
+                *(window.n, grid.stages, grid.count, self.offset.shape[1], grid.h, grid.rule.table, window.kept),
+                *(window.by_start, window.transition, self.gain, self.offset, self.start, self.scale, tol, RULE),
+                *(int(known), int(once), *shared, self.state, self.F, self.torque, path.x, path.y, path.v, path.w),
+            )
         )
-        if found < 0:
-            raise MemoryError("the stages of a step")
-        return Found(found)
 
 
 def between(grid: Grid, path: Path, power: Array, t: Array) -> tuple[Array, Array]:

@@ -29,7 +29,6 @@ from flexlin.periodic.coefficient_series.sampling import (
 from flexlin.periodic.interpolation import (
     NODES,
     FourierSeries,
-    fourier_basis,
     fourier_nodes,
     fourier_waves,
     real_fourier_coefficients,
@@ -221,9 +220,8 @@ class FourierFit:
 
     def apart(self, phases: Array, there: Array) -> Array:
         """The largest deviation of each entry from A at some phases, (E,)."""
-        H = len(self.coefficients) // 2
-        waves = fourier_basis(phases, H)[:, 1:] @ self.coefficients[1:]
-        return np.abs(there - self.coefficients[0] - waves).max(axis=0)
+        T = self.sample.period
+        return np.abs(there - FourierSeries(self.coefficients, T)(T * phases)).max(axis=0)
 
     def search(self) -> None:
         """Find the times at which A is furthest from the series, and hold it against these there.

@@ -7,16 +7,8 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.lazy import lazy
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.decoupling.frames import (
-    SLOW_PART,
-    Group,
-    block_mask,
-    circle_derivative,
-    connected,
-    harmonics,
-    sylvester,
-    weigh_harmonics,
-)
+from flexlin.periodic.decoupling.frames import SLOW_PART, Group, block_mask, connected, sylvester
+from flexlin.periodic.interpolation import circle_derivative, harmonics, weigh_harmonics
 from flexlin.precision import LARGEST_LOG_GROWTH, SLIGHT, TINY
 
 HIDING_GROWTH = 8.0

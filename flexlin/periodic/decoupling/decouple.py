@@ -6,18 +6,11 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.coefficient_series.sampling import POINTS, RESOLVED_TOL, stratified
-from flexlin.periodic.decoupling.coupling import (
-    Decoupled,
-    block_values,
-    combined,
-    group_separation,
-    measure_rough,
-)
+from flexlin.periodic.decoupling.coupling import Decoupled, block_values, combined, group_separation, measure_rough
 from flexlin.periodic.decoupling.frames import (
     SLOW_PART,
     Group,
     aliasing,
-    circle_derivative,
     find_frame,
     follow_modes,
     grouped_modes,
@@ -25,12 +18,11 @@ from flexlin.periodic.decoupling.frames import (
     interpolated,
     low_harmonics,
     mixing,
-    shifted,
     smooth,
     sylvester,
     tail,
 )
-from flexlin.periodic.interpolation import NODES
+from flexlin.periodic.interpolation import NODES, circle_derivative, shifted
 from flexlin.periodic.product import COHERENT_PART, GROUP_CONDITION
 from flexlin.periodic.system import MatrixFunction
 from flexlin.precision import EPS, MINOR, PARTIAL, ROOT_EPS, SLIGHT

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import assign
-from flexlin.periodic.interpolation import FourierSeries
+from flexlin.periodic.interpolation import FourierSeries, harmonics, weigh_harmonics
 from flexlin.periodic.product import complex_schur
 from flexlin.precision import PARTIAL, ROOT_EPS
 
@@ -181,47 +181,14 @@ def start_basis(right: Array, left: Array, groups: tuple[Group, ...]) -> Array:
     return T
 
 
-def harmonics(count: int) -> Array:
-    """The harmonic numbers of NumPy's discrete Fourier transform of `count` values."""
-    return np.fft.fftfreq(count, 1 / count)
-
-
 def are_kept(count: int) -> Array:
     """Which harmonics the filter keeps, the lower third (N,): the others hold the rounding that differentiation amplifies."""
     return np.abs(harmonics(count)) <= count / 3
 
 
-def weigh_harmonics(values: Array, weight: Array) -> Array:
-    """Values (N, ...) with each harmonic multiplied by a weight, (N,) or (N, ...); real ones stay real."""
-    weight = weight.reshape(weight.shape + (1,) * (values.ndim - weight.ndim))
-    made = np.fft.ifft(weight * np.fft.fft(values, axis=0), axis=0)
-    return made if np.iscomplexobj(values) else made.real
-
-
-def turn_harmonics(count: int, shift: float) -> Array:
-    """What the harmonics (N,) are multiplied by where the nodes are moved by `shift` spacings.
-
-    The middle harmonic of an even count has no derivative and no shift of its own, so it is left out.
-    Source: Trefethen, Spectral Methods in MATLAB (2000), chapter 3.
-    """
-    k = harmonics(count)
-    return (np.abs(k) < count / 2) * np.exp(2j * np.pi * k * shift / count)
-
-
 def smooth(values: Array) -> Array:
     """Leave out the harmonics that are not kept."""
     return weigh_harmonics(values, are_kept(len(values)))
-
-
-def circle_derivative(values: Array, period: float, shift: float = 0.0) -> Array:
-    """The derivative at nodes that are moved by `shift` spacings."""
-    rate = 2j * np.pi / period * harmonics(len(values))
-    return weigh_harmonics(values, rate * turn_harmonics(len(values), shift))
-
-
-def shifted(values: Array, shift: float) -> Array:
-    """The values at nodes that are moved by `shift` spacings."""
-    return weigh_harmonics(values, turn_harmonics(len(values), shift))
 
 
 def interleaved(nodes: Array, between: Array) -> Array:

@@ -8,18 +8,9 @@ from flexlin.periodic.circle import assign, match_logs, pair_conjugates, wrap_an
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.decoupling.coupling import UNRESOLVED_LOG, Decoupled, DecoupledExponents, as_real
 from flexlin.periodic.decoupling.decouple import FIRST_NODES
-from flexlin.periodic.decoupling.frames import (
-    Group,
-    aliasing,
-    block_mask,
-    harmonics,
-    interpolated,
-    mixing,
-    shifted,
-    weigh_harmonics,
-)
+from flexlin.periodic.decoupling.frames import Group, aliasing, block_mask, interpolated, mixing
 from flexlin.periodic.floquet.by_segments import SegmentedSpectrum, solve_by_segments
-from flexlin.periodic.interpolation import FourierSeries
+from flexlin.periodic.interpolation import FourierSeries, harmonics, shifted, weigh_harmonics
 from flexlin.periodic.product import balance_factors, periodic_vectors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS, OTHER_WORK, VECTOR_WORK, choose_setting

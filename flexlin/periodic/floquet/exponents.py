@@ -13,21 +13,12 @@ from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, couple
 from flexlin.periodic.coefficient_series.sampling import SEARCH_BLOCKS, stratified
 from flexlin.periodic.decoupling.coupling import Decoupled
 from flexlin.periodic.decoupling.decouple import MOST_TRIES, decouple
-from flexlin.periodic.floquet.by_decoupling import (
-    decoupled_exponents,
-    estimate_decoupling_work,
-    hide_enclosed,
-)
+from flexlin.periodic.floquet.by_decoupling import decoupled_exponents, estimate_decoupling_work, hide_enclosed
 from flexlin.periodic.floquet.by_segments import solve_by_segments
 from flexlin.periodic.floquet.result import FloquetResult, find_coinciding_within, find_reached, judge
 from flexlin.periodic.product import balance_factors, bound_pairs, complex_schur, separate_triangular
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choose_segments import (
-    MAX_SEGMENTS,
-    Setting,
-    choose_setting,
-    estimate_work,
-)
+from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, Setting, choose_setting, estimate_work
 from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, SAFETY
 
 COLLOCATION_WORK = 4e9

@@ -1,19 +1,18 @@
 """Floquet exponents by Hill's infinite determinant: harmonic balance, no transition matrix and no product of factors."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss
 
 from flexlin.checks import Array, check_size, whole
 from flexlin.periodic.circle import count_turns, measure_distances
 from flexlin.periodic.coefficient_series.matrix import couple_uncertainty
 from flexlin.periodic.floquet.result import find_reached
-from flexlin.periodic.interpolation import NODES
+from flexlin.periodic.interpolation import NODES, divided
 from flexlin.periodic.product import balance_factors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import count_waves
+from flexlin.periodic.transition.gauss import gauss, place_nodes
 from flexlin.precision import EPS, FOURTH_ROOT_EPS, PARTIAL, SAFETY
 
 MAX_SIZE = 900
@@ -93,11 +92,8 @@ def expand_fourier(system: PeriodicSystem, count: int) -> Array:
     """A_k, k = -count ... count, of A: trapezoidal rule, or Gauss quadrature of each panel of the resolved A."""
     T, resolved = system.period, system.resolved
     if resolved.panels > 1:
-        turns = count * np.diff(resolved.edges) / T  # of the fastest wave that a panel's polynomials are multiplied by
-        rules = [leggauss(NODES + int(np.ceil(4 * turn))) for turn in turns]
-        pieces = list(zip(pairwise(resolved.edges), rules, strict=True))
-        t = np.concatenate([(c + d) / 2 + (d - c) / 2 * x for (c, d), (x, _) in pieces])
-        weight = np.concatenate([(d - c) / (2 * T) * b for (c, d), (_, b) in pieces])
+        edges, rule = divided(resolved.edges, 2 * T / count), gauss(NODES)  # the fastest wave turns twice between them
+        t, weight = place_nodes(edges, rule.c).ravel(), (np.diff(edges)[:, None] / T * rule.b).ravel()
     else:
         points = 4 * count + 2 * resolved.degree + 2
         t, weight = T * np.arange(points) / points, np.full(points, 1 / points)

@@ -57,7 +57,7 @@ class FloquetResult(Shown):
     resolved : ResolvedMatrix or ResolvedCompanion
         A(t) as the series that the exponents belong to, for the certificate.
     decoupled : Decoupled
-        Coordinates in which the modes stand apart, for the certificate, where the exponents were found in them.
+        Coordinates in which the modes stand apart, for `floquet_modes`, where the exponents were found in them.
 
     Examples
     --------

@@ -26,21 +26,9 @@ from flexlin.periodic.coefficients import (
 from flexlin.periodic.interpolation import FINER_BOUNDS, NODES, TAIL, edges_of_short, place_edges
 from flexlin.periodic.product import COHERENT_PART, cyclic_system, find_spectrum
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choose_segments import (
-    GUESS_MARGIN,
-    MAX_SEGMENTS,
-    choose_setting,
-    report_too_many,
-)
+from flexlin.periodic.transition.choose_segments import GUESS_MARGIN, MAX_SEGMENTS, choose_setting, report_too_many
 from flexlin.periodic.transition.factors import factor_segments, sample_segments
-from flexlin.periodic.transition.gauss import (
-    Tableau,
-    gauss,
-    integrate_legendre,
-    place_nodes,
-    radau,
-    solve_stages,
-)
+from flexlin.periodic.transition.gauss import Tableau, gauss, integrate_legendre, place_nodes, radau, solve_stages
 from flexlin.plots.view import Series, Shown, View
 from flexlin.precision import EPS, FOURTH_ROOT_EPS, MINOR, ROOT_EPS, SAFETY, TINY
 from flexlin.summary import immutable

@@ -11,12 +11,12 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.lazy import lazy
-from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.interpolation import place_edges
 from flexlin.periodic.product import cyclic_system
-from flexlin.periodic.system import PeriodicSystem, as_port, input_of, resolve_beside
+from flexlin.periodic.related import PeriodicStateSpace
+from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
@@ -153,17 +153,14 @@ def frequency_response(
     >>> [(int(k), round(float(abs(H)), 6)) for k, H in zip(found.orders, found.H[0, :, 0, 0]) if abs(H) > 1e-8]
     [(-1, 0.5), (1, 0.5)]
     """
-    tol = positive("tol", tol)
-    frequencies = np.atleast_1d(real_array("omega", omega))
-    input_of(system)
-    given = as_port("C", C, (None, system.n), system.period)
+    plant, tol = PeriodicStateSpace(system, C), positive("tol", tol)
+    frequencies, system = np.atleast_1d(real_array("omega", omega)), plant.system
     verdict = floquet(system)
     if verdict.verdict != "stable":
         raise NotStable("there is no response that lasts", got=verdict.status, expected="a stable system")
-    output = resolve_beside(system, given)
-    count, before = DEFAULT_STAGES, np.zeros((len(frequencies), 1, *output.shape[:1], system.m), complex)
+    count, before = DEFAULT_STAGES, np.zeros((len(frequencies), 1, plant.p, system.m), complex)
     while True:
-        found = find_harmonics(system, output, count, frequencies, min(count, FARTHEST_ORDER))
+        found = find_harmonics(plant, count, frequencies, min(count, FARTHEST_ORDER))
         size = np.abs(found).max(axis=(1, 2, 3)) + TINY
         beyond = (found.shape[1] - before.shape[1]) // 2
         apart = found - np.pad(before, ((0, 0), (beyond, beyond), (0, 0), (0, 0)))
@@ -181,21 +178,21 @@ def frequency_response(
         count, before = 2 * count, found
 
 
-def find_harmonics(system: PeriodicSystem, C: ResolvedMatrix, count: int, omega: Array, highest: int) -> Array:
+def find_harmonics(plant: PeriodicStateSpace, count: int, omega: Array, highest: int) -> Array:
     """H (W, 2 highest + 1, p, m) under u = exp(i omega t), on so many segments of a period, between all edges of the coefficients."""
-    every = (system.resolved, system.resolved_input, C)
+    system, every = plant.system, plant.series
     least = max((-(-2 * one.degree // DEFAULT_STAGES) for one in every if one.panels > 1), default=1)
     edges = place_edges(system.period, np.unique(np.concatenate([one.edges for one in every])), count, least)
     rule, h = radau(DEFAULT_STAGES), np.diff(edges)
     t = place_nodes(edges, rule.c)
-    A, *ports = (sample_at(one, t) for one in every)
-    (K, s), p, m = t.shape, C.shape[0], system.m
+    A, B, C, D = (sample_at(one, t) for one in every)
+    (K, s), p, m = t.shape, plant.p, system.m
     orders = np.arange(-highest, highest + 1)[:, None, None]
     back = h[:, None] * rule.b / system.period * np.exp(-2j * np.pi / system.period * orders * t)
     v, found = np.tile(np.eye(m), (s, 1)), []
     for shift in omega.tolist():
         moved = A - 1j * shift * np.eye(system.n) if shift else A
-        y = condense(moved, ports, h, rule).respond(1.0)(v).reshape(K, s, p, m)
+        y = condense(moved, B, C, D, h, rule).respond(1.0)(v).reshape(K, s, p, m)
         found.append(np.tensordot(back, y, axes=((1, 2), (0, 1))))
     return np.array(found)
 
@@ -247,9 +244,8 @@ class Segments:
         return float(np.sqrt(found[0]))
 
 
-def condense(A: Array, ports: list[Array], h: Array, rule: Tableau) -> Segments:
-    """Segments from samples at the stages, A (K, s, n, n), B, C and perhaps D: nothing is left to be solved for an input in any of them."""
-    B, C, *D = ports
+def condense(A: Array, B: Array, C: Array, D: Array, h: Array, rule: Tableau) -> Segments:
+    """Segments from samples at the stages, A (K, s, n, n), B, C, D: nothing is left to be solved for an input in any of them."""
     (s, n), m = A.shape[1:3], B.shape[-1]
     size, made = max(1, CHUNK_BYTES // (8 * (s * n) ** 2)), list[tuple[Array, ...]]()
     for k in (slice(i, i + size) for i in range(0, len(h), size)):
@@ -261,8 +257,8 @@ def condense(A: Array, ports: list[Array], h: Array, rule: Tableau) -> Segments:
         ends[..., :n] += np.eye(n)
         ends[..., n:] += np.swapaxes(rule.b[:, None, None] * hB, 1, 2).reshape(K, n, s * m)
         seen = C[k] @ within
-        for i in range(s if D else 0):
-            seen[:, i, :, n + i * m : n + (i + 1) * m] += D[0][k, i]
+        for i in range(s):
+            seen[:, i, :, n + i * m : n + (i + 1) * m] += D[k, i]
         seen = seen.reshape(K, -1, n + s * m)
         made.append((ends[..., :n], ends[..., n:], seen[..., :n], seen[..., n:]))
     return Segments(*map(np.concatenate, zip(*made, strict=True)))

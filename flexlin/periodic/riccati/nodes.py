@@ -12,9 +12,13 @@ from flexlin.periodic.interpolation import (
     FINER_BOUNDS,
     ChebyshevPanels,
     FourierSeries,
+    circle_derivative,
     divide_evenly,
     divide_segments,
     fourier_nodes,
+    harmonics,
+    shifted,
+    weigh_harmonics,
 )
 from flexlin.precision import EPS, MINOR, SAFETY, TINY
 
@@ -66,9 +70,7 @@ class FourierNodes:
 
     def slopes(self, X: Array) -> Array:
         """X' (N, n, n) at the nodes."""
-        waves = np.fft.rfft(X - X[0], axis=0) * self._rates(X)
-        waves[-1] = 0.0
-        return np.fft.irfft(waves, self.count, axis=0)
+        return circle_derivative(X - X[0], self.period)
 
     def sharpen(self, D: Array, gaps: bool = False) -> Array:
         """The waves of a D that was found by half steps, without those that the nodes do not show; gaps: by Hermite's rule.
@@ -84,20 +86,12 @@ class FourierNodes:
 
     def smooth(self, F: Array) -> Array:
         """The lower half of the waves that are shown."""
-        waves = np.fft.rfft(F, axis=0)
-        waves[int(SHOWN_WAVES / 2 * self.count) :] = 0.0
-        return np.fft.irfft(waves, self.count, axis=0)
+        return weigh_harmonics(F, np.abs(harmonics(self.count)) < int(SHOWN_WAVES / 2 * self.count))
 
     def look_between(self, X: Array) -> tuple[Array, Array]:
         """X and X' at the times between."""
-        waves = np.fft.rfft(X - X[0], axis=0)
-        waves *= np.exp(1j * np.pi / self.count * np.arange(len(waves)))[:, None, None]
-        waves[-1] = 0.0
-        slopes = np.fft.irfft(waves * self._rates(X), self.count, axis=0)
-        return X[0] + np.fft.irfft(waves, self.count, axis=0), slopes
-
-    def _rates(self, X: Array) -> Array:
-        return (2j * np.pi / self.period * np.arange(len(X) // 2 + 1)).reshape(-1, *np.ones(X.ndim - 1, dtype=int))
+        apart = X - X[0]
+        return X[0] + shifted(apart, 0.5), circle_derivative(apart, self.period, 0.5)
 
     def series(self, X: Array) -> FourierSeries:
         """X as a series without waves that are rounding."""

@@ -284,10 +284,8 @@ def list_varying(problem: LinearQuadratic) -> list[Resolved]:
 def rough_places(problem: LinearQuadratic, longest: float) -> Array:
     """Return times in [0, T) at which a coefficient is not smooth, or about which it changes in a time below `longest`."""
     varying = list_varying(problem)
-    if all(one.panels == 1 for one in varying):
-        return np.empty(0)
     edges = [np.mod(edges_of_short(one.edges, longest), one.period) for one in varying]
-    return np.unique(np.concatenate(edges + [one.breaks for one in varying]))
+    return np.unique(np.concatenate([np.empty(0), *edges, *(one.breaks for one in varying)]))
 
 
 def highest_wave(coefficient: Resolved, tol: float) -> float:

@@ -141,8 +141,7 @@ def count_waves(system: PeriodicSystem, accuracy: float) -> Array:
     series = system.resolved.series
     size = np.abs(series.coefficients)
     if isinstance(series, FourierSeries):
-        H = series.degree
-        waves = np.hypot(size[1 : H + 1], size[H + 1 :]) > accuracy * size.max(axis=0)
+        waves = np.hypot(*series.waves) > accuracy * size.max(axis=0)
         return np.array([1 + np.flatnonzero(waves.any(axis=(1, 2))).max(initial=0)])
     seen = (size > accuracy * size.max(axis=(0, 1))).any(axis=(2, 3))
     return seen.shape[1] - np.argmax(seen[:, ::-1], axis=1)

@@ -126,8 +126,7 @@ def factor_accelerations(blocks: Array, h: Array, rule: Tableau) -> Array:
     """From [M D K], with the accelerations as unknowns; what needs rows exchanged is left to A. Raises: SingularMassMatrix."""
     K, s, m = blocks.shape[:3]
     Phi, good = np.empty((K, 2 * m, 2 * m)), np.zeros(K, np.intc)
-    if not factor_accelerations_in_core(m, s, K, blocks, h, tabulate(rule, True), None, None, Phi, good):
-        raise MemoryError("the stages of a segment")
+    factor_accelerations_in_core(m, s, K, blocks, h, tabulate(rule, True), None, None, Phi, good)
     lost = np.flatnonzero(good == 0)
     if len(lost):
         M, damped = np.split(blocks[lost], [m], axis=-1)
@@ -151,10 +150,8 @@ def factor_states(A: Array, h: Array, rule: Tableau) -> Array:
     units = np.asarray(lapack.dgebal(np.abs(A).sum(axis=(0, 1)), scale=1, permute=0)[3])
     Phi, good = np.empty((K, n, n)), np.zeros(K, np.intc)
     stiff = int(rule.c[-1] == 1.0)
-    if s * n <= MOST_UNKNOWNS and not factor_states_in_core(
-        n, s, K, stiff, A, h, tabulate(rule, False), units, Phi, good
-    ):
-        raise MemoryError("the stages of a segment")
+    if s * n <= MOST_UNKNOWNS:
+        factor_states_in_core(n, s, K, stiff, A, h, tabulate(rule, False), units, Phi, good)
     lost = np.flatnonzero(good == 0)
     if len(lost):
         turn = units / units[:, None]
