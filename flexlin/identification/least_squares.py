@@ -18,7 +18,7 @@ from flexlin.identification.shooting import Shooting
 SMALLEST_NORM = 1e-5
 """Share of the largest column below which a column's norm counts as this much: what no reading sees then stays where it was."""
 UNKNOWN_DEVIATION = 1.0
-"""Standard deviation of a direction, numbers in units of their own size, from which on the log does not know it."""
+"""Standard deviation of a direction, numbers in units of their sizes, from which on the log does not know it."""
 DIRECTION_SHARE = 0.2
 """Share of such a direction from which on a number belongs to it."""
 NOTED_CORRELATION = 0.9
@@ -98,6 +98,13 @@ class Problem:
         """Where the next step may end; a number that is 0 in the scene has no size to go by."""
         reach = np.where((self.low >= 0) & (self.usual > 0), STEP_REACH * np.maximum(np.abs(p), self.usual), np.inf)
         return np.maximum(self.low, p - reach), np.minimum(self.high, p + reach)
+
+    def sizes(self, point: Point) -> Array:
+        """What errors of the shared numbers are held against: these or those in the scene, or else what moves readings by their noise."""
+        moved = np.linalg.norm(self.slopes(point)[:, :, point.start.shape[1] :], axis=(0, 1))
+        seen = np.count_nonzero(self.weigh(np.ones_like(point.residual), point.p))
+        noise = np.sqrt(seen) / np.maximum(moved, 1e-300)
+        return np.asarray(np.maximum(np.abs(point.p), np.where(self.usual > 0, self.usual, noise)))
 
     def slopes(self, point: Point) -> Array:
         """Of the weighted readings by start and p, (W, N outputs, 2n + n_p); zero where their squares could overflow."""
@@ -222,7 +229,7 @@ def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence
     rest = eliminate(slopes, residual, size, np.full(windows, 1e-12))[3][:, : residual.shape[1]]
     at_limit = problem.limited(point.p)
     inside = np.flatnonzero(~at_limit)
-    scale = np.where(point.p != 0, np.abs(point.p), 1.0)[inside]
+    scale = problem.sizes(point)[inside]
     J = rest[:, :, inside] * scale
     values, V = np.linalg.eigh(np.einsum("wri,wrj->ij", J, J))
     deviation = 1 / np.sqrt(np.maximum(values, 1e-300))

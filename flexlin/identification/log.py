@@ -339,9 +339,11 @@ def take_columns(source: Any, wanted: list[str]) -> dict[str, Array]:
     except FlexlinError:
         raise
     except Exception as error:  # whatever the reader of a damaged file meets
-        expected = "a CSV file in UTF-8 with a head line, .npz, or .nc"
+        expected = "a CSV file in UTF-8 with a head line and decimal points, .npz, or .nc"
         raise ArgumentError(
-            f"the log {bounds.printable(path)} cannot be read", got=bounds.printable(error)[:120], expected=expected
+            f"the log {bounds.printable(path)} cannot be read",
+            got=bounds.printable(str(error).strip())[:120],
+            expected=expected,
         ) from None
 
 
@@ -351,7 +353,7 @@ def pick_columns(data: Any, wanted: list[str]) -> dict[str, Array]:
     missing = [name for name in wanted if name not in names]
     if missing:
         some = ", ".join(names[:12]) + (" ..." if len(names) > 12 else "")
-        todo = f"correct the scene's [log] table{bounds.hint_at(missing[0], names)}"
+        todo = f"correct the scene's [log] table, or the file's head line{bounds.hint_at(missing[0], names)}"
         raise ArgumentError("the log lacks columns", got=bounds.printable(some), expected=", ".join(missing), todo=todo)
     columns = {name: data[name] for name in wanted}
     rows = max(int(np.prod(np.shape(column), dtype=float)) for column in columns.values())

@@ -129,7 +129,7 @@ class LogColumn(Table):
     offset: Annotated[Number, Unit("of that number")] = 0.0
     """What is added."""
     delay: Annotated[NonNegative, Unit("s")] = 0.0
-    """How much older the value is than the row's time says; an input acts so much later."""
+    """How much older the value is than the row's time says; an input acts so much later, one held between rows by half a row more."""
 
 
 class LogInput(LogColumn):
