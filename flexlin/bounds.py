@@ -50,16 +50,16 @@ def read_text(path: Path, most: int) -> str:
         refuse_odd(os.fstat(file.fileno()), most)  # another one may have come in its place
         content = file.read(most + 1)
     if len(content) > most:  # files of the system itself state no size
-        raise OSError(f"it has more than {most:,} bytes")
+        raise OSError(f"more than {most:,} bytes")
     return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
 
 
 def refuse_odd(about: os.stat_result, most: int) -> None:
     """Refuse what is no regular file, or too large."""
     if not stat.S_ISREG(about.st_mode):
-        raise OSError("it is no regular file")
+        raise OSError("no regular file")
     if about.st_size > most:
-        raise OSError(f"it has {about.st_size:,} bytes, more than {most:,}")
+        raise OSError(f"{about.st_size:,} bytes, more than {most:,}")
 
 
 def read_number(text: str) -> float:

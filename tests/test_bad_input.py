@@ -66,6 +66,7 @@ OVERRIDES = {
     "an unknown design": ('designs.0.kind="magic"', "designs.0.kind", "'magic'", "periodic-lqr"),
     "one name for two designs": ('designs.1.name="frozen LQR"', "designs.1.name", "a second time"),
     "an index beyond the list": ("links.7.length=1.0", "links.7.length", "index '7'"),
+    "an index from the end": ("links.-1.length=1.0", "links.-1.length", "index '-1'"),
     "parameters without a model": ("parameters={a=1.0}", "parameters", "without model"),
     "another version of the format": ("schema=99", "schema", "99", "expected 1"),
     "a list without brackets": ("control.feedback.kp=5,2", "expected a list [...]"),

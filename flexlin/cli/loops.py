@@ -92,9 +92,10 @@ def tune_gains(work: Work, options: argparse.Namespace) -> int:
         found = clock.stage("tune the gains", lambda: tune(seconds=clock.plan()))
     print(f"{work.scene.title}: {found.status}")
     for path, value in found.gains.items():
-        print(f"  {path} = {value:.6g}")
+        print(f"  {path} = {report.with_unit_of(work.scene, path, f'{value:.6g}')}")
     for one in found.active[:6]:
-        place = " at " * bool(one.scenario) + ", ".join(f"{path} = {value:.4g}" for path, value in one.scenario.items())
+        at = ((path, report.with_unit_of(work.scene, path, f"{value:.4g}")) for path, value in one.scenario.items())
+        place = " at " * bool(one.scenario) + ", ".join(f"{path} = {value}" for path, value in at)
         print(f"  active: {one.exponent.real:.6g} {one.exponent.imag:+.6g}i 1/s{place}")
     assert found.scene is not None
     return print_paths(work.write_files("tune", {"tuned.toml": scene_text(found.scene)}))

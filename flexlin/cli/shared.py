@@ -64,7 +64,7 @@ def span(text: str) -> Span:
     key, _, values = text.partition("=")
     low, high, *rest = values.split(":") if values.count(":") in (1, 2) else ("", "")
     if not (key.strip() and low.strip() and high.strip()):
-        raise argparse.ArgumentTypeError(f"got {text!r}, expected KEY=LOW:HIGH:COUNT with LOW below HIGH")
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected KEY=LOW:HIGH with LOW below HIGH")
     return key.strip(), low, high, count(rest[0]) if rest else None
 
 

@@ -28,6 +28,7 @@ from flexlin.precision import MINOR, SLIGHT
 from flexlin.resources import Stopwatch, part
 from flexlin.scene.links import DIRECTIONS
 from flexlin.scene.loading import parse_scene, raw_tables, revise_scene
+from flexlin.scene.names import show_unit
 from flexlin.scene.parameters import get_value, need_numbers, path_in
 from flexlin.scene.scene import MOST_UNCERTAIN, Scene
 from flexlin.summary import immutable
@@ -132,7 +133,8 @@ class Identification(Shown):
         return self.prediction.to_xarray().merge(xarray.Dataset(numbers, coords={"path": paths, "other": paths}))
 
     def _view(self) -> View:
-        facts = [f"{path} = {value:.5g} ± {self.errors[path]:.2g}" for path, value in self.values.items()]
+        said = ((path, f"{value:.5g} ± {self.errors[path]:.2g}") for path, value in self.values.items())
+        facts = [f"{path} = {number} {show_unit(self.scene, path)}".rstrip() for path, number in said]
         facts += [f"{name}: fit {value:.1f} %" for name, value in self.fit.items()]
         view = self.prediction._view()
         gone = {name: m - self.prediction.outputs[name] for name, m in self.prediction.measured.items()}

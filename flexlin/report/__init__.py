@@ -20,7 +20,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "report.page": "draw_pictures FIGURES picture_page render_page",
         "report.wording": (
             "accuracy_lines colour describe_endured describe_margins describe_nearest format_quantity loop_line reason scale_values "
-            "typeset units_of units_of_scene with_unit"
+            "typeset units_of units_of_scene with_unit with_unit_of"
         ),
         "report.writing": "write_report",
     },

@@ -10,8 +10,16 @@ from flexlin.analyses.judging import REPEATABILITY, Loop
 from flexlin.checks import SUM_ROUNDING
 from flexlin.control.drives import Demand, DriveLoad
 from flexlin.plots.scales import write_powers
-from flexlin.report.wording import caution, describe_pace, doubt, format_quantity, is_dimensionless, reason
-from flexlin.simulation.result import OUTGROWN, Simulation
+from flexlin.report.wording import (
+    caution,
+    describe_pace,
+    doubt,
+    format_decimal,
+    format_quantity,
+    is_dimensionless,
+    reason,
+)
+from flexlin.simulation.result import OUTGROWN, Simulation, say_beyond
 
 WORTHWHILE = 1.05
 """Factor from which on one figure counts as better, or worse, than another."""
@@ -32,9 +40,17 @@ def comment_on_model(a: Analysis) -> Iterator[str]:
     if found.verdict == "invalid" and a.own.floquet is not None:
         remedies = ["slow the motion down", "stiffen the links", "lower the payload"]
         remedies += [("add feedback" if a.own.kind == "open" else "raise the gains")] * bool(a.plant.inputs)
+        remedy = f"{', '.join(remedies[:-1])} or {remedies[-1]}"
+        if (
+            a.simulation is not None
+            and a.simulation.sticking
+            and found.reason is not None
+            and found.reason.what == "difference"
+        ):
+            remedy = "joints come to rest in friction, which it does not know: trust the simulation only"
         yield (
             f"The linear model does not hold along this motion: {reason(found)}. The verdict is about that model alone, so this is no "
-            f"prediction of the arm; {', '.join(remedies[:-1])} or {remedies[-1]}."
+            f"prediction of the arm; {remedy}."
         )
 
 
@@ -80,8 +96,8 @@ def comment_on_zeros(a: Analysis) -> Iterator[str]:
     if a.zeros is not None and a.zeros.verdict == "non-minimum phase":
         slowest = min(z.real for z in a.zeros.exponents if z.real > 0)
         yield (
-            f"From motors to tip the arm is non-minimum phase, with a zero at {slowest:.3g} 1/s: whatever the controller, the tip first "
-            f"moves the wrong way, and does not follow in much less than {format_quantity(1 / slowest, 's')}."
+            f"From motors to tip the arm is non-minimum phase, with a zero at {format_decimal(slowest, 3)} 1/s: whatever the controller, "
+            f"the tip first moves the wrong way, and does not follow in much less than {format_quantity(1 / slowest, 's')}."
         )
 
 
@@ -122,7 +138,8 @@ class Trade:
 def weigh_design(a: Analysis, loop: Loop) -> Trade:
     """The figures of a stable design beside those of the own loop, as far as both are known: ratios below 1 where the design is better."""
     pace = a.own.growth[0] / loop.growth[0]
-    settling = f"settles {1 / pace:.3g} times as fast" if pace <= 1 else f"takes {pace:.3g} times as long to settle"
+    times = f"{format_decimal(max(pace, 1 / pace), 3)} times as"
+    settling = f"settles {times} fast" if pace <= 1 else f"takes {times} long to settle"
     figures = [(pace, f"it {settling}")]
     before, after = largest_figures(a, a.own), largest_figures(a, loop)
     for (what, unit), own in before.items():
@@ -274,9 +291,10 @@ def comment_on_tip(a: Analysis) -> Iterator[str]:
     if a.own.verdict == "unstable":
         yield "The periodic response shown here exists but is unstable: the arm leaves it."
         return
-    largest, evidence = float(a.response.tip_error.max()), a.validity(a.own).evidence
-    said_before = any(found.against and found.what in ("bending", "tip") for found in evidence)
-    if not np.isfinite(largest) or largest == 0 or said_before:
+    largest = float(a.response.tip_error.max())
+    if (
+        not np.isfinite(largest) or largest == 0 or a.validity(a.own).verdict == "invalid"
+    ):  # a linear answer that misses the arm
         return
     size = format_quantity(largest, "m")
     if largest <= REPEATABILITY * a.length:
@@ -340,7 +358,7 @@ def holds(a: Analysis, simulation: Simulation) -> str:
     if found.verdict == "invalid":
         assert found.reason is not None
         if found.reason.what == "difference":
-            return "beyond the linear model; reduce speed, payload or disturbance, or trust the simulation only"
+            return say_beyond(simulation)
         return "both rest on equations of small deflections, and these are large"
     if a.linear_range is None:
         return "the linear model is close on this motion; how far it holds beside it is not known"

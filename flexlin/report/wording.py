@@ -175,7 +175,8 @@ def describe_pace(loop: Loop, period: float) -> str:
         return with_unit(f"growth rate zero to within {format_power(error)}", "1/s")
     half = math.log(2) / abs(growth)
     does = "halves" if growth < 0 else "doubles"
-    share = f"{format_decimal(half / period, 2)} {'of a period' if half < period else 'periods'}"
+    periods = format_decimal(half / period, 2)
+    share = "a period" if periods == "1" else f"{periods} {'of a period' if half < period else 'periods'}"
     return f"a disturbance {does} every {format_duration(half)}, {share}"
 
 

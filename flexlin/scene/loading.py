@@ -61,7 +61,7 @@ def load_scene(
     ('Single-link flexible manipulator', 0.1)
     """
     path = _find(source)
-    return parse_scene(_read(path), str(path), overrides, path.parent, data_folder)
+    return parse_scene(_read(path), str(source), overrides, path.parent, data_folder)
 
 
 @checked

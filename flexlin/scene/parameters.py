@@ -161,15 +161,14 @@ def _place(tree: Any, path: list[str], value: Any) -> tuple[str, str] | None:
                 "a parameter of an effect that is off",
                 f"effects.{step} on: set the whole table, effects.{step}={{...}}",
             )
-        try:
-            tree = tree[int(step)] if isinstance(tree, list) else tree.setdefault(step, {})
-        except (ValueError, IndexError):
+        if isinstance(tree, list) and step not in map(str, range(len(tree))):
             return f"index {step!r}", f"a number from 0 to {len(tree) - 1}"
+        tree = tree[int(step)] if isinstance(tree, list) else tree.setdefault(step, {})
         if not isinstance(tree, (dict, list)):
             return f"a key below {'.'.join(path[: depth + 1])}, which is {printable(repr(tree))}", "a key that exists"
     last = path[-1]
     if isinstance(tree, list):
-        if not last.isdigit() or int(last) >= len(tree):
+        if last not in map(str, range(len(tree))):
             return f"index {last!r}", f"a number from 0 to {len(tree) - 1}"
         tree[int(last)] = value
     elif path[:1] == ["effects"] and len(path) == 2 and value == OFF:

@@ -124,7 +124,7 @@ def region_of_attraction(
         outside.append(high)
     smallest = min(inside)
     status = (
-        f"every sampled deflection up to {largest:g} came back"
+        f"every deflection up to {largest:g} (rad or m) along the slowest modes comes back"
         if smallest >= largest
         else f"deflections up to {smallest:.3g} (rad or m) along the slowest modes come back; beyond, expect the loop to be lost"
     )

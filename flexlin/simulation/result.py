@@ -194,9 +194,7 @@ class Simulation(Shown):
         share = apart / largest
         facts = f"linear and nonlinear {what} differ by {apart:.3g}{self.unit}, {100 * share:.2g} % of the largest deviation"
         if share > 0.2:
-            return (
-                f"{facts}: beyond the linear model; reduce speed, payload or disturbance, or trust the simulation only"
-            )
+            return f"{facts}: {say_beyond(self)}"
         return f"{facts}: the linear model holds here"
 
     @property
@@ -294,3 +292,9 @@ class Simulation(Shown):
         driven = [f"driven by {self.driven_by}"] if self.driven_by else []
         facts = (*driven, self.status, f"integration error {self.error:.0e}, energy error {self.energy_error:.0e}")
         return View(f"simulation of {self.t[-1]:.4g} s", "", facts, "time in s", label, series)
+
+
+def say_beyond(run: Simulation) -> str:
+    """What to do where the linear answer misses the nonlinear one; joints that stick do so for longer in a slower motion."""
+    less = "" if run.sticking else "reduce speed, payload or disturbance, or "
+    return f"beyond the linear model; {less}trust the simulation only"

@@ -74,7 +74,8 @@ def describe_chart(chart: Chart) -> str:
     caption = write_caption(data["verdict"].to_numpy(), chart.loop)
     bending = [data.attrs["bending"]] if data.attrs.get("bending") else []
     if len(chart.paths) == 1:
-        found = [f"{describe_critical(chart.scene, one)}." for one in chart.critical]
+        edges = (f"{describe_critical(chart.scene, one)}." for one in chart.critical)
+        found = [*dict.fromkeys(edges)]  # those of a tongue that only touches are one
         found += say_none_was_found(data) if not found or data.attrs.get("search") else []
         return "\n".join([caption, *found, *bending])
     said = "" if nearest is None else describe_distance(chart, nearest) + " "

@@ -132,7 +132,9 @@ def list_settings(result: CostResult) -> Iterator[tuple[str, str, str, Row]]:
     """The cheapest setting for each accuracy, the engine's choice for each tol, and other programs: stage, accuracy, name, row."""
     for stage, accuracy, row in result.recommendations():
         yield stage, f"{accuracy:.0e}", f"{row.method}, {row.setting}", row
-    for row in sorted((row for row in result.rows if row.chosen), key=lambda row: STAGES.index(row.stage)):
+    for row in sorted(
+        (row for row in result.rows if row.chosen), key=lambda row: (STAGES.index(row.stage), -float(row.chosen))
+    ):
         yield row.stage, row.chosen, f"engine: {row.method}, {row.setting}", row
     outside = [row for row in result.rows if row.outside]
     for stage, method in dict.fromkeys((row.stage, row.method) for row in outside):

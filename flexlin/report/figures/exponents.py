@@ -94,7 +94,7 @@ def scale_radius(log10: Array) -> Array:
 def draw_circle(a: Analysis, loop: Loop) -> Panel:
     """The unit circle, its rings, and the multipliers of one loop; the view grows where one lies far outside."""
     logs = loop.floquet.log_multipliers if loop.floquet is not None else np.zeros(0, dtype=complex)
-    footer = "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_modulus(logs[0].real)}"
+    footer = "no answer" if loop.floquet is None else f"{loop.verdict}, |µ| ≤ {format_modulus(logs[0].real)}"
     r = scale_radius(logs.real / np.log(10))
     reach, turn = max(1.24, float(r.max(initial=0.0)) + 0.15), np.linspace(0.0, 2 * np.pi, 91)
     view = Linear(-reach, reach)
