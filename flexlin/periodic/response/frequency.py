@@ -11,11 +11,11 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.lazy import lazy
-from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
+from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.interpolation import place_edges
-from flexlin.periodic.product import cyclic_system
+from flexlin.periodic.product import COHERENT_PART, cyclic_system
 from flexlin.periodic.system import PeriodicSystem, as_port, as_system, input_of, resolve_beside
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
 from flexlin.periodic.transition.gauss import (
@@ -172,7 +172,8 @@ def frequency_response(
         change = float((np.abs(apart).max(axis=(1, 2, 3)) / size).max(initial=0.0))
         if SAFETY * change <= tol:
             orders = np.arange(found.shape[1]) - found.shape[1] // 2
-            return FrequencyResponse(frequencies, orders, found, SAFETY * change + EPS * count, system.period)
+            doubt = float((find_doubt(system, output, count // 2, frequencies) / size).max(initial=0.0))
+            return FrequencyResponse(frequencies, orders, found, SAFETY * change + doubt + EPS * count, system.period)
         if 2 * count > FEWER_SEGMENTS:
             raise ToleranceNotReached(
                 "the response was not resolved",
@@ -185,21 +186,43 @@ def frequency_response(
 
 def find_harmonics(system: PeriodicSystem, C: ResolvedMatrix, count: int, omega: Array, highest: int) -> Array:
     """H (W, 2 highest + 1, p, m) under u = exp(i omega t), on so many segments of a period, between all edges of the coefficients."""
+    t, h, A, *ports = sample_stages(system, C, count)
+    orders = np.arange(-highest, highest + 1)[:, None, None]
+    back = h[:, None] * radau(DEFAULT_STAGES).b / system.period * np.exp(-2j * np.pi / system.period * orders * t)
+    return np.array([np.tensordot(back, answer(A, ports, h, shift), axes=((1, 2), (0, 1))) for shift in omega.tolist()])
+
+
+def find_doubt(system: PeriodicSystem, C: ResolvedMatrix, count: int, omega: Array) -> Array:
+    """How far an entry moves at each frequency (W,) by what the coefficients are not known by: the answer to |dA| |x| + |dB|, all of one
+    sign, and |dC| |x|.
+    """
+    t, h, A, B, output = sample_stages(system, C, count)
+    eye, moved = np.broadcast_to(np.eye(system.n), (t.size, system.n, system.n)), []
+    ports = (B, system.resolved_input), (output, C)
+    dB, dC = (SAFETY * EPS * np.abs(one) + given.error_near(t.ravel()).reshape(one.shape) for one, given in ports)
+    for shift in omega.tolist():
+        x = answer(A, [B, eye.reshape(A.shape)], h, shift)
+        force = couple_uncertainty(system.resolved, t.ravel(), eye, x.reshape(t.size, *x.shape[2:]), in_mean=True)
+        parts = np.abs(answer(A, [force.reshape(x.shape) + dB, output], h, shift)), dC @ np.abs(x)
+        moved.append(float(max(one.max() for one in parts)))
+    return COHERENT_PART * np.array(moved)
+
+
+def sample_stages(system: PeriodicSystem, C: ResolvedMatrix, count: int) -> tuple[Array, ...]:
+    """Times of the stages (K, s) of segments whose lengths are h (K,), h, and A, B and C there."""
     every = (system.resolved, system.resolved_input, C)
     least = max((-(-2 * one.degree // DEFAULT_STAGES) for one in every if one.panels > 1), default=1)
     edges = place_edges(system.period, np.unique(np.concatenate([one.edges for one in every])), count, least)
-    rule, h = radau(DEFAULT_STAGES), np.diff(edges)
-    t = place_nodes(edges, rule.c)
-    A, *ports = (sample_at(one, t) for one in every)
-    (K, s), p, m = t.shape, C.shape[0], system.m
-    orders = np.arange(-highest, highest + 1)[:, None, None]
-    back = h[:, None] * rule.b / system.period * np.exp(-2j * np.pi / system.period * orders * t)
-    v, found = np.tile(np.eye(m), (s, 1)), []
-    for shift in omega.tolist():
-        moved = A - 1j * shift * np.eye(system.n) if shift else A
-        y = condense(moved, ports, h, rule).respond(1.0)(v).reshape(K, s, p, m)
-        found.append(np.tensordot(back, y, axes=((1, 2), (0, 1))))
-    return np.array(found)
+    t = place_nodes(edges, radau(DEFAULT_STAGES).c)
+    return t, np.diff(edges), *(sample_at(one, t) for one in every)
+
+
+def answer(A: Array, ports: list[Array], h: Array, shift: float) -> Array:
+    """What comes out at the stages (K, s, p, m) under u = exp(i shift t), without that factor."""
+    m = ports[0].shape[-1]
+    moved = A - 1j * shift * np.eye(A.shape[-1]) if shift else A
+    y = condense(moved, ports, h, radau(DEFAULT_STAGES)).respond(1.0)(np.tile(np.eye(m), (A.shape[1], 1)))
+    return y.reshape(*A.shape[:2], -1, m)
 
 
 @dataclass(frozen=True, eq=False)
