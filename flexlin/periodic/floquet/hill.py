@@ -47,9 +47,8 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
     """
     n, panels = system.n, np.diff(system.resolved.edges)
     # two nodes of a panel's polynomials make a wave
-    waves = int(
-        np.ceil((count_waves(system, 0.01 * tol) / (2 if len(panels) > 1 else 1) * system.period / panels).max())
-    )
+    highest = count_waves(system.resolved.series, 0.01 * tol) / (2 if len(panels) > 1 else 1)
+    waves = int(np.ceil((highest * system.period / panels).max()))
     # so that half of them hold A too, as far as its size allows
     twice = max(8, min(2 * waves, (MAX_SIZE // n - 1) // 2))
     count = twice if harmonics is None else whole("harmonics", harmonics)

@@ -11,10 +11,11 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import NotStable, ToleranceNotReached
 from flexlin.lazy import lazy
+from flexlin.periodic.coefficient_series.matrix import couple_uncertainty
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.interpolation import place_edges
-from flexlin.periodic.product import cyclic_system
+from flexlin.periodic.product import COHERENT_PART, cyclic_system
 from flexlin.periodic.related import PeriodicStateSpace
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
@@ -167,7 +168,8 @@ def frequency_response(
         change = float((np.abs(apart).max(axis=(1, 2, 3)) / size).max(initial=0.0))
         if SAFETY * change <= tol:
             orders = np.arange(found.shape[1]) - found.shape[1] // 2
-            return FrequencyResponse(frequencies, orders, found, SAFETY * change + EPS * count, system.period)
+            doubt = float((find_doubt(plant, count // 2, frequencies) / size).max(initial=0.0))
+            return FrequencyResponse(frequencies, orders, found, SAFETY * change + doubt + EPS * count, system.period)
         if 2 * count > FEWER_SEGMENTS:
             raise ToleranceNotReached(
                 "the response was not resolved",
@@ -180,21 +182,48 @@ def frequency_response(
 
 def find_harmonics(plant: PeriodicStateSpace, count: int, omega: Array, highest: int) -> Array:
     """H (W, 2 highest + 1, p, m) under u = exp(i omega t), on so many segments of a period, between all edges of the coefficients."""
-    system, every = plant.system, plant.series
-    least = max((-(-2 * one.degree // DEFAULT_STAGES) for one in every if one.panels > 1), default=1)
-    edges = place_edges(system.period, np.unique(np.concatenate([one.edges for one in every])), count, least)
-    rule, h = radau(DEFAULT_STAGES), np.diff(edges)
-    t = place_nodes(edges, rule.c)
-    A, B, C, D = (sample_at(one, t) for one in every)
-    (K, s), p, m = t.shape, plant.p, system.m
+    t, h, A, B, C, D = sample_stages(plant, count)
     orders = np.arange(-highest, highest + 1)[:, None, None]
-    back = h[:, None] * rule.b / system.period * np.exp(-2j * np.pi / system.period * orders * t)
-    v, found = np.tile(np.eye(m), (s, 1)), []
+    back = h[:, None] * radau(DEFAULT_STAGES).b / plant.system.period
+    back = back * np.exp(-2j * np.pi / plant.system.period * orders * t)
+    return np.array([np.tensordot(back, answer(A, B, C, D, h, shift), ((1, 2), (0, 1))) for shift in omega.tolist()])
+
+
+def find_doubt(plant: PeriodicStateSpace, count: int, omega: Array) -> Array:
+    """How far an entry moves at each frequency (W,) by what the coefficients are not known by: the answer to |dA| |x| + |dB|, all of one
+    sign, and |dC| |x|.
+    """
+    t, h, A, B, C, D = sample_stages(plant, count)
+    resolved, *ports = plant.series[:3]
+    eye, moved = np.broadcast_to(np.eye(plant.system.n), A.shape), list[float]()
+    every, none = eye.reshape(t.size, *A.shape[2:]), np.zeros_like(B)
+    dB, dC = (
+        SAFETY * EPS * np.abs(one) + given.error_near(t.ravel()).reshape(one.shape)
+        for one, given in zip((B, C), ports, strict=True)
+    )
     for shift in omega.tolist():
-        moved = A - 1j * shift * np.eye(system.n) if shift else A
-        y = condense(moved, B, C, D, h, rule).respond(1.0)(v).reshape(K, s, p, m)
-        found.append(np.tensordot(back, y, axes=((1, 2), (0, 1))))
-    return np.array(found)
+        x = answer(A, B, eye, none, h, shift)
+        force = couple_uncertainty(resolved, t.ravel(), every, x.reshape(t.size, *x.shape[2:]), in_mean=True)
+        parts = np.abs(answer(A, force.reshape(x.shape) + dB, C, D, h, shift)), dC @ np.abs(x)
+        moved.append(float(max(one.max() for one in parts)))
+    return COHERENT_PART * np.array(moved)
+
+
+def sample_stages(plant: PeriodicStateSpace, count: int) -> tuple[Array, ...]:
+    """Times of the stages (K, s) of segments whose lengths are h (K,), h, and A, B, C and D there."""
+    every = plant.series
+    least = max((-(-2 * one.degree // DEFAULT_STAGES) for one in every if one.panels > 1), default=1)
+    edges = place_edges(plant.system.period, np.unique(np.concatenate([one.edges for one in every])), count, least)
+    t = place_nodes(edges, radau(DEFAULT_STAGES).c)
+    return t, np.diff(edges), *(sample_at(one, t) for one in every)
+
+
+def answer(A: Array, B: Array, C: Array, D: Array, h: Array, shift: float) -> Array:
+    """What comes out at the stages (K, s, p, m) under u = exp(i shift t), without that factor."""
+    moved = A - 1j * shift * np.eye(A.shape[-1]) if shift else A
+    v = np.tile(np.eye(B.shape[-1]), (A.shape[1], 1))
+    y = condense(moved, B, C, D, h, radau(DEFAULT_STAGES)).respond(1.0)(v)
+    return y.reshape(*A.shape[:2], -1, B.shape[-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,7 @@
 """What a periodic system does from a state on: under steps, pushes and other inputs, and under noise."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
@@ -10,12 +11,18 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, TooManySegments
-from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
+from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix, couple_uncertainty
 from flexlin.periodic.coefficients import Combined, Constant, MatrixFunction, assemble_hamiltonian, hold_input
 from flexlin.periodic.interpolation import NODES, divide_evenly, divide_segments, edges_of_short
 from flexlin.periodic.response.forced import STEP_STAGES
 from flexlin.periodic.system import PeriodicSystem, input_of
-from flexlin.periodic.transition.choose_segments import MAX_SEGMENTS, choose_gauss_step, measure_pace
+from flexlin.periodic.transition.choose_segments import (
+    MAX_SEGMENTS,
+    NODES_PER_HARMONIC,
+    choose_gauss_step,
+    count_waves,
+    measure_pace,
+)
 from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.plots.view import Series, Shown, View
 from flexlin.precision import EPS, SAFETY, TINY
@@ -44,7 +51,8 @@ class Transient(Shown):
     covariance : array, shape (N, n, n)
         Of the states; zero without noise.
     error : float
-        Of the states and of the roots of their variances, by two more stages of each step, relative to the largest.
+        Of the states and of the roots of their variances, relative to the largest: by two more stages of each step, and by what moves
+        with the coefficients as far as they are not known.
 
     Examples
     --------
@@ -138,26 +146,41 @@ def respond(
     n, m = system.n, system.m
     if not (u is None and push is None and noise is None):
         input_of(system)
-    driven: MatrixFunction = system.resolved
-    if u is not None:
-        given = u if callable(u) else Constant(real_array("u", u, (m,)))
-        parts = (system.resolved, system.resolved_input, given)
-        driven = Combined(lambda A, B, u: hold_input(A, B @ u[:, :, None]), parts)
-    excited = None
-    if noise is not None:
-        S, both = real_array("noise", noise, (m, m)), (system.resolved, system.resolved_input)
-        excited = Combined(lambda A, B: assemble_hamiltonian(A, -B @ S @ np.swapaxes(B, 1, 2), np.zeros_like(A)), both)
+    given = u if u is None or callable(u) else Constant(real_array("u", u, (m,)))
+    S = None if noise is None else real_array("noise", noise, (m, m))
     start = np.zeros(n) if x0 is None else real_array("x0", x0, (n,))
     if push is not None:
         start = start + system.resolved_input(times[:1])[0] @ real_array("push", push, (m,))
     edges = divide_times(system, times, positive("tol", tol))
-    runs = [follow(driven, excited, start, edges, stages) for stages in (STEP_STAGES, STEP_STAGES + 2)]
     at = np.searchsorted(edges, times)
-    (x, P), (better, spread) = ((states[at], covariance[at]) for states, covariance in runs)
-    roots = [np.sqrt(np.abs(np.diagonal(one, axis1=1, axis2=2))) for one in (P, spread)]
-    change = max(np.abs(x - better).max(), np.abs(roots[0] - roots[1]).max())
-    size = max(np.abs(better).max(), roots[1].max(), TINY)
-    return Transient(times, better, spread, float(SAFETY * change / size + EPS * len(edges)))
+
+    def run(A: MatrixFunction, B: MatrixFunction | None, stages: int) -> tuple[Array, Array, Array]:
+        """States, covariances and roots of variances at the times."""
+        driven, excited = A, None
+        if B is not None and given is not None:
+            driven = Combined(lambda A, B, u: hold_input(A, B @ u[:, :, None]), (A, B, given))
+        if B is not None and S is not None:
+            excited = Combined(
+                lambda A, B: assemble_hamiltonian(A, -B @ S @ np.swapaxes(B, 1, 2), np.zeros_like(A)), (A, B)
+            )
+        x, P = (part[at] for part in follow(driven, excited, start, edges, stages))
+        return x, P, np.sqrt(np.abs(np.diagonal(P, axis1=1, axis2=2)))
+
+    A, B = system.resolved, None if u is None and noise is None else system.resolved_input
+    better, coarse = (run(A, B, stages) for stages in (STEP_STAGES + 2, STEP_STAGES))
+    moved = run(partial(move_entries, A), None if B is None else partial(move_entries, B), STEP_STAGES)
+    pairs = (better, coarse), (coarse, moved)
+    change, doubt = (max(float(np.abs(one[k] - other[k]).max()) for k in (0, 2)) for one, other in pairs)
+    size = max(np.abs(better[0]).max(), better[2].max(), TINY)
+    return Transient(times, *better[:2], float((SAFETY * change + doubt) / size + EPS * len(edges)))
+
+
+def move_entries(given: ResolvedMatrix | ResolvedCompanion, t: Array) -> Array:
+    """A coefficient of which each entry is larger, or smaller at all times, by what it is not known by."""
+    values = given(t)
+    left, right = (np.broadcast_to(np.eye(size), (len(t), size, size)) for size in values.shape[1:])
+    sign = np.random.default_rng(0).choice([-1.0, 1.0], values.shape[1:])
+    return values + sign * couple_uncertainty(given, t, left, right, in_mean=True)
 
 
 def divide_times(system: PeriodicSystem, marks: Array, tol: float, others: Sequence[ResolvedMatrix] = ()) -> Array:
@@ -167,6 +190,9 @@ def divide_times(system: PeriodicSystem, marks: Array, tol: float, others: Seque
     """
     T, every = system.period, [system.resolved, *([] if system.B is None else [system.resolved_input]), *others]
     longest = float(choose_gauss_step(measure_pace(system).rate.max(keepdims=True), tol, STEP_STAGES).min())
+    for one in every:
+        if one.panels == 1 and not one.constant:
+            longest = min(longest, T * STEP_STAGES / (NODES_PER_HARMONIC * float(count_waves(one.series, tol)[0])))
     panels = [divide_segments(one.edges, PANEL_STEPS) for one in every if one.panels > 1]
     corners = np.concatenate([edges_of_short(edges, longest) for edges in panels] + [one.breaks for one in every])
     span = float(marks[-1] - marks[0])

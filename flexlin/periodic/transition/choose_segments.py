@@ -10,6 +10,7 @@ from scipy.special import gamma
 from flexlin._core import LANES
 from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError, TooManySegments, counted
+from flexlin.periodic.coefficient_series.matrix import Series
 from flexlin.periodic.interpolation import NODES, FourierSeries, divide_evenly
 from flexlin.periodic.product import GROUP_CONDITION, Unknown
 from flexlin.periodic.system import PeriodicSystem
@@ -133,12 +134,13 @@ def measure_pace(system: PeriodicSystem, accuracy: float = 1e-9) -> Pace:
     t = (resolved.edges[:-1, None] + length[:, None] * (np.arange(each) + 0.37) / each).ravel()
     values = np.linalg.eigvals(resolved(t)).reshape(len(length), -1)
     rate = np.maximum(np.abs(values).max(axis=1), 2 * np.pi / system.period)
-    return Pace(length, rate, np.ptp(values.real, axis=1), count_waves(system, accuracy), float(values.real.max()))
+    return Pace(
+        length, rate, np.ptp(values.real, axis=1), count_waves(resolved.series, accuracy), float(values.real.max())
+    )
 
 
-def count_waves(system: PeriodicSystem, accuracy: float) -> Array:
+def count_waves(series: Series, accuracy: float) -> Array:
     """The highest harmonic, or for each panel the degree, whose coefficient exceeds the accuracy relative to the entry, (P,)."""
-    series = system.resolved.series
     size = np.abs(series.coefficients)
     if isinstance(series, FourierSeries):
         waves = np.hypot(*series.waves) > accuracy * size.max(axis=0)
