@@ -66,7 +66,7 @@ QUESTIONS = (
         "simulate audit cost",
         "",
     ),
-    ("Measured logs", "The equations against a machine.", "Log read_log predict identify", ""),
+    ("Measured logs", "The equations against a machine.", "Log read_log predict identify select_effects", ""),
     (
         "Exports and pictures",
         "",

@@ -18,6 +18,7 @@ __getattr__, _, __all__ = load_lazily(
         "analyses.accuracy": "cost",
         "analyses.audit": "audit",
         "analyses.boundary": "critical_values stability_boundary",
+        "analyses.log_effects": "select_effects",
         "analyses.nearest": "nearest_instability",
         "analyses.sensitivity": "sensitivity",
         "analyses.sweep.job": "sweep",

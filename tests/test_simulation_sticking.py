@@ -99,10 +99,13 @@ def test_joints_stick_under_a_torque_that_is_sampled_and_held(ki):
             x, v, left = x + v * move + force * move**2 / 2, v + force * move, left - move
             if stop <= left + move:
                 v, slip = 0.0, np.sign(torque) if abs(torque) > static else 0.0
-                found.append(((k + 1) * step - left, "slides" if slip else "sticks"))
+                found.append(((k + 1) * step - left, "turns" if slip else "sticks"))
     known = [(t, what) for t, what in found if t < run.t[-1]]
     assert len(known) >= 3
     assert [what for *_, what in run.events] == [what for _, what in known]
+    ends = [*(t for t, _ in known), run.t[-1]]
+    rests = sum(ends[k + 1] - t for k, (t, what) in enumerate(known) if what == "sticks")
+    assert f"sticks for {100 * rests / run.t[-1]:.3g} % of the time" in (run.sticking or "sticks for 0 % of the time")
     np.testing.assert_allclose([t for t, *_ in run.events], [t for t, _ in known], atol=1e-9)
 
 

@@ -1,6 +1,7 @@
 """Commands about loops, controllers and measured logs: linearize, design, simulate, tune, export, predict, identify."""
 
 import argparse
+from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -137,7 +138,7 @@ def predict_log(work: Work, options: argparse.Namespace) -> int:
 @scene_command(
     "identify",
     "find numbers of the scene, with their errors, from a measured log",
-    "log free window hold_back",
+    "log free window hold_back log_effects",
     usual=SEARCH_SECONDS,
     tol=False,
 )
@@ -145,12 +146,24 @@ def identify_numbers(work: Work, options: argparse.Namespace) -> int:
     with work.clock() as clock:
         scene = work.scene
         log = clock.stage("read the log", partial(flexlin.read_log, options.log, scene))
-        fit = partial(flexlin.identify, scene, log, options.free, options.window, options.hold_back)
-        found = clock.stage("fit the log", lambda: fit(seconds=clock.plan()))
-    print(found.summary())
+        asked = {"free": options.free, "window": options.window, "hold_back": options.hold_back}
+        if options.log_effects is None:
+            selected, fit = None, partial(flexlin.identify, scene, log, **asked)
+            found = clock.stage("fit the log", lambda: fit(seconds=clock.plan()))
+        else:
+            select = partial(flexlin.select_effects, scene, log, effects=options.log_effects or None, **asked)
+            selected = clock.stage("effects of the log", lambda: select(seconds=clock.plan()))
+            found = selected.identification
+    print((selected or found).summary())
     fields = "values errors unknown correlations fit noise settled status"
     record = {"log": log.source, **report.record_fields(found, fields)}
+    lines = report.say_numbers(scene, found)
+    if selected:
+        record["effects"] = report.record_fields(selected, "effects status") | {
+            "trials": list(map(asdict, selected.trials))
+        }
+        lines += [selected.status, *map(str, selected.trials)]
     pictures = [report.draw_prediction(found.prediction), report.draw_errors(found.prediction)]
     fitted = {"fitted.toml": scene_text(found.scene)}
-    done = work.write("identify", pictures, record, report.say_numbers(scene, found), fitted)
+    done = work.write("identify", pictures, record, lines, fitted)
     return done if found.settled else NO_ANSWER

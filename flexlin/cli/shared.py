@@ -167,6 +167,10 @@ OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
     "free": option(
         "--free", "KEY", "numbers to find, such as effects.payload.mass or log.outputs.gauge.gain", required=True, **WORDS
     ),
+    "log_effects": option(
+        "--effects", "NAME", "also find which effects the log calls for: some by name, or all that the scene lacks (minutes)",
+        dest="log_effects", action="extend", nargs="*",
+    ),
     "hold_back": option(
         "--hold-back", "SHARE", "last part of the log, predicted but not fitted (default a third)", type=float, default=1 / 3
     ),

@@ -335,8 +335,10 @@ class End:
     @property
     def unlikelihood(self) -> float:
         """sum_j N_j log |reading_j - h_j|, but for a constant of the log."""
+        if not np.isfinite(self.point.cost):
+            return np.inf
         seen, size = find_noise(self.problem, self.point)
-        return float(seen @ np.log(size)) if np.isfinite(self.point.cost) else np.inf
+        return float(seen @ np.log(size))
 
     @property
     def convincing(self) -> bool:

@@ -259,7 +259,8 @@ class Events:
         x = self._settle(t, x.copy())
         assert self._friction is not None
         for i in np.flatnonzero(modes.slip != before):
-            self.notes.append((t, self._friction.names[i], "slides" if modes.slip[i] else "sticks"))
+            what = "sticks" if not modes.slip[i] else "turns" if before[i] else "slides"
+            self.notes.append((t, self._friction.names[i], what))
         return x
 
     def _holding(self, t: float, x: Array) -> Array:

@@ -117,7 +117,7 @@ class Simulation(Shown):
     driven_by : str
         What moves the arm, in words: feedforward, feedback, both or none.
     events : tuple of (float, str, str)
-        Times in s at which a joint begins to stick or to slide, where [effects.coulomb_friction] has `static`; its name, and which.
+        Times in s at which a joint sticks, slides from rest or turns round, where friction has `static`; its name, and which.
     peaks : Peaks or None
         Largest values, sought between the times too; None: those at the times.
 
@@ -201,8 +201,9 @@ class Simulation(Shown):
     def sticking(self) -> str:
         """Which joints stick, how often and for how long; nothing where none does."""
         said = []
-        for joint in dict.fromkeys(name for _, name, _ in self.events):
-            changes = [(t, what == "sticks") for t, name, what in self.events if name == joint]
+        events = [event for event in self.events if event[2] != "turns"]
+        for joint in dict.fromkeys(name for _, name, _ in events):
+            changes = [(t, what == "sticks") for t, name, what in events if name == joint]
             times = [self.t[0], *(t for t, _ in changes), self.t[-1]]
             stuck = [not changes[0][1], *(sticks for _, sticks in changes)]
             rest = float(sum(np.diff(times)[stuck]))

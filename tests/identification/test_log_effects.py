@@ -1,0 +1,51 @@
+"""Effects that synthetic logs call for, found by forward selection."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import ArgumentError
+from tests.identification.logs import simulated, swing
+from tests.identification.test_maximum_likelihood import LOG, NOISE, SENSORS, is_near, noisy
+
+FREE = ["effects.payload.mass", "links.0.bending_stiffness"]
+FRICTIONS = ["viscous_friction", "coulomb_friction"]
+TIME = np.arange(1800) * 0.005
+TORQUE = 0.3 * swing(TIME)[0]
+
+
+def scene_with(**effects):
+    return fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "log": LOG, "effects": effects})
+
+
+def log_of(scene, seed):
+    return noisy(simulated(scene, TIME, lambda t: 0.3 * swing(t), SENSORS)[0], seed, NOISE, TIME, (TORQUE,))
+
+
+@pytest.mark.parametrize(
+    ("effects", "called_for"),
+    [({}, ()), ({"coulomb_friction": {"torque": 0.03, "rate": 0.1}}, ("coulomb_friction",)),
+     ({"viscous_friction": {"coefficient": 0.05}}, ("viscous_friction",))],
+)  # fmt: skip
+def test_the_effect_that_made_a_log_is_called_for_and_no_other(effects, called_for):
+    bare = {"payload": {"mass": 0.1}, "geometric_stiffening": {}}
+    true = scene_with(**bare, **effects)
+    found = fl.select_effects(scene_with(**bare), log_of(true, 4), FREE, FRICTIONS, window=1.0)
+    assert found.effects == called_for
+    assert is_near(found.identification, true)
+    assert [trial.effect for trial in found.trials if trial.taken] == list(called_for)
+    assert len(found.trials) == 2 + len(called_for)
+    others = [name for name in FRICTIONS if name not in called_for]
+    assert f"not needed: {', '.join(others)}" in found.status
+
+
+def test_effects_that_cannot_be_judged_are_refused_or_said_to_be_so():
+    scene = fl.load_scene("single-link", {"links.0.modes": 0, "log": LOG, "designs": []})
+    log = fl.Log(TIME, {"q1": TORQUE}, {"q1": 0.1 * np.sin(TIME)})
+    for name, how in (("friction", {}), ("payload", {}), ("shear", {"hold_back": 0.05})):
+        with pytest.raises(ArgumentError):
+            fl.select_effects(scene, log, FREE[:1], [name], **how)
+    found = fl.select_effects(scene, log, FREE[:1], FRICTIONS, seconds=1e-3)
+    assert found.effects == ()
+    assert all("time was used up" in trial.problem for trial in found.trials)
+    assert "not judged: viscous_friction, coulomb_friction" in found.status
