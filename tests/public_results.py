@@ -96,7 +96,8 @@ def logged_results() -> dict[str, Any]:
     t = np.arange(300) * 0.01
     log = fl.Log(t, inputs={"q1": 0 * t}, outputs={"q1": 0 * t})
     found = fl.identify(rigid, log, ["effects.payload.mass"], starts=1)
-    return {"log": log, "prediction": fl.predict(rigid, log), "identification": found}
+    chosen = fl.select_effects(rigid, log, ["effects.payload.mass"], ["viscous_friction"], window=0.5)
+    return {"log": log, "prediction": fl.predict(rigid, log), "identification": found, "effects of a log": chosen}
 
 
 @cache

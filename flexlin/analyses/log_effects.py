@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtr
 
-from flexlin.analyses.audit.versions import Version, list_effect_versions
+from flexlin.analyses.audit.versions import Version, list_effect_versions, with_effect
 from flexlin.arguments import checked
 from flexlin.bounds import hint_at
 from flexlin.checks import Array
@@ -26,7 +26,7 @@ from flexlin.scene.scene import Scene
 from flexlin.summary import immutable
 
 CHANCE = 0.05
-"""Probability that of all effects tried in a round one that is not there is taken."""
+"""Probability that of all effects in question one that is not there is taken in a round."""
 BLOCKS = 4
 """Of a window: neighbouring errors go together, sums over blocks much less."""
 LEAST_BLOCKS = 5
@@ -34,7 +34,7 @@ LEAST_BLOCKS = 5
 FIRST_SHARE = 0.3
 """Of the time, for the numbers without any further effect."""
 NEXT_PART = 0.05
-"""Of all work that is left, as far as is told: how many effects follow is not known."""
+"""Of all work that is left, as progress says: how many effects follow is not known."""
 LATE = "the time was used up: allow more, or name fewer effects"
 
 
@@ -142,10 +142,10 @@ def select_effects(
         gain = 1 - exp mean log ( |reading - h with the effect|^2 / |reading - h without|^2 )
 
     The mean is over columns, and over quarters of the windows of what was kept back. An effect is added with figures that its own file
-    proposes, and its numbers are fitted beside those that are free. It is taken where it gains most of all, a hundredth at least, and
-    better than chance: by Student's test over the quarters, at a level that all effects of a round share. Then the others are tried once
-    more beside it. Assumes that quarters of a window err independently. Effects whose size nobody can propose (payload, hub, forces) are
-    not tried: give them in the scene.
+    proposes, and its numbers are fitted beside those that are free. It is taken where it gains most of all, a
+    thousandth at least, and better than chance: by Student's test over the quarters, at a level that all effects in question share. Then
+    the others are tried once more beside it, and what was taken before goes if it gains nothing any more. Assumes that quarters of a
+    window err independently. Effects whose size nobody can propose (payload, hub, forces) are not tried: give them in the scene.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def select_effects(
     >>> scene = fl.load_scene("single-link", {"links.0.modes": 0, "effects.gravity": "off", "designs": []})
     >>> t = np.arange(300) * 0.01
     >>> log = fl.Log(t, inputs={"q1": 0 * t}, outputs={"q1": 1e-3 * np.sin(900 * t**2)})
-    >>> fl.select_effects(scene, log, ["effects.payload.mass"], ["viscous_friction"], window=1.0).effects
+    >>> fl.select_effects(scene, log, ["effects.payload.mass"], ["viscous_friction"], window=0.5).effects
     ()
     """
     paths, kept = list(free), hold_back * float(log.time[-1] - log.time[0])
@@ -198,33 +198,43 @@ def select_effects(
         least = f"at least {LEAST_BLOCKS / BLOCKS:g} windows, and less than 0.9 of the log"
         raise ArgumentError("too little of the log is kept back", got=f"{kept:.3g} s", expected=least)
     versions, trials, taken = choose_versions(scene, effects), list[EffectTrial](), list[str]()
-    fits = Fits(partial(identify, log=log, window=window, hold_back=hold_back), seconds)
-    best = fits.run(scene, paths, FIRST_SHARE)
+    level = CHANCE / max(len(versions), 1)
+    fits = Fits(partial(identify, log=log, window=window, hold_back=hold_back), paths, seconds)
+    best = fits.run(scene, [], FIRST_SHARE)
     while True:
-        paths += list_numbers(taken[-1:], scene)
-        scene = with_numbers(scene, best, paths)
         if fits.are_late:
             trials += [EffectTrial(name, tuple(taken), problem=LATE) for name in versions]
             break
-        best = fits.run(
-            scene, paths, 1 / (1 + len(versions)), starts=1
-        )  # no effect is credited with what more steps gain
-        found = {name: fits.attempt(name, versions[name], scene, paths, taken, best) for name in versions}
-        likely = [trial for trial, _ in found.values() if trial.chance < CHANCE / len(versions) and trial.gain > SLIGHT]
+        numbers = list_numbers(taken, scene)
+        scene = fits.take_over(scene, numbers, best)
+        further = fits.run(scene, numbers, PARTIAL, starts=1)
+        loss = compare(further.prediction, best.prediction)
+        if not is_likely(*loss, level):  # no effect is credited with what more steps gain
+            best, scene = further, fits.take_over(scene, numbers, further)
+        found = {name: fits.add(name, versions[name].make(scene), taken, best) for name in versions}
+        likely = [trial for trial, tried in found.values() if tried and is_likely(trial.gain, trial.chance, level)]
         chosen = max(likely, key=lambda trial: trial.gain).effect if likely else None
         trials += [replace(trial, taken=trial.effect == chosen) for trial, _ in found.values()]
         if chosen is None:
             break
-        scene, best = versions.pop(chosen).make(scene), found[chosen][1] or best
-        taken.append(chosen)
+        best, taken = found[chosen][1] or best, [*taken, chosen]
+        scene = versions.pop(chosen).make(scene)
+        scene = fits.take_over(scene, list_numbers(taken, scene), best)
+        for name in taken[:-1]:
+            rest, without = [other for other in taken if other != name], with_effect(scene, name, None)
+            trial, tried = fits.leave_out(name, without, rest, best)
+            trials.append(trial)
+            if tried and not is_likely(trial.gain, trial.chance, level):  # what came later does its work
+                scene, best, taken = without, tried, rest
     return EffectSelection(best, tuple(trials), tuple(taken), describe(trials, taken))
 
 
 @dataclass
 class Fits:
-    """Fits of a log, which share the time among them; `identify`: of a scene, by paths of numbers."""
+    """Fits of a log, which share the time among them; `identify`: of a scene; `free`: paths of numbers besides those of effects."""
 
     identify: Callable[..., Identification]
+    free: list[str]
     seconds: float | None
     watch: Stopwatch = field(default_factory=Stopwatch)
     begun: int = 0
@@ -239,25 +249,50 @@ class Fits:
         """Whether none is begun any more."""
         return self.left <= 0
 
-    def run(self, scene: Scene, paths: list[str], share: float, **how: int) -> Identification:
-        """The numbers in a share of the time that is left."""
+    def run(self, scene: Scene, more: list[str], share: float, **how: int) -> Identification:
+        """The numbers, and more of them, in a share of the time that is left."""
+        paths = [*self.free, *more]
         done, self.begun = (1 - NEXT_PART) ** self.begun, self.begun + 1
         with part(1 - done, 1 - (1 - NEXT_PART) * done):
             return self.identify(scene, free=paths, seconds=None if self.seconds is None else share * self.left, **how)
 
-    def attempt(
-        self, name: str, version: Version, scene: Scene, paths: list[str], taken: list[str], before: Identification
+    def take_over(self, scene: Scene, more: list[str], found: Identification) -> Scene:
+        """The scene with all numbers as they were found."""
+        return revise_scene(scene, {path: float(get_value(found.scene, path)) for path in (*self.free, *more)})
+
+    def add(
+        self, name: str, made: Scene, taken: list[str], before: Identification
     ) -> tuple[EffectTrial, Identification | None]:
-        """The numbers with an effect beside them, and what it gains."""
-        trial = EffectTrial(name, tuple(taken))
+        """What an effect gains beside those taken, and the numbers of the scene with it; none where the log does not know its own.
+
+        At first those that the effect cannot be without are fitted, then all: others are too far off to begin with.
+        """
+        trial, tried, others = EffectTrial(name, tuple(taken)), None, list_numbers(taken, made)
+        own, every = (list_numbers([name], made, required) for required in (True, False))
+        try:
+            for numbers in [own, every][: 1 + (every != own)]:
+                if self.are_late:
+                    return replace(trial, problem=LATE), None
+                made = self.take_over(made, [*others, *own], tried) if tried else revise_scene(made, {})
+                tried = self.run(made, [*others, *numbers], PARTIAL, starts=1)
+        except FlexlinError as error:
+            return replace(trial, problem=" ".join(str(error).split())), None
+        assert tried is not None
+        gain, chance = compare(before.prediction, tried.prediction)
+        return replace(trial, gain=gain, chance=chance), None if own and not tried.values.keys() & own else tried
+
+    def leave_out(
+        self, name: str, made: Scene, rest: list[str], before: Identification
+    ) -> tuple[EffectTrial, Identification | None]:
+        """What an effect that was taken gains beside the rest, and the numbers of the scene without it."""
+        trial = EffectTrial(name, tuple(rest))
         if self.are_late:
             return replace(trial, problem=LATE), None
         try:
-            made = revise_scene(version.make(scene), {})
-            tried = self.run(made, [*paths, *list_numbers([name], made)], PARTIAL, starts=1)
+            tried = self.run(made, list_numbers(rest, made), PARTIAL, starts=1)
         except FlexlinError as error:
-            return replace(trial, problem=str(error).partition("\n")[0]), None
-        gain, chance = compare(before.prediction, tried.prediction)
+            return replace(trial, problem=" ".join(str(error).split())), None
+        gain, chance = compare(tried.prediction, before.prediction)
         return replace(trial, gain=gain, chance=chance), tried
 
 
@@ -273,13 +308,8 @@ def choose_versions(scene: Scene, effects: Iterable[str] | None) -> dict[str, Ve
     return {name: possible[name] for name in names}
 
 
-def with_numbers(scene: Scene, found: Identification, paths: list[str]) -> Scene:
-    """The scene with its numbers as far as they were found."""
-    return revise_scene(scene, {path: float(get_value(found.scene, path)) for path in paths})
-
-
-def list_numbers(effects: Iterable[str], scene: Scene) -> list[str]:
-    """The paths of the numbers that stand in the effects' tables and are not zero."""
+def list_numbers(effects: Iterable[str], scene: Scene, required: bool = False) -> list[str]:
+    """The paths of the numbers that stand in the effects' tables and are not zero; required: of those alone without which none is."""
 
     def walk(value: Any, path: str) -> Iterator[str]:
         if isinstance(value, tuple):
@@ -288,10 +318,13 @@ def list_numbers(effects: Iterable[str], scene: Scene) -> list[str]:
         elif isinstance(value, float) and value != 0.0:
             yield path
 
-    tables = {f"effects.{name}": getattr(scene.effects, name).model_dump(exclude_unset=True) for name in effects}
-    return [
-        path for table, keys in tables.items() for key, value in keys.items() for path in walk(value, f"{table}.{key}")
-    ]
+    found = list[str]()
+    for name in effects:
+        table = getattr(scene.effects, name)
+        for key, value in table.model_dump(exclude_unset=True).items():
+            if not required or type(table).model_fields[key].is_required():
+                found += walk(value, f"effects.{name}.{key}")
+    return found
 
 
 def compare(before: Prediction, after: Prediction) -> tuple[float, float]:
@@ -302,6 +335,11 @@ def compare(before: Prediction, after: Prediction) -> tuple[float, float]:
     spread = max(float(ratios.std(ddof=1)), TINY)
     chance = stdtr(len(ratios) - 1, -ratios.mean() / spread * np.sqrt(len(ratios)))
     return float(-np.expm1(-ratios.mean())), float(chance)
+
+
+def is_likely(gain: float, chance: float, level: float) -> bool:
+    """Whether there is a gain, and by chance less probably than that."""
+    return gain > SLIGHT and chance < level
 
 
 def sum_blocks(found: Prediction) -> Array:

@@ -1,7 +1,7 @@
 """Numbers of a scene that make a log most likely, with their errors, and what the log cannot say."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +24,7 @@ from flexlin.identification.prediction import (
 from flexlin.identification.shooting import Windows
 from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.plots.view import Series, Shown, View
-from flexlin.precision import MINOR, SLIGHT
+from flexlin.precision import MINOR, SAFETY, SLIGHT
 from flexlin.resources import Stopwatch, part
 from flexlin.scene.links import DIRECTIONS
 from flexlin.scene.loading import parse_scene, raw_tables, revise_scene
@@ -240,7 +240,7 @@ def identify(
         dict(zip(prediction.fit, noise.tolist(), strict=True)),
         dict(zip(prediction.fit, evidence.colour.tolist(), strict=True)),
         prediction, settled,
-        describe(evidence, prediction, hold_back, settled, find_far(scene, found), (*name_unseen(problem, point.p), *log.notes)),
+        describe(best, prediction, hold_back, find_far(scene, found), (*name_unseen(problem, point.p), *log.notes)),
     )  # fmt: skip
 
 
@@ -325,12 +325,16 @@ def meet_all(problem: Problem, values: Array) -> Point:
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """Where a search came to: the point, what is known there, and whether noise and numbers stayed before time or rounds ended."""
+    """Where a search came to: the point, what is known there, and whether noise and numbers stayed before time or rounds ended.
+
+    steep: numbers with which readings do not move as slopes say.
+    """
 
     problem: Problem
     point: Point
     evidence: Evidence
     settled: bool
+    steep: tuple[str, ...]
 
     @property
     def unlikelihood(self) -> float:
@@ -344,7 +348,7 @@ class End:
     def convincing(self) -> bool:
         """Whether nothing says that there may be a likelier one."""
         found = self.evidence
-        return self.settled and not found.coloured and not found.limited and found.ahead <= BLOCKED_ERRORS
+        return self.settled and not (found.coloured or found.limited or self.steep) and found.ahead <= BLOCKED_ERRORS
 
 
 def find_noise(problem: Problem, point: Point) -> tuple[Array, Array]:
@@ -381,7 +385,25 @@ def refine(search: Search, windows: Windows, values: Array) -> End:
         problem = search.pose(model, windows, point.p, size)
         point = problem.at(point.start, point.p)
         point.damping = damping
-    return End(problem, point, evidence if settled else leave_unknown(problem, point, search.paths), settled)
+    if not settled:
+        return End(problem, point, leave_unknown(problem, point, search.paths), False, ())
+    steep = find_steep(problem, point, evidence, search.paths)
+    if steep:
+        none = leave_unknown(problem, point, list(evidence.known))
+        evidence = replace(evidence, errors=none.errors, covariance=none.covariance, correlations={})
+    return End(problem, point, evidence, True, steep)
+
+
+def find_steep(problem: Problem, point: Point, evidence: Evidence, paths: list[str]) -> tuple[str, ...]:
+    """Numbers with which readings move by far less than slopes say, as where friction is sharper than steps: errors would be too small."""
+    lengths, found = np.linalg.norm(problem.slopes(point)[:, :, point.start.shape[1] :], axis=(0, 1)), list[str]()
+    for k, path in enumerate(paths):
+        if np.isfinite(evidence.errors.get(path, np.nan)) and lengths[k] > 0:
+            step = np.zeros_like(point.p)
+            step[k] = 1 / lengths[k]
+            ahead, behind = (problem.at(point.start, point.p + way * step).residual for way in (1, -1))
+            found += [path] * bool(np.linalg.norm(ahead - behind) < 2 / SAFETY)
+    return tuple(found)
 
 
 def sample_shapes(scene: Scene) -> list[Array]:
@@ -395,8 +417,8 @@ def place_uncertainty(scene: Scene, evidence: Evidence, limits: tuple[Array, Arr
     table: dict[str, dict[str, float]] = {}
     for path, error in list(evidence.errors.items()):
         k, value = paths.index(path), float(get_value(scene, path))
-        if np.isfinite(error) and not path.startswith(("log.", "uncertainty.")) and len(table) < MOST_UNCERTAIN:
-            ends = max(value - 2 * error, float(limits[0][k])), min(value + 2 * error, float(limits[1][k]))
+        ends = max(value - 2 * error, float(limits[0][k])), min(value + 2 * error, float(limits[1][k]))
+        if ends[0] < ends[1] and not path.startswith(("log.", "uncertainty.")) and len(table) < MOST_UNCERTAIN:
             table[path] = {"low": ends[0], "high": ends[1]}
     return parse_scene(raw_tables(scene), scene.title, {"uncertainty": table}) if table else scene
 
@@ -418,14 +440,18 @@ def name_unseen(problem: Problem, p: Array) -> list[str]:
     return [f"{said}, so errors may be larger than stated: take fewer modes, or log faster"]
 
 
-def describe(
-    evidence: Evidence, prediction: Prediction, hold_back: float, settled: bool, far: list[str], notes: Iterable[str]
-) -> str:
+def describe(end: End, prediction: Prediction, hold_back: float, far: list[str], notes: Iterable[str]) -> str:
     """What was found, and what to do."""
+    evidence, settled = end.evidence, end.settled
     unsettled = (
         "time or rounds ended before the search had settled, so errors are not known: allow more, or begin elsewhere"
     )
     said = [] if settled else [unsettled]
+    if end.steep:
+        said.append(
+            f"readings do not move with {', '.join(end.steep)} as slopes say, as where friction is sharper than the steps, so no errors "
+            "are known: give it a larger rate, or keep it fixed"
+        )
     for group in evidence.unknown:
         names = " and ".join(group)
         if len(group) == 1:

@@ -41,12 +41,8 @@ def comment_on_model(a: Analysis) -> Iterator[str]:
         remedies = ["slow the motion down", "stiffen the links", "lower the payload"]
         remedies += [("add feedback" if a.own.kind == "open" else "raise the gains")] * bool(a.plant.inputs)
         remedy = f"{', '.join(remedies[:-1])} or {remedies[-1]}"
-        if (
-            a.simulation is not None
-            and a.simulation.sticking
-            and found.reason is not None
-            and found.reason.what == "difference"
-        ):
+        differs = found.reason is not None and found.reason.what == "difference"
+        if differs and a.simulation is not None and a.simulation.sticking:
             remedy = "joints come to rest in friction, which it does not know: trust the simulation only"
         yield (
             f"The linear model does not hold along this motion: {reason(found)}. The verdict is about that model alone, so this is no "
@@ -291,10 +287,10 @@ def comment_on_tip(a: Analysis) -> Iterator[str]:
     if a.own.verdict == "unstable":
         yield "The periodic response shown here exists but is unstable: the arm leaves it."
         return
-    largest = float(a.response.tip_error.max())
-    if (
-        not np.isfinite(largest) or largest == 0 or a.validity(a.own).verdict == "invalid"
-    ):  # a linear answer that misses the arm
+    largest, model = float(a.response.tip_error.max()), a.validity(a.own)
+    said_before = any(found.against and found.what in ("bending", "tip") for found in model.evidence)
+    missed = model.verdict == "invalid" and a.simulation is not None and a.simulation.difference > largest
+    if not np.isfinite(largest) or largest == 0 or said_before or missed:
         return
     size = format_quantity(largest, "m")
     if largest <= REPEATABILITY * a.length:

@@ -26,7 +26,7 @@ def test_khang_2019(study, pictures, tmp_path):
     assert paper.verdicts == tuple(np.where(paper.ratio > 1.0, "unstable", "stable"))
 
 
-def test_two_link(study, pictures, tmp_path):
+def test_two_link(study, tmp_path):
     """Printed frequencies, and a verdict that is missed without dM/ds s''."""
     module = study("two_link")
     result = module.main("small", tmp_path)
@@ -36,13 +36,9 @@ def test_two_link(study, pictures, tmp_path):
     assert whole.margin[0] < -whole.error[0]
     assert whole.margin[1] > whole.error[1]  # parametric resonance near 0.6 Hz ...
     assert without.margin[1] < -without.error[1]  # ... which a K_L without its first term does not see
-    shown = {label: [data.frequency, data.margin] for label, data in result["sweeps"].items()}
-    pictures.compare("two_link.svg", 1, shown)
-    frequencies = [line.get_ydata() for line in pictures["two_link.svg"].axes[0].lines]
-    np.testing.assert_array_equal(np.transpose(frequencies), result["coupled"])
 
 
-def test_modes_and_effects(study, pictures, tmp_path):
+def test_modes_and_effects(study, tmp_path):
     """Errors fall with modes, and the effects that matter are those of the audit."""
     rows = {row.version: row for row in study("modes_and_effects").main("small", tmp_path)}
     one, two = rows["1 modes"], rows["2 modes"]
@@ -53,12 +49,6 @@ def test_modes_and_effects(study, pictures, tmp_path):
     assert rows["without payload"].frequency > 0.1
     assert rows["without rotary_inertia"].frequency < 0.01
     assert {"without shear", "without geometric_stiffening", "without modal_damping"} <= set(rows)
-    drawn = pictures.curves("modes_and_effects.svg")
-    modes = [row for row in rows.values() if row.version.endswith("modes")]
-    curve = next(points for label, points in drawn.items() if label.startswith("tip: modes 1 to"))
-    assert curve.T.tolist() == [[row.instructions, row.tip] for row in modes]
-    written = {text.get_text() for text in pictures["modes_and_effects.svg"].axes[0].texts}
-    assert written == {row.version.removeprefix("without ") for row in rows.values() if "without" in row.version}
 
 
 def test_the_fit_beats_the_data_sheet(study):
@@ -94,7 +84,7 @@ def test_all_routes_agree(study, monkeypatch):
     assert errors["nested CasADi"] == pytest.approx(1.24e-4, rel=0.01)
 
 
-def test_five_bar_taylor(study, pictures, tmp_path):
+def test_five_bar_taylor(study, tmp_path):
     """Errors fall with the order on all trajectories, the radius is the distance to the reach circles, and both are what is drawn."""
     data = study("five_bar_taylor").main("small", tmp_path)
     assert data.errors.shape == (10, 4)
@@ -104,14 +94,6 @@ def test_five_bar_taylor(study, pictures, tmp_path):
     assert data.radius_gap < 1e-6
     assert set(data.kinds) == {"real singularity"}
     assert data.error_ratio < 0.2  # at half the radius
-    drawn = pictures.curves("five_bar_taylor.png", 1)
-    radius = drawn["radius of convergence"][0][0]
-    inside = [np.interp(radius / 2, *drawn[f"order {order}"]) for order in range(1, 11)]
-    assert np.all(np.diff(inside) < 0)
-    edge = pictures.curves("five_bar_taylor.png", 2)["radius of convergence"]
-    lines = pictures["five_bar_taylor.png"].axes[2].lines
-    centre = np.array(next(line for line in lines if line.get_marker() == "+").get_data())
-    assert np.linalg.norm(edge - centre.reshape(2, 1), axis=0) == pytest.approx(data.radii)
 
 
 def test_own_error(study, tmp_path):
@@ -126,7 +108,7 @@ def test_own_error(study, tmp_path):
     assert total.answered > 0.8 * total.cases
 
 
-def test_scaling(study, pictures, tmp_path, monkeypatch):
+def test_scaling(study, tmp_path, monkeypatch):
     module = study("scaling")
     monkeypatch.setattr(module, "compiled", lambda function, folder: None)
     result = module.main("small", tmp_path)
@@ -135,30 +117,21 @@ def test_scaling(study, pictures, tmp_path, monkeypatch):
     square = [module.Cost(0, 0, n, 7 * n**2, *[1] * 6) for n in (3, 5, 9)]
     assert module.exponent(square, "residual") == pytest.approx(2)
     assert np.isfinite(result["costs"][3].floquet)
-    drawn = pictures.curves("scaling.svg", 0)
-    assert drawn["1 modes"].T.tolist() == [[c.coordinates, c.residual] for c in result["costs"] if c.modes == 1]
 
 
-def test_tracking(study, pictures, tmp_path):
+def test_tracking(study, tmp_path):
     data = study("tracking").main(size="small", out=tmp_path)["data"]
     assert np.all(data.gain > 20)
     assert data.nonlinear["tip-exact"] == pytest.approx(data.linear["tip-exact"], rel=0.2)
-    errors = pictures.curves("tracking.svg", 1)  # in mm
-    np.testing.assert_allclose(errors["tip-exact, nonlinear"], [data.frequencies, 1e3 * data.nonlinear["tip-exact"]])
-    phase, distance = pictures.curves("tracking.svg", 0)["rigid"]
-    assert np.ptp(phase) == pytest.approx(1)
-    assert distance.max() == pytest.approx(1e3 * data.nonlinear["rigid"][0], rel=1e-9)
 
 
-def test_spin_up(study, pictures, tmp_path):
+def test_spin_up(study, tmp_path):
     """Kane, Ryan, Banerjee (1987); Simo, Vu-Quoc: the largest lag is 0.574 m near 6.8 s; without stiffening it diverges."""
     stiff, without = study("spin_up").main(size="small", out=tmp_path).values()
     assert stiff.lag[0] == pytest.approx(0.574, abs=0.001)
     assert stiff.lag[1] == pytest.approx(6.8, abs=0.15)
     assert abs(stiff.tip[-1]) < 0.02
     assert without.t[-1] < 15
-    shown = {"with geometric stiffening": [stiff.t, stiff.tip], "without": [without.t, without.tip]}
-    pictures.compare("spin_up.svg", 0, shown)
 
 
 def test_lqr_designs(study, pictures, tmp_path):

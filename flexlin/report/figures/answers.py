@@ -110,14 +110,14 @@ def draw_errors(found: Prediction) -> Picture:
 
 
 def say_numbers(scene: Scene, found: Identification) -> list[str]:
-    """Each number with one standard error and what it was before, then the status."""
-    said = []
+    """Each number with one standard error and what it was before, unless its effect is new, then the status."""
+    said, new = [], tuple(f"effects.{name}." for name in found.scene.effects.on().keys() - scene.effects.on().keys())
     for path, value in found.values.items():
-        before, error = float(get_value(scene, path)), found.errors[path]
-        around = f" ± {format_decimal(error, 2)}" if np.isfinite(error) else ""
-        around = around or (", at the end of what is possible" if found.settled else "")
-        now = with_unit_of(scene, path, f"{format_decimal(value, 5)}{around}")
-        said.append(f"{name_number(path)} ({path}): {now}; it was {format_decimal(before, 5)}")
+        error = found.errors[path]
+        around = f" ± {format_decimal(error, 2)}" if np.isfinite(error) else ", its error is not known"
+        now = with_unit_of(found.scene, path, f"{format_decimal(value, 5)}{around}")
+        was = "" if path.startswith(new) else f"; it was {format_decimal(float(get_value(scene, path)), 5)}"
+        said.append(f"{name_number(path)} ({path}): {now}{was}")
     said += [f"{pair}: correlated by {value:.3f}" for pair, value in found.correlations.items()]
     return [*said, "the errors are one standard error each", *found.status.split("; ")]
 
