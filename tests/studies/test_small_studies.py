@@ -1,4 +1,4 @@
-"""The studies, small: known answers, identities and laws, pictures that show what was found, and races with other programs, where everybody
+"""The studies, small: known answers, identities and laws, and races with other programs, where everybody
 gives the same answer and every value is right; no time is judged here."""
 
 import json
@@ -12,14 +12,11 @@ import flexlin as fl
 pytestmark = pytest.mark.slow
 
 
-def test_khang_2019(study, pictures, tmp_path):
+def test_khang_2019(study, tmp_path):
     """Identities to rounding, and the false divergence at the first frequency."""
     result = study("khang_2019").main(size="small", out=tmp_path)
     assert result["difference"] < 1e-13
     paper, stiff = result["series"].values()
-    for panel, name in enumerate(("stiffness", "margin")):
-        shown = {label: [data.ratio, getattr(data, name)] for label, data in result["series"].items()}
-        pictures.compare("khang_2019.svg", panel, shown)
     assert np.all(np.diff(paper.stiffness) < 0)
     assert np.all(np.diff(stiff.stiffness) > 0)
     assert set(stiff.verdicts) == {"stable"}
@@ -134,13 +131,9 @@ def test_spin_up(study, tmp_path):
     assert without.t[-1] < 15
 
 
-def test_lqr_designs(study, pictures, tmp_path):
+def test_lqr_designs(study, tmp_path):
     result = study("lqr_designs").main(size="small", out=tmp_path)
     assert np.all(result["survival"].own["periodic"] < 0)
-    cells = {axes.get_title(): axes.collections[0] for axes in pictures["lqr_designs.svg"].axes if axes.get_title()}
-    for label, part in (("made for each arm", "own"), ("kept from the first arm", "kept")):
-        for name, rates in getattr(result["survival"], part).items():
-            np.testing.assert_array_equal(np.ravel(cells[f"{name},\n{label}"].get_array()), rates.ravel())
 
 
 def test_tuning_grid(study):
@@ -155,7 +148,7 @@ PARTS = ("check", "commands", "whole", "inputs", "kills", "files", "disks", "wri
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_torture(part, study, pictures, tmp_path, monkeypatch):
+def test_torture(part, study, tmp_path, monkeypatch):
     """Nothing uncaught, nothing without a key, no set mixed or half, nothing left over."""
     module = study("torture")
     monkeypatch.setattr("tests.torture.trial.WATCHED", part not in ("check", "commands", "files", "disks"))
@@ -169,7 +162,6 @@ def test_torture(part, study, pictures, tmp_path, monkeypatch):
     assert (row["uncaught"], row["keyless"], row["mixed"], row["left"]) == (0, 0, 0, 0)
     assert row["runs"] >= module.SIZES["small"][part]
     assert json.loads((tmp_path / f"torture-{part}-7.json").read_text())["runs"] == row["runs"]
-    assert pictures["torture.svg"].axes[0].get_title().startswith("Runs")
 
 
 numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
@@ -177,7 +169,7 @@ numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not inst
 
 @numba
 @pytest.mark.peers
-def test_every_program_gives_the_same_exponents(study, pictures, tmp_path):
+def test_every_program_gives_the_same_exponents(study, tmp_path):
     data = study("compiled_peers").main(size="small", out=tmp_path)
     assert all(row["reached"] for row in data["rows"])
     programs = {(row["group"], row["program"]) for row in data["rows"]}
@@ -200,14 +192,14 @@ def test_the_peers_are_of_the_orders_that_they_claim(study):
         assert np.log2(errors[0] / errors[1]) / 3 == pytest.approx(order, abs=0.5)
 
 
-def test_charts_speed(study, pictures, tmp_path):
+def test_charts_speed(study, tmp_path):
     data = study("charts_speed").main(size="small", out=tmp_path)
     assert max(row["distance_in_tol"] for row in data["rows"]) < 1
     assert "flexlin, all exponents" in data["peers_us"]
     assert set(data["sharing"]) == {"one process, s", "two threads", "two processes"}
 
 
-def test_simulation_race(study, tmp_path, pictures):
+def test_simulation_race(study, tmp_path):
     data = study("simulation_race").main(size="small", out=tmp_path)
     by_program = {(row["program"], row["tol"]): row["error"] for row in data["rows"]}
     assert by_program[("flexlin, with its error", 1e-4)] < 1e-4
@@ -215,14 +207,12 @@ def test_simulation_race(study, tmp_path, pictures):
     assert max(theirs) < 1e-8  # LSODA's error is some 100 times its tolerance here
     (own,) = data["compared"]
     assert set(own["peers"]) == {program for program, _ in by_program if program.startswith("LSODA")}
-    assert set(pictures.curves("simulation_race.svg")) == {program for program, _ in by_program}
 
 
-def test_riccati_race(study, pictures, tmp_path):
+def test_riccati_race(study, tmp_path):
     times = study("riccati_race").main(size="small", out=tmp_path)
     assert set(times) == {"link, rigid", "satellite, 6 states"}
     assert all(error < 1e-3 for found in times.values() for _, error in found.values())
-    assert len(pictures["riccati_race.svg"].axes[0].patches) == 14
 
 
 MULTISTEP = ("CasADi cvodes", "SciPy LSODA")
