@@ -208,8 +208,8 @@ def select_effects(
         numbers = list_numbers(taken, scene)
         scene = fits.take_over(scene, numbers, best)
         further = fits.run(scene, numbers, PARTIAL, starts=1)
-        loss = compare(further.prediction, best.prediction)
-        if not is_likely(*loss, level):  # no effect is credited with what more steps gain
+        loss, is_sure = compare(further.prediction, best.prediction), np.isfinite(list(further.errors.values())).any()
+        if is_sure and not is_likely(*loss, level):  # no effect is credited with what more steps gain
             best, scene = further, fits.take_over(scene, numbers, further)
         found = {name: fits.add(name, versions[name].make(scene), taken, best) for name in versions}
         likely = [trial for trial, tried in found.values() if tried and is_likely(trial.gain, trial.chance, level)]
@@ -265,7 +265,8 @@ class Fits:
     ) -> tuple[EffectTrial, Identification | None]:
         """What an effect gains beside those taken, and the numbers of the scene with it; none where the log does not know its own.
 
-        At first those that the effect cannot be without are fitted, then all: others are too far off to begin with.
+        At first those that the effect cannot be without are fitted, then all, which counts where it gives errors: others are too far off to
+        begin with.
         """
         trial, tried, others = EffectTrial(name, tuple(taken)), None, list_numbers(taken, made)
         own, every = (list_numbers([name], made, required) for required in (True, False))
@@ -274,7 +275,8 @@ class Fits:
                 if self.are_late:
                     return replace(trial, problem=LATE), None
                 made = self.take_over(made, [*others, *own], tried) if tried else revise_scene(made, {})
-                tried = self.run(made, [*others, *numbers], PARTIAL, starts=1)
+                found = self.run(made, [*others, *numbers], PARTIAL, starts=1)
+                tried = found if tried is None or np.isfinite(list(found.errors.values())).any() else tried
         except FlexlinError as error:
             return replace(trial, problem=" ".join(str(error).split())), None
         assert tried is not None

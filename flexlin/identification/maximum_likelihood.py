@@ -133,7 +133,8 @@ class Identification(Shown):
         return self.prediction.to_xarray().merge(xarray.Dataset(numbers, coords={"path": paths, "other": paths}))
 
     def _view(self) -> View:
-        said = ((path, f"{value:.5g} ± {self.errors[path]:.2g}") for path, value in self.values.items())
+        errors = {path: f" ± {error:.2g}" if np.isfinite(error) else "" for path, error in self.errors.items()}
+        said = ((path, f"{value:.5g}{errors[path]}") for path, value in self.values.items())
         facts = [f"{path} = {number} {show_unit(self.scene, path)}".rstrip() for path, number in said]
         facts += [f"{name}: fit {value:.1f} %" for name, value in self.fit.items()]
         view = self.prediction._view()
@@ -448,9 +449,10 @@ def describe(end: End, prediction: Prediction, hold_back: float, far: list[str],
     )
     said = [] if settled else [unsettled]
     if end.steep:
+        names = ", ".join(end.steep) if len(end.steep) < len(evidence.known) else "any number"
         said.append(
-            f"readings do not move with {', '.join(end.steep)} as slopes say, as where friction is sharper than the steps, so no errors "
-            "are known: give it a larger rate, or keep it fixed"
+            f"readings do not move with {names} as slopes say, as where friction is sharper than steps, so no errors are known: give it "
+            "a larger rate, and keep that fixed"
         )
     for group in evidence.unknown:
         names = " and ".join(group)
