@@ -162,7 +162,7 @@ def identify_numbers(work: Work, options: argparse.Namespace) -> int:
         record["effects"] = report.record_fields(selected, "effects status") | {
             "trials": list(map(asdict, selected.trials))
         }
-        lines += [selected.status, *map(str, selected.trials)]
+        lines = [selected.status, *map(str, selected.trials), *lines]
     pictures = [report.draw_prediction(found.prediction), report.draw_errors(found.prediction)]
     fitted = {"fitted.toml": scene_text(found.scene)}
     done = work.write("identify", pictures, record, lines, fitted)

@@ -114,12 +114,15 @@ def say_numbers(scene: Scene, found: Identification) -> list[str]:
     said, new = [], tuple(f"effects.{name}." for name in found.scene.effects.on().keys() - scene.effects.on().keys())
     for path, value in found.values.items():
         error = found.errors[path]
-        around = f" ± {format_decimal(error, 2)}" if np.isfinite(error) else ", its error is not known"
-        now = with_unit_of(found.scene, path, f"{format_decimal(value, 5)}{around}")
+        around, unsure = (
+            (f" ± {format_decimal(error, 2)}", "") if np.isfinite(error) else ("", ", its error is not known")
+        )
+        now = with_unit_of(found.scene, path, f"{format_decimal(value, 5)}{around}") + unsure
         was = "" if path.startswith(new) else f"; it was {format_decimal(float(get_value(scene, path)), 5)}"
         said.append(f"{name_number(path)} ({path}): {now}{was}")
     said += [f"{pair}: correlated by {value:.3f}" for pair, value in found.correlations.items()]
-    return [*said, "the errors are one standard error each", *found.status.split("; ")]
+    said += ["the errors are one standard error each"] * any(map(np.isfinite, found.errors.values()))
+    return [*said, *found.status.split("; ")]
 
 
 Answer = DisturbanceAnswer | NoiseAnswer
