@@ -128,7 +128,7 @@ class Usage:
         if not self.tried and (AT_ONCE.get() or self.points > READING_POINTS + READING_COST / self.operations):
             with suppress(
                 ArgumentError
-            ):  # what is none of scalars, calls another, or has a rare operation is left to CasADi
+            ):  # none of scalars, one that calls another, or with a rare operation is left to CasADi
                 program = Program.read(self.function)
                 program.check_known()
                 self.program = program

@@ -157,10 +157,8 @@ class Tracer:
     def join_through(self, pairs: Array, tip: Tip) -> list[Piece]:
         """The pairs (P, 2) of nodes joined by two parabolas each that end in a tip; each counts as wrong by what it bends."""
         error, point = tip
-        ends, sides = (
-            self.vertices.at(pairs.ravel()),
-            np.tile([1.0, -1.0], len(pairs)),
-        )  # it comes from one, goes to the next
+        ends = self.vertices.at(pairs.ravel())
+        sides = np.tile([1.0, -1.0], len(pairs))  # it comes from one, goes to the next
         length, unit = measure_chords(ends.points, point)
         unit *= sides[:, None]
         bends = length * np.linalg.norm(unit - ends.directions, axis=1) ** 2

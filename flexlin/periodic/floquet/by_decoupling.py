@@ -175,10 +175,8 @@ def solve_decoupled_modes(decoupled: Decoupled, exponents: Array) -> tuple[Array
         return None
     k = harmonics(len(moved))
     inside = (k != 0) & (np.abs(k) < len(k) / 2)  # what has an integral at the nodes
-    S, run = (
-        correct_modes(decoupled, V, own, moved),
-        weigh_harmonics(moved, inside / np.where(inside, 2j * np.pi / period * k, 1)),
-    )
+    S = correct_modes(decoupled, V, own, moved)
+    run = weigh_harmonics(moved, inside / np.where(inside, 2j * np.pi / period * k, 1))
     if S is None or not np.ptp(run.real, axis=0).max() < LARGEST_LOG_GROWTH:
         return None
     plain = decoupled.frame @ V @ (np.eye(n) + S)

@@ -113,11 +113,10 @@ def say_numbers(scene: Scene, found: Identification) -> list[str]:
     """Each number with one standard error and what it was before, unless its effect is new, then the status."""
     said, new = [], tuple(f"effects.{name}." for name in found.scene.effects.on().keys() - scene.effects.on().keys())
     for path, value in found.values.items():
-        error = found.errors[path]
-        around, unsure = (
-            (f" ± {format_decimal(error, 2)}", "") if np.isfinite(error) else ("", ", its error is not known")
-        )
-        now = with_unit_of(found.scene, path, f"{format_decimal(value, 5)}{around}") + unsure
+        error, sure = found.errors[path], np.isfinite(found.errors[path])
+        around = f" ± {format_decimal(error, 2)}" if sure else ""
+        now = with_unit_of(found.scene, path, f"{format_decimal(value, 5)}{around}")
+        now += "" if sure else ", its error is not known"
         was = "" if path.startswith(new) else f"; it was {format_decimal(float(get_value(scene, path)), 5)}"
         said.append(f"{name_number(path)} ({path}): {now}{was}")
     said += [f"{pair}: correlated by {value:.3f}" for pair, value in found.correlations.items()]
