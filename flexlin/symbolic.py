@@ -126,9 +126,8 @@ class Usage:
         """The program, where the points so far and these are worth one, and the compiled core knows all of its operations."""
         self.points += points
         if not self.tried and (AT_ONCE.get() or self.points > READING_POINTS + READING_COST / self.operations):
-            with suppress(
-                ArgumentError
-            ):  # none of scalars, one that calls another, or with a rare operation is left to CasADi
+            # what is none of scalars, calls another, or has a rare operation is left to CasADi
+            with suppress(ArgumentError):
                 program = Program.read(self.function)
                 program.check_known()
                 self.program = program
