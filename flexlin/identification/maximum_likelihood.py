@@ -463,9 +463,7 @@ def describe(end: End, prediction: Prediction, hold_back: float, far: list[str],
     if evidence.limited:
         said.append(f"{', '.join(evidence.limited)} went to the end of what is possible: the effect may not be there")
     if evidence.coloured:
-        said.append(
-            "residuals are coloured, so something is missing in the equations or the noise; the errors allow for it"
-        )
+        said.append("residuals are coloured: the errors allow for coloured noise, but not for what the equations lack")
     if evidence.ahead > BLOCKED_ERRORS:
         said.append(
             "the search ends where no step gains, as it may where joints stick, though slopes promise one of "

@@ -103,7 +103,10 @@ def read_elements(path: Path) -> Element:
     try:
         parser.Parse(bounds.read_text(path, bounds.LARGEST_ROBOT).encode("utf-8", errors="replace"), True)
     except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(source, [Problem("file", bounds.printable(error), "a readable URDF file")]) from None
+        raise SceneError(
+            source,
+            [Problem("file", bounds.printable(getattr(error, "strerror", None) or error), "a readable URDF file")],
+        ) from None
     except expat.ExpatError as error:
         raise SceneError(
             source, [Problem(f"line {error.lineno}", bounds.printable(error), "well-formed XML")]
