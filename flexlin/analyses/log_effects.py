@@ -254,7 +254,8 @@ class Fits:
         paths = [*self.free, *more]
         done, self.begun = (1 - NEXT_PART) ** self.begun, self.begun + 1
         with part(1 - done, 1 - (1 - NEXT_PART) * done):
-            return self.identify(scene, free=paths, seconds=None if self.seconds is None else share * self.left, **how)
+            seconds = None if self.seconds is None else max(share * self.left, TINY)
+            return self.identify(scene, free=paths, seconds=seconds, **how)
 
     def take_over(self, scene: Scene, more: list[str], found: Identification) -> Scene:
         """The scene with all numbers as they were found."""

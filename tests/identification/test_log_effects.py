@@ -22,6 +22,7 @@ def log_of(scene, seed):
     return noisy(simulated(scene, TIME, lambda t: 0.3 * swing(t), SENSORS)[0], seed, NOISE, TIME, (TORQUE,))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effects", "called_for"),
     [({}, ()), ({"coulomb_friction": {"torque": [0.03], "rate": 0.1}}, ("coulomb_friction",)),
