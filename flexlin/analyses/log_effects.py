@@ -142,10 +142,10 @@ def select_effects(
         gain = 1 - exp mean log ( |reading - h with the effect|^2 / |reading - h without|^2 )
 
     The mean is over columns, and over quarters of the windows of what was kept back. An effect is added with figures that its own file
-    proposes, and its numbers are fitted beside those that are free. It is taken where it gains most of all, a
-    thousandth at least, and better than chance: by Student's test over the quarters, at a level that all effects in question share. Then
-    the others are tried once more beside it, and what was taken before goes if it gains nothing any more. Assumes that quarters of a
-    window err independently. Effects whose size nobody can propose (payload, hub, forces) are not tried: give them in the scene.
+    proposes, and its numbers are fitted beside those that are free. It is taken where it gains most of all, a thousandth at least, and
+    better than chance: by Student's test over the quarters, at a level that all effects in question share. Then the others are tried once
+    more beside it, and what was taken before goes if it gains nothing any more. Assumes that quarters of a window err independently.
+    Effects whose size nobody can propose (payload, hub, forces) are not tried: give them in the scene.
 
     Parameters
     ----------
