@@ -358,12 +358,10 @@ def sum_blocks(found: Prediction) -> Array:
 def describe(trials: list[EffectTrial], taken: list[str]) -> str:
     """What the log calls for, what it does not need, and what to do."""
     gains = {one.effect: one.gain for one in trials if one.taken}
-    said = [
-        "the log calls for " + ", ".join(f"{name} ({100 * gains[name]:.2g} % less squared error)" for name in taken)
-        if taken
-        else "the log calls for no further effect"
-    ]
     judged = dict.fromkeys(one.effect for one in trials if not one.problem and one.effect not in taken)
+    shares = ", ".join(f"{name} ({100 * gains[name]:.2g} % less squared error)" for name in taken)
+    nothing = "the log calls for no further effect" if judged else "no effect was judged"
+    said = [f"the log calls for {shares}" if taken else nothing]
     if judged:
         said.append(f"not needed: {', '.join(judged)}")
     others = dict.fromkeys(one.effect for one in trials if one.problem and one.effect not in (*taken, *judged))

@@ -391,7 +391,7 @@ def refine(search: Search, windows: Windows, values: Array) -> End:
     steep = find_steep(problem, point, evidence, search.paths)
     if steep:
         none = leave_unknown(problem, point, list(evidence.known))
-        evidence = replace(evidence, errors=none.errors, covariance=none.covariance, correlations={})
+        evidence = replace(evidence, errors=none.errors, covariance=none.covariance, correlations={}, ahead=0.0)
     return End(problem, point, evidence, True, steep)
 
 
@@ -403,7 +403,8 @@ def find_steep(problem: Problem, point: Point, evidence: Evidence, paths: list[s
             step = np.zeros_like(point.p)
             step[k] = 1 / lengths[k]
             ahead, behind = (problem.at(point.start, point.p + way * step).residual for way in (1, -1))
-            found += [path] * bool(np.linalg.norm(ahead - behind) < 2 / SAFETY)
+            with np.errstate(invalid="ignore"):  # beyond a bound both are infinite
+                found += [path] * bool(np.linalg.norm(ahead - behind) < 2 / SAFETY)
     return tuple(found)
 
 
