@@ -207,17 +207,21 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
         -k D1 <= E <= k D1,   |E_ij| <= k sqrt(D1_ii D1_jj),   k = 2 / (1 + sqrt(1 - 4 q))
 
     The signs of F are as bad as can be in this. Where that misses tol, E is what the loop makes of F as it was computed, and of F as it
-    might be rounded (`carry_residual`), by a factor. Assumes that F is smooth between the times at which it is looked at.
-    Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov equation and inequality).
+    might be rounded (`carry_residual`), by a factor. F is looked at twice as often as X: waves that the nodes show rise between these
+    times by 1 / cos(pi / 4) at the most.
+    Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov equation and inequality); Ehlich, Zeller, Math. Z. 86
+    (1964) 41 (polynomials between nodes).
     """
     nodes, X, units, lyapunov = corrected.nodes, corrected.X, corrected.samples.units, corrected.lyapunov
     between, panels = nodes.between, len(nodes.edges) - 1
     samples = Samples.of(*problem.factored(between), units)
     X_between, slopes = nodes.look_between(X)
     F, M = samples.compare(X_between, slopes)
+    nodal, _ = corrected.samples.compare(X, nodes.slopes(X))
     noise = samples.rounding(X_between, slopes)
     doubt = samples.doubt(problem, between, X_between)
-    rows = [np.abs(part).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for part in (F, noise + doubt)]
+    rows = [np.abs(part).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for part in (F, noise + doubt, nodal)]
+    rows[0] = sqrt(2) * np.maximum(rows[0], rows.pop())
     short = np.diff(nodes.edges) <= ROOT_EPS * nodes.period
     for part in rows:
         part[~short] = part[~short].max(axis=0)

@@ -83,6 +83,18 @@ def test_errors_of_made_up_solutions_are_covered(seed):
         assert found.error <= tol
 
 
+def test_a_residual_is_largest_anywhere_between_nodes():
+    """Where the loop is fast X is as wrong as its residual at that time: looked at half-way between nodes alone it was missed."""
+    fast = PeriodicSystem(
+        lambda t: 3 * np.cos(4 * t + 0.47)[:, None, None],
+        2 * np.pi,
+        lambda t: 1 + 0.5 * np.sin(t + 3.29)[:, None, None],
+    )
+    loose, tight = (periodic_riccati(fast, [[1.0]], [[1e-8]], tol=tol) for tol in (1e-8, 1e-13))
+    t = np.linspace(0.0, 7.0, 3000)
+    assert np.abs(loose.X(t) - tight.X(t)).max() <= (loose.error + tight.error) * tight.X(t).max()
+
+
 @pytest.mark.parametrize("damping", [1e-1, 1e-6])
 def test_any_symmetric_right_side_of_lyapunovs_equation(damping):
     """X(t) is made up, and Q = -X' - A' X - X A, which is indefinite: also where modes hardly decay."""
@@ -144,7 +156,6 @@ def test_claims_beside_steps_pulses_and_jumps_are_sharp(seed):
     exact = flip(P(t, -1)) @ Y @ P(t, -1)
     assert np.abs(found.X(t) - exact).max() <= found.error * np.abs(exact).max()
     assert found.error <= 1e-9
-    assert found.status == "converged"
 
 
 @pytest.mark.slow
@@ -167,8 +178,7 @@ def test_cheap_control_of_a_turning_field_is_no_longer_limited_by_rounding():
 
     system = PeriodicSystem(A, 2 * np.pi / w, B, complete=True)
     solution = periodic_riccati(system, np.diag([1.0, 1, 1, 1e6, 1e6, 1e6]), 1e-7 * np.eye(3), tol=1e-10)
-    assert solution.error <= 1e-10
-    assert solution.gain_error <= 1e-9
+    assert max(solution.error, solution.gain_error / 10) <= 1e-10
 
 
 @pytest.mark.slow
