@@ -170,16 +170,17 @@ class BoundedReal:
     def judge(self, level: float) -> tuple[int, Array]:
         """On which side of the norm a level lies (1 above, -1 below, 0 where errors hide it), and at which frequencies a gain equals it.
 
-        Below: a multiplier lies on the circle, since no other one is near that could be its mirror image in it. Above: none does.
+        Below: a multiplier lies on the circle, since no other one is near that could be its mirror image in it. Above: as many grow as
+        have mirror images that decay.
         """
         found = floquet(self.hamiltonian(level))
-        known = np.isfinite(found.errors)
+        known, grows = np.isfinite(found.errors), found.exponents.real > 2 * found.errors
         errors, size = np.where(known, found.errors, 0.0), np.where(known, np.abs(found.exponents.real), np.inf)
         logs = found.log_multipliers
         apart = measure_distances(logs, logs) / found.period
         alone = (apart > 2 * (errors + errors[:, None])) | np.eye(len(logs), dtype=bool)
         crossing = (size <= errors) & alone.all(axis=1)
-        side = 1 if np.all(size > 2 * errors) else -int(crossing.any())
+        side = 1 if 2 * grows.sum() == len(logs) else -int(crossing.any())
         return side, np.unique(np.abs(found.exponents.imag[crossing]))
 
 
@@ -279,11 +280,11 @@ class PeakSearch:
         self.climb(max(middles, key=self.gain))
         return self.best[0] > before
 
-    def least(self) -> float:
-        """A little more than the least gain that was found, by two orders."""
-        omega = min(self.gains, key=lambda one: self.gains[one])
-        again = self.measure(omega, better=4)
-        return max(again, self.gains[omega]) + SAFETY * abs(again - self.gains[omega])
+    def between(self, omega: float) -> tuple[float, float]:
+        """What the gain at a frequency that was tried is not below and not above, by two orders."""
+        found, again = self.gains[omega], self.measure(omega, better=4)
+        apart = SAFETY * abs(again - found)
+        return min(found, again) - apart, max(found, again) + apart
 
 
 @immutable
@@ -408,7 +409,7 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
         unknown = float((SAFETY * search.shares + SLIGHT * search.noise).sum())
         return HinfNorm(direct + unknown, unknown + tol * direct, 0.0)
     search.begin()
-    peak, least = search.best[0], search.least()
+    peak, (_, least) = search.best[0], search.between(min(search.gains, key=search.gains.__getitem__))
     low, high, aside, hidden = direct, np.inf, tol / 2, list[float]()
     for _ in range(MOST_STEPS):
         before, unbounded = (low, high), np.isinf(high)
@@ -436,4 +437,6 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
         raise ToleranceNotReached(
             "no level exceeds the norm", got=f"{level:.3g}", todo="is the system nearly unstable?"
         )
+    if high - low > 2 * tol * high and not problem.constant and search.best[0] > search.floor:
+        low = max(low, search.between(search.best[1])[0])
     return HinfNorm((low + high) / 2, (high - low) / 2 + EPS * high, search.best[1])
