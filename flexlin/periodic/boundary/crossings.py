@@ -18,7 +18,7 @@ from flexlin.periodic.boundary.spectra import (
 )
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.roots import MOST_STEPS, SignedEnds, solve_brackets
-from flexlin.precision import MINOR, PARTIAL, ROOT_EPS, SAFETY, TINY
+from flexlin.precision import MINOR, PARTIAL, ROOT_EPS, SAFETY, SLIGHT, TINY
 
 SCAN_VALUES = 1025
 """Values of the scan: no interval of instability wider than 1/1024 of the range lies between two of them."""
@@ -153,7 +153,8 @@ def find_crossings(
     near = max(tol / 4, ROOT_EPS * (high - low))
     values, errors, slopes = solve_changes(changes, scan.at, near, effort)
     if effort.affords(4 * len(changes.line)) and not effort.unfinished:  # what the last digits of a place take
-        values, errors, slopes = solve_changes(changes, without_rest(fine), tol / 4, effort, values, 4 * near)
+        finest = max(tol / 4, 2 * float(np.spacing(np.abs(values)).max()))
+        values, errors, slopes = solve_changes(changes, without_rest(fine), finest, effort, values, 4 * near)
     else:
         effort.unfinished = True
     columns = values, errors, changes.rising, changes.ends.points[1], slopes, changes.undamped
@@ -197,14 +198,14 @@ def scan_line(function: SpectraFunction, grid: Array, effort: Effort) -> tuple[A
 
 
 def list_touching(peaks: Peaks, scan: Spectra) -> list[Crossing]:
-    """Tongues closed to within rounding: an undamped multiplier meets its conjugate and no growth is seen."""
+    """Tongues closed to within rounding: an undamped multiplier meets its conjugate and no growth is seen, there or beside it."""
     closed = (
         peaks.conjugate & ~peaks.unstable & (peaks.bend > 0) & (peaks.gap <= SAFETY * np.maximum(peaks.error, ROOT_EPS))
     )
     if (scan.verdicts < 0).any():
         return []
     found = np.flatnonzero(closed)
-    errors = np.maximum(peaks.gap, peaks.error)[found] / np.sqrt(peaks.bend[found])
+    errors = SAFETY * np.maximum(peaks.gap, peaks.error)[found] / np.sqrt(peaks.bend[found])
     return [
         Crossing(value, error, onset, value, 0.0, True, True)
         for value, error in zip(peaks.values[found].tolist(), errors.tolist(), strict=True)
@@ -235,7 +236,7 @@ def settles(scan: Spectra, turning: bool = False) -> Array:
 
 def add_tongues(scan: Scan, accuracy: float, effort: Effort) -> tuple[Scan, Peaks]:
     """The scan with further values in tongues between two of its own, and all peaks that were climbed; accuracy: of the place of a peak."""
-    scan = scan.with_values(*list_end_peaks(scan, settles(scan.spectra)))
+    scan = scan.with_values(*list_ends(scan, settles(scan.spectra)))
     peaks = climb_peaks(scan, accuracy, settles(scan.spectra), effort)
     return scan.with_values(peaks.line[peaks.unstable], peaks.values[peaks.unstable]), peaks
 
@@ -264,21 +265,13 @@ def measure_heights(spectra: Spectra) -> Array:
     return np.concatenate([meetings, spectra.logs.real.max(axis=1, keepdims=True)], axis=1)
 
 
-def list_end_peaks(scan: Scan, settled: Array) -> tuple[Array, Array]:
-    """Line and value inside the first and the last cell of each, where that is not settled and a parabola through three values has its top
-    there."""
+def list_ends(scan: Scan, settled: Array) -> tuple[Array, Array]:
+    """Line and value just inside both ends of each, where the cell is not settled: a height that rises there has its top in it."""
     first = np.flatnonzero(np.append(True, ~scan.joined))
     last = np.append(first[1:], len(scan.line)) - 1
-    lines, values = [], []
-    for three, cell in ((first + np.arange(3)[:, None], 0), (last + np.arange(-2, 1)[:, None], 1)):
-        x = scan.values[three][..., None]
-        top = fit_parabola(x, measure_heights(scan.spectra.at(three.ravel())).reshape(*three.shape, -1))[0]
-        step = ROOT_EPS * (x[2] - x[0])
-        inside = (top > x[cell] + step) & (top < x[cell + 1] - step)
-        owner, column = np.nonzero(inside & ~settled[three[cell]][:, None])
-        lines.append(scan.line[first[owner]])
-        values.append(top[owner, column])
-    return np.concatenate(lines), np.concatenate(values)
+    ends, beside = np.concatenate([first, last]), np.concatenate([first + 1, last - 1])
+    open_ = ~settled[np.minimum(ends, beside)]
+    return scan.line[ends[open_]], (scan.values[ends] + SLIGHT * (scan.values[beside] - scan.values[ends]))[open_]
 
 
 def list_peaks(scan: Scan, heights: Array, settled: Array) -> tuple[Array, Array]:
@@ -437,5 +430,6 @@ def solve_changes(
     slope = np.nanmin(np.where(slopes > 0, slopes, np.inf), axis=0)
     early = (narrow.width > accuracy) & (left > 0)
     effort.unfinished |= bool(early.any())
-    error = np.where(early, narrow.width, np.minimum((left + unknown) / slope, found.ends.width))
+    wide = early | (zero == ends.points[1])  # beside the top of a tongue no slope is known
+    error = np.minimum(np.where(wide, narrow.width, left / slope) + unknown / slope, found.ends.width)
     return zero, error + 2 * np.spacing(np.abs(zero)), slope

@@ -121,7 +121,8 @@ def measure_margins(spectra: Spectra, undamped: Array, angles: Array) -> tuple[A
     near = np.argsort(np.abs(turned), axis=1, kind="stable")[:, :2]
     pair, wrong = np.take_along_axis(turned, near, axis=1), np.take_along_axis(spectra.errors, near, axis=1)
     a, b = pair[:, 0], pair[:, -1]
-    passing = -((np.hypot((a - b).real, wrap_angle((a - b).imag)) / 2) ** 2)
+    locked = np.where(np.abs((a - b).real) <= wrong.sum(axis=1), 1, -1)  # as far as is known
+    passing = (locked * (a - b).real ** 2 - wrap_angle((a - b).imag) ** 2) / 4
     neutral = np.where(spectra.verdicts > 0, growth**2, passing)
     own = np.abs(np.sin(angles)) < CUBE_ROOT_EPS
     product = np.where(own, np.abs(a * b), np.abs(a.real * b.real))

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 
 import flexlin as fl
 from flexlin.periodic import Effort, Spectra, find_curves, find_tip
-from tests.periodic.boundary.test_crossings import find_changes, meissner_spectra, trace
+from tests.periodic.boundary.test_crossings import find_changes, meissner, trace
 from tests.thinned import thin
 
 
@@ -19,7 +19,8 @@ class Meissner:
 
     def __call__(self, unit):
         self.asked += len(unit)
-        return meissner_spectra(*(self.low + self.span * unit).T, self.damping)
+        a, q = (self.low + self.span * unit).T
+        return meissner(q, self.damping)(a)
 
     def distance(self, points, scale=1.0):
         """Distance of points (N, 2) of the unit square from the boundary by its trace, where the sides measure `scale`."""
