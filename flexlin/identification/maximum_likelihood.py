@@ -55,9 +55,8 @@ FIRST_GAIN = SLIGHT
 FREED_DAMPING = MINOR
 """Largest damping with which a round begins: one that came to a halt tries larger steps again."""
 STILL_ERRORS = MINOR
-"""Standard errors by which a round may still move a number of a search that has settled."""
-SAME_LIKELIHOOD = 1.0
-"""Difference of logarithms of likelihoods below which two searches came to the same end; one more would too."""
+"""Standard errors by which a round may still move a number of a search that has settled, and by which two ends of searches may differ
+that are the same: one more search would end there too."""
 HEAD_STARTS, HEAD_STEPS = 2, 4
 """Starting values that are compared by heads beside the scene's, and Gauss-Newton steps that each is given there."""
 SEARCH_SHARE = 0.6
@@ -224,7 +223,7 @@ def identify(
             break
         with part(0.5, 0.9):
             other = refine(search, windows, choose_start(search, windows, best.point.p, seed))
-        again = abs(other.unlikelihood - best.unlikelihood) < SAME_LIKELIHOOD
+        again = other.settled and best.settled and are_still(best.point.p, other.point.p, best.unsure)
         best = min(best, other, key=lambda end: end.unlikelihood)
     if not np.isfinite(best.unlikelihood):
         got, todo = "; ".join(log.notes) or None, "check signs, units and gains of the inputs, or fit fewer numbers"
@@ -328,12 +327,13 @@ def meet_all(problem: Problem, values: Array) -> Point:
 class End:
     """Where a search came to: the point, what is known there, and whether noise and numbers stayed before time or rounds ended.
 
-    steep: numbers with which readings do not move as slopes say.
+    unsure: standard errors (n_p,), 0 where there are none; steep: numbers with which readings do not move as slopes say.
     """
 
     problem: Problem
     point: Point
     evidence: Evidence
+    unsure: Array
     settled: bool
     steep: tuple[str, ...]
 
@@ -376,8 +376,8 @@ def refine(search: Search, windows: Windows, values: Array) -> End:
         evidence = weigh_evidence(problem, point, search.paths)
         found = np.array([evidence.errors.get(path, np.nan) for path in search.paths])
         unsure = np.where(np.isfinite(found), found, unsure)  # at or near a limit: what it was inside
-        still = np.abs(point.p - values) <= np.where(unsure > 0, STILL_ERRORS * unsure, 1e-3 * np.abs(values))
-        settled = k > 0 and bool(np.all(np.abs(size / problem.sigma - 1) < SETTLED_NOISE) and still.all())
+        known = bool(np.all(np.abs(size / problem.sigma - 1) < SETTLED_NOISE))
+        settled = k > 0 and known and are_still(point.p, values, unsure)
         if settled or search.late():
             break
         before, model = model, search.model(point.p)
@@ -387,12 +387,17 @@ def refine(search: Search, windows: Windows, values: Array) -> End:
         point = problem.at(point.start, point.p)
         point.damping = damping
     if not settled:
-        return End(problem, point, leave_unknown(problem, point, search.paths), False, ())
+        return End(problem, point, leave_unknown(problem, point, search.paths), unsure, False, ())
     steep = find_steep(problem, point, evidence, search.paths)
     if steep:
         none = leave_unknown(problem, point, list(evidence.known))
         evidence = replace(evidence, errors=none.errors, covariance=none.covariance, correlations={}, ahead=0.0)
-    return End(problem, point, evidence, True, steep)
+    return End(problem, point, evidence, unsure, True, steep)
+
+
+def are_still(p: Array, before: Array, unsure: Array) -> bool:
+    """Whether numbers are what they were, by their standard errors, or a thousandth of them where there are none."""
+    return bool(np.all(np.abs(p - before) <= np.where(unsure > 0, STILL_ERRORS * unsure, 1e-3 * np.abs(before))))
 
 
 def find_steep(problem: Problem, point: Point, evidence: Evidence, paths: list[str]) -> tuple[str, ...]:
