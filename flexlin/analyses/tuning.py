@@ -21,7 +21,6 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.scene.loading import revise_scene
 from flexlin.scene.parameters import get_value, numeric_paths
 from flexlin.scene.scene import Scene
-from flexlin.scene.units import in_si
 from flexlin.summary import immutable
 
 CONFIRMED_SCENARIOS = 8
@@ -154,6 +153,11 @@ def tune(
     until, tol = np.inf if seconds is None else positive("seconds", seconds), positive("tol", tol)
     vary, limits = dict(vary or {}), dict(limits or {})
     own = first_gains(source, gains)
+    possible = [*own, *["torque"] * isinstance(source, Scene)]
+    if strange := [path for path in limits if path not in possible]:
+        raise ArgumentError(
+            "limits are of what is tuned", got=", ".join(strange), expected=f"some of {', '.join(possible)}"
+        )
     bounds = np.array([gain_bounds(path, value, limits) for path, value in own.items()])
     ranges = np.array(list(vary.values()), dtype=float).reshape(-1, 2)
     spans = {path: (float(a), float(b)) for path, (a, b) in zip(own, bounds, strict=True)}
@@ -192,27 +196,29 @@ def keep_torque(
     source: Source, problem: Problem, own: Array, tuned: Array, fine: Array, limits: Mapping[str, Any]
 ) -> tuple[Array, str]:
     """The gains, or those on the way to them from the scene's own that keep the torque's limit, and what that says."""
-    limit = torque_limit(source, limits)
-    if limit is None or not isinstance(source, Scene):
+    given = positive("the limit of the torque", limits["torque"]) if "torque" in limits else np.inf
+    if not isinstance(source, Scene) or (
+        given == np.inf and source.control.saturation is None and source.drives is None
+    ):
         return tuned, ""
     worst = fine[np.argsort(-problem.growths(tuned, fine))[:1]]
     corners = np.concatenate([fine[fine.argmax(axis=0)], worst]) if fine.shape[1] else fine
 
     def keeps(numbers: Array) -> bool:
         points = (named(problem.names, np.concatenate([numbers, one])) for one in corners)
-        return all(peak_torque(revise_scene(source, point)) <= limit for point in points)
+        return all(use_torque(revise_scene(source, point), given) <= 1 for point in points)
 
     if keeps(tuned):
         return tuned, ""
     if not keeps(own):
-        return tuned, f"the torque of {limit:g} N m is exceeded by the scene's own gains too"
+        return tuned, "a joint's torque exceeds its limit with the scene's own gains too"
     ends = problem.position(np.clip(own, problem.low, problem.high)), problem.position(tuned)
     low, high = 0.0, 1.0
     for _ in range(8):
         middle = (low + high) / 2
         kept = keeps(problem.gains(ends[0] + middle * (ends[1] - ends[0])))
         low, high = (middle, high) if kept else (low, middle)
-    return problem.gains(ends[0] + low * (ends[1] - ends[0])), f"the torque of the steady motion, at most {limit:g} N m"
+    return problem.gains(ends[0] + low * (ends[1] - ends[0])), "a joint's torque in the steady motion is at its limit"
 
 
 def report_tuning(
@@ -261,22 +267,12 @@ def named(paths: tuple[str, ...], numbers: Array) -> dict[str, float]:
     return dict(zip(paths, numbers.tolist(), strict=True))
 
 
-def torque_limit(source: Source, limits: Mapping[str, Any]) -> float | None:
-    """The limit given, else that of the scene's drives or saturation: the least of all joints."""
-    if "torque" in limits:
-        return positive("the limit of the torque", limits["torque"])
-    if not isinstance(source, Scene):
-        return None
-    saturation, peak = source.control.saturation, None if source.drives is None else source.drives.torque.peak
-    known = [] if saturation is None else list(saturation.torque)
-    if peak is not None:
-        known += [in_si(item, "N m", "N") for item in (peak if isinstance(peak, list | tuple) else [peak])]
-    return float(min(known)) if known else None
-
-
-def peak_torque(scene: Scene) -> float:
-    """The largest torque of the scene's steady motion, in N m."""
+def use_torque(scene: Scene, given: float) -> float:
+    """The largest share that the scene's steady motion takes of a joint's torque: of the limit given, of its saturation, of its drive's."""
     lin = linearize(build_manipulator(scene), scene.motion, scene.control)
     t = lin.period * np.arange(SAMPLES) / SAMPLES
     states = find_response(lin, lin.periodic_system(), t, SCAN_ERROR).states
-    return float(np.abs(drive_load(lin, t, states, lin.law).torque).max())
+    load, saturation = drive_load(lin, t, states, lin.law, scene.drives), scene.control.saturation
+    of_drives = [demand.limit or np.inf for demand in load.demands if demand.what == "peak torque"]
+    limit = np.minimum(of_drives, given if saturation is None else np.minimum(saturation.torque, given))
+    return float((np.abs(load.torque).max(axis=0) / limit).max())
