@@ -342,8 +342,8 @@ def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mappin
         ahead = [(m, one) for m, one in met if one and (change == one.kind) == (one.value > m.own)]
         said = [describe_place(scene, margin, one) for margin, one in ahead]
         parts += [f"{words} {' and '.join(said)}"] if said else []
-    whole = [margin for margin, one in met if one is None and margin.searched[0] < margin.searched[1]]
-    kept = [describe_range(scene, margin) for margin in whole]
+    whole = [margin for margin, one in met if one is None and not margin.gap]
+    kept = [with_unit_of(scene, m.path, f"a {name_number(m.path)} {say_ends(m.low, m.high)}") for m in whole]
     parts += [f"keeps its verdict for {' and '.join(kept)}"] if kept else []
     parts += [describe_gap(scene, margin, one) for margin, one in met if margin.gap]
     left = [name_number(key.removeprefix(SEARCHED)) for key in problems or {} if key.startswith(SEARCHED)]
@@ -364,19 +364,18 @@ def say_value(scene: Scene, path: str, where: str, own: float) -> str:
 
 
 def describe_gap(scene: Scene, margin: Margin, one: CriticalValue | None) -> str:
-    """Shows no change at 9 values of the motion frequency from 0.1 to 2 Hz, of which nothing is known in gaps of up to 0.3 Hz."""
+    """Shows no change at 9 values of the motion frequency from 0.1 to 2 Hz that time allowed, which leave gaps of up to 0.3 Hz."""
     tried = "no other change" if one is not None else "the same verdict"
-    ends = f"{format_decimal(margin.low, CRITICAL_DIGITS)} to {format_decimal(margin.high, CRITICAL_DIGITS)}"
     gap = with_unit_of(scene, margin.path, format_decimal(margin.gap, 2))
-    where = with_unit_of(scene, margin.path, f"{name_number(margin.path)} from {ends}")
-    return f"shows {tried} at the {margin.values} values of {where} that time allowed, which leave gaps of up to {gap}"
-
-
-def describe_range(scene: Scene, margin: Margin) -> str:
-    """A motion frequency from 0.1 to 2 Hz: what was searched without gaps."""
+    where = with_unit_of(scene, margin.path, f"{name_number(margin.path)} {say_ends(margin.low, margin.high)}")
     low, high = max(margin.low, margin.searched[0]), min(margin.high, margin.searched[1])
-    ends = f"{format_decimal(low, CRITICAL_DIGITS)} to {format_decimal(high, CRITICAL_DIGITS)}"
-    return with_unit_of(scene, margin.path, f"a {name_number(margin.path)} from {ends}")
+    known = f", but none {say_ends(low, high)}" if low < high else ""
+    return f"shows {tried} at the {margin.values} values of {where} that time allowed, which leave gaps of up to {gap}{known}"
+
+
+def say_ends(low: float, high: float) -> str:
+    """From 0.1 to 2."""
+    return f"from {format_decimal(low, CRITICAL_DIGITS)} to {format_decimal(high, CRITICAL_DIGITS)}"
 
 
 def describe_nearest(scene: Scene, found: "NearestInstability | None") -> str:
