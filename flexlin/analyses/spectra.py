@@ -298,6 +298,10 @@ def make_family(
         if not isinstance(chosen, ParametricLoop):
             return Family(chosen.system_at, own, coarsest=coarsest)
         places = [chosen.paths.index(path) for path in ranges] if known is not None else list(range(len(own)))
+        inside = chosen.nominal.copy()
+        inside[places] = np.where((box[0] < 0) & (box[1] > 0), 0.0, own)
+        if not np.isfinite(chosen.periods(inside[None])).all():
+            raise ArgumentError("the motion has no period at 0", got=dict(ranges), expected="limits on one side of 0")
         given: dict[str, Any] = {"source": chosen, "box": box, "places": places, "nominal": chosen.nominal}
         return SymbolicFamily(chosen.system_at, own, coarsest=coarsest, loop=chosen, **given)
     unknown = np.full(len(ranges), np.nan)

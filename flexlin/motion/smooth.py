@@ -59,9 +59,10 @@ def make_rotation(table: Rotation, phase: ca.SX, parameters: Parameters) -> Expr
             expected="a rate that is not 0",
             todo="use kind = 'harmonic' with amplitude 0 for an arm at rest",
         )
-    turns = _count_turns(nominal, leader)
-    angles = [joint.start + 2 * pi * turn * phase for joint, turn in zip(table.joints, turns, strict=True)]
-    return ca.vertcat(*angles), 2 * pi * turns[leader] / ca.SX(table.joints[leader].rate), ()
+    turns, rate = _count_turns(nominal, leader), ca.SX(table.joints[leader].rate)
+    way = ca.sign(rate * nominal[leader])  # a free rate may turn round
+    angles = [joint.start + 2 * pi * turn * way * phase for joint, turn in zip(table.joints, turns, strict=True)]
+    return ca.vertcat(*angles), 2 * pi * turns[leader] * way / rate, ()
 
 
 def _count_turns(rates: list[float], leader: int) -> list[int]:

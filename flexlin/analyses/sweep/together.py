@@ -188,7 +188,7 @@ class Together:
         def enter(which: Array, logs: Logs) -> Array:
             misses = logs.misses(self.tol)
             met, T = misses <= 1, logs.periods[:, None]
-            found.put(which[met], (logs.logs / T)[met], (logs.errors / T)[met])
+            found.put(which[met], logs.logs[met] / T[met], logs.errors[met] / T[met])
             found.period[which[met]] = logs.periods[met]
             return misses
 
