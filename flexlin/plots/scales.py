@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -103,12 +104,12 @@ class Symlog(Linear):
         low, high = self.bend(np.array(self.ends)).tolist()
         start = round(math.log10(self.near))
         every = max(1, math.ceil((max(high, 0) - min(low, 0)) / max(most, 1)))
-        powers = range(0, math.ceil(max(abs(low), abs(high))) + 1, every)
-        marks = [(0.0, "0")]
-        for sign, mark in ((1, ""), (-1, "−")):
-            marks += [(sign * 10.0 ** (start + k), f"{mark}{format_power_of_ten(start + k)}") for k in powers]
-        inside = [(value, label) for value, label in marks if low <= float(self.bend(np.array(value))) <= high]
-        return inside if len(inside) >= 2 else Linear(*self.ends).ticks(most)
+        powers = range(start, start + math.ceil(max(abs(low), abs(high))) + 1, every)
+        marks = [(sign, k) for sign in (1, -1) for k in powers if low <= float(self.bend(sign * 10.0**k)) <= high]
+        zero = [(0.0, "0")] if low <= 0 <= high else []
+        labels = format_powers_of_ten([k for _, k in marks])
+        inside = [(s * 10.0**k, "−" * (s < 0) + label) for (s, k), label in zip(marks, labels, strict=True)]
+        return zero + inside if len(zero + inside) >= 2 else Linear(*self.ends).ticks(most)
 
 
 @dataclass(frozen=True)
@@ -133,9 +134,14 @@ class Logarithmic(Linear):
         if 3 * (last - first + 1) <= most:
             marks = [(factor, k) for k in range(first - 1, last + 1) for factor in (1, 2, 5)]
             inside = [(f, k) for f, k in marks if low <= f * 10.0**k * (1 + 1e-9) and f * 10.0**k <= high]
-            return [(f * 10.0**k, format_ticks(np.array([f * 10.0**k]), 10.0**k)[0]) for f, k in inside]
+            plain = 9e-5 < low < high < 1e6
+            return [
+                (f * 10.0**k, f"{f * 10.0**k:g}" if plain else f"{f}×10{str(k).translate(SUPERSCRIPTS)}")
+                for f, k in inside
+            ]
         every = max(1, math.ceil((last - first + 1) / max(most, 1)))
-        return [(10.0**k, format_power_of_ten(k)) for k in range(first, last + 1, every)]
+        powers = range(first, last + 1, every)
+        return [(10.0**k, label) for k, label in zip(powers, format_powers_of_ten(powers), strict=True)]
 
 
 @dataclass(frozen=True)
@@ -159,6 +165,7 @@ def format_ticks(marks: Array, step: float) -> list[str]:
     return [f"{mark:.{decimals}f}".replace("-", "−") + behind if mark != 0 else "0" for mark in scaled]
 
 
-def format_power_of_ten(k: int) -> str:
-    """0.01, 0.1, 1, 10, 100, else 10 with a superscript."""
-    return f"{10.0**k:g}" if -2 <= k <= 2 else "10" + str(k).translate(SUPERSCRIPTS)
+def format_powers_of_ten(powers: Sequence[int]) -> list[str]:
+    """0.01, 0.1, 1, 10, 100; where one lies beyond these, all as 10 with a superscript."""
+    plain = all(-2 <= k <= 2 for k in powers)
+    return [f"{10.0**k:g}" if plain else f"10{str(k).translate(SUPERSCRIPTS)}" for k in powers]

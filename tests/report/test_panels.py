@@ -148,10 +148,12 @@ def test_every_scale_has_two_numbers_that_differ() -> None:
             for most in (2, 3, 7):
                 ticks = scale.ticks(most)
                 assert 2 <= len({label for _, label in ticks}) == len(ticks) <= 2 * most + 3, (scale, ticks)
+                assert len({bool(re.search("[⁰¹²³⁴⁵⁶⁷⁸⁹]", label)) for _, label in ticks if label != "0"}) == 1, ticks
         positive = Logarithmic(10.0 ** rng.uniform(-9, 0), 10.0 ** rng.uniform(0.01, 9))
         for most in (3, 7, 20):
             ticks = positive.ticks(most)
             assert 2 <= len({label for _, label in ticks}) == len(ticks) <= 2 * most, (positive, ticks)
+            assert len({bool(re.search("[⁰¹²³⁴⁵⁶⁷⁸⁹]", label)) for _, label in ticks}) == 1, ticks
 
 
 def test_words_stay_inside_their_axes() -> None:

@@ -7,7 +7,7 @@ from itertools import islice
 from flexlin.analyses.accuracy import CostResult, Row
 from flexlin.analyses.accuracy.result import STAGES
 from flexlin.plots.panel import Panel
-from flexlin.plots.scales import Logarithmic, format_power_of_ten
+from flexlin.plots.scales import Logarithmic, format_powers_of_ten
 from flexlin.precision import EPS
 from flexlin.report.figures import DASHES, PARTS, SERIES, SHAPES, Picture, make_picture, resize
 from flexlin.report.wording import format_with_prefix
@@ -58,7 +58,7 @@ def draw_choices(panel: Panel, rows: list[Row]) -> Panel:
     while left < len(rows):  # marks that lie close together share their label
         close = [i for i in range(left, len(rows)) if x[left] / x[i] < 3]
         tols = sorted((float(rows[i].chosen) for i in close), reverse=True)
-        text = ", ".join(format_power_of_ten(round(math.log10(tol))) for tol in tols)
+        text = ", ".join(format_powers_of_ten([round(math.log10(tol)) for tol in tols]))
         panel.words(x[left], 1.12 * max(y[i] for i in close), text, colour="ink", halo=True)
         left = close[-1] + 1
     return panel
