@@ -38,15 +38,16 @@ ARM_PICTURES = 12
 def draw_arm(a: Analysis) -> Picture:
     """The arm at equal steps of a period, and its joints' motion and feedforward torques beside it."""
     known, unknown = "bent by the steady response under the scene's loop", "rigid, because there is no steady response"
+    other = "joint motion" + " and feedforward of the rigid motion" * bool(a.plant.inputs)
     caption = (
         f"The arm at {ARM_PICTURES} equal steps of a period, {known if a.response else unknown}, to scale; later pictures are stronger. "
-        "Grey: the rigid motion. Red: the path of the tip. Beside it: joint motion and feedforward of the rigid motion over one period."
+        f"Grey: the rigid motion. Red: the path of the tip. Other panels: {other} over one period."
     )
     views = [] if a.plant.arm.near.points is None else draw_stroboscope(a)
     resize(views, 220.0, max(2, len(views)))
     beside = resize(draw_beside(a), *((220.0, 4) if len(views) == 1 else (110.0, 2)))
     if not views:
-        caption = "Joint motion and feedforward of the rigid motion over one period."
+        caption = f"{other.capitalize()} over one period."
     return make_picture("arm", "The arm along its motion", caption, [*views, *beside])
 
 
@@ -294,6 +295,9 @@ def draw_response(a: Analysis) -> Picture | None:
     joints, inputs = list_joints(a), range(len(a.plant.inputs))
     energy = np.abs(a.response.states[:, : a.plant.n]).max(axis=0) / np.sqrt(np.diagonal(weigh_entries(a)["K"]))
     shown, rest = choose_shown(energy, [[i] for i in joints], MOST_PANELS - len(inputs))
+    moves = energy > SUM_ROUNDING * energy.max(initial=0.0)
+    shown, rest = ([i for i in part if moves[i]] for part in (shown, rest))
+    still = ", ".join(name for name, one in zip(a.plant.names, moves, strict=True) if not one)
     torques = [draw_torque(a, k) for k in inputs]
     legend = share_legend(torques)
     panels = [*(draw_deviation(a, i) for i in shown), *torques]
@@ -301,6 +305,7 @@ def draw_response(a: Analysis) -> Picture | None:
         "Steady deviations from the rigid motion under the scene's loop: q of joints, w of bending, phi of twist, theta of motors; and "
         "what each joint is given." + " Further coordinates are folded below." * bool(rest)
     )
+    caption += f" Zero to rounding, and not drawn: {still}." if still else ""
     folded = "other coordinates", [draw_deviation(a, i) for i in rest]
     return make_picture("response", "Forced periodic response", caption, panels, legend, folded)
 
@@ -308,11 +313,7 @@ def draw_response(a: Analysis) -> Picture | None:
 def draw_deviation(a: Analysis, i: int) -> Panel:
     """One coordinate over the period."""
     assert a.response is not None
-    same = [k for k in range(a.plant.n) if a.plant.coordinates[k].unit == a.plant.coordinates[i].unit]
-    own = a.response.states[:, i]
-    if np.abs(own).max() < SUM_ROUNDING * np.abs(a.response.states[:, same]).max():
-        own = np.zeros_like(own)
-    values, unit = scale_values(own, a.plant.coordinates[i].unit)
+    values, unit = scale_values(a.response.states[:, i], a.plant.coordinates[i].unit)
     panel = make_period_panel(a.plant.period, a.plant.names[i], unit).zero()
     return panel.line(a.t, values, choose_colour(a, a.own))
 
