@@ -150,6 +150,9 @@ def joints_exact(about: Deviation, at: "Unknowns") -> ca.SX:
 def tip_exact(about: Deviation, at: "Unknowns") -> ca.SX:
     """Each link's end lies on the line of the rigid link: the chord's cross product with the rigid direction, in m."""
     points = points_of(about.arm)
+    if points.rows() != 2:
+        what, todo = "tip-exact is for an arm in its plane", "take joint-exact"
+        raise ArgumentError(what, got="an arm in space", expected="points in x and y", todo=todo)
     bent, straight = (ca.substitute(points, about.arm.s, s) for s in (at.s, at.rigid))
     chords, lines = bent[:, 1:] - bent[:, :-1], straight[:, 1:] - straight[:, :-1]
     return ca.vertcat(
@@ -190,7 +193,7 @@ def feedforward(lin: Linearization, kind: str = "tip-exact", tol: float = 1e-8) 
     Raises
     ------
     ArgumentError
-        For an unknown kind, a manipulator without points, or when nothing is driven.
+        For an unknown kind, a manipulator without points, tip-exact of an arm in space, or when nothing is driven.
     MotionError
         For a one-way motion.
     NumericalError

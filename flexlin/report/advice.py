@@ -299,7 +299,7 @@ def comment_on_tip(a: Analysis) -> Iterator[str]:
         yield f"In steady motion the tip stays up to {size} away from its rigid path, {explain_tip_error(a, largest)}."
 
 
-ELASTIC = "feed forward the elastic motion too (flexlin.control.feedforward: joint-exact, tip-exact)"
+ELASTIC = 'or feed forward the elastic motion too (control.feedforward = "{}")'
 
 
 def explain_tip_error(a: Analysis, largest: float) -> str:
@@ -310,11 +310,18 @@ def explain_tip_error(a: Analysis, largest: float) -> str:
         return "by bending alone: slow down, or stiffen the links"
     if a.response.law is not None:
         return f"with the {forward} feedforward: what is left is what it does not close"
+    planar, largest_of = a.response.tip.shape[1] == 2, dict[str, float]()
+    for one, size in zip(a.plant.coordinates, np.abs(a.response.states).max(axis=0), strict=False):
+        largest_of[one.kind] = max(largest_of.get(one.kind, 0.0), float(size))
+    remedy = f"slow down, {ELASTIC.format('tip-exact') if planar else 'or stiffen them'}"
     if np.linalg.norm(a.response.tip_by_bending, axis=1).max() > largest / 2:
-        return f"most of it the links' bending, which no joint feedback removes: slow down, or {ELASTIC}"
+        return f"most of it the links' bending, which no joint feedback removes: {remedy}"
+    if largest_of.get("motor", np.inf) < largest_of["joint"] / 2:
+        return f"most of it the give of flexible joints, which no motor's feedback removes: {remedy}"
     gains = "add feedback" if a.own.kind == "open" else "raise the gains"
     rigid = f'feed the rigid torque forward (control.feedforward = "rigid"), or {gains}'
-    return f"most of it the joints' error: {rigid if forward == 'none' else f'{gains}, or {ELASTIC}'}"
+    exact = f"{gains}, {ELASTIC.format('joint-exact')}"
+    return f"most of it the joints' error: {rigid if forward == 'none' else exact}"
 
 
 def comment_on_trust(a: Analysis) -> Iterator[str]:

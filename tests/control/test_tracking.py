@@ -144,6 +144,7 @@ def test_a_path_that_is_singular_at_rest_is_singular_at_any_speed():
 REFUSED = [
     ("single-link", "magic", ArgumentError, "no such feedforward"),
     ("spinning-link", "tip-exact", ArgumentError, "nothing to feed forward"),
+    ("spatial-arm", "tip-exact", ArgumentError, "an arm in space"),
     pytest.param("pick-and-place", "tip-exact", ToleranceNotReached, "singular about t", marks=pytest.mark.slow),
 ]
 
