@@ -23,7 +23,7 @@ from flexlin.errors import InputError, TimeLimit
 from flexlin.periodic.boundary.crossings import CELLS
 from flexlin.periodic.boundary.spectra import Effort
 from flexlin.report.figures import Picture
-from flexlin.report.figures.chart import Chart, describe_chart, draw_campbell, draw_chart, thin
+from flexlin.report.figures.chart import Chart, describe_chart, draw_campbell, draw_chart, label_value, thin
 from flexlin.report.wording import units_of_scene, with_unit_of
 from flexlin.scene.loading import revise_scene
 from flexlin.scene.names import label_number, name_number, name_unit
@@ -93,11 +93,6 @@ def say_bending(
         f"A link bends {bends}: so far that linear equations may not hold. "
         "There the chart speaks of the linear model alone; stiffen the link, or compare with a simulation."
     )
-
-
-def label_value(scene: Scene, path: str, value: float) -> str:
-    """A number of a scene at one of its values, with its unit."""
-    return with_unit_of(scene, path, f"{name_number(path)} {value:.4g}")
 
 
 def draw_charts(chart: Chart) -> list[Picture]:

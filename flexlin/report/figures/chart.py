@@ -71,7 +71,7 @@ def draw_chart(chart: Chart) -> Picture:
 def describe_chart(chart: Chart) -> str:
     """What is said below a chart, a line for each thing; it holds without the picture too."""
     data, nearest = chart.data, chart.nearest
-    caption = write_caption(data["verdict"].to_numpy(), chart.loop)
+    caption = "\n".join([write_caption(data["verdict"].to_numpy(), chart.loop), *say_failed(chart)])
     bending = [data.attrs["bending"]] if data.attrs.get("bending") else []
     if len(chart.paths) == 1:
         edges = (f"{describe_critical(chart.scene, one)}." for one in chart.critical)
@@ -82,7 +82,7 @@ def describe_chart(chart: Chart) -> str:
     if nearest is None or data.attrs.get("search"):
         said += say_none_was_found(data)[0]
     shade = f"Stronger: faster growth or decay; lines of equal {in_unit('growth rate', '1/s')}; hatched: undecided."
-    return "\n".join([f"{caption} {shade}", said, *bending])
+    return "\n".join([caption, f"{shade} {said}", *bending])
 
 
 def write_caption(verdict: Array, loop: str) -> str:
@@ -94,6 +94,21 @@ def write_caption(verdict: Array, loop: str) -> str:
         f"{loop[0].upper()}{loop[1:]} at {counted(verdict.size, 'value')}: {counts}. "
         "Green: stable; red: unstable; amber: undecided, the growth rate is zero to within its error."
     )
+
+
+def say_failed(chart: Chart) -> list[str]:
+    """Why the first of the values that failed has no answer; nothing where none did."""
+    failed = np.argwhere(chart.data["verdict"].to_numpy() == "failed")
+    if not len(failed):
+        return []
+    places = zip(chart.paths, failed[0], strict=True)
+    where = ", ".join(label_value(chart.scene, path, float(chart.data[path][i])) for path, i in places)
+    return [f"Failed, first at {where}: {chart.data['reason'].to_numpy()[tuple(failed[0])]}."]
+
+
+def label_value(scene: Scene, path: str, value: float) -> str:
+    """A number of a scene at one of its values, with its unit."""
+    return with_unit_of(scene, path, f"{name_number(path)} {value:.4g}")
 
 
 def describe_critical(scene: Scene, one: CriticalValue) -> str:
@@ -149,6 +164,8 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
             pairs = zip(x[chosen], growth[chosen, 0], strict=True)
             texts = [f"{a:.6g}: {with_unit(f'{b:.4g}', '1/s')}" for a, b in pairs]
             panel.dots(x[chosen], growth[chosen, 0], name, size=2.2, label=name, texts=texts)
+    if (failed := verdict == "failed").any():
+        panel.dots(x[failed], 0 * x[failed], "failed", "cross", 2.5, label="failed")
     mark_critical(panel, critical, scale)
     if x.min() <= own <= x.max():
         panel.line([own, own], [*scale.ends], "blue", width=1.2, dash="6 3", label=f"the scene: {own:.4g}")
