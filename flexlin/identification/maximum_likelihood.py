@@ -20,6 +20,7 @@ from flexlin.identification.prediction import (
     name_missed,
     predict,
     prepare,
+    say_fit,
 )
 from flexlin.identification.shooting import Windows
 from flexlin.mechanics.link_shapes import make_shapes
@@ -135,7 +136,7 @@ class Identification(Shown):
         errors = {path: f" ± {error:.2g}" if np.isfinite(error) else "" for path, error in self.errors.items()}
         said = ((path, f"{value:.5g}{errors[path]}") for path, value in self.values.items())
         facts = [f"{path} = {number} {show_unit(self.scene, path)}".rstrip() for path, number in said]
-        facts += [f"{name}: fit {value:.1f} %" for name, value in self.fit.items()]
+        facts += map(say_fit, self.fit, self.fit.values())
         view = self.prediction._view()
         gone = {name: m - self.prediction.outputs[name] for name, m in self.prediction.measured.items()}
         worst = min(self.fit, key=lambda name: self.fit[name])

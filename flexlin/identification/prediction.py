@@ -82,7 +82,7 @@ class Prediction(Shown):
 
     def _view(self) -> View:
         worst = min(self.fit, key=lambda name: self.fit[name])
-        facts = (*(f"{name}: fit {value:.1f} %" for name, value in self.fit.items()), self.status)
+        facts = (*map(say_fit, self.fit, self.fit.values()), self.status)
         pairs = (("measured", self.measured, "line"), ("predicted", self.outputs, "dashed"))
         series = tuple(Series(name, self.time, group[worst], style) for name, group, style in pairs)
         return View("prediction of a log", "", facts, "time in s", worst, series)
@@ -196,6 +196,11 @@ def percent(measured: Array, predicted: Array) -> float:
         return float("nan")
     around = np.linalg.norm(measured[known] - measured[known].mean())
     return float(100 * (1 - np.linalg.norm((measured - predicted)[known]) / around))
+
+
+def say_fit(name: str, value: float) -> str:
+    """The fit of a column in words."""
+    return f"{name}: fit {value:.1f} %" if np.isfinite(value) else f"{name}: no fit, as its readings do not vary"
 
 
 def name_missed(fit: dict[str, float], measured: dict[str, Array], predicted: dict[str, Array]) -> list[str]:

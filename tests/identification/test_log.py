@@ -177,7 +177,7 @@ def test_ten_million_samples_are_refused_before_anything_is_done():
 def test_what_is_odd_is_said():
     log = fl.Log(np.r_[T[:60], T[90:]], {"q1": np.ones(170)}, {"r1": np.r_[np.nan, T[:169]]})
     assert log.notes == (
-        "1 gap, the longest of 0.155 s at 0.295 s: no prediction goes over one",
+        "1 gap, the longest of 0.155 s at 0.295 s: no prediction goes over one, so log that part again if it matters",
         "q1 is constant, so nothing can be learnt from it",
         "1 readings of r1 are missing and are not used",
     )

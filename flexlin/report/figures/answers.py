@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.analyses.disturbed import DisturbanceAnswer, NoiseAnswer
 from flexlin.checks import Array
 from flexlin.identification.maximum_likelihood import Identification
-from flexlin.identification.prediction import Prediction
+from flexlin.identification.prediction import Prediction, say_fit
 from flexlin.plots.panel import Panel
 from flexlin.plots.scales import Linear
 from flexlin.report.advice import describe_demand
@@ -83,7 +83,7 @@ def draw_prediction(found: Prediction) -> Picture:
 def draw_column(found: Prediction, name: str) -> Panel:
     """One column."""
     ends = Linear(float(found.time[0]), float(found.time[-1]))
-    panel = Panel(f"{name}: fit {found.fit[name]:.1f} %", x=ends, x_label="time in s")
+    panel = Panel(say_fit(name, found.fit[name]), x=ends, x_label="time in s")
     t, measured = thin_curve(found.time, found.measured[name])
     panel.line(t, measured, "faint", width=3.0, label="measured")
     for k, (start, end) in enumerate(zip(found.starts, [*found.starts[1:], np.inf], strict=True)):
