@@ -6,13 +6,15 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 import flexlin
 from flexlin import analyses
 from flexlin.analyses.clock import DRAWING_SHARE, STAGE_SHARE, Clock, Progress, Step
 from flexlin.errors import FlexlinError, InputError, NumericalError, TooLarge
 from flexlin.files import results
 from flexlin.resources import LIMIT_SECONDS, Stopwatch
-from flexlin.scene.parameters import need_numbers
+from flexlin.scene.loading import check_axes
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -51,7 +53,7 @@ def write_report(
     if scene.uncertainty:
         with clock.step("equations with the uncertain numbers free"):
             box = analyses.make_box(scene)
-    need_numbers(scene, margins or ())
+    check_axes(scene, {path: np.array(limits) for path, limits in (margins or {}).items()}, grid=False)
     asked = scene.accuracy
     try:
         varied = analyses.choose_margins(scene) if margins is None else margins

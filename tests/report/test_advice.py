@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.analyses import Analysis, CriticalValue, Loop, Margin, choose_margins, find_margin
+from flexlin.analyses import Analysis, CriticalValue, Loop, Margin, analyse, choose_margins, find_margin
 from flexlin.report import advise, describe_margins, format_quantity, loop_line, record, record_margin, render_page
 
 
@@ -102,6 +102,8 @@ CASES = [
     # a simulation that is far from itself judges nothing
     (lambda a: replace(a, simulation=replace(a.simulation, error=1.1)), "judges no linear model", True),
     (lambda a: replace(a, simulation=replace(a.simulation, error=1.1)), HOLDS, False),
+    # gains of motors remove no give of joints
+    (lambda _: analyse(fl.load_scene("flexible-joint-link")), "the give of flexible joints, which no motor's", True),
     # the elastic motion is believed where it changes the verdict
     (lambda a: replace(a, elastic=growing(a, -2.0, "elastic")), "the verdict stands", True),
     (lambda a: replace(a, elastic=growing(a, 0.5, "elastic")), "verdict becomes unstable: believe this one", True),
@@ -220,8 +222,9 @@ def test_a_search_that_had_to_end_says_where_a_change_may_hide():
     margin = Margin(path, *limits, 0.5, 9, (), 0.5, (0.4, 0.9))
     left = "shows the same verdict at the 9 values of motion frequency from 0.125 to 4 Hz that time allowed, "
     left += "which leave gaps of up to 0.5 Hz"
-    assert describe_margins(scene, (margin,)) == f"{left}, but none from 0.4 to 0.9"
-    assert describe_margins(scene, (replace(margin, searched=(0.6, 0.4)),)) == left
+    todo = "ask for a narrower range (--margins) or give more time (--limit-seconds) to close the gaps"
+    assert describe_margins(scene, (margin,)) == f"{left}, but none from 0.4 to 0.9; {todo}"
+    assert describe_margins(scene, (replace(margin, searched=(0.6, 0.4)),)) == f"{left}; {todo}"
     said = describe_margins(scene, (replace(margin, critical=(onset,)),))
     known = "becomes unstable at a motion frequency between 2.25 and 2.75 Hz (now 0.5)"
     assert said.startswith(f"{known}; shows no other change")
