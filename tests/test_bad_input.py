@@ -123,6 +123,7 @@ ONE_WAY = "motion={kind='point-to-point', course='one-way', move_time=1.0, joint
 NO_ANSWER = [
     ("single-link --set model='khang-2019'", "links: got 1 table beside model"),
     ("single-lnk", "did you mean 'single-link'"),
+    ("", "file: got an empty name, expected a TOML file"),
     ("khang-2019 --set model='os'", "khang-2019"),
     (f"single-link --set {ONE_WAY}", "there-and-back"),
 ]

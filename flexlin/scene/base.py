@@ -1,7 +1,7 @@
 """What all tables of a scene share: frozen, no unknown keys, finite numbers, SI units and radians."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
 from pydantic_core import core_schema
@@ -25,6 +25,8 @@ class Table(BaseModel):
         frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="constants", use_attribute_docstrings=True,
         json_schema_extra=_say_units,
     )  # fmt: skip
+    read_before: ClassVar[tuple[str, ...]] = ()
+    """Keys that stand for others, and are replaced before the table is checked."""
 
     @classmethod
     def units(cls) -> dict[str, str]:

@@ -3,6 +3,7 @@
 import re
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -22,9 +23,6 @@ from flexlin.scene.motion import AnyMotion
 from flexlin.scene.parameters import PARAMETERS, apply_overrides, get_value, need_numbers, path_in, replace_value
 from flexlin.scene.problems import checked_table, schema_problems
 from flexlin.scene.scene import Scene, uncertainty_problems
-
-ADDED = {"robot", "joints", "flexible"}
-"""Tables of a scene that stand for links from a URDF file, and what is added to them."""
 
 
 @checked
@@ -115,7 +113,7 @@ def parse_scene(
         raise SceneError(source, [Problem(bounds.printable(path), *said) for path, *said in beyond])
     data, problems = apply_overrides(data, changes)
     folders = [Path(one) for one in (folder or Path(), data_folder) if one is not None]
-    if ADDED & set(data):
+    if set(Scene.read_before) & set(data):
         from flexlin.scene.urdf.tables import expand_robot  # a scene without a robot is read without it
 
         problems += expand_robot(data, folders)
@@ -200,15 +198,14 @@ def _find(source: str | Path) -> Path:
     scenes, name = builtin_scenes(), str(source)
     if name in scenes:
         return scenes[name]
-    path, got = Path(name), "no such file or built-in scene"
-    try:
-        if path.is_file():
-            return path
-        got = "a folder" if path.is_dir() else got
-    except OSError:  # the name is too long, or its folder may not be searched
-        pass
+    path, got = Path(name), "no such file or built-in scene" if name.strip() else "an empty name"
+    with suppress(OSError):  # the name is too long, or its folder may not be searched
+        if name.strip() and path.exists():
+            if not path.is_dir():
+                return path
+            got = "a folder"
     expected = f"a TOML file, or one of {', '.join(sorted(scenes))}{bounds.hint_at(name, scenes)}"
-    raise SceneError(bounds.printable(name), [Problem("file", got, expected)])
+    raise SceneError(bounds.printable(name).strip() or "scene", [Problem("file", got, expected)])
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -321,14 +318,14 @@ MOST_CORNERS = 6
 def check_axes(scene: Scene, axes: Mapping[str, Array], grid: bool) -> None:
     """Refuse values that the scene's schema refuses, each path by itself and the corners of a grid together, before any computation.
 
-    Of the values those are checked that an interval, perhaps without zero, refuses first. Raises: SceneError with the key.
+    Of the values those are checked that an interval, perhaps without zero, refuses: the ends first. Raises: SceneError with the key.
     """
     need_numbers(scene, (path for path in axes if not path_in(scene, path).startswith(PARAMETERS)))
     for path, values in axes.items():
         get_value(scene, path)
         nearest = values[np.abs(np.where(values, values, np.inf)).argmin()]
         zero = values[values == 0][:1]
-        for value in dict.fromkeys([nearest, *zero, values.min(), values.max()]):
+        for value in dict.fromkeys([values.min(), values.max(), *zero, nearest]):
             revise_scene(scene, {path: float(value)})
     if grid and 1 < len(axes) <= MOST_CORNERS:
         for corner in product(*[(float(axis.min()), float(axis.max())) for axis in axes.values()]):

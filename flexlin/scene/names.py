@@ -21,8 +21,8 @@ def name_number(path: str) -> str:
     placed = [(table, index) for table, index in pairwise(steps) if table in ("links", "joints") and index.isdigit()]
     place = "".join(f" of {'link' if table == 'links' else 'joint'} {int(index) + 1}" for table, index in placed)
     kept = [WORDS.get(step, step.replace("_", " ")) for step in steps if step not in TABLES and not step.isdigit()]
-    alone = steps[-1].isdigit() and not place
-    return " ".join(kept or [path]) + place + (f" of joint {int(steps[-1]) + 1}" if alone else "")
+    alone, of = steps[-1].isdigit() and not place, "link" if "payload" in steps else "joint"
+    return " ".join(kept or [path]) + place + (f" of {of} {int(steps[-1]) + 1}" if alone else "")
 
 
 def name_unit(scene: Scene, path: str) -> str:

@@ -90,11 +90,14 @@ def _child(node: Any, step: str, path: str) -> Any:
     inside = list_children(node)
     if step in inside:
         return inside[step]
-    off = isinstance(node, BaseModel) and step in type(node).model_fields
+    fields = type(node).model_fields if isinstance(node, BaseModel) else {}
+    known, off = [fields[name].alias or name if name in fields else name for name in inside], step in fields
     raise ArgumentError(
         f"the scene has nothing at {path!r}",
-        got=step,
-        expected=f"one of {', '.join(inside) or 'none: the path is too long'}",
+        got=repr(step),
+        expected=f"one of {', '.join(known)}{hint_at(step, known)}"
+        if known
+        else "no further step: the path is too long",
         todo=f"switch {step} on: give its whole table, in the scene or with --set" if off else None,
     )
 

@@ -137,7 +137,8 @@ class Place:
     def known_keys(self) -> str:
         """The keys that its table may hold, the likeliest first."""
         fields = [item for table in self.tables for item in table.model_fields.items()]
-        keys = sorted({field.alias or name for name, field in fields})
+        before = [key for table in self.tables if issubclass(table, Table) for key in table.read_before]
+        keys = sorted({*before, *(field.alias or name for name, field in fields)})
         return f"one of {', '.join(keys)}{hint_at(self.name, keys)}" if keys else "an empty table"
 
     def needed(self, key: str) -> str:

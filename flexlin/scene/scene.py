@@ -250,6 +250,8 @@ class Scene(Shown, Table):
     (0.96, 'harmonic', (3.0,))
     """
 
+    read_before = ("robot", "joints", "flexible")  # links from a URDF file, and what is added to them
+
     schema_version: Annotated[Literal[1], Field(alias="schema")]
     """Version of the format: 1."""
     title: Annotated[Text, Field(max_length=400)]

@@ -206,7 +206,7 @@ def test_pipes_devices_and_files_without_end_are_not_read(tmp_path):
     ):
         with pytest.raises(MotionError, match=words):
             linearized(put_scene(tmp_path, name))
-    for source, words in (("pipe", "got no such file"), (".", "got a folder"), ("big.toml", "1,048,577 bytes")):
+    for source, words in (("pipe", "got no regular file"), (".", "got a folder"), ("big.toml", "1,048,577 bytes")):
         with pytest.raises(SceneError, match=words):
             fl.load_scene(tmp_path / source)
     with pytest.raises(OSError, match="more than 10 bytes"):

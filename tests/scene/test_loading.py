@@ -73,7 +73,7 @@ def test_keys_of_a_model_s_table_may_go_without_their_prefix():
     assert fl.build_manipulator(short, ["links.0.length"]).parameters.paths == ("parameters.links.0.length",)
     with pytest.raises(SceneError, match="a key of the model's own table: hub_inertia, payload_mass"):
         fl.load_scene("khang-2019", {"effects.payload.mass": 0.2})
-    with pytest.raises(ArgumentError, match=r"nothing at 'links\.0\.lenght'"):
+    with pytest.raises(ArgumentError, match=r"nothing at 'links\.0\.lenght'.*did you mean 'length'"):
         get_value(short, "links.0.lenght")
 
 
@@ -112,6 +112,8 @@ def test_numbers_by_path():
         assert get_value(scene, path) != 12.5
     with pytest.raises(ArgumentError, match="nothing at"):
         get_value(scene, "effects.hub.inertia")
+    with pytest.raises(ArgumentError, match=r"one of schema, .* did you mean 'units'"):
+        get_value(scene, "unitz")
 
 
 def build_own(model, parameters=None):

@@ -129,9 +129,9 @@ def choose(key: str, given: str | None, possible: list[str], robot: Robot) -> st
     if given is None and len(possible) == 1:
         return possible[0]
     if given is None or given not in robot.links:
-        some = ", ".join(possible[:20]) or "none"
+        some = f", such as {', '.join(possible[:20])}" if possible else " behind a joint that moves"
         got = f"{len(possible)} possible links" if given is None else repr(given)[:80]
-        raise SceneError(robot.element.source, [Problem(key, got, f"{key} = one link of the file, such as {some}")])
+        raise SceneError(robot.element.source, [Problem(key, got, f"{key} = one link of the file{some}")])
     return given
 
 
