@@ -18,6 +18,7 @@ from flexlin.report.wording import (
     format_quantity,
     is_dimensionless,
     reason,
+    with_unit,
 )
 from flexlin.simulation.result import OUTGROWN, Simulation, say_beyond
 
@@ -53,21 +54,22 @@ def comment_on_model(a: Analysis) -> Iterator[str]:
 def comment_on_stability(a: Analysis) -> Iterator[str]:
     """What to do where the own loop is unstable, undecided, or hardly stable."""
     free, condition = a.own.kind == "open", name_condition(a.own)
+    add = "feedback or damping" if a.plant.inputs else "damping"
     if a.own.floquet is None:
         yield f"There is no verdict {condition}: {a.own.problem}."
     elif a.own.verdict == "undecided":
         yield (
             "The growth rate cannot be distinguished from zero, as for a mode that is free or undamped: "
-            "add feedback or damping, or treat the motion as marginal."
+            f"add {add}, or treat the motion as marginal."
         )
     elif a.own.verdict != "stable":
         better = [f"use the design “{loop.name}”, which is" for loop in a.designs if trusts(a, loop)]
-        change = "add feedback" if free else "change its gains"
-        remedy = [*better, f"{change}, the speed or the payload until it is"][0]
+        change = "change" if not a.plant.inputs else "add feedback, or change" if free else "change its gains,"
+        remedy = [*better, f"{change} the speed or the payload until it is"][0]
         yield f"The arm is unstable along this motion {condition}: {remedy} stable."
         yield from comment_on_cause(a)
     elif weak := caution(a.own, a.plant.period):
-        add = "feedback or damping" if free else "damping, or gain on the mode that is slow"
+        add = add if free else "damping, or gain on the mode that is slow"
         yield f"The arm is stable only in the mathematical sense, {weak}: add {add}, and do not count on this verdict as a margin."
 
 
@@ -81,8 +83,9 @@ def comment_on_cause(a: Analysis) -> Iterator[str]:
         if found.kind != "average" and found.detuning < 0.2 * 2 * np.pi * base and min(found.frequencies) > 0:
             high, low = (f"{w / (2 * np.pi):.4g}" for w in found.frequencies)
             rule = {"principal": f"2 × {high}", "sum": f"{high} + {low}", "difference": f"{high} − {low}"}[found.kind]
+            own, motion = with_unit(rule, "Hz"), with_unit(f"{found.order} × {base:.4g}", "Hz")
             yield (
-                f"Behind it is a parametric resonance: {rule} Hz of the averaged arm is near {found.order} × {base:.4g} Hz of the motion. "
+                f"Behind it is a parametric resonance: {own} of the averaged arm is near {motion} of the motion. "
                 "Move the motion's frequency or the natural frequencies apart, or add damping."
             )
 
@@ -91,8 +94,9 @@ def comment_on_zeros(a: Analysis) -> Iterator[str]:
     """What no controller of the tip can overcome."""
     if a.zeros is not None and a.zeros.verdict == "non-minimum phase":
         slowest = min(z.real for z in a.zeros.exponents if z.real > 0)
+        rate = with_unit(format_decimal(slowest, 3), "1/s")
         yield (
-            f"From motors to tip the arm is non-minimum phase, with a zero at {format_decimal(slowest, 3)} 1/s: whatever the controller, "
+            f"From motors to tip the arm is non-minimum phase, with a zero at {rate}: whatever the controller, "
             f"the tip first moves the wrong way, and does not follow in much less than {format_quantity(1 / slowest, 's')}."
         )
 
@@ -100,7 +104,7 @@ def comment_on_zeros(a: Analysis) -> Iterator[str]:
 def comment_on_elastic_motion(a: Analysis) -> Iterator[str]:
     """How much the verdict moves when the loop is linearized about the elastic motion."""
     if a.elastic is not None and a.elastic.floquet is not None:
-        moved = f"moves the growth rate from {a.own.growth[0]:.4g} to {a.elastic.growth[0]:.4g} 1/s"
+        moved = with_unit(f"moves the growth rate from {a.own.growth[0]:.4g} to {a.elastic.growth[0]:.4g}", "1/s")
         same = a.elastic.verdict == a.own.verdict
         trust = "the verdict stands" if same else f"the verdict becomes {a.elastic.verdict}: believe this one"
         yield f"Linearizing about the elastic motion instead of the rigid one {moved}; {trust}."
@@ -310,13 +314,14 @@ def explain_tip_error(a: Analysis, largest: float) -> str:
         return "by bending alone: slow down, or stiffen the links"
     if a.response.law is not None:
         return f"with the {forward} feedforward: what is left is what it does not close"
-    planar, largest_of = a.response.tip.shape[1] == 2, dict[str, float]()
-    for one, size in zip(a.plant.coordinates, np.abs(a.response.states).max(axis=0), strict=False):
-        largest_of[one.kind] = max(largest_of.get(one.kind, 0.0), float(size))
-    remedy = f"slow down, {ELASTIC.format('tip-exact') if planar else 'or stiffen them'}"
+    kinds, sizes = [one.kind for one in a.plant.coordinates], np.abs(a.response.states).max(axis=0)
+    joints, motors = (
+        sizes[: len(kinds)].max(where=[one == kind for one in kinds], initial=0.0) for kind in ("joint", "motor")
+    )
+    remedy = f"slow down, {ELASTIC.format('tip-exact') if a.response.tip.shape[1] == 2 else 'or stiffen them'}"
     if np.linalg.norm(a.response.tip_by_bending, axis=1).max() > largest / 2:
         return f"most of it the links' bending, which no joint feedback removes: {remedy}"
-    if largest_of.get("motor", np.inf) < largest_of["joint"] / 2:
+    if "motor" in kinds and motors < joints / 2:
         return f"most of it the give of flexible joints, which no motor's feedback removes: {remedy}"
     gains = "add feedback" if a.own.kind == "open" else "raise the gains"
     rigid = f'feed the rigid torque forward (control.feedforward = "rigid"), or {gains}'

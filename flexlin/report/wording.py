@@ -337,7 +337,7 @@ def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mappin
     """
     met = [(margin, margin.nearest) for margin in margins]
     parts = []
-    for change, words in (("onset", "becomes unstable"), ("recovery", "becomes stable")):
+    for change, words in (("onset", "becomes unstable"), ("recovery", "is no longer unstable")):
         # on the way from the scene's own value to the critical one and beyond
         ahead = [(m, one) for m, one in met if one and (change == one.kind) == (one.value > m.own)]
         said = [describe_place(scene, margin, one) for margin, one in ahead]
@@ -388,7 +388,7 @@ def describe_nearest(scene: Scene, found: "NearestInstability | None") -> str:
     if found is None:
         return ""
     least, most = found.growth
-    spread = f"growth rates within the stated ranges from {least:.4g} to {most:.4g} 1/s"
+    spread = with_unit(f"growth rates within the stated ranges from {least:.4g} to {most:.4g}", "1/s")
     if not math.isfinite(found.scale):
         return f"{found.status}; {spread}"
     numbers = zip(found.paths, found.values, found.own, strict=True)

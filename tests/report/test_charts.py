@@ -84,7 +84,7 @@ def test_a_chart_says_where_its_links_bend_too_far_for_linear_equations():
     onset = CriticalValue(path, 0.6, 1e-9, "onset", "not looked for", 0.5, np.nan)
     assert say_bending(scene, {path: (0.0, 0.3)}, [], Clock(scene.accuracy)) == ""
     said = say_bending(scene, {path: (0.0, 4.0)}, [onset], Clock(scene.accuracy))
-    bent = f"A link bends by {100 * share:.3g} % of its length at payload mass 0.6 kg"
+    bent = f"A link bends by {100 * share:.3g} % of its length at payload mass = 0.6 kg"
     assert said.startswith(f"{bent}; by more than its length at")
     assert "linear model alone" in said
 

@@ -108,12 +108,12 @@ def say_failed(chart: Chart) -> list[str]:
 
 def label_value(scene: Scene, path: str, value: float) -> str:
     """A number of a scene at one of its values, with its unit."""
-    return with_unit_of(scene, path, f"{name_number(path)} {value:.4g}")
+    return with_unit_of(scene, path, f"{name_number(path)} = {value:.4g}")
 
 
 def describe_critical(scene: Scene, one: CriticalValue) -> str:
     """One critical value with unit, error, distance and resonance, as a sentence without its full stop."""
-    change = "becomes unstable" if one.kind == "onset" else "is stable again"
+    change = "becomes unstable" if one.kind == "onset" else "is no longer unstable"
     if one.touching:
         change = "touches instability"
     size, resonance = with_unit_of(scene, one.path, f"{one.value:.8g}"), without_units(one.resonance)
