@@ -119,9 +119,8 @@ class Log(Shown):
         if len(gaps):
             longest = gaps[np.argmax(spacing[gaps])]
             where = f"the longest of {spacing[longest]:.3g} s at {self.time[longest]:.4g} s"
-            said.append(
-                f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}, {where}: no prediction goes over one, so log that part again if it matters"
-            )
+            todo = "no prediction goes over one, so log that part again if it matters"
+            said.append(f"{counted(len(gaps), 'gap')}, {where}: {todo}")
         jitter = float(np.abs(spacing[spacing <= GAP_INTERVALS * self.step] - self.step).max(initial=0.0))
         if jitter > 0.05 * self.step:
             said.append(f"times jitter by up to {1e3 * jitter:.3g} ms: readings are taken at their own times")

@@ -125,10 +125,9 @@ def chart_dataset(chart: Chart) -> xarray.Dataset:
         data[name].attrs |= units[path] | {"long_name": name_number(path), "path": path}
     if len(plain) == 1:
         (unit,) = units.values()
-        data["critical_value"] = ("critical", np.array([one.value for one in critical]), unit)
-        data["critical_error"] = ("critical", np.array([one.error for one in critical]), unit)
-        data["critical_kind"] = ("critical", np.array([one.kind for one in critical], dtype="U8"))
-        data["critical_resonance"] = ("critical", np.array([one.resonance for one in critical], dtype="U120"))
+        for name, kind in {"value": "f8", "error": "f8", "kind": "U8", "resonance": "U120"}.items():
+            values = np.array([getattr(one, name) for one in critical], dtype=kind)
+            data[f"critical_{name}"] = ("critical", values, unit if kind == "f8" else {})
         return data
     count = [len(curve.points) for curve in curves]
     data["boundary_curve"] = ("point", np.repeat(np.arange(len(curves)), count).astype(np.int32))

@@ -346,11 +346,7 @@ def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mappin
     kept = [with_unit_of(scene, m.path, f"a {name_number(m.path)} {say_ends(m.low, m.high)}") for m in whole]
     parts += [f"keeps its verdict for {' and '.join(kept)}"] if kept else []
     gaps = [describe_gap(scene, margin, one) for margin, one in met if margin.gap]
-    parts += (
-        [*gaps, "ask for a narrower range (--margins) or give more time (--limit-seconds) to close the gaps"]
-        if gaps
-        else []
-    )
+    parts += gaps + ["close the gaps by a narrower range (--margins) or more time (--limit-seconds)"] * bool(gaps)
     left = [name_number(key.removeprefix(SEARCHED)) for key in problems or {} if key.startswith(SEARCHED)]
     parts += [f"was not searched to the end over {' and '.join(left)}, of which nothing is said"] if left else []
     return "; ".join(parts)

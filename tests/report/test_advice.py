@@ -222,7 +222,7 @@ def test_a_search_that_had_to_end_says_where_a_change_may_hide():
     margin = Margin(path, *limits, 0.5, 9, (), 0.5, (0.4, 0.9))
     left = "shows the same verdict at the 9 values of motion frequency from 0.125 to 4 Hz that time allowed, "
     left += "which leave gaps of up to 0.5 Hz"
-    todo = "ask for a narrower range (--margins) or give more time (--limit-seconds) to close the gaps"
+    todo = "close the gaps by a narrower range (--margins) or more time (--limit-seconds)"
     assert describe_margins(scene, (margin,)) == f"{left}, but none from 0.4 to 0.9; {todo}"
     assert describe_margins(scene, (replace(margin, searched=(0.6, 0.4)),)) == f"{left}; {todo}"
     said = describe_margins(scene, (replace(margin, critical=(onset,)),))

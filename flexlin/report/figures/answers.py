@@ -101,10 +101,9 @@ def thin_curve(t: Array, values: Array) -> tuple[Array, Array]:
 
 def draw_errors(found: Prediction) -> Picture:
     """What is left of each column."""
-    panels, ends = list[Panel](), Linear(float(found.time[0]), float(found.time[-1]))
-    for name in found.fit:
-        panel = Panel(name, x=ends, x_label="time in s").zero()
-        panels.append(panel.line(*thin_curve(found.time, found.measured[name] - found.outputs[name]), "blue"))
+    ends = Linear(float(found.time[0]), float(found.time[-1]))
+    curves = {name: thin_curve(found.time, found.measured[name] - found.outputs[name]) for name in found.fit}
+    panels = [Panel(name, x=ends, x_label="time in s").zero().line(*curve, "blue") for name, curve in curves.items()]
     caption = "Measured less predicted; white noise would leave no pattern."
     return make_picture("residuals", "What is left", caption, resize(panels, 80.0, 1))
 
