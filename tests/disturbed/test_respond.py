@@ -132,6 +132,7 @@ REFUSED = [
     ("push", "tip 1 mm 20 ms", "tip 1 N"),
     ("push", "tip 1 N -20 ms", "greater than 0"),
     ("noise", "torque 0.1 N m", "100 Hz"),
+    ("noise", "torque -0.1 N m 100 Hz", "greater than 0"),
 ]
 
 

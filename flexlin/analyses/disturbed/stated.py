@@ -68,10 +68,10 @@ def state_disturbance(kind: Kind, words: str, lin: Linearization) -> Disturbance
                 raise ValueError(f"a joint from 1 to {lin.about.m}")
             return Disturbance(kind, words, sane_size(parts["size"], lin.input_units[joint - 1]), joint - 1)
         if kind == "push":
-            size, time = sane_size(parts["size"], "N"), positive_time(parts["time"], "s")
+            size, time = sane_size(parts["size"], "N"), positive_size(parts["time"], "s")
             return Disturbance(kind, words, size, 0, parts["axis"] or "", time)
         unit = lin.input_units[0] if lin.input_units else "N m"
-        return Disturbance(kind, words, sane_size(parts["size"], unit), time=positive_time(parts["time"], "Hz"))
+        return Disturbance(kind, words, positive_size(parts["size"], unit), time=positive_size(parts["time"], "Hz"))
     except ValueError as error:
         raise ArgumentError(f"--{kind} cannot be read", got=repr(words), expected=str(error)) from None
 
@@ -84,8 +84,8 @@ def sane_size(text: str, unit: str, zero: bool = False) -> float:
     return value
 
 
-def positive_time(text: str, unit: str) -> float:
-    """A time or a frequency greater than 0; raises ValueError."""
+def positive_size(text: str, unit: str) -> float:
+    """A quantity greater than 0; raises ValueError."""
     value = sane_size(text, unit)
     if not value > 0:
         raise ValueError(f"a number greater than 0 in the place of {text!r}")
