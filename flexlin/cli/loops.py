@@ -84,9 +84,6 @@ def simulate_loop(work: Work, options: argparse.Namespace) -> int:
 
 @scene_command("tune", "find the gains that decay fastest in all scenarios", "vary gain", usual=SEARCH_SECONDS)
 def tune_gains(work: Work, options: argparse.Namespace) -> int:
-    spans = [*options.vary, *options.gain]
-    if len({key for key, *_ in spans}) < len(spans):
-        raise ArgumentError("a number is named twice", got=", ".join(key for key, *_ in spans), expected="each once")
     with work.clock() as clock:
         limits, vary = ({key: (low, high) for key, low, high, _ in asked} for asked in (options.gain, options.vary))
         tune = partial(flexlin.tune, work.scene, list(limits) or None, vary, limits, tol=work.scene.accuracy.tol)

@@ -351,9 +351,13 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     scene: Scene = flexlin.load_scene(options.scene, overrides, options.data)
     if usual is not None and "seconds" not in scene.accuracy.model_fields_set:
         scene = scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"seconds": usual})})
+    keys = list[str]()
     for name in ("over", "vary", "gain", "margins"):
         if getattr(options, name, None):
             setattr(options, name, [read_span(scene, asked) for asked in getattr(options, name)])
+            keys += [key for key, *_ in getattr(options, name)]
+    if len(set(keys)) < len(keys):
+        raise ArgumentError("a number is named twice", got=", ".join(keys), expected="each once")
     send_limits(options.watch.begun, scene.accuracy)
     if options.out is None:
         options.out = Path("out") / Path(options.scene).stem

@@ -314,10 +314,8 @@ def explain_tip_error(a: Analysis, largest: float) -> str:
         return "by bending alone: slow down, or stiffen the links"
     if a.response.law is not None:
         return f"with the {forward} feedforward: what is left is what it does not close"
-    kinds, sizes = [one.kind for one in a.plant.coordinates], np.abs(a.response.states).max(axis=0)
-    joints, motors = (
-        sizes[: len(kinds)].max(where=[one == kind for one in kinds], initial=0.0) for kind in ("joint", "motor")
-    )
+    kinds, sizes = np.array([one.kind for one in a.plant.coordinates]), np.abs(a.response.states).max(axis=0)
+    joints, motors = (sizes[: a.plant.n][kinds == kind].max(initial=0.0) for kind in ("joint", "motor"))
     remedy = f"slow down, {ELASTIC.format('tip-exact') if a.response.tip.shape[1] == 2 else 'or stiffen them'}"
     if np.linalg.norm(a.response.tip_by_bending, axis=1).max() > largest / 2:
         return f"most of it the links' bending, which no joint feedback removes: {remedy}"
