@@ -354,7 +354,8 @@ def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mappin
 
 def describe_place(scene: Scene, margin: Margin, one: CriticalValue) -> str:
     """At a motion frequency of 1.37 Hz (now 0.5); both ends of what is known where they differ in what is said of them."""
-    low, high = (format_decimal(one.value + side, CRITICAL_DIGITS) for side in (-one.error, one.error))
+    ends = np.clip([one.value - one.error, one.value + one.error], margin.low, margin.high)
+    low, high = (format_decimal(end, CRITICAL_DIGITS) for end in ends.tolist())
     where = f"of {high}" if low == high else f"between {low} and {high}"
     return f"at {say_value(scene, margin.path, where, margin.own)}"
 
