@@ -170,8 +170,8 @@ def choose(point: Point, trial: Point, better: Array) -> Point:
     )
 
 
-def eliminate(slopes: Array, residual: Array, size: int, damping: Array) -> tuple[Array, Array, Array, Array]:
-    """Take the starting states out: scales D (W, size), factor R, what projects onto it, and the rest of columns of p and residual.
+def eliminate(slopes: Array, residual: Array, size: int, damping: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Take the starting states out: scales D (W, size), Q, R, what projects onto it, and the rest of columns of p and residual.
 
     min |J_x dx + J_p dp - r|: with J_x D^-1 = Q R, the rest is (I - Q Q') [J_p, r].
     """
@@ -182,12 +182,12 @@ def eliminate(slopes: Array, residual: Array, size: int, damping: Array) -> tupl
     Q, R = np.linalg.qr(np.concatenate([J / scale[:, None, :], damped], axis=1))
     other = np.concatenate([other, np.zeros((len(J), size, other.shape[2]))], axis=1)
     onto = np.swapaxes(Q, 1, 2) @ other
-    return scale, R, onto, other - Q @ onto
+    return scale, Q, R, onto, other - Q @ onto
 
 
 def take_step(problem: Problem, point: Point, slopes: Array, residual: Array, damping: Array) -> tuple[Array, Array]:
     """Starting states and shared numbers after a damped step; the shared numbers stay within their bounds."""
-    scale, R, onto, rest = eliminate(slopes, residual, point.start.shape[1], damping)
+    scale, _, R, onto, rest = eliminate(slopes, residual, point.start.shape[1], damping)
     move = np.zeros(len(problem.low))
     if len(move):
         R_p = np.asarray(np.linalg.qr(rest.reshape(-1, rest.shape[2]), mode="r"))
@@ -208,7 +208,8 @@ class Evidence:
     """The numbers that are known, their errors, covariance (k, k) and large correlations; groups of numbers that are not; numbers at a
     limit; the correlation of neighbouring residuals of each column, and whether that is colour.
 
-    ahead: the standard errors by which one more step, undamped, would move a number.
+    ahead: the standard errors by which one more step, undamped, would move a number; spent: the readings of each column that numbers and
+    starting states meet whatever they are, sum of h_ii of H = J (J' J)^-1 J'.
     """
 
     known: tuple[str, ...]
@@ -220,13 +221,15 @@ class Evidence:
     colour: Array
     coloured: bool
     ahead: float = 0.0
+    spent: Array | float = 0.0
 
 
 def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence:
     """Covariance (J' J)^-1 of the numbers with the starting states taken out; C S C of coloured residuals, S from sums over blocks."""
     size, windows = point.start.shape[1], len(point.start)
     slopes, residual = problem.slopes(point), point.residual.reshape(windows, -1)
-    rest = eliminate(slopes, residual, size, np.full(windows, 1e-12))[3][:, : residual.shape[1]]
+    _, Q, *_, rest = eliminate(slopes, residual, size, np.full(windows, 1e-12))
+    Q, rest = (one[:, : residual.shape[1]] for one in (Q, rest))
     at_limit = problem.limited(point.p)
     inside = np.flatnonzero(~at_limit)
     scale = problem.sizes(point)[inside]
@@ -238,6 +241,7 @@ def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence
     out = sorted({i for group in groups for i in group})
     C = (V[:, ~lost] / values[~lost]) @ V[:, ~lost].T
     ahead = scale * (C @ np.einsum("wri,wr->i", J, rest[:, :, -1]))
+    spent = np.sum(Q**2, axis=2) + np.sum((J @ C) * J, axis=2)
     colour, coloured = find_colour(problem, point)
     if coloured:
         C = with_colour(C, J, residual, point.residual.shape)
@@ -252,7 +256,8 @@ def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence
     places = [known.index(path) for path in errors]
     whole[np.ix_(places, places)] = C
     every = {path: errors.get(path, float("nan")) for path in known}
-    return Evidence(known, every, whole, name_correlations(list(errors), C), unknown, limited, colour, coloured, far)
+    large, spent = name_correlations(list(errors), C), spent.reshape(point.residual.shape).sum(axis=(0, 1))
+    return Evidence(known, every, whole, large, unknown, limited, colour, coloured, far, spent)
 
 
 def leave_unknown(problem: Problem, point: Point, paths: list[str]) -> Evidence:

@@ -194,7 +194,8 @@ def identify(
 
     References
     ----------
-    Ljung, System Identification (1999), chapters 7 and 9; Bock (1983), multiple shooting with Gauss-Newton.
+    Ljung, System Identification (1999), chapters 7 and 9; Bock (1983), multiple shooting with Gauss-Newton; Patterson, Thompson
+    (1971), Biometrika 58, 545: noise by what numbers and starting states leave of the readings, not by all of them.
 
     Examples
     --------
@@ -300,9 +301,11 @@ class Search:
             self.shapes, self.built = shapes, Logged.of(scene, self.log, self.paths)
         return self.built
 
-    def pose(self, model: Logged, windows: Windows, values: Array, sigma: Array | None = None) -> Problem:
-        """The least-squares problem of these equations on a grid that is fine enough at these values."""
-        shooting = prepare(model, windows, values)
+    def pose(
+        self, model: Logged, windows: Windows, values: Array, sigma: Array | None = None, finer: int = 1
+    ) -> Problem:
+        """The least-squares problem of these equations on a grid that is fine enough at these values, or finer."""
+        shooting = prepare(model, windows, values, finer)
         readings = shooting.windows.readings()
         allows = lambda p: accepts(self.scene, dict(zip(self.paths, p.tolist(), strict=True)))  # noqa: E731
         scale = deviations(readings) if sigma is None else sigma
@@ -353,38 +356,47 @@ class End:
         return self.settled and not (found.coloured or found.limited or self.steep) and found.ahead <= BLOCKED_ERRORS
 
 
-def find_noise(problem: Problem, point: Point) -> tuple[Array, Array]:
-    """The number of each output's readings, and their standard deviation about what is predicted."""
+def find_noise(problem: Problem, point: Point, spent: Array | float = 0.0) -> tuple[Array, Array]:
+    """The number of each output's readings, and their standard deviation about what is predicted.
+
+    s_j^2 = |r_j|^2 / (N_j - spent_j), by restricted likelihood, which is s^2 = |r|^2 / (N - P) of one output.
+    Source: Patterson, Thompson (1971), Recovery of inter-block information when block sizes are unequal, Biometrika 58, 545.
+    """
     seen = np.count_nonzero(problem.weigh(np.ones_like(point.residual), point.p), axis=(0, 1))
-    ratio = np.sum(point.residual**2, axis=(0, 1)) / np.maximum(seen, 1)
+    ratio = np.sum(point.residual**2, axis=(0, 1)) / np.maximum(seen - spent, 1)
     size = problem.sigma * np.sqrt(np.where(seen > 0, ratio, 1.0))
     return seen, np.maximum(size, 1e-9 * deviations(problem.readings))
 
 
 def refine(search: Search, windows: Windows, values: Array) -> End:
-    """The maximum of the likelihood from some values: noise and shapes of links are found anew until noise and numbers stay."""
+    """The maximum of the likelihood from some values: noise and shapes of links are found anew until noise and numbers stay.
+
+    They have to stay on steps of half the length too: the method's error is then small beside the stated ones.
+    """
     model = search.model(values)
     problem = search.pose(model, windows, values)
     point, steps, unsure = meet_all(problem, values), FIRST_STEPS, np.zeros(len(values))
-    evidence, settled = leave_unknown(problem, point, search.paths), False
+    evidence, settled, stays, finer = leave_unknown(problem, point, search.paths), False, False, 1
     for k in range(ROUNDS):
         values = point.p
         with part(k / ROUNDS, (k + 1) / ROUNDS):
             point = solve(problem, point, steps, 1e-6 if k else FIRST_GAIN, search.late)
         if not np.isfinite(point.costs).all():
             break
-        _, size = find_noise(problem, point)
         evidence = weigh_evidence(problem, point, search.paths)
+        _, size = find_noise(problem, point, evidence.spent)
         found = np.array([evidence.errors.get(path, np.nan) for path in search.paths])
         unsure = np.where(np.isfinite(found), found, unsure)  # at or near a limit: what it was inside
         known = bool(np.all(np.abs(size / problem.sigma - 1) < SETTLED_NOISE))
-        settled = k > 0 and known and are_still(point.p, values, unsure)
+        halved, stays = stays, k > 0 and known and are_still(point.p, values, unsure)
+        settled = stays and halved
         if settled or search.late():
             break
+        finer *= 1 + stays
         before, model = model, search.model(point.p)
         steps = STEPS if model is before else NEW_STEPS
         damping = min(point.damping, FREED_DAMPING)
-        problem = search.pose(model, windows, point.p, size)
+        problem = search.pose(model, windows, point.p, size, finer)
         point = problem.at(point.start, point.p)
         point.damping = damping
     if not settled:

@@ -152,9 +152,9 @@ def predict(scene: Scene, log: Log, window: float = 2.0, settle: float = START_S
     return Prediction(fit, log.time[windows.rows[at]], outputs, measured, windows.starts, found.start, status)
 
 
-def prepare(model: Logged, windows: Windows, values: Array) -> Shooting:
-    """The windows on a grid that is fine enough for the equations with these numbers."""
-    return Shooting(model, windows.refined(count_substeps(Shooting(model, windows), values)))
+def prepare(model: Logged, windows: Windows, values: Array, finer: int = 1) -> Shooting:
+    """The windows on a grid that is fine enough for the equations with these numbers, or so many times finer."""
+    return Shooting(model, windows.refined(count_substeps(Shooting(model, windows), values, finer)))
 
 
 def find_starts(shooting: Shooting, settle: float, values: Array) -> Point:

@@ -16,7 +16,7 @@ STEP_ANGLE = 0.5
 STEP_DECAY = 2.0
 """Largest step times the fastest rate of decay, as that of joints that stick: the method damps up to 2.78."""
 MOST_SUBSTEPS = 64
-"""Steps for one of the log's, at the most."""
+"""Steps for one of the log's, at the most; twice as many to see whether these were enough."""
 BLOCK_NODES = 2**10
 """Nodes that are computed at once, and whose slopes are held: a few MB."""
 
@@ -270,8 +270,9 @@ class Shooting:
         return slopes
 
 
-def count_substeps(shooting: Shooting, p: Array) -> int:
-    """Steps for one of the log's, so that the fastest motion of the equations is followed."""
+def count_substeps(shooting: Shooting, p: Array, finer: int) -> int:
+    """Steps for one of the log's, so that the fastest motion of the equations is followed, or so many times more."""
     rates = shooting.rates(p)
     angles = np.maximum(np.abs(rates.imag) / STEP_ANGLE, np.abs(rates) / STEP_DECAY)
-    return int(np.clip(np.ceil(angles.max() * shooting.windows.log.step), 1, MOST_SUBSTEPS))
+    enough = np.clip(np.ceil(angles.max() * shooting.windows.log.step), 1, MOST_SUBSTEPS)
+    return int(min(finer * enough, 2 * MOST_SUBSTEPS))
