@@ -224,7 +224,7 @@ def test_memory_and_linear_algebra_that_give_out_are_the_stage_s_message():
 def raising(error: BaseException) -> Callable[..., None]:
     """Work that ends in this error."""
 
-    def work(*_: object) -> None:
+    def work(*_: object, **__: object) -> None:
         raise error
 
     return work

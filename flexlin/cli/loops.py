@@ -163,4 +163,5 @@ def identify_numbers(work: Work, options: argparse.Namespace) -> int:
     pictures = [report.draw_prediction(found.prediction), report.draw_errors(found.prediction)]
     fitted = {"fitted.toml": scene_text(found.scene)}
     done = work.write("identify", pictures, record, lines, fitted)
-    return done if found.settled else NO_ANSWER
+    judged = selected is None or not any(trial.problem for trial in selected.trials)
+    return done if found.settled and judged else NO_ANSWER

@@ -152,7 +152,9 @@ def report_scene(work: Work, options: argparse.Namespace) -> int:
     print_paths(paths)
     if not meets(options.require, analysis.own.verdict, analysis.validity(analysis.own).verdict):
         return OTHER_VERDICT
-    return NO_ANSWER if analysis.own.verdict == "failed" else DONE
+    asked = ("effects audit", "sensitivity", "margins: ", *["margin "] * bool(options.margins))
+    missing = any(key.startswith(asked) for key in analysis.problems) or (analysis.audit and analysis.audit.problem)
+    return NO_ANSWER if analysis.own.verdict == "failed" or missing else DONE
 
 
 def summarize(analysis: "Analysis") -> None:

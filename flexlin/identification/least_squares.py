@@ -28,7 +28,7 @@ WHITE_DEVIATIONS = 3.0
 STEP_REACH = 2.0
 """Times its size, or that in the scene, by which a step may change a number that has no sign: farther off no slope leads back."""
 RESIDUAL_BLOCKS = 4
-"""Blocks of a window whose sums show how coloured residuals add up."""
+"""Of a window: residuals that are farther apart than one count as independent."""
 
 
 @dataclass(eq=False)
@@ -225,7 +225,7 @@ class Evidence:
 
 
 def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence:
-    """Covariance (J' J)^-1 of the numbers with the starting states taken out; C S C of coloured residuals, S from sums over blocks."""
+    """Covariance (J' J)^-1 of the numbers with the starting states taken out; C S C of coloured residuals, S by their covariances."""
     size, windows = point.start.shape[1], len(point.start)
     slopes, residual = problem.slopes(point), point.residual.reshape(windows, -1)
     _, Q, *_, rest = eliminate(slopes, residual, size, np.full(windows, 1e-12))
@@ -244,7 +244,7 @@ def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence
     spent = np.sum(Q**2, axis=2) + np.sum((J @ C) * J, axis=2)
     colour, coloured = find_colour(problem, point)
     if coloured:
-        C = with_colour(C, J, residual, point.residual.shape)
+        C = with_colour(C, J, point.residual)
     kept = [i for i in range(len(inside)) if i not in out]
     C = C[np.ix_(kept, kept)] * np.outer(scale[kept], scale[kept])
     errors = {paths[inside[i]]: float(np.sqrt(C[k, k])) for k, i in enumerate(kept)}
@@ -275,13 +275,19 @@ def group_directions(members: Array) -> list[list[int]]:
     return [group for group in groups if group]
 
 
-def with_colour(C: Array, J: Array, residual: Array, shape: tuple[int, ...]) -> Array:
-    """The covariance of coloured residuals, from their scores over blocks; no variance is made smaller by it."""
-    windows, samples, outputs = shape
-    scores = (J * residual[:, :, None]).reshape(windows, samples, outputs, -1).sum(axis=2)
-    edges = np.linspace(0, samples, RESIDUAL_BLOCKS + 1).astype(int)[:-1]
-    sums = np.add.reduceat(scores, edges, axis=1).reshape(windows * RESIDUAL_BLOCKS, -1)
-    wide = C @ (sums.T @ sums) @ C
+def with_colour(C: Array, J: Array, residual: Array) -> Array:
+    """The covariance C S C of coloured residuals, S = sum J_t' R(t - s) J_s with the covariances R of each column's residuals at lags of up
+    to a quarter of a window, less the farther; no variance is made smaller by it.
+
+    Source: Newey, West (1987), A simple, positive semi-definite covariance matrix, Econometrica 55, 703.
+    """
+    J, S, lags = J.reshape(*residual.shape, -1), np.zeros_like(C), max(1, residual.shape[1] // RESIDUAL_BLOCKS)
+    for lag in range(lags):
+        now, then = slice(lag, None), slice(None, residual.shape[1] - lag)
+        both = residual[:, now] * residual[:, then]
+        size = both.sum(axis=(0, 1)) / np.maximum(np.count_nonzero(both, axis=(0, 1)), 1)
+        S += (1 - lag / lags) * np.einsum("wnji,wnjk->ik", J[:, now] * size[:, None] * (1 + (lag > 0)), J[:, then])
+    wide = C @ S @ C
     factor = np.sqrt(np.maximum(1.0, np.diag(wide) / np.maximum(np.diag(C), 1e-300)))
     return C * np.outer(factor, factor)
 

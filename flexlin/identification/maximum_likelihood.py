@@ -159,7 +159,7 @@ def identify(
         min over p and the starting state of each window   sum_j N_j log |reading_j - h_j(x, u, p)|
 
     Each window is simulated from a free starting state (output errors, multiple shooting), so drift of a window does not reach the next;
-    the noise of each column is white, of a size that is found. Where residuals are coloured, errors come from sums over blocks of a
+    the noise of each column is white, of a size that is found. Where residuals are coloured, errors come from their covariances up to a
     quarter of a window. Derivatives are exact. Assumes inputs without noise.
 
     Parameters

@@ -1,9 +1,12 @@
 """Effects that synthetic logs call for, found by forward selection."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import flexlin as fl
+from flexlin.cli import main
 from flexlin.errors import ArgumentError
 from tests.identification.logs import simulated, swing
 from tests.identification.test_maximum_likelihood import LOG, NOISE, SENSORS, is_near, noisy
@@ -40,7 +43,7 @@ def test_the_effect_that_made_a_log_is_called_for_and_no_other(effects, called_f
     assert all(name in needless for name in FRICTIONS if name not in called_for)
 
 
-def test_effects_that_cannot_be_judged_are_refused_or_said_to_be_so():
+def test_effects_that_cannot_be_judged_are_refused_or_said_to_be_so(monkeypatch, tmp_path):
     scene = fl.load_scene("single-link", {"links.0.modes": 0, "log": LOG, "designs": []})
     log = fl.Log(TIME, {"q1": TORQUE}, {"q1": 0.1 * np.sin(TIME)})
     for name, how in (("friction", {}), ("payload", {}), ("shear", {"hold_back": 0.05})):
@@ -50,6 +53,10 @@ def test_effects_that_cannot_be_judged_are_refused_or_said_to_be_so():
     assert found.effects == ()
     assert all("time was used up" in trial.problem for trial in found.trials)
     assert found.status.startswith("no effect was judged; not judged: viscous_friction, coulomb_friction")
+    settled = replace(found, identification=replace(found.identification, settled=True))
+    monkeypatch.setattr(fl, "read_log", lambda *_: log, raising=False)
+    monkeypatch.setattr(fl, "select_effects", lambda *_, **__: settled, raising=False)
+    assert main(["identify", "single-link", "--log=x", f"--free={FREE[0]}", "--effects", "--out", str(tmp_path)]) == 4
 
 
 def test_slopes_of_friction_that_is_sharper_than_steps_give_no_errors():

@@ -14,9 +14,11 @@ import pytest
 import flexlin as fl
 from flexlin.analyses import Analysis, Audit, Measure, Row, analyse, find_loop_margins
 from flexlin.cli import main
+from flexlin.errors import TimeLimit
 from flexlin.periodic import Margins
 from flexlin.report import audit_block, audit_lines, describe_endured, draw_effects, record, record_endured, to_json
 from tests.closed_arm import control_loop
+from tests.test_limits import raising
 
 
 def test_the_record_holds_what_the_library_computes(single_link: Analysis) -> None:
@@ -116,7 +118,7 @@ def test_the_lines_are_sorted_and_tell_the_problem(audited: Audit) -> None:
 
 
 @pytest.mark.slow
-def test_the_command_and_the_report_agree(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_and_the_report_agree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = ["single-link", "--set", "links.0.modes=0", "designs=[]", "--out", str(tmp_path)]
     assert main(["effects", *scene]) == 0
     assert main(["report", *scene, "--effects"]) == 0
@@ -126,7 +128,8 @@ def test_the_command_and_the_report_agree(tmp_path: Path, capsys: pytest.Capture
     assert "payload" in alone["needed"]
     assert 'id="effects"' in (tmp_path / "report.html").read_text()
     assert main(["effects", *scene, "--tolerance", "0"]) == 2
-    capsys.readouterr()
+    monkeypatch.setattr("flexlin.audit", raising(TimeLimit("late")))
+    assert main(["report", *scene, "--effects"]) == 4
 
 
 def test_where_nothing_was_tried_nothing_is_said_to_be_none():
