@@ -28,7 +28,7 @@ WHITE_DEVIATIONS = 3.0
 STEP_REACH = 2.0
 """Times its size, or that in the scene, by which a step may change a number that has no sign: farther off no slope leads back."""
 RESIDUAL_BLOCKS = 4
-"""Of a window: residuals that are farther apart than one count as independent."""
+"""Of a window: residuals that are farther apart than one, and sums over each, count as independent."""
 
 
 @dataclass(eq=False)
@@ -225,7 +225,7 @@ class Evidence:
 
 
 def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence:
-    """Covariance (J' J)^-1 of the numbers with the starting states taken out; C S C of coloured residuals, S by their covariances."""
+    """Covariance (J' J)^-1 of the numbers with the starting states taken out; C S C of coloured residuals, see `with_colour`."""
     size, windows = point.start.shape[1], len(point.start)
     slopes, residual = problem.slopes(point), point.residual.reshape(windows, -1)
     _, Q, *_, rest = eliminate(slopes, residual, size, np.full(windows, 1e-12))
@@ -276,19 +276,23 @@ def group_directions(members: Array) -> list[list[int]]:
 
 
 def with_colour(C: Array, J: Array, residual: Array) -> Array:
-    """The covariance C S C of coloured residuals, S = sum J_t' R(t - s) J_s with the covariances R of each column's residuals at lags of up
-    to a quarter of a window, less the farther; no variance is made smaller by it.
+    """The covariance C S C of coloured residuals, of two the wider: few sums say little, and model errors are not stationary.
 
+    S = sum w_k J_t' R_k J_(t - k), the covariances R_k of each column's residuals up to a block apart, w_k = 1 - k / lags; or S = sum b b',
+    b the sums of J' r over blocks. No variance is made smaller by it.
     Source: Newey, West (1987), A simple, positive semi-definite covariance matrix, Econometrica 55, 703.
     """
-    J, S, lags = J.reshape(*residual.shape, -1), np.zeros_like(C), max(1, residual.shape[1] // RESIDUAL_BLOCKS)
+    samples, J, S = residual.shape[1], J.reshape(*residual.shape, -1), np.zeros_like(C)
+    lags = max(1, samples // RESIDUAL_BLOCKS)
     for lag in range(lags):
-        now, then = slice(lag, None), slice(None, residual.shape[1] - lag)
+        now, then, weight = slice(lag, None), slice(None, samples - lag), (1 - lag / lags) * (1 + (lag > 0))
         both = residual[:, now] * residual[:, then]
         size = both.sum(axis=(0, 1)) / np.maximum(np.count_nonzero(both, axis=(0, 1)), 1)
-        S += (1 - lag / lags) * np.einsum("wnji,wnjk->ik", J[:, now] * size[:, None] * (1 + (lag > 0)), J[:, then])
-    wide = C @ S @ C
-    factor = np.sqrt(np.maximum(1.0, np.diag(wide) / np.maximum(np.diag(C), 1e-300)))
+        S += np.einsum("wnji,wnjk->ik", weight * size[:, None] * J[:, now], J[:, then])
+    edges = np.linspace(0, samples, RESIDUAL_BLOCKS + 1).astype(int)[:-1]
+    sums = np.add.reduceat((J * residual[..., None]).sum(axis=2), edges, axis=1).reshape(-1, len(C))
+    wide = np.maximum(np.diag(C @ S @ C), np.diag(C @ sums.T @ sums @ C))
+    factor = np.sqrt(np.maximum(1.0, wide / np.maximum(np.diag(C), 1e-300)))
     return C * np.outer(factor, factor)
 
 

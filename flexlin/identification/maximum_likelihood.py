@@ -160,7 +160,7 @@ def identify(
 
     Each window is simulated from a free starting state (output errors, multiple shooting), so drift of a window does not reach the next;
     the noise of each column is white, of a size that is found. Where residuals are coloured, errors come from their covariances up to a
-    quarter of a window. Derivatives are exact. Assumes inputs without noise.
+    quarter of a window and from sums over such quarters, whichever are wider. Derivatives are exact. Assumes inputs without noise.
 
     Parameters
     ----------
@@ -289,13 +289,9 @@ class Search:
         """The scene's own numbers."""
         return np.array([float(get_value(self.scene, path)) for path in self.paths])
 
-    def at(self, values: Array) -> Scene:
-        """The scene with these numbers."""
-        return revise_scene(self.scene, dict(zip(self.paths, values.tolist(), strict=True)))
-
     def model(self, values: Array) -> Logged:
         """The equations, with shapes of links for what these carry then; the same ones as before where the shapes are."""
-        scene = self.at(values)
+        scene = revise_scene(self.scene, dict(zip(self.paths, values.tolist(), strict=True)))
         shapes = b"".join(one.tobytes() for one in sample_shapes(scene))
         if self.built is None or shapes != self.shapes:
             self.shapes, self.built = shapes, Logged.of(scene, self.log, self.paths)

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
@@ -178,13 +179,15 @@ def test_slopes_whose_squares_overflow_are_no_warning():
 
 @pytest.mark.slow
 def test_coloured_residuals_widen_the_errors():
-    readings, rng = clean(), np.random.default_rng(5)
-    slow = np.convolve(rng.standard_normal(len(TIME) + 60), np.ones(60) / 60, "valid")[: len(TIME)]
-    white, found = fit(SCENE), fit(SCENE, noisy({**readings, "q1": readings["q1"] + 2e-2 * slow}))
-    assert "coloured" in found.status
-    assert found.colour["q1"] > 0.3
-    assert found.noise["q1"] > 1.5 * white.noise["q1"]
-    assert max(found.errors[path] / white.errors[path] for path in FREE) > 1.3
+    """Twelve draws miss the true numbers by what is stated; by sums over eight blocks that was half of it."""
+    found = []
+    for seed in range(12):
+        slow = lfilter([0.6], [1, -0.8], np.random.default_rng(seed).normal(size=(3, len(TIME))))
+        read = {name: clean()[name] + NOISE[name] * one for name, one in zip(NOISE, slow, strict=True)}
+        found.append(fit(SCENE, fl.Log(TIME, {"q1": TORQUE}, read)))
+    assert all("coloured" in one.status and one.colour["q1"] > 0.3 for one in found)
+    off = [[(one.values[path] - get_value(SCENE, path)) / one.errors[path] for path in FREE] for one in found]
+    assert np.allclose(np.sqrt(np.mean(np.square(off), axis=0)), 1.0, atol=0.5)
 
 
 @pytest.mark.parametrize(
