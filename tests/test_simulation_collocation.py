@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexlin.control import periodic_motion
 from flexlin.errors import NumericalError
 from flexlin.simulation import Drive, NonlinearLoop, simulate
 from flexlin.simulation.equations import NonlinearEquations
@@ -83,29 +82,6 @@ def test_fixed_steps_converge_with_the_order_of_the_method(stages):
     assert np.log2(rough / fine) == pytest.approx(2 * stages - 1, abs=0.6)
 
 
-@pytest.fixture
-def tried(monkeypatch):
-    """The windows that are solved, refused ones among them."""
-    windows = []
-    solve = lambda *arguments: windows.append(solve_window(*arguments)) or windows[-1]  # noqa: E731
-    monkeypatch.setattr("flexlin.simulation.collocation.solve_window", solve)
-    return windows
-
-
-@pytest.mark.slow
-def test_ten_thousand_times_stiffer_links_take_hardly_more_windows(tried):
-    """On the periodic motion no step follows the modes of 7e3 and 2e4 rad/s; from rest they ring, and are followed till they are damped."""
-    settled, stiff = [], closed(changes={"links.0.bending_stiffness": 3.6866e4})
-    for lin in (closed(), stiff):
-        tried.clear()
-        simulate(lin, 3, initial=periodic_motion(lin).state(np.zeros(1))[0], tol=1e-6, points_per_period=22)
-        settled.append(len(tried))
-    assert settled[1] <= 2 * settled[0]
-    run = simulate(stiff, 0.5, tol=1e-6)
-    assert run.error < 1e-5
-    assert run.energy_error < 1e-5
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "size"), [("single-link", 0.9), ("pick-and-place", 1e-3)])
 def test_the_linear_answer_is_that_of_the_matrices(name, size):
@@ -154,11 +130,3 @@ def test_steps_that_cannot_suffice_are_foreseen_and_fewer_periods_are_the_advice
     with pytest.raises(NumericalError, match=r"about \S+ steps would be needed.*simulate fewer periods") as caught:
         simulate(closed("single-link"), 1e5, tol=1e-9, points_per_period=1)
     assert caught.value.t < 1000
-
-
-@pytest.mark.slow
-def test_stiff_friction_on_light_links_takes_few_windows(tried):
-    """Newton's method begins with the rates that the arm has, and keeps to what it could settle: 106 windows are tried where 753 were."""
-    lin = closed("five-bar", {"designs": [], "effects.coulomb_friction": {"torque": 0.05, "rate": 0.01}})
-    assert simulate(lin, 0.01, tol=1e-6).error < 1e-6
-    assert len(tried) < 200

@@ -221,10 +221,3 @@ def test_every_number_of_the_scene_by_default(scene):
     assert set(result.parameter.values) == set(choose_paths(scene))
     assert "effects.gravity.acceleration" in result.parameter.values
     assert np.isfinite(result.derivative.values).all()
-
-
-def test_small_chunks_give_the_same_derivatives(scene, monkeypatch):
-    paths = ["effects.payload.mass", "motion.frequency"]
-    whole = sensitivity(scene, paths)
-    monkeypatch.setattr("flexlin.analyses.sensitivity.CHUNK_BYTES", 20_000)
-    assert np.allclose(sensitivity(scene, paths).derivative, whole.derivative, rtol=1e-12)

@@ -220,8 +220,9 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     nodal, _ = corrected.samples.compare(X, nodes.slopes(X))
     noise = samples.rounding(X_between, slopes)
     doubt = samples.doubt(problem, between, X_between)
-    rows = [np.abs(part).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for part in (F, noise + doubt, nodal)]
-    rows[0] = sqrt(2) * np.maximum(rows[0], rows.pop())
+    looked = F, nodal, noise + doubt
+    seen, at_nodes, lost = (np.abs(one).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for one in looked)
+    rows = [sqrt(2) * np.maximum(seen, at_nodes), lost]
     short = np.diff(nodes.edges) <= ROOT_EPS * nodes.period
     for part in rows:
         part[~short] = part[~short].max(axis=0)
