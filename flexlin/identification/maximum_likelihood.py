@@ -23,6 +23,7 @@ from flexlin.identification.prediction import (
     say_fit,
 )
 from flexlin.identification.shooting import Windows
+from flexlin.mechanics.effects import effects_of
 from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.plots.view import Series, Shown, View
 from flexlin.precision import MINOR, SAFETY, SLIGHT
@@ -260,12 +261,17 @@ def find_limits(scene: Scene, paths: list[str]) -> tuple[Array, Array]:
 
 
 def accepts(scene: Scene, numbers: dict[str, float]) -> bool:
-    """Whether a scene may have these numbers."""
+    """Whether a scene may have these numbers, and means the same joints: 0 among stiffnesses stands for a stiff one."""
     try:
-        revise_scene(scene, numbers)
+        return free_joints(revise_scene(scene, numbers)) == free_joints(scene)
     except SceneError:
         return False
-    return True
+
+
+def free_joints(scene: Scene) -> list[tuple[bool, bool]]:
+    """By effect and link, whether motor and bearing have coordinates of their own."""
+    effects = effects_of(scene.effects)
+    return [(one.frees_motor(i), one.frees_bearing(i)) for one in effects for i in range(len(scene.links))]
 
 
 @dataclass(eq=False)

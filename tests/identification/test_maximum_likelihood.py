@@ -117,16 +117,12 @@ def test_what_goes_together_is_named_and_not_returned():
     assert "cannot be parted by this log" in found.status
 
 
-@pytest.mark.slow
-def test_what_no_reading_sees_is_unknown():
-    """At rest, in the horizontal plane, nothing depends on the payload."""
-    scene = fl.load_scene("single-link", RUBBING | {"effects.gravity": "off"})
-    at_rest = fl.Log(TIME, {"q1": 0 * TIME}, {"q1": 0 * TIME, "tip.y": 0 * TIME})
-    found = fl.identify(scene, at_rest, FREE[:1], starts=1)
-    assert found.values == {}
-    assert found.scene.effects.payload == scene.effects.payload
-    assert found.unknown == (("effects.payload.mass",),)
-    assert "cannot be known from this log" in found.status
+def test_a_spring_that_goes_soft_does_not_become_stiff():
+    """A stiffness of 0 in a list stands for a stiff joint: a search that came to it handed one back, or ended in an error."""
+    effects = {"hub": {"inertia": 1.0}, "joint_flexibility": {"stiffness": [0.1], "motor_inertia": [0.02]}}
+    scene, still = fl.load_scene("single-link", BODY | {"effects": effects}), noisy({"q1": 0 * TIME}, 2)
+    found = fit(scene, still, ["effects.joint_flexibility.stiffness.0"])
+    assert 0 < found.scene.effects.joint_flexibility.stiffness[0] < 0.01
 
 
 @pytest.mark.slow
