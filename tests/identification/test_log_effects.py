@@ -50,7 +50,6 @@ def test_effects_that_cannot_be_judged_are_refused_or_said_to_be_so(monkeypatch,
         with pytest.raises(ArgumentError):
             fl.select_effects(scene, log, FREE[:1], [name], **how)
     found = fl.select_effects(scene, log, FREE[:1], FRICTIONS, seconds=1e-3)
-    assert found.effects == ()
     assert all("time was used up" in trial.problem for trial in found.trials)
     assert found.status.startswith("no effect was judged; not judged: viscous_friction, coulomb_friction")
     settled = replace(found, identification=replace(found.identification, settled=True))

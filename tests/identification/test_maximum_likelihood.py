@@ -1,6 +1,5 @@
 """Numbers found from synthetic logs, made by SciPy's integrator with noise."""
 
-import re
 from dataclasses import replace
 from functools import cache
 
@@ -76,13 +75,9 @@ def test_numbers_that_are_zero_in_the_scene_or_in_truth_are_found(path, start):
 def test_numbers_are_handed_back_when_the_time_ends_first():
     """They are then not the most likely ones, and what errors they have nobody knows."""
     found = fl.identify(beside(SCENE, FREE), usual(), FREE, window=1.0, seconds=1e-6)
-    assert not found.settled
     assert "allow more" in found.status
-    assert set(found.values) == set(FREE)
-    assert np.isnan(list(found.errors.values())).all()
-    assert np.isnan(found.covariance).all()
-    assert found.scene.uncertainty == {}
-    assert found.fit["q1"] > 0
+    assert (found.settled, set(found.values), found.scene.uncertainty) == (False, set(FREE), {})
+    assert np.isnan([*found.errors.values(), *found.covariance.flat]).all()
     assert found.fit == pytest.approx(fl.predict(found.scene, usual(), window=1.0).fit)
 
 
@@ -138,8 +133,7 @@ def test_numbers_that_make_up_for_a_wrong_sign_are_named(monkeypatch):
 def test_a_dead_sensor_pulls_at_no_number():
     log = noisy({**clean(), "tip.x": 0 * TIME}, noise={**NOISE, "tip.x": 0.0})
     found = fit(beside(SCENE, FREE), log)
-    assert found.settled
-    assert set(found.values) == set(FREE)
+    assert (found.settled, set(found.values)) == (True, set(FREE))
     assert is_near(found)
     assert np.isnan([found.fit["tip.x"], found.noise["tip.x"]]).all()
     assert "tip.x is constant" in found.status
@@ -206,9 +200,8 @@ def test_numbers_are_found_within_their_errors_and_these_are_those_of_repeated_l
     assert np.allclose(np.std(values, axis=0, ddof=1) / errors.mean(axis=0), 1.0, atol=0.6)
     assert np.all(errors < 0.03 * true)
     for one in found:
-        assert one.unknown == ()
+        assert one.status.startswith("all numbers are known")
         assert all(one.noise[name] == pytest.approx(NOISE[name], rel=0.1) for name in NOISE)
-        assert not re.search("coloured|no step gains", one.status)
         for path, value in one.values.items():
             assert get_value(one.scene, path) == value
             ends = one.scene.uncertainty[path]
@@ -307,8 +300,7 @@ def test_a_start_whose_vibrations_slip_by_a_cycle_is_left():
         {"name": "a", "length": 0.75, "mass_per_length": 0.32, "bending_stiffness": 4.4, "modes": 1},
         {"name": "b", "length": 0.99, "mass_per_length": 0.56, "bending_stiffness": 14.0, "modes": 1},
     ]
-    bodies = {"hub": {"inertia": [0.04, 0.0028]}, "payload": {"mass": [0.39, 0.25]}}
-    effects = {**bodies, "modal_damping": {"ratio": 0.02}}
+    effects = {"hub": {"inertia": [0.04, 0.0028]}, "payload": {"mass": [0.39, 0.25]}, "modal_damping": {"ratio": 0.02}}
     motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.3}, {"amplitude": 0.2}]}
     scene = fl.parse_scene({"schema": 1, "title": "two", "links": links, "effects": effects, "motion": motion})
     time, sensors = np.arange(600) * 0.01, {"q2": coordinate("q2"), **SENSORS}

@@ -14,7 +14,6 @@ import pytest
 import flexlin as fl
 from flexlin.analyses import Analysis, Audit, Measure, Row, analyse, find_loop_margins
 from flexlin.cli import main
-from flexlin.errors import TimeLimit
 from flexlin.periodic import Margins
 from flexlin.report import audit_block, audit_lines, describe_endured, draw_effects, record, record_endured, to_json
 from tests.closed_arm import control_loop
@@ -128,7 +127,7 @@ def test_the_command_and_the_report_agree(tmp_path: Path, monkeypatch: pytest.Mo
     assert "payload" in alone["needed"]
     assert 'id="effects"' in (tmp_path / "report.html").read_text()
     assert main(["effects", *scene, "--tolerance", "0"]) == 2
-    monkeypatch.setattr("flexlin.audit", raising(TimeLimit("late")))
+    monkeypatch.setattr("flexlin.audit", raising(fl.errors.TimeLimit("late")))
     assert main(["report", *scene, "--effects"]) == 4
 
 
