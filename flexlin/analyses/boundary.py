@@ -14,6 +14,7 @@ from flexlin.linearization.linearization import Linearization
 from flexlin.periodic.boundary.crossings import CELLS, SCAN_VALUES, Crossing, find_crossings
 from flexlin.periodic.boundary.curves import find_curves, find_lost_ends
 from flexlin.periodic.boundary.spectra import Effort
+from flexlin.periodic.circle import assign, measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.precision import MINOR
 from flexlin.scene.parameters import get_value, need_numbers
@@ -175,15 +176,13 @@ def describe_crossing(path: str, crossing: Crossing, family: Family, effort: Eff
 
 
 def add_slope(found: CriticalValue, family: Family) -> CriticalValue:
-    """The slope of the growth rate, and the error by it; exact where A's derivatives are known, else by a difference."""
-    point = np.array([found.value])
-    exact = family.slopes(point)
-    if exact is None:
-        step = max(1e-6 * abs(found.value), 10 * found.error)
-        pair = [floquet(family.system_at(point + move), family.finest).exponents.real.max() for move in (-step, step)]
-        return replace(found, slope=float((pair[1] - pair[0]) / (2 * step)))
-    exponents, errors, slopes = exact
-    size, slope = np.abs(exponents.real) + errors, slopes[0].real
+    """The slope of the growth rate, by a difference of the exponents about the value, and the error by it."""
+    step = max(1e-5 * abs(found.value), 10 * found.error)
+    places = found.value + step * np.array([[0.0], [-1.0], [1.0]])
+    here, *beside = (floquet(family.system_at(place), family.finest) for place in places)
+    logs, size = here.log_multipliers, np.abs(here.exponents.real) + here.errors
+    below, above = (one.exponents[assign(measure_distances(logs, one.log_multipliers))].real for one in beside)
+    slope = (above - below) / (2 * step)
     away = np.divide(size, np.abs(slope), out=np.full(len(size), np.inf), where=slope != 0)
     lead = int(np.argmin(away))  # the one that crosses; a free rigid motion's is zero too, but has no slope
     return replace(found, slope=float(slope[lead]), error=max(float(away[lead]), found.error))
