@@ -162,7 +162,7 @@ def check_limits(path: str, limits: tuple[float, float]) -> tuple[float, float]:
 
 
 def describe_crossing(path: str, crossing: Crossing, family: Family, effort: Effort) -> CriticalValue:
-    """A crossing with its resonance, its distance from the scene's own value, and its exact slope, as far as the effort affords them."""
+    """A crossing with its resonance, its distance from the scene's own value, and its slope, as far as the effort affords them."""
     kind, distance = "onset" if crossing.onset else "recovery", crossing.value - float(family.own[0])
     found = CriticalValue(path, crossing.value, crossing.error, kind, "not looked for", distance, np.nan)
     if crossing.touching:
