@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
+from flexlin import analyses
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.scene import replace_value, revise_scene
 from tests.closed_arm import control_loop
@@ -146,6 +147,14 @@ def test_damped_scenes_agree_with_bisection_by_floquet(name, path, low, high):
     assert (found.kind == "onset") == (growth(high) > 0)
     h = 1e-5 * abs(exact)
     assert found.slope == pytest.approx((growth(exact + h) - growth(exact - h)) / (2 * h), rel=1e-4)
+
+
+def test_a_value_that_is_hardly_known_has_a_slope():
+    """Ten times the error below it the motion would run backward, and has no period between."""
+    scene, path = fl.load_scene("khang-2019"), "motion.frequency"
+    rough = analyses.CriticalValue(path, 2.476, 0.3, "onset", "", 0.0, np.inf)
+    found = analyses.boundary.add_slope(rough, analyses.make_family(scene, {path: (0.2, 3.0)}, "own"))
+    assert (found.slope > 0, found.error) == (True, 0.3)
 
 
 def test_a_stable_scene_and_a_constant_system_have_none():

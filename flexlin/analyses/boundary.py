@@ -177,7 +177,8 @@ def describe_crossing(path: str, crossing: Crossing, family: Family, effort: Eff
 
 def add_slope(found: CriticalValue, family: Family) -> CriticalValue:
     """The slope of the growth rate, by a difference of the exponents about the value, and the error by it."""
-    step = max(1e-5 * abs(found.value), 10 * found.error)
+    most = MINOR * abs(found.value) or inf  # the number keeps its sign
+    step = min(max(1e-5 * abs(found.value), 10 * found.error), most)
     places = found.value + step * np.array([[0.0], [-1.0], [1.0]])
     here, *beside = (floquet(family.system_at(place), family.finest) for place in places)
     logs, size = here.log_multipliers, np.abs(here.exponents.real) + here.errors

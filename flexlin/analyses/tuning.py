@@ -112,7 +112,7 @@ def tune(
         Dotted paths of the numbers that scenarios differ by, with their ranges.
     limits : mapping, optional
         A path's (low, high), by default a tenth and ten times its own value; where low is positive the gain is sought on a logarithmic
-        scale. "torque": the largest torque of the steady motion in N m, by default the scene's [drives] or saturation.
+        scale. "torque": the largest torque of the steady motion in N m, beside the limits of the scene's [drives] and saturation.
     starts : int
         Starts of the search: the gains of the scene, and the best of a rough screening.
     steps : int
@@ -275,4 +275,4 @@ def use_torque(scene: Scene, given: float) -> float:
     load, saturation = drive_load(lin, t, states, lin.law, scene.drives), scene.control.saturation
     of_drives = [demand.limit or np.inf for demand in load.demands if demand.what == "peak torque"]
     limit = np.minimum(of_drives, given if saturation is None else np.minimum(saturation.torque, given))
-    return float((np.abs(load.torque).max(axis=0) / limit).max())
+    return float((np.abs(load.torque).max(axis=0) / limit).max(initial=0.0))
