@@ -117,15 +117,16 @@ def bound_margin(
     u = np.linspace(-1.0, 1.0, count)
     bends = [float(bend(one).max()) * (u[1] - u[0]) ** 2 / 8 for one in (R, X)]
     values, size = sum_terms(A, X, slope, u), evaluate(X, u)
-    eye = np.broadcast_to(np.eye(size.shape[-1]), size.shape)
-    low, high = (bound_ratio(part, eye) + bends[1] for part in (-size, size))
+    of_X = np.linalg.eigvalsh(size)
+    low, high = (above(most) + bends[1] for most in (-of_X[..., 0].min(), of_X[..., -1].max()))
     if not low < 0:
         return -np.inf, 0.0, np.inf
     largest_A = float(np.linalg.norm(evaluate(A, u), axis=(-2, -1)).max())
     known = 2 * unknown * high + rounding * (2 * largest_A * high + float(np.abs(evaluate(slope, u)).max()))
     some = slice(None, None, isqrt(count))
-    first = float(largest_ratios(values[:, some] + known * eye[:, some], size[:, some]).max())  # not above that of all
-    mu = bound_ratio(values + (known + bends[0] + max(-first, 0.0) * bends[1]) * eye, size)
+    eye = np.eye(size.shape[-1])
+    first = largest_ratios(values[:, some] + known * eye, size[:, some]).max()  # not above that of all
+    mu = above(largest_ratios(values + (known + bends[0] + max(-first, 0.0) * bends[1]) * eye, size).max())
     ends = evaluate(X, np.array([-1.0, 1.0]))
     paid = np.log(np.maximum(largest_ratios(ends[:, 0], np.roll(ends[:, 1], 1, axis=0)), 1.0))
     margin = -mu - float(paid.sum()) / float(edges[-1])
@@ -157,10 +158,9 @@ def largest_ratios(R: Array, X: Array) -> Array:
     return np.linalg.eigvalsh(inverse @ R @ np.swapaxes(inverse, -1, -2))[..., -1]
 
 
-def bound_ratio(R: Array, X: Array) -> float:
-    """An upper bound mu, R <= mu X at all samples (P, U, n, n), by more than rounding above the least."""
-    most = float(largest_ratios(R, X).max())
-    return most + CLOSE_SHARE * abs(most) + TINY
+def above(most: float) -> float:
+    """A bound by more than rounding above the largest eigenvalue of many."""
+    return float(most + CLOSE_SHARE * abs(most) + TINY)
 
 
 @immutable
