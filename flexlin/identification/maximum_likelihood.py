@@ -220,13 +220,13 @@ def identify(
     search = Search(scene, fitted, paths, low, high, lambda: watch.clock >= most)
     windows = Windows.of(fitted, positive("window", window))
     with part(0.0, 0.5):
-        best, again = refine(search, windows, search.own), False
+        best, again = refine(search, windows, search.own, None), False
     for seed in range(whole("starts", starts) - 1):
         if best.convincing or again or search.late():
             break
         with part(0.5, 0.9):
-            other = refine(search, windows, choose_start(search, windows, best.point.p, seed))
-        again = other.settled and best.settled and are_still(best.point.p, other.point.p, best.unsure)
+            other = refine(search, windows, *choose_start(search, windows, best.point.p, seed), best)
+        again = other is best
         best = min(best, other, key=lambda end: end.unlikelihood)
     if not np.isfinite(best.unlikelihood):
         got, todo = "; ".join(log.notes) or None, "check signs, units and gains of the inputs, or fit fewer numbers"
@@ -314,14 +314,16 @@ class Search:
         return Problem(shooting, readings, scale, self.low, self.high, np.abs(self.own), allows)
 
 
-def choose_start(search: Search, windows: Windows, values: Array, seed: int) -> Array:
-    """Of the scene's values and some beside these those that meet heads of windows best: no vibration slips by a cycle there."""
+def choose_start(search: Search, windows: Windows, values: Array, seed: int) -> tuple[Array, Array]:
+    """Of the scene's values and some beside these those that meet heads of windows best, and from which starting states: no vibration
+    slips by a cycle there."""
     rng = np.random.default_rng(seed)
     others = np.clip(values * np.exp(rng.normal(0, 0.5, (HEAD_STARTS, len(values)))), search.low, search.high)
     heads = windows.head(HEAD_SHARE * float((windows.ends - windows.starts).max()))
     problem = search.pose(search.model(values), heads, values)
     points = [solve(problem, meet_all(problem, one), HEAD_STEPS, late=search.late) for one in (search.own, *others)]
-    return min(points, key=lambda point: point.cost).p
+    best = min(points, key=lambda point: point.cost)
+    return best.p, best.start
 
 
 def meet_all(problem: Problem, values: Array) -> Point:
@@ -333,7 +335,8 @@ def meet_all(problem: Problem, values: Array) -> Point:
 class End:
     """Where a search came to: the point, what is known there, and whether noise and numbers stayed before time or rounds ended.
 
-    unsure: standard errors (n_p,), 0 where there are none; steep: numbers with which readings do not move as slopes say.
+    unsure: standard errors (n_p,), 0 where there are none; steep: numbers with which readings do not move as slopes say; passed: the
+    numbers after each round.
     """
 
     problem: Problem
@@ -342,6 +345,7 @@ class End:
     unsure: Array
     settled: bool
     steep: tuple[str, ...]
+    passed: tuple[Array, ...] = ()
 
     @property
     def unlikelihood(self) -> float:
@@ -370,21 +374,27 @@ def find_noise(problem: Problem, point: Point, spent: Array | float = 0.0) -> tu
     return seen, np.maximum(size, 1e-9 * deviations(problem.readings))
 
 
-def refine(search: Search, windows: Windows, values: Array) -> End:
+def refine(search: Search, windows: Windows, values: Array, start: Array | None, rival: End | None = None) -> End:
     """The maximum of the likelihood from some values: noise and shapes of links are found anew until noise and numbers stay.
 
-    They have to stay on steps of half the length too: the method's error is then small beside the stated ones.
+    They have to stay on steps of half the length too: the method's error is then small beside the stated ones. A search that comes to
+    where a rival that has settled passed ends where that did.
     """
     model = search.model(values)
     problem = search.pose(model, windows, values)
-    point, steps, unsure = meet_all(problem, values), FIRST_STEPS, np.zeros(len(values))
+    point = meet_all(problem, values) if start is None else problem.at(start, values)
+    steps, unsure = FIRST_STEPS, np.zeros(len(values))
     evidence, settled, stays, finer = leave_unknown(problem, point, search.paths), False, False, 1
+    passed: tuple[Array, ...] = ()
     for k in range(ROUNDS):
         values = point.p
         with part(k / ROUNDS, (k + 1) / ROUNDS):
             point = solve(problem, point, steps, 1e-6 if k else FIRST_GAIN, search.late)
         if not np.isfinite(point.costs).all():
             break
+        if rival and rival.settled and any(are_still(point.p, one, rival.unsure) for one in rival.passed):
+            return rival
+        passed = (*passed, point.p)
         evidence = weigh_evidence(problem, point, search.paths)
         _, size = find_noise(problem, point, evidence.spent)
         found = np.array([evidence.errors.get(path, np.nan) for path in search.paths])
@@ -398,8 +408,11 @@ def refine(search: Search, windows: Windows, values: Array) -> End:
         before, model = model, search.model(point.p)
         steps = STEPS if model is before else NEW_STEPS
         damping = min(point.damping, FREED_DAMPING)
-        problem = search.pose(model, windows, point.p, size, finer)
-        point = problem.at(point.start, point.p)
+        posed = search.pose(model, windows, point.p, size, finer)
+        if model is before and posed.shooting.windows.h == problem.shooting.windows.h:
+            problem, point = problem.reweighed(point, size)
+        else:
+            problem, point = posed, posed.at(point.start, point.p)
         point.damping = damping
     if not settled:
         return End(problem, point, leave_unknown(problem, point, search.paths), unsure, False, ())
@@ -407,7 +420,7 @@ def refine(search: Search, windows: Windows, values: Array) -> End:
     if steep:
         none = leave_unknown(problem, point, list(evidence.known))
         evidence = replace(evidence, errors=none.errors, covariance=none.covariance, correlations={}, ahead=0.0)
-    return End(problem, point, evidence, unsure, True, steep)
+    return End(problem, point, evidence, unsure, True, steep, passed)
 
 
 def are_still(p: Array, before: Array, unsure: Array) -> bool:
@@ -422,9 +435,11 @@ def find_steep(problem: Problem, point: Point, evidence: Evidence, paths: list[s
         if np.isfinite(evidence.errors.get(path, np.nan)) and lengths[k] > 0:
             step = np.zeros_like(point.p)
             step[k] = 1 / lengths[k]
-            ahead, behind = (problem.at(point.start, point.p + way * step).residual for way in (1, -1))
-            with np.errstate(invalid="ignore"):  # beyond a bound both are infinite
-                found += [path] * bool(np.linalg.norm(ahead - behind) < 2 / SAFETY)
+            at = lambda way, step=step: problem.at(point.start, point.p + way * step).residual  # noqa: E731
+            with np.errstate(invalid="ignore"):  # beyond a bound all are infinite
+                ahead = at(1)
+                if np.linalg.norm(ahead - point.residual) < 1 / SAFETY:
+                    found += [path] * bool(np.linalg.norm(ahead - at(-1)) < 2 / SAFETY)
     return tuple(found)
 
 

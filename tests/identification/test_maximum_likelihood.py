@@ -264,9 +264,12 @@ def test_a_vibration_faster_than_half_of_the_sampling_is_named(every, seen):
 def test_coloured_residuals_let_other_starts_be_tried(monkeypatch, slow, tried):
     """However small: one start in ten of random two-link arms ended within a fiftieth of the readings, and 30 errors off, for good."""
     readings, chosen, real = clean(), [], maximum_likelihood.choose_start
+    weighed, weigh = [], maximum_likelihood.weigh_evidence
+    monkeypatch.setattr(maximum_likelihood, "weigh_evidence", lambda *a: weighed.append(len(chosen)) or weigh(*a))
     monkeypatch.setattr(maximum_likelihood, "choose_start", lambda *given: chosen.append(real(*given)) or chosen[-1])
     fl.identify(SCENE, noisy({**readings, "q1": readings["q1"] + slow * np.sin(7 * TIME)}), FREE, window=1.0)
-    assert len(chosen) == tried  # an end that is come to twice is the end
+    assert len(chosen) == tried
+    assert set(weighed) == {0}  # where the first search passed no other goes on: it would end there too
 
 
 @pytest.mark.parametrize("worse", thin([0, 1]))
