@@ -288,26 +288,18 @@ def with_colour(C: Array, J: Array, residual: Array) -> Array:
     b the sums of J' r over blocks. No variance is made smaller by it.
     Source: Newey, West (1987), A simple, positive semi-definite covariance matrix, Econometrica 55, 703.
     """
-    samples, J = residual.shape[1], J.reshape(*residual.shape, -1)
+    samples, J, S = residual.shape[1], J.reshape(*residual.shape, -1), np.zeros_like(C)
     lags = max(1, samples // RESIDUAL_BLOCKS)
-    both, pairs = (correlate(one, lags) for one in (residual, (residual != 0).astype(float)))
-    kernel = both / np.maximum(pairs, 1) * np.linspace(2, 0, lags, endpoint=False)[:, None]
-    kernel[0] /= 2
-    length = samples + lags  # so that no end meets the other
-    spectrum = np.fft.rfft(kernel, length, axis=0)[:, :, None] * np.fft.rfft(J, length, axis=1)
-    S = np.einsum("wnji,wnjk->ik", J, np.fft.irfft(spectrum, length, axis=1)[:, :samples])
+    for lag in range(lags):
+        now, then, weight = slice(lag, None), slice(None, samples - lag), (1 - lag / lags) * (1 + (lag > 0))
+        both = residual[:, now] * residual[:, then]
+        size = both.sum(axis=(0, 1)) / np.maximum(np.count_nonzero(both, axis=(0, 1)), 1)
+        S += np.einsum("wnji,wnjk->ik", weight * size[:, None] * J[:, now], J[:, then])
     edges = np.linspace(0, samples, RESIDUAL_BLOCKS + 1).astype(int)[:-1]
     sums = np.add.reduceat((J * residual[..., None]).sum(axis=2), edges, axis=1).reshape(-1, len(C))
     wide = np.maximum(np.diag(C @ S @ C), np.diag(C @ sums.T @ sums @ C))
     factor = np.sqrt(np.maximum(1.0, wide / np.maximum(np.diag(C), 1e-300)))
     return C * np.outer(factor, factor)
-
-
-def correlate(values: Array, lags: int) -> Array:
-    """sum_t v_t v_(t - k) of each column over all windows, (lags, columns)."""
-    length = values.shape[1] + lags
-    power = np.sum(np.abs(np.fft.rfft(values, length, axis=1)) ** 2, axis=0)
-    return np.asarray(np.fft.irfft(power, length, axis=0)[:lags])
 
 
 def find_colour(problem: Problem, point: Point) -> tuple[Array, bool]:

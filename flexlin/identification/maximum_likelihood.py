@@ -435,11 +435,9 @@ def find_steep(problem: Problem, point: Point, evidence: Evidence, paths: list[s
         if np.isfinite(evidence.errors.get(path, np.nan)) and lengths[k] > 0:
             step = np.zeros_like(point.p)
             step[k] = 1 / lengths[k]
-            at = lambda way, step=step: problem.at(point.start, point.p + way * step).residual  # noqa: E731
-            with np.errstate(invalid="ignore"):  # beyond a bound all are infinite
-                ahead = at(1)
-                if np.linalg.norm(ahead - point.residual) < 1 / SAFETY:
-                    found += [path] * bool(np.linalg.norm(ahead - at(-1)) < 2 / SAFETY)
+            ahead, behind = (problem.at(point.start, point.p + way * step).residual for way in (1, -1))
+            with np.errstate(invalid="ignore"):  # beyond a bound both are infinite
+                found += [path] * bool(np.linalg.norm(ahead - behind) < 2 / SAFETY)
     return tuple(found)
 
 
