@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtr
+from scipy.special import ndtr, stdtr
 
 from flexlin.analyses.audit.versions import Version, list_effect_versions, with_effect
 from flexlin.arguments import checked
@@ -50,6 +50,8 @@ class EffectTrial:
         Share of the squared errors that goes with the effect, in geometric mean; not a number where it was not judged.
     chance : float
         Probability of so consistent a gain by chance, of one effect that is not there.
+    t_ratio : float
+        The largest of its numbers over their standard errors in what was fitted; not a number where none is known.
     taken : bool
         Whether it was added.
     problem : str
@@ -66,6 +68,7 @@ class EffectTrial:
     after: tuple[str, ...]
     gain: float = np.nan
     chance: float = 1.0
+    t_ratio: float = np.nan
     taken: bool = False
     problem: str = ""
 
@@ -73,7 +76,8 @@ class EffectTrial:
         beside = f"beside {', '.join(self.after)}, " if self.after else ""
         if self.problem:
             return f"{beside}{self.effect}: not judged, {self.problem}"
-        change = f"{abs(100 * self.gain):.2g} % {'less' if self.gain > 0 else 'more'} squared error, by chance {self.chance:.1g}"
+        change = f"{abs(100 * self.gain):.3g} % {'less' if self.gain > 0 else 'more'} squared error, by chance {self.chance:.1g}"
+        change += f", its numbers {self.t_ratio:.3g} standard errors from zero" if np.isfinite(self.t_ratio) else ""
         change = change if abs(self.gain) > SLIGHT else "changes nothing"
         return f"{beside}{self.effect}: {change}{', taken' * self.taken}"
 
@@ -116,7 +120,8 @@ class EffectSelection(Shown):
         """
         import xarray
 
-        columns = {name: ("trial", [getattr(one, name) for one in self.trials]) for name in ("gain", "chance", "taken")}
+        judged = ("gain", "chance", "t_ratio", "taken")
+        columns = {name: ("trial", [getattr(one, name) for one in self.trials]) for name in judged}
         names = [one.effect for one in self.trials]
         return self.identification.to_xarray().merge(xarray.Dataset(columns, coords={"effect": ("trial", names)}))
 
@@ -141,8 +146,9 @@ def select_effects(
 
     The mean is over columns, and over quarters of the windows of what was kept back. An effect is added with figures that its own file
     proposes, and its numbers are fitted beside those that are free. It is taken where it gains most of all, a thousandth at least, and
-    better than chance: by Student's test over the quarters, at a level that all effects in question share. Then the others are tried once
-    more beside it, and what was taken before goes if it gains nothing any more. Assumes that quarters of a window err independently.
+    better than chance: its numbers are so many standard errors from zero, at a level that all effects in question share, and what was kept
+    back confirms it, by Student's test over the quarters at the root of that level, or at the level itself where no errors are known.
+    Then the others are tried once more beside it, and what was taken before goes if it gains nothing any more.
     Effects whose size nobody can propose (payload, hub, forces) are not tried: give them in the scene.
 
     Parameters
@@ -208,10 +214,10 @@ def select_effects(
         scene = fits.take_over(scene, numbers, best)
         further = fits.run(scene, numbers, PARTIAL, starts=1)
         loss, is_sure = compare(further.prediction, best.prediction), np.isfinite(list(further.errors.values())).any()
-        if is_sure and not is_likely(*loss, level):  # no effect is credited with what more steps gain
+        if is_sure and not is_gain(*loss, level):  # no effect is credited with what more steps gain
             best, scene = further, fits.take_over(scene, numbers, further)
         found = {name: fits.add(name, versions[name].make(scene), taken, best) for name in versions}
-        likely = [trial for trial, tried in found.values() if tried and is_likely(trial.gain, trial.chance, level)]
+        likely = [trial for trial, tried in found.values() if tried and is_likely(trial, level)]
         chosen = max(likely, key=lambda trial: trial.gain).effect if likely else None
         trials += [replace(trial, taken=trial.effect == chosen) for trial, _ in found.values()]
         if chosen is None:
@@ -223,7 +229,7 @@ def select_effects(
             rest, without = [other for other in taken if other != name], with_effect(scene, name, None)
             trial, tried = fits.leave_out(name, without, rest, best)
             trials.append(trial)
-            if tried and not is_likely(trial.gain, trial.chance, level):  # what came later does its work
+            if tried and not is_likely(trial, level):  # what came later does its work
                 scene, best, taken = without, tried, rest
     return EffectSelection(best, tuple(trials), tuple(taken), describe(trials, taken))
 
@@ -287,8 +293,7 @@ class Fits:
         except FlexlinError as error:
             return replace(trial, problem=" ".join(str(error).split())), None
         assert tried is not None
-        gain, chance = compare(before.prediction, tried.prediction)
-        return replace(trial, gain=gain, chance=chance), None if own and not tried.values.keys() & own else tried
+        return judge(trial, before, tried), None if own and not tried.values.keys() & own else tried
 
     def leave_out(
         self, name: str, made: Scene, rest: list[str], before: Identification
@@ -301,8 +306,7 @@ class Fits:
             tried = self.run(made, list_numbers(rest, made), PARTIAL, starts=1)
         except FlexlinError as error:
             return replace(trial, problem=" ".join(str(error).split())), None
-        gain, chance = compare(tried.prediction, before.prediction)
-        return replace(trial, gain=gain, chance=chance), tried
+        return judge(trial, tried, before), tried
 
 
 def choose_versions(scene: Scene, effects: Iterable[str] | None) -> dict[str, Version]:
@@ -336,6 +340,14 @@ def list_numbers(effects: Iterable[str], scene: Scene, required: bool = False) -
     return found
 
 
+def judge(trial: EffectTrial, without: Identification, found: Identification) -> EffectTrial:
+    """What the effect of a trial gains, and how far the numbers that it cannot be without are from zero."""
+    gain, chance = compare(without.prediction, found.prediction)
+    errors = {path: found.errors.get(path, np.nan) for path in list_numbers([trial.effect], found.scene, required=True)}
+    ratios = [abs(found.values[path]) / max(error, TINY) for path, error in errors.items() if np.isfinite(error)]
+    return replace(trial, gain=gain, chance=chance, t_ratio=max(ratios, default=np.nan))
+
+
 def compare(before: Prediction, after: Prediction) -> tuple[float, float]:
     """The gain, and the probability of so consistent a one by chance, from ratios of squared errors over quarters of windows."""
     if not np.array_equal(before.time, after.time):
@@ -346,7 +358,17 @@ def compare(before: Prediction, after: Prediction) -> tuple[float, float]:
     return float(-np.expm1(-ratios.mean())), float(chance)
 
 
-def is_likely(gain: float, chance: float, level: float) -> bool:
+def is_likely(trial: EffectTrial, level: float) -> bool:
+    """Whether its numbers are not zero by chance, and what was kept back confirms it; that alone decides where no errors are known.
+
+    It is the weaker test: neighbouring quarters of a window share the error of its starting state, which numbers do not.
+    """
+    if not np.isfinite(trial.t_ratio):
+        return is_gain(trial.gain, trial.chance, level)
+    return 2 * ndtr(-trial.t_ratio) < level and is_gain(trial.gain, trial.chance, np.sqrt(level))
+
+
+def is_gain(gain: float, chance: float, level: float) -> bool:
     """Whether there is a gain, and by chance less probably than that."""
     return gain > SLIGHT and chance < level
 
@@ -365,7 +387,7 @@ def describe(trials: list[EffectTrial], taken: list[str]) -> str:
     """What the log calls for, what it does not need, and what to do."""
     gains = {one.effect: one.gain for one in trials if one.taken}
     judged = dict.fromkeys(one.effect for one in trials if not one.problem and one.effect not in taken)
-    shares = ", ".join(f"{name} ({100 * gains[name]:.2g} % less squared error)" for name in taken)
+    shares = ", ".join(f"{name} ({100 * gains[name]:.3g} % less squared error)" for name in taken)
     nothing = "the log calls for no further effect" if judged else "no effect was judged"
     said = [f"the log calls for {shares}" if taken else nothing]
     if judged:

@@ -28,14 +28,16 @@ def log_of(scene, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("effects", "called_for"),
-    [({}, ()), ({"coulomb_friction": {"torque": [0.03], "rate": 0.1}}, ("coulomb_friction",)),
-     ({"viscous_friction": {"coefficient": [0.05]}}, ("viscous_friction",))],
+    ("coulomb", "viscous", "seed", "called_for"),
+    [(None, None, 4, ()), (0.03, None, 4, ("coulomb_friction",)), (None, 0.05, 4, ("viscous_friction",)),
+     (0.020033, None, 112, ("coulomb_friction",)), (0.03406, 0.02172, 111, ("coulomb_friction", "viscous_friction"))],
 )  # fmt: skip
-def test_the_effect_that_made_a_log_is_called_for_and_no_other(effects, called_for):
+def test_the_effect_that_made_a_log_is_called_for_and_no_other(coulomb, viscous, seed, called_for):
+    friction = {"torque": [coulomb], "rate": 0.1}, {"coefficient": [viscous]}
+    effects = {name: friction[name == FRICTIONS[0]] for name in called_for}
     bare = {"payload": {"mass": 0.1}, "geometric_stiffening": {}}
     true = scene_with(**bare, **effects)
-    found = fl.select_effects(scene_with(**bare), log_of(true, 4), FREE, FRICTIONS, window=1.0)
+    found = fl.select_effects(scene_with(**bare), log_of(true, seed), FREE, FRICTIONS, window=1.0)
     assert found.effects == called_for
     assert is_near(found.identification, true)
     assert [trial.effect for trial in found.trials if trial.taken] == list(called_for)
