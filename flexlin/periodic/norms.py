@@ -349,7 +349,7 @@ def hinf_norm(
     NotStable
         When the system is not stable: then the norm is infinite.
     ToleranceNotReached
-        When no level brackets the norm.
+        When the levels about the norm are more than a factor of three apart.
 
     References
     ----------
@@ -398,7 +398,7 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
 
     A level that no gain equals is above all of them where it is above one: that at the frequency where the least was found.
     The feedthrough's own gain is the least level; one that is said to lie below, where no larger gain is found, says nothing.
-    Raises: ToleranceNotReached when no level exceeds the norm.
+    Raises: ToleranceNotReached when the two lie so far apart that their middle says little.
     """
     _, *ports = problem.plant.series
     *largest, direct = map(find_largest_gain, ports)  # no level below the last one has a Hamiltonian system
@@ -414,6 +414,8 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
     for _ in range(MOST_STEPS):
         before, unbounded = (low, high), np.isinf(high)
         narrow = high - low <= 2 * tol * high or any(low < one < high for one in hidden)
+        if unbounded and aside > 1 / PARTIAL:
+            break
         if unbounded or (low == direct < min(peak, high) * (1 - aside)):
             level = peak * (1 + aside) if unbounded else min(peak, high) * (1 - aside)
         elif narrow:
@@ -433,10 +435,13 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
         if (low, high) == before:
             hidden.append(level)
         aside *= SAFETY
-    if np.isinf(high):
-        raise ToleranceNotReached(
-            "no level exceeds the norm", got=f"{level:.3g}", todo="is the system nearly unstable?"
-        )
-    if high - low > 2 * tol * high and not problem.constant and search.best[0] > search.floor:
+    if low < (1 - 2 * tol) * high and not problem.constant and search.best[0] > search.floor:
         low = max(low, search.between(search.best[1])[0])
+    if low < PARTIAL * high:
+        raise ToleranceNotReached(
+            "rounding hides the norm: the levels that are known to lie below and above it are far apart",
+            got=f"{low:.3g} and {high:.3g}",
+            expected=f"more than {PARTIAL:g} of the upper one",
+            todo="is the system nearly unstable? add damping, or take states of like sizes",
+        )
     return HinfNorm((low + high) / 2, (high - low) / 2 + EPS * high, search.best[1])

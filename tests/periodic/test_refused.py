@@ -12,7 +12,7 @@ from flexlin.control import sampled_floquet
 from flexlin.errors import ArgumentError, NumericalError
 from flexlin.periodic import build_companion, complex_schur, find_spectrum, finite_horizon_riccati, periodic_riccati
 from flexlin.periodic.riccati.scattering import scatter_hamiltonian
-from tests.periodic.systems import mathieu_second_order
+from tests.periodic.systems import mathieu_second_order, turned
 
 ONE, EYE, TURN = np.eye(1), np.eye(2), 2 * np.pi
 UNSTABLE, LAG = (fl.PeriodicSystem([[rate]], 1.0, B=ONE) for rate in (0.1, -1.0))
@@ -22,6 +22,10 @@ OSCILLATOR = fl.PeriodicSystem([[0.0, 1.0], [-1.0, 0.0]], TURN, B=[[0.0], [1.0]]
 UNREACHED, UNSEEN = (fl.PeriodicSystem(np.diag([0.5, -1.0]), 1.0, B=[[b], [1.0]]) for b in (0.0, 1.0))
 HIDDEN = fl.PeriodicSystem(np.diag([-1.0, -2.0]), 1.0, B=[[1.0], [0.0]])
 APART, SEEN = np.array([[0.5, 0.0], [0.3, -1000.0]]), fl.PeriodicSystem(np.diag([0.5, -1000.0]), 1.0, np.ones((2, 1)))
+HARDLY_SEEN, FAR_FROM_NORMAL = (
+    turned(A, np.eye(2)[:, 1:], np.eye(2)[1:], 5.0)
+    for A in ([[-1e-7, 100.0], [0.0, -1.0]], [[-1.0, 1e12], [0.0, -1.0]])
+)
 MIX = np.linalg.qr(np.random.default_rng(0).normal(size=(2, 2)))[0]
 MIXED = fl.PeriodicSystem(MIX @ APART @ MIX.T, 1.0, MIX[:, 1:])
 TOO_WEAKLY = "^(?!.*actuator).*too weakly to be computed with.*its share is "
@@ -62,6 +66,8 @@ def through(D, system=LAG, C=ONE):
 
 CASES = [
     *[(errors.NotStable, "stable", norm, UNSTABLE, ONE) for norm in (fl.h2_norm, fl.hinf_norm)],
+    (errors.ToleranceNotReached, "hides the norm", fl.hinf_norm, *HARDLY_SEEN),
+    (errors.NotStable, "none that is known", fl.h2_norm, *FAR_FROM_NORMAL),
     *[(ArgumentError, "C does not fit", norm, LAG, [[1.0, 2.0]]) for norm in (fl.h2_norm, fl.hinf_norm)],
     *[(ArgumentError, "no input", norm, DEAF, ONE) for norm in (fl.h2_norm, fl.hinf_norm, fl.invariant_zeros)],
     (ArgumentError, "D does not fit", fl.hinf_norm, LAG, ONE, [[1.0, 2.0]]),

@@ -64,10 +64,11 @@ def star_product(first: Array, second: Array) -> Array:
     """
     (F1, G1, H1), (F2, G2, H2), both = first, second, np.empty_like(first)
     n = F1.shape[-1]
-    W = solve_segments(np.eye(n) + G1 @ H2, np.concatenate([F1, G1], axis=-1), "I + G1 H2")
-    forward, spread = W[..., :n], W[..., n:]
-    both[0], both[1] = F2 @ forward, G2 + symmetrize(F2 @ spread @ transpose(F2))
-    both[2] = H1 + symmetrize(transpose(F1) @ H2 @ forward)
+    with np.errstate(over="ignore", invalid="ignore"):  # what leaves the range of numbers is refused later
+        W = solve_segments(np.eye(n) + G1 @ H2, np.concatenate([F1, G1], axis=-1), "I + G1 H2")
+        forward, spread = W[..., :n], W[..., n:]
+        both[0], both[1] = F2 @ forward, G2 + symmetrize(F2 @ spread @ transpose(F2))
+        both[2] = H1 + symmetrize(transpose(F1) @ H2 @ forward)
     return both
 
 
@@ -297,8 +298,7 @@ def double_until_rest(
     scale = max(float(np.abs(whole[0]).max()), 1.0)
     for k in range(MAX_DOUBLINGS):
         try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                twice = star_product(whole, whole)
+            twice = star_product(whole, whole)
         except IllPosedSegment:
             _, G, H = np.abs(whole).max(axis=(1, 2))
             raise refuse(bool(H * limits[1] >= G * limits[0]), whole) from None
