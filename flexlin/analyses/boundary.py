@@ -194,10 +194,9 @@ def describe_causes(family: Family, point: Array) -> str:
     cause = next(iter(family.resonances(point)), None)
     if cause is None:
         return "its growth is too slow to name a resonance"
-    if cause.kind != "average":
-        return f"{cause.kind} resonance of order {cause.order}: {cause.condition}"
-    still = abs(cause.exponent.imag) <= abs(cause.exponent) * 1e-6
-    return "divergence" if still else cause.own_cause
+    if cause.kind == "average":
+        return cause.own_cause
+    return f"{cause.kind} resonance of order {cause.order}: {cause.condition}"
 
 
 UNASKED_SECONDS = 1.25

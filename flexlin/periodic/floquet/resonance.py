@@ -41,6 +41,8 @@ class Resonance:
         locked, by_chance = (abs(one % self.w - half) <= CUBE_ROOT_EPS * self.w for one in (self.exponent.imag, own))
         if locked and not by_chance:
             return f"parametric resonance at w / 2 = {half:.4g} rad/s"
+        if abs(self.exponent.imag) <= CUBE_ROOT_EPS * abs(self.exponent):
+            return "divergence, by no resonance with the motion"
         return f"flutter near {own:.4g} rad/s, by no resonance with the motion"
 
     @property
@@ -89,7 +91,7 @@ def identify_resonance(exponent: complex, share: Array, values: Array, w: float)
     half = (share.shape[1] - 1) // 2
     strongest = share.max(axis=1)
     harmonic = share.argmax(axis=1) - half
-    a, b = (int(m) for m in np.argsort(-strongest)[:2])
+    a, b = np.argsort(-strongest)[[0, min(1, len(strongest) - 1)]].tolist()  # a mode may be alone
     wa, wb = float(values[a].imag), float(values[b].imag)
     order = int(harmonic[b] - harmonic[a])
     detuning = abs(wa - wb - (harmonic[a] - harmonic[b]) * w)
