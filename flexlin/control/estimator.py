@@ -179,13 +179,13 @@ def said_of_a_filter() -> Iterator[None]:
         yield
     except NotStabilizable as reason:
         raise NotDetectable(
-            "a mode that does not decay is not seen by the measurement",
+            reason.what.replace("cannot be", "is not").replace("reached by the input", "seen by the measurement"),
             got=reason.got,
             todo="add a sensor that sees it",
         ) from None
     except NotDetectable as reason:
         raise NotStabilizable(
-            "a mode that does not decay is not excited by the noise W",
+            reason.what.replace("seen by the weight Q", "excited by the noise W"),
             got=reason.got,
             todo="give the mode's states noise in W",
         ) from None

@@ -25,9 +25,8 @@ from flexlin.periodic.sampled import (
     judge_samples,
     sampled_floquet,
 )
-from flexlin.periodic.sampled_cost import SampledProblem, bound_rounding, solve_samples, spread_noise, weigh_samples
+from flexlin.periodic.sampled_cost import SampledProblem, solve_balanced, spread_noise, weigh_samples
 from flexlin.periodic.system import PeriodicSystem, as_port, resolve_beside, with_matrices
-from flexlin.precision import SAFETY
 from flexlin.summary import immutable
 
 
@@ -205,8 +204,7 @@ def sampled_lqr(
         weigh_samples(system, *weights, turn, delay / sample_time, tol, stages)
         for stages in (STEP_STAGES, STEP_STAGES + 2)
     ]
-    (X, K), (_, other) = (solve_samples(problem) for problem in problems)
-    error = state_error(K, other, bound_rounding(problems[0], X, K))
+    X, K, error = solve_balanced(*problems)
     if delay:
         X[:, system.n :, system.n :] += problems[0].late
     return SampledDesign(system, K, X, turn.instants, sample_time, delay, error)
@@ -376,12 +374,11 @@ def sampled_estimator(
     for stages in (STEP_STAGES, STEP_STAGES + 2):
         F, added = spread_noise(system, excited, turn, tol, stages)
         nothing = np.zeros((turn.samples, n, p))
-        dual = SampledProblem(transpose(F)[::-1], transpose(seen)[::-1], added[::-1], nothing, noise[::-1], noise)
-        with said_of_a_filter():
-            X, K = solve_samples(dual)
-        found.append((dual, X, K))
-    (dual, X, K), (*_, other) = found
-    error = state_error(K, other, bound_rounding(dual, X, K))
+        found.append(
+            SampledProblem(transpose(F)[::-1], transpose(seen)[::-1], added[::-1], nothing, noise[::-1], noise)
+        )
+    with said_of_a_filter():
+        X, K, error = solve_balanced(*found)
     P, L = np.roll(X[::-1], 1, axis=0), transpose(K[::-1])
     M = P @ transpose(seen) @ np.linalg.inv(seen @ P @ transpose(seen) + noise)
     return SampledEstimator(system, seen, P, M, L, t, sample_time, error)
@@ -398,8 +395,3 @@ def find_round(system: PeriodicSystem, sample_time: float, delay: float) -> Roun
             expected=f"such as sample_time = {system.period * turn.periods / turn.samples:.9g} s",
         )
     return turn
-
-
-def state_error(K: Array, better: Array, rounding: float) -> float:
-    """The error of gains, relative to the largest: what two more stages change, and rounding."""
-    return float(SAFETY * np.abs(better - K).max() / (np.abs(K).max() or 1.0) + rounding)

@@ -12,21 +12,24 @@ from flexlin.periodic.coefficients import Combined, MatrixFunction, assemble_ham
 from flexlin.periodic.related import beside
 from flexlin.periodic.riccati.linear_quadratic import refuse_mode
 from flexlin.periodic.riccati.scattering import (
+    balance_states,
     carry_costs_down,
     double_until_rest,
     grow_tree,
     scatter_hamiltonian,
     star_product,
     transpose,
+    twice,
 )
 from flexlin.periodic.sampled import Round, divide_sections, step_inputs
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.periodic.transition.gauss import DEFAULT_STAGES, gauss, place_nodes, sample_at
-from flexlin.precision import EPS, MINOR, ROOT_EPS
+from flexlin.precision import EPS, FAINT, MINOR, ROOT_EPS, SAFETY
 
 LARGEST_COST = 1e13
-"""A cost so many times its first one, or a memory that does not fade, says that a mode is not moved, or not seen."""
+"""A cost so many times what a sample's growth, input and weight make, or a memory that does not fade, says that a mode is not moved, or
+not seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,22 @@ class SampledProblem:
     N: Array
     R: Array
     late: Array
+
+    def reduced(self) -> tuple[Array, Array, Array]:
+        """F - G R^-1 N', G R^-1 G' and Q - N R^-1 N': the problem without its cross term."""
+        by_effort = np.linalg.solve(self.R, np.concatenate([transpose(self.G), transpose(self.N)], axis=2))
+        to_input, cross = np.split(by_effort, 2, axis=2)
+        return self.F - self.G @ cross, self.G @ to_input, self.Q - self.N @ cross
+
+    def express(self, states: Array, inputs: Array) -> "SampledProblem":
+        """The problem of states * z and inputs * u."""
+        F, G, Q = (
+            self.F * (states[:, None] / states),
+            self.G * (states[:, None] / inputs),
+            self.Q / np.outer(states, states),
+        )
+        both = np.outer(inputs, inputs)
+        return SampledProblem(F, G, Q, self.N / np.outer(states, inputs), self.R / both, self.late / both)
 
 
 def weigh_held(A: Array, B: Array, Q: Array, R: Array) -> Array:
@@ -103,6 +122,23 @@ def spread_noise(
     return F, added
 
 
+def solve_balanced(problem: SampledProblem, better: SampledProblem) -> tuple[Array, Array, float]:
+    """X, K, and the error of K relative to its largest entry: what a better problem changes, and rounding.
+
+    Raises: as `solve_samples`; NotStabilizable where no digit of K is known.
+    """
+    inputs = 2.0 ** np.round(np.log2(np.diagonal(problem.R, axis1=1, axis2=2).max(axis=0)) / 2)
+    states = balance_states(*problem.express(np.ones(problem.F.shape[1]), inputs).reduced())
+    problem, better = (one.express(states, inputs) for one in (problem, better))
+    (X, K), (_, other) = solve_samples(problem), solve_samples(better)
+    doubt = SAFETY * np.abs(other - K) + bound_rounding(problem, X, K)
+    K, doubt = (one * (states / inputs[:, None]) for one in (K, doubt))
+    error = float(doubt.max() / (np.abs(K).max() or 1.0))
+    if error >= 1:
+        raise refuse_at_samples(True, f"an error of {error:.1g} of the gains")
+    return X * np.outer(states, states), K, error
+
+
 def solve_samples(problem: SampledProblem) -> tuple[Array, Array]:
     """X (N, r, r) and K (N, m, r) of the stabilising solution, u_k = -K_k z_k.
 
@@ -115,9 +151,7 @@ def solve_samples(problem: SampledProblem) -> tuple[Array, Array]:
     Systems (2009), ch. 6.
     """
     try:
-        by_effort = np.linalg.solve(problem.R, np.concatenate([transpose(problem.G), transpose(problem.N)], axis=2))
-        to_input, cross = np.split(by_effort, 2, axis=2)
-        X = repeat_round(problem.F - problem.G @ cross, problem.G @ to_input, problem.Q - problem.N @ cross)
+        X = repeat_round(*problem.reduced())
         X = cost_gains(problem, gain_samples(problem, X))
         return X, gain_samples(problem, X)
     except (np.linalg.LinAlgError, NumericalError) as reason:
@@ -145,22 +179,45 @@ def gain_samples(problem: SampledProblem, X: Array) -> Array:
 def repeat_round(F: Array, G: Array, H: Array) -> Array:
     """The cost (N, r, r) at the beginning of each of the steps of a round that repeats for ever."""
     levels = grow_tree(np.stack([F, G, H]), star_product)
-    whole = levels[-1][:, 0]
-    most = LARGEST_COST * max(float(np.abs(whole[1:]).max()), EPS)
-    return carry_costs_down(levels, double_until_rest(whole, (most, most), name_cause)[0])[:-1]
+    growth, moved, cost = np.maximum(np.abs(levels[0]).max(axis=(1, 2, 3)), [1.0, 1e-100, 1e-100])
+    most = LARGEST_COST * max(growth**2 / moved, cost), LARGEST_COST * max(growth**2 / cost, moved)
+    return carry_costs_down(levels, double_until_rest(levels[-1][:, 0], most, name_cause)[0])[:-1]
 
 
 def name_cause(unreached: bool, whole: Array) -> NumericalError:
     """Why rounds that are doubled, at last a segment (3, r, r), do not rest."""
     F, _, H = np.abs(whole).max(axis=(1, 2))
-    got = f"a cost of {H:.2g}" if unreached else f"a memory of {F:.2g} over the longest span"
+    return refuse_at_samples(
+        unreached, f"a cost of {H:.2g}" if unreached else f"a memory of {F:.2g} over the longest span"
+    )
+
+
+def refuse_at_samples(unreached: bool, got: str) -> NumericalError:
+    """The error of a mode that the samples do not move, or do not see."""
     else_do = ", or take another sampling time: some hide a mode from the samples"
-    return refuse_mode(unreached, got, " at the samples", else_do)
+    return refuse_mode(unreached, got, " at the samples, or too weakly to be computed with", else_do)
 
 
-def bound_rounding(problem: SampledProblem, X: Array, K: Array) -> float:
-    """What rounding of one step of the equation and its matrices, carried along the loop, makes of X, relative to its largest entry."""
-    loop = problem.F - problem.G @ K
-    size = float(np.abs(X).max()) or 1.0
-    weight = np.broadcast_to(np.eye(loop.shape[1]), loop.shape) * 8 * EPS * len(loop[0]) * size
-    return float(np.abs(repeat_round(loop, np.zeros_like(loop), weight)).max()) / size
+def bound_rounding(problem: SampledProblem, X: Array, K: Array) -> Array:
+    """What rounding of the terms of X, carried along the loop, and of K's own makes of the gains: (N, m, r).
+
+    -W <= E_k <= W,   D = L' D L + W,   |dK_ij| <= sqrt((T D T')_ii (L' D L)_jj),   L = F - G K,   T = (R + G' X G)^-1 G'
+    """
+    loop, size, ahead = (
+        problem.F - problem.G @ K,
+        [np.abs(one) for one in (problem.F, problem.G, K)],
+        np.roll(X, -1, axis=0),
+    )
+    F, G, gain = size
+    terms = transpose(np.abs(loop)) @ np.abs(ahead) @ (F + G @ gain) + np.abs(problem.N) @ gain
+    terms += (np.abs(problem.Q) + transpose(gain) @ np.abs(problem.R) @ gain) / 2
+    lost = SAFETY * EPS * loop.shape[1] * twice(terms)
+    units = np.sqrt(np.diagonal(lost, axis1=1, axis2=2).max(axis=0))
+    units = np.maximum(units, FAINT * units.max() or 1.0)
+    W = (lost / units).sum(axis=2) * units
+    D = repeat_round(loop, np.zeros_like(loop), W[:, :, None] * np.eye(len(units)))
+    D = np.roll(D, -1, axis=0)
+    to_input = np.linalg.solve(problem.R + transpose(problem.G) @ ahead @ problem.G, transpose(problem.G))
+    reached, carried = ((one @ D * one).sum(axis=2) for one in (to_input, transpose(loop)))
+    own = SAFETY * EPS * loop.shape[1] * (np.abs(to_input) @ np.abs(ahead) @ F + gain)
+    return np.asarray(np.sqrt(reached[:, :, None] * carried[:, None]) + own)

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from scipy.linalg import expm
+from scipy.linalg import expm, lapack
 
 from flexlin.checks import Array
 from flexlin.errors import IllPosedSegment, NumericalError
-from flexlin.periodic.coefficients import Constant, MatrixFunction
+from flexlin.periodic.coefficients import Constant, MatrixFunction, assemble_hamiltonian
 from flexlin.periodic.riccati.nodes import Nodes
 from flexlin.periodic.transition.factors import gauss_transitions
 from flexlin.precision import EPS, ROOT_EPS, TINY
@@ -285,6 +285,17 @@ def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
         return None
     steps = gauss_transitions(lambda t: A(np.mod(t, nodes.period)), edges) * (units[:, None] / units)
     return np.concatenate([steps[0::2], steps[1::2]])
+
+
+def balance_states(F: Array, G: Array, H: Array) -> Array:
+    """Units (n,), powers of two, in which rows and columns of a linear-quadratic problem (N, n, n each) are of like sizes.
+
+    Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001) 1885.
+    """
+    sizes = np.abs(assemble_hamiltonian(F, G, H)).max(axis=0)
+    np.fill_diagonal(sizes, 0.0)  # units leave it as it is
+    states, costates = np.split(np.log2(lapack.dgebal(sizes, scale=1, permute=0)[3]), 2)
+    return np.asarray(2.0 ** np.round((costates - states) / 2))
 
 
 def double_until_rest(

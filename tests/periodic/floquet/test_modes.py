@@ -128,10 +128,7 @@ def test_an_unstable_average_is_no_resonance():
     half = fl.PeriodicSystem(A, np.pi / found.exponent.imag)  # it turns by w / 2 by chance
     assert "flutter" in str(find_resonances(half, floquet_modes(half))[0])
     alone = fl.PeriodicSystem([[0.1]], 1.0)
-    assert (
-        str(*find_resonances(alone, floquet_modes(alone)))
-        == "growth 0.1 1/s: divergence, by no resonance with the motion"
-    )
+    assert str(*find_resonances(alone, floquet_modes(alone))).endswith(": divergence, by no resonance with the motion")
 
 
 @pytest.mark.parametrize(
