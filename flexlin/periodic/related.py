@@ -111,7 +111,8 @@ class PeriodicStateSpace:
         Raises
         ------
         ArgumentError
-            When the systems do not fit, or I - sign H D is singular: the loop has no solution.
+            When the systems do not fit, or I - sign H D is singular: the loop has no solution. Where it is singular between the times
+            that are looked at, what is computed of the loop raises this or UnresolvedCoefficient.
         """
         m, p, times = self.system.m, self.p, self.system.period * golden(np.arange(64))
         size = m + other.system.m, p + other.p
@@ -119,10 +120,11 @@ class PeriodicStateSpace:
         if (other.system.m, other.p) == (p, m):
             loop = np.eye(m) - sign * other.D(times) @ self.D(times)
             if np.linalg.svd(loop, compute_uv=False)[:, -1].min() < ROOT_EPS:
-                raise ArgumentError("the loop through both feedthroughs has no solution", got="I - sign D2 D1 singular")
+                raise ArgumentError(NO_LOOP, got="I - sign D2 D1 singular")
         return connect(self, other, wires, (m, other.p), (p, other.system.m))
 
 
+NO_LOOP = "the loop through both feedthroughs has no solution"
 Wires = tuple[Array, Array, Array]
 """F, G, L of u = F y + G r and L y, for the inputs and outputs of two systems, one's above the other's."""
 
@@ -131,10 +133,15 @@ def join(*matrices: Array, wires: Wires, which: int) -> Array:
     """One of A, B, C, D of two systems that are connected, from those of the first and those of the second.
 
     u = E (F C x + G r),   E = (I - F D)^-1
+
+    Raises: ArgumentError where no E exists.
     """
     A, B, C, D = map(beside, matrices[:4], matrices[4:])
     F, G, L = wires
-    E = np.linalg.inv(np.eye(len(F)) - F @ D)
+    try:
+        E = np.linalg.inv(np.eye(len(F)) - F @ D)
+    except np.linalg.LinAlgError:
+        raise ArgumentError(NO_LOOP, got="I - sign D2 D1 singular at some time") from None
     u, r = E @ F @ C, E @ G
     return np.asarray((A + B @ u, B @ r, L @ (C + D @ u), L @ D @ r)[which])
 

@@ -60,6 +60,10 @@ def swinging_force(t):
     return both_waves(t)[:, 0]
 
 
+def once_minus_one(t):
+    return np.sin(TURN * t)[:, None, None] - 2
+
+
 def through(D, system=LAG, C=ONE):
     return fl.PeriodicStateSpace(system, C, D)
 
@@ -88,6 +92,7 @@ CASES = [
     (ArgumentError, "two periods", add, through(ONE), through(ONE, fl.PeriodicSystem([[-1.0]], 2.0, B=ONE))),
     (ArgumentError, "inputs and outputs", mul, through(ONE), through(np.ones((2, 1)), C=np.ones((2, 1)))),
     (ArgumentError, "no solution", through(ONE).feedback, through(-ONE)),
+    (ArgumentError, "no solution.*some time", fl.floquet, through(ONE).feedback(through(once_minus_one)).system),
     (ArgumentError, "does not fit the system", through, None, LAG, np.ones((1, 2))),
     *[(ArgumentError, "delay", sampled_floquet, LAG, ONE, 0.1, late) for late in (0.2, -0.01)],
     (ArgumentError, "sample_time", sampled_floquet, LAG, ONE, 0.0),
