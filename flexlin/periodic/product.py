@@ -92,14 +92,17 @@ def periodic_vectors(factors: Array, times: Array, exponents: Array, ranks: Arra
 
     They are null vectors of cyclic systems, the orthonormal p_0 those of the closure, of which members of a cluster take different ones,
     by their ranks (m,).
-    Returns: p, and whether the factors know such vectors (m,): not where a mode is too fast for them.
+    Returns: p, and whether the factors know such vectors (m,): not where a mode is too fast for them, or numbers do not hold them.
     """
     turns = -exponents[:, None] * np.diff(times)
     loss = np.clip(turns.real, -LARGEST_LOG_GROWTH, LARGEST_LOG_GROWTH)
     system = cyclic_system(np.exp(loss + 1j * turns.imag)[..., None, None] * factors)
-    _, sigma, Vh = np.linalg.svd(system.closure)
     smallest = slice(None, -int(ranks.max()) - 2, -1)
-    x = system.expand(np.conj(np.swapaxes(Vh[:, smallest], -1, -2)))
+    try:
+        _, sigma, Vh = np.linalg.svd(system.closure)
+        x = system.expand(np.conj(np.swapaxes(Vh[:, smallest], -1, -2)))
+    except np.linalg.LinAlgError:  # factors beyond what numbers hold
+        return np.ones((*factors.shape[:2], len(exponents))), np.zeros(len(exponents), bool)
     small = sigma[:, smallest] < CUBE_ROOT_EPS * system.size[:, None]
     vectors = [one[:, :, rank if known[rank] else 0] for one, known, rank in zip(x, small, ranks, strict=True)]
     return np.stack(vectors, axis=-1), small[:, 0] & (np.abs(loss) < LARGEST_LOG_GROWTH).all(axis=1)

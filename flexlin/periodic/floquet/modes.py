@@ -24,7 +24,7 @@ from flexlin.periodic.transition.choose_segments import (
 )
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss
 from flexlin.plots.view import Series, Shown, View
-from flexlin.precision import EPS, ROOT_EPS
+from flexlin.precision import EPS, ROOT_EPS, TINY
 
 if TYPE_CHECKING:
     import pandas
@@ -148,7 +148,8 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
         p_(k+1) = exp(-lambda h_k) Phi_k p_k,   p_K = p_0;      q_k = exp(-conj(lambda) h_k) Phi_k^H q_(k+1)
 
     Where `floquet` has decoupled the system, they are the columns of its frame. Else each is the null vector of a cyclic two-point
-    system, condensed orthogonally: fast modes do not spoil slow ones, and those too fast for the segments get an infinite error.
+    system, condensed orthogonally: fast modes do not spoil slow ones, and those too fast for the segments, or that grow and
+    decay by more than numbers hold, get an infinite error.
     Assumes simple or semisimple exponents; at a defective one both modes coincide and `condition` is huge.
 
     Parameters
@@ -212,10 +213,13 @@ def solve_modes_at_nodes(system: PeriodicSystem, result: FloquetResult) -> Floqu
         right[:, :, part], known[part] = periodic_vectors(Phi, times, exponents, ranks)
         turned, _ = periodic_vectors(adjoint, back, exponents.conj(), ranks)
         left[:, :, part] = np.roll(turned[::-1], 1, axis=0)
-    right /= np.abs(right).max(axis=(0, 1))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        right, left = (one / np.abs(one).max(axis=(0, 1)) for one in (right, left))
+        lost = ~(np.abs(right * left).max(axis=(0, 1)) > TINY**0.5)  # grows and decays by more than numbers hold
+    right[:, :, lost] = left[:, :, lost] = 1.0
     left = biorthogonalize(left, right, same)
     right, left = right * scale[:, None], left / scale[:, None]
-    errors = np.where(known, result.errors, np.inf)
+    errors = np.where(known & ~lost, result.errors, np.inf)
     return FloquetModes(times[:-1], weights, system.period, result.exponents, errors, right, left)
 
 

@@ -253,23 +253,32 @@ class Segments:
         """The largest singular value of G: u -> y, where x(T) = turn x(0), |turn| = 1, from the best of some inputs (K, s m, r).
 
         It is sought by Lanczos' method from that input with some noise, which hides nothing: what is found lies below it.
+        Raises: ToleranceNotReached where numbers do not hold it.
         """
-        from scipy.sparse.linalg import LinearOperator, eigsh  # takes longer to load than a gain to find
+        from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh  # takes longer to load than a gain to find
 
         forth, back = self.respond(turn), self.adjoint.respond(np.conj(turn))
         K, size, _ = tried.shape
-        flat = np.linalg.qr(tried.reshape(K * size, -1))[0]
-        answers = forth(flat.reshape(K, size, -1)).reshape(-1, flat.shape[1])
-        best = flat @ np.linalg.svd(answers, full_matrices=False)[2][0].conj()
-        noise = np.random.default_rng(0).standard_normal((len(best), 2)) @ (1, 1j)
 
         def square(u: Array) -> Array:
             """G'G u."""
             return back(forth(u.reshape(K, size, 1))[::-1])[::-1].ravel()
 
-        G = LinearOperator((len(best), len(best)), square, dtype=complex)
-        start = best + noise / np.linalg.norm(noise)
-        found = eigsh(G, 1, ncv=LANCZOS_VECTORS, tol=CUBE_ROOT_EPS, v0=start, return_eigenvectors=False)
+        flat = np.linalg.qr(tried.reshape(K * size, -1))[0]
+        G = LinearOperator((len(flat), len(flat)), square, dtype=complex)
+        noise = np.random.default_rng(0).standard_normal((len(flat), 2)) @ (1, 1j)
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                answers = forth(flat.reshape(K, size, -1)).reshape(-1, flat.shape[1])
+                best = flat @ np.linalg.svd(answers, full_matrices=False)[2][0].conj()
+                start = best + noise / np.linalg.norm(noise)
+                found = eigsh(G, 1, ncv=LANCZOS_VECTORS, tol=CUBE_ROOT_EPS, v0=start, return_eigenvectors=False)
+        except (np.linalg.LinAlgError, ArpackError) as reason:
+            raise ToleranceNotReached(
+                "the largest gain was not found: it may be larger than numbers hold",
+                got=str(reason),
+                todo="is the system nearly unstable, or does it grow in a part of its period? add damping",
+            ) from None
         return float(np.sqrt(found[0]))
 
 

@@ -125,6 +125,13 @@ def test_a_feedthrough_that_no_gain_exceeds_is_the_norm_and_no_level_takes_back_
     assert fl.hinf_norm(fl.PeriodicSystem([[-0.1]], 1.0, B=[[1.0]]), [[0.0]], [[2.0]]).value == pytest.approx(2.0)
 
 
+def test_modes_that_numbers_do_not_hold_are_none_to_the_norm():
+    """Where the damping is large, all but its zero is far: the norm is that of x' = -c t^2 x + u, which goes with its cube root."""
+    damped = lambda a: fl.PeriodicSystem(lambda t: a * (np.cos(2 * np.pi * t) - 1)[:, None, None], 1.0, B=[[1.0]])  # noqa: E731
+    few, many = (fl.hinf_norm(damped(a), [[1.0]]).value for a in (3e3, 8 * 3e3))
+    assert few == pytest.approx(2 * many, rel=3e-3)
+
+
 @pytest.mark.parametrize("weak", [1e-7, 0.0])
 def test_an_oscillator_that_is_hardly_seen_beside_what_it_turns_with(weak):
     """Units by its share in the output made A 1e7 times as large there: sums that cancel hid the whole norm, which was refused."""
