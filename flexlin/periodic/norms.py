@@ -103,8 +103,10 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     power = resolve(combine(reach, B, solution.X), system.period, corners[:-1].tolist(), complete=True)
     square, quadrature = float(power.mean()[0, 0]), float(power.mean_error(corners[[0, -1]])[0, 0, 0])
     t = fourier_nodes(SAMPLES, system.period)
-    X, reached = np.abs(solution.X(t)), np.abs(B(t)).sum(axis=1)
-    doubt = solution.error * float(X.max()) * float((reached**2).sum(axis=1).mean()) + SAFETY * quadrature
+    doubt = float(
+        reach(np.abs(B(t)), np.broadcast_to(solution.entry_errors, (len(t), *solution.entry_errors.shape))).mean()
+    )
+    doubt += SAFETY * quadrature
     value = float(np.sqrt(max(square, 0.0)))
     return H2Norm(value, float(doubt / (2 * value) if value**2 > doubt else np.sqrt(abs(square) + doubt)))
 

@@ -168,6 +168,8 @@ class RiccatiSolution:
         Bounds |K error| / max |K| likewise.
     method_error : float
         The part of `error` that is not rounding.
+    entry_errors : array, shape (n, n)
+        Bound on |X error| entry by entry, at all times.
     doublings : int
         How often the period was doubled.
     segments : int
@@ -191,6 +193,7 @@ class RiccatiSolution:
     error: float
     gain_error: float
     method_error: float
+    entry_errors: Array
     doublings: int
     segments: int
     status: str

@@ -79,7 +79,7 @@ def solve_by_newton(
             continue
         finer = nodes.refine(corrected.X, seen)
         if finer is None and not bounded:
-            return corrected.solution(problem)
+            return corrected.solution(problem, np.full(corrected.X.shape[1:], inf))
         if finer is None:
             found = bound_error(problem, corrected, tol)
             if found is None:
@@ -153,11 +153,14 @@ class Corrected:
         return self.nodes.series(self.X * np.outer(self.samples.units, self.samples.units))
 
     def solution(
-        self, problem: LinearQuadratic, errors: tuple[float, float, float] = (inf, inf, inf)
+        self, problem: LinearQuadratic, entries: Array, errors: tuple[float, float, float] = (inf, inf, inf)
     ) -> RiccatiSolution:
-        """With the errors of X, of the gain and of the method where they are known."""
+        """With the errors of X's entries, of X, of the gain and of the method where they are known."""
         nodes = self.nodes
-        return RiccatiSolution(problem, nodes.period, nodes.wraps, self.series, *errors, 0, nodes.count, "converged")
+        all_errors = *errors, entries
+        return RiccatiSolution(
+            problem, nodes.period, nodes.wraps, self.series, *all_errors, 0, nodes.count, "converged"
+        )
 
 
 def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near: float) -> Corrected | None:
@@ -256,9 +259,12 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     reached = ((to_gain @ D) * to_gain).sum(axis=2).max(axis=1)
     error, gain_error = float(heights.max()) / height, sqrt(float((reached * heights).max())) / gain
     errors = np.array([error, gain_error, error * float((rows[0] / W).max())]) if q < 0.25 else np.full(3, np.inf)
+    each = np.sqrt(np.diagonal(D, axis1=1, axis2=2).max(axis=0)) if q < 0.25 else np.full(len(units), inf)
+    entries = np.outer(each, each)
     if errors.max() > tol:
         carried = carry_residual(corrected, F, MINOR * noise + doubt / SAFETY, W_nodes)
         if carried is not None:
+            entries = np.minimum(entries, SAFETY * add_up(carried) * both)
             parts = [part * both for part in carried]
             of_method = sum(float(np.abs(part).max()) for part in parts[:2])
             sizes = add_up(parts), add_up([to_gain @ part for part in parts]), of_method
@@ -269,7 +275,8 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     product = 2 * EPS * float((np.abs(to_gain) @ np.abs(X * both)).max()) + float(np.abs(to_gain @ late).max())
     of_X, of_gain, of_method = errors.tolist()
     of_X += 2 * EPS + float(np.abs(late).max()) / height
-    return corrected.solution(problem, (of_X, of_gain + product / gain, of_method))
+    entries = entries + 2 * EPS * np.abs(X * both).max(axis=0) + np.abs(late).max(axis=0)
+    return corrected.solution(problem, entries, (of_X, of_gain + product / gain, of_method))
 
 
 def carry_residual(corrected: Corrected, between: Array, noise: Array, W: Array) -> list[Array] | None:
