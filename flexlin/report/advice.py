@@ -90,10 +90,21 @@ def comment_on_cause(a: Analysis) -> Iterator[str]:
             )
 
 
+def find_fastest_mode(a: Analysis) -> float:
+    """The largest natural frequency of the averaged arm, in rad/s."""
+    M, K = (matrix.mean(axis=0) for matrix in (a.coefficients.M, a.coefficients.K))
+    return float(np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(M, K))).max()))
+
+
 def comment_on_zeros(a: Analysis) -> Iterator[str]:
-    """What no controller of the tip can overcome."""
-    if a.zeros is not None and a.zeros.verdict == "non-minimum phase":
-        slowest = min(z.real for z in a.zeros.exponents if z.real > 0)
+    """What no controller of the tip can overcome: a bandwidth above half the slowest zero, where the arm has modes that far.
+
+    Source: Skogestad, Postlethwaite, Multivariable Feedback Control (2005), section 5.7.
+    """
+    if a.zeros is None or a.zeros.verdict != "non-minimum phase":
+        return
+    slowest = min(z.real for z in a.zeros.exponents if z.real > 0)
+    if slowest / 2 < find_fastest_mode(a):
         rate = with_unit(format_decimal(slowest, 3), "1/s")
         yield (
             f"From motors to tip the arm is non-minimum phase, with a zero at {rate}: whatever the controller, "

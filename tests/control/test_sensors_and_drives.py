@@ -1,6 +1,7 @@
 """Sensors: against differences of positions and the beam's own shape. What the drives have to do: against the simulation, a motor's own
 equations, and limits that do not fit. Weights in physical sizes: Bryson's rule through the arm's own tip, for any number of modes."""
 
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -59,6 +60,8 @@ def test_a_report_names_the_zero_that_bounds_every_controller():
     exact = tip_zeros(found.plant)
     assert np.all(np.abs(found.zeros.exponents.real - exact.exponents.real) <= found.zeros.errors + exact.errors)
     assert "non-minimum phase" in next(comment_on_zeros(found))
+    far = replace(found.zeros, exponents=100 * found.zeros.exponents)  # far beyond every mode of the arm
+    assert not [*comment_on_zeros(replace(found, zeros=far))]
 
 
 @pytest.mark.slow
