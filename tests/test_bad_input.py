@@ -169,6 +169,8 @@ REFUSED = {
     "chart single-link --over links.0.length=5e-324:1:4": "links.0.length: got ",
     **{f"linearize single-link --points={count}": "expected a whole number from 2 on" for count in ("1e9", "-5", "1")},
     "design spinning-link": "[[designs]]",
+    "check single-link --set links.0.modes=1 links.0.modes=2": "named twice; got links.0.modes, links.0.modes, expected each once",
+    "check single-link --data nowhere": "--data names no folder; got nowhere",
     **{f"report single-link --tol={tol}": "accuracy.tol" for tol in ("0", "-1e-9", "nan", "inf", "1e9", "1e-30")},
     **dict.fromkeys(
         [

@@ -345,9 +345,13 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     """The scene with its overrides, once the output folder has been found usable; `usual`: the limit in s where nobody states one."""
     if options.out is not None:
         files.check_folder(options.out)
-    overrides = dict(flexlin.scene.parse_assignment(text) for text in options.overrides)
+    if options.data is not None and not options.data.is_dir():
+        raise ArgumentError("--data names no folder", got=str(options.data), expected="a folder that is there")
+    stated = [flexlin.scene.parse_assignment(text) for text in options.overrides]
     asked = {f"accuracy.{key}": getattr(options, name, None) for name, key in ACCURACY.items()}
-    overrides |= {key: value for key, value in asked.items() if value is not None}
+    stated += [(key, value) for key, value in asked.items() if value is not None]
+    name_once([key for key, _ in stated])
+    overrides = dict(stated)
     scene: Scene = flexlin.load_scene(options.scene, overrides, options.data)
     if usual is not None and "seconds" not in scene.accuracy.model_fields_set:
         scene = scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"seconds": usual})})
@@ -356,13 +360,18 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
         if getattr(options, name, None):
             setattr(options, name, [read_span(scene, asked) for asked in getattr(options, name)])
             keys += [key for key, *_ in getattr(options, name)]
-    if len(set(keys)) < len(keys):
-        raise ArgumentError("a number is named twice", got=", ".join(keys), expected="each once")
+    name_once(keys)
     send_limits(options.watch.begun, scene.accuracy)
     if options.out is None:
         options.out = Path("out") / Path(options.scene).stem
         files.check_folder(options.out)
     return scene
+
+
+def name_once(keys: list[str]) -> None:
+    """Raises: ArgumentError where a key is there twice: which of its values was meant nobody knows."""
+    if len(set(keys)) < len(keys):
+        raise ArgumentError("a number is named twice", got=", ".join(keys), expected="each once")
 
 
 def refuse_existing(path: Path) -> None:
@@ -406,5 +415,5 @@ def write_value(value: Any) -> str:
     """A value of an option as one would write it."""
     if isinstance(value, tuple):
         key, low, high, number = value
-        return f"{key}={low:g}:{high:g}" + (f":{number}" if number else "")
-    return f"{value:g}" if isinstance(value, float) else str(value)
+        return f"{key}={low:.15g}:{high:.15g}" + (f":{number}" if number else "")
+    return f"{value:.15g}" if isinstance(value, float) else str(value)
