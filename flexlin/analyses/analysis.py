@@ -63,7 +63,7 @@ CERTIFICATE_SECONDS = 5.0
 @dataclass
 class Stages:
     """What all stages of an analysis share: the arm alone and with the scene's own loop, times of a period with both ends, and the clock
-    that keeps each stage within its limits; `problems` says what is missing."""
+    that keeps each stage within its limits; `problems` says what is missing, `unanswered` what of it somebody asked for."""
 
     scene: Scene
     clock: Clock
@@ -71,6 +71,7 @@ class Stages:
     closed: Linearization
     t: Array
     problems: dict[str, str] = field(default_factory=dict)
+    unanswered: list[str] = field(default_factory=list)
 
     @property
     def asked(self) -> Accuracy:
@@ -78,11 +79,18 @@ class Stages:
         return self.scene.accuracy
 
     def attempt(
-        self, key: str, name: str, work: Callable[[], Answer], error_of: Measure = None, **how: float
+        self,
+        key: str,
+        name: str,
+        work: Callable[[], Answer],
+        error_of: Measure = None,
+        wanted: bool = False,
+        **how: float,
     ) -> Answer | None:
-        """As `Clock.attempt`; where there is no trustworthy answer, `problems` says why under `key`."""
+        """As `Clock.attempt`; where there is no trustworthy answer, `problems` says why under `key`; `wanted`: somebody asked for it."""
         answer, problem = self.clock.attempt(name, work, error_of, **how)
         self.problems |= {key: problem} if problem else {}
+        self.unanswered += [key] if problem and wanted else []
         return answer
 
 
@@ -115,6 +123,12 @@ class Analysis(Stages):
     audit: "Audit | None" = None
     sensitivity: "xarray.Dataset | None" = None
     steps: tuple[Step, ...] = ()
+
+    @property
+    def complete(self) -> bool:
+        """Whether all that was asked for has an answer: the scene's own loop, its designs, and what options and tables ask beside them."""
+        judged = all(loop.verdict != "failed" for loop in self.loops if loop is not self.open_loop)
+        return judged and not self.unanswered and not (self.audit and self.audit.problem)
 
     def validity(self, loop: Loop) -> ModelValidity:
         """Whether the linear model can be believed along the motion under one of the loops; only the own loop is simulated."""
@@ -372,7 +386,7 @@ def find_loop_margins(a: Analysis) -> None:
             continue
         broken = plant if law.controller is None else extend_system(plant, law.controller.rates)
         name = f"margins: {loop.name}"
-        one = a.attempt(name, name, partial(margins, broken, law.gain))
+        one = a.attempt(name, name, partial(margins, broken, law.gain), wanted=True)
         if one is not None and one.reason:
             a.clock.note(f"not all are known: {one.reason}")
         a.endured |= {} if one is None else {loop.name: one}

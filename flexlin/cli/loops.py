@@ -41,7 +41,7 @@ def design(work: Work, options: argparse.Namespace) -> int:
     made = [loop.design for loop in loops if loop.design is not None]
     if made:
         print_paths(work.write_files("gains", {}, report.gains_dataset(scene, plant, made, options.points)))
-    if len(made) < len(loops):
+    if any(loop.verdict == "failed" for loop in loops):
         return NO_ANSWER
     met = all(meets(options.require, loop.verdict, model.verdict) for loop, model in zip(loops, models, strict=True))
     return DONE if met else OTHER_VERDICT
@@ -118,7 +118,7 @@ def export(work: Work, options: argparse.Namespace) -> int:
         if loop.design is None:
             print(f"{loop.name}: {loop.problem}")
     print_paths(paths)
-    return NO_ANSWER if any(loop.design is None for loop in loops) else DONE
+    return NO_ANSWER if any(loop.verdict == "failed" for loop in loops) else DONE
 
 
 @scene_command("predict", "predict a measured log, without fitting anything to it", "log window", tol=False)

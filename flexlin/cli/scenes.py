@@ -152,9 +152,7 @@ def report_scene(work: Work, options: argparse.Namespace) -> int:
     print_paths(paths)
     if not meets(options.require, analysis.own.verdict, analysis.validity(analysis.own).verdict):
         return OTHER_VERDICT
-    asked = ("effects audit", "sensitivity", "margins: ", *["margin "] * bool(options.margins))
-    missing = any(key.startswith(asked) for key in analysis.problems) or (analysis.audit and analysis.audit.problem)
-    return NO_ANSWER if analysis.own.verdict == "failed" or missing else DONE
+    return DONE if analysis.complete else NO_ANSWER
 
 
 def summarize(analysis: "Analysis") -> None:
@@ -210,7 +208,7 @@ def chart(work: Work, options: argparse.Namespace) -> int:
     done = print_paths(paths)
     if problem:
         print(f"flexlin: {problem}", file=sys.stderr)
-    return NO_ANSWER if problem else done
+    return NO_ANSWER if problem or "failed" in data["verdict"].to_numpy() else done
 
 
 @scene_command(

@@ -63,14 +63,15 @@ def write_report(
     a.margins = find_margins(a, margins)
     if "effects" in extras:
         compare = partial(flexlin.audit, scene, progress=progress, tol=asked.tol)
-        a.audit = a.attempt("effects audit", "audit of the effects", compare)
+        a.audit = a.attempt("effects audit", "audit of the effects", compare, wanted=True)
     if "sensitivity" in extras:
-        a.sensitivity = a.attempt("sensitivity", "sensitivities", partial(flexlin.sensitivity, scene, tol=asked.tol))
+        find = partial(flexlin.sensitivity, scene, tol=asked.tol)
+        a.sensitivity = a.attempt("sensitivity", "sensitivities", find, wanted=True)
     if "loop_margins" in extras:
         analyses.find_loop_margins(a)
     if scene.uncertainty:
         name = "smallest change that makes the loop unstable"
-        a.nearest = a.attempt("uncertainty", name, partial(analyses.search_box, box))
+        a.nearest = a.attempt("uncertainty", name, partial(analyses.search_box, box), wanted=True)
     with clock.step("load the drawing library"):
         from flexlin.report.page import render_page
     data = record(a)
@@ -129,6 +130,6 @@ def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | Non
                 return analyses.find_margin(scene, path, limits, seconds / left, a.closed)
             return None
 
-        at_most = inf if chosen is not None else 4.0
-        found.append(a.attempt(f"margin {path}", f"critical values of {path}", work, at_most=at_most))
+        wanted, name = chosen is not None, f"critical values of {path}"
+        found.append(a.attempt(f"margin {path}", name, work, wanted=wanted, at_most=inf if wanted else 4.0))
     return tuple(margin for margin in reversed(found) if margin is not None)
