@@ -199,7 +199,7 @@ def chart(work: Work, options: argparse.Namespace) -> int:
             draw = partial(report.draw_charts, made)
             pictures = clock.stage("figures", draw, share=analyses.DRAWING_SHARE, last=True)
         except (NumericalError, TooLarge) as error:  # the numbers stand without a picture
-            pictures, problem = without(error), problem or str(error)
+            pictures = without(error)
         paths = write(pictures)
     print(pictures[0].caption)
     if "repaired" in data.attrs:
@@ -208,7 +208,7 @@ def chart(work: Work, options: argparse.Namespace) -> int:
     done = print_paths(paths)
     if problem:
         print(f"flexlin: {problem}", file=sys.stderr)
-    return NO_ANSWER if problem or "failed" in data["verdict"].to_numpy() else done
+    return NO_ANSWER if problem or data.attrs.get("search") or "failed" in data["verdict"].to_numpy() else done
 
 
 @scene_command(

@@ -131,5 +131,7 @@ def find_margins(a: "Analysis", chosen: "Mapping[str, tuple[float, float]] | Non
             return None
 
         wanted, name = chosen is not None, f"critical values of {path}"
-        found.append(a.attempt(f"margin {path}", name, work, wanted=wanted, at_most=inf if wanted else 4.0))
+        margin = a.attempt(f"margin {path}", name, work, wanted=wanted, at_most=inf if wanted else 4.0)
+        a.unanswered += [name] if margin and margin.gap and wanted else []
+        found.append(margin)
     return tuple(margin for margin in reversed(found) if margin is not None)

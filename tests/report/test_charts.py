@@ -10,7 +10,7 @@ import xarray
 import flexlin as fl
 from flexlin.analyses import Clock, CriticalValue, find_margin, unfold_frequencies
 from flexlin.cli import main
-from flexlin.report import Chart, choose_scale, draw_charts, find_boundary, say_bending, thin, trace_contour
+from flexlin.report import Chart, choose_scale, draw_charts, say_bending, thin, trace_contour
 from flexlin.scene import label_number
 from tests.files.reader import standing
 from tests.mechanics.scenes import plain_scene, swinging
@@ -89,14 +89,15 @@ def test_a_chart_says_where_its_links_bend_too_far_for_linear_equations():
     assert "linear model alone" in said
 
 
-def test_a_chart_over_one_number_says_where_its_search_had_to_end(monkeypatch):
-    scene, path = fl.load_scene("spinning-link"), "motion.joints.0.rate"
-    data = fl.sweep(scene, {path: np.linspace(2.0, 4.0, 9)})
-    monkeypatch.setattr("flexlin.report.charts.BOUNDARY_SHARE", 1e-4)
-    values, _ = find_boundary(scene, {path: (2.0, 4.0)}, data, Clock(scene.accuracy))
-    said = draw_charts(Chart(scene, data, values, []))[0].caption
-    assert "was not searched to the end" in said
-    assert "that time allowed leave gaps of up to" in said
+@pytest.mark.parametrize(("command", "option"), [("chart", "--over"), ("report", "--margins")])
+def test_a_search_over_one_number_that_had_to_end_says_so(command, option, tmp_path, monkeypatch, capsys):
+    for share in ("charts.BOUNDARY_SHARE", "writing.STAGE_SHARE"):
+        monkeypatch.setattr(f"flexlin.report.{share}", 1e-4)
+    asked = ["--out", str(tmp_path), option, "motion.joints.0.rate=2:4" + ":9" * (command == "chart")]
+    assert main([command, "spinning-link", *asked]) == 4  # not all was answered
+    said = capsys.readouterr().out
+    assert "that time allowed" in said
+    assert "leave gaps of up to" in said
     assert "does not change" not in said
 
 
@@ -164,7 +165,7 @@ def test_numbers_are_written_where_a_picture_meets_a_limit(tmp_path: Path, monke
 
     monkeypatch.setattr("flexlin.report.charts.draw_charts", endless)
     over = ["--over", "effects.payload.mass=0:0.3:9", "--set", "links.0.modes=1", "designs=[]", "control={}"]
-    assert main(["chart", "single-link", *over, "--limit-seconds", "2", "--out", str(tmp_path / "out")]) == 4
+    assert main(["chart", "single-link", *over, "--limit-seconds", "2", "--out", str(tmp_path / "out")]) == 0
     assert set(stood) == {"chart.html", "chart.nc", "chart.npz"}
     with np.load(tmp_path / "out/chart.npz", allow_pickle=False) as found:
         assert found["error"].shape == (9,)
