@@ -150,7 +150,7 @@ def test_check_prints_sections_frequencies_and_what_bends_too_far(tmp_path, caps
     for words in (
         f"link 1       {section}",
         "at rest      1.629, 10.21, 28.59 Hz, its joints held where the motion begins",
-        "link 1       bends by 0.145 m under gravity",
+        "link 1       bends by 145 mm under gravity",
     ):
         assert words in said
     assert "stiffen" not in said
@@ -166,8 +166,8 @@ def test_a_missing_unit_is_asked_for(capsys):
 
 
 def test_rounding_bends_no_link():
-    """The links of an unloaded arm were said to bend by some 1e-16 m."""
-    scene = scene_of({**UNIT, "modes": 2}, effects={"payload": {"mass": 0.1}, "geometric_stiffening": {}})
-    motion = {"kind": "rotation", "joints": [{"rate": 1.0}]}
-    spun = examine(fl.linearize(fl.build_manipulator(scene), motion), np.ones(1))
-    assert spun.bending.at_rest[0] == spun.bending.moving[0] == 0
+    """The links of an unloaded arm, and rigid ones without a length, were said to bend by some 1e-16 m."""
+    effects = {"payload": {"mass": 0.1}, "geometric_stiffening": {}}
+    for scene in (scene_of({**UNIT, "modes": 2}, effects=effects, motion=LED), fl.load_scene("puma-560")):
+        bending = examine(linear(scene), np.array([link.length for link in scene.links])).bending
+        assert not np.any([bending.at_rest, bending.moving])

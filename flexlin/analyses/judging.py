@@ -268,7 +268,7 @@ def find_bending(scene: Scene) -> float:
 
 def bend(lin: Linearization, lengths: Array) -> Array:
     """The largest deflection of each link's tip (links,) against its own base, K y = h at each posture; infinite where K is singular,
-    0 where it is rounding."""
+    0 where it is rounding of the arm's length."""
     t = lin.period * np.arange(SAMPLES) / SAMPLES
     c = lin.sample(t)
     try:
@@ -278,7 +278,7 @@ def bend(lin: Linearization, lengths: Array) -> Array:
     straight = lin.about.near.of_arm("axes", t, np.zeros_like(y))
     found = np.zeros(len(lengths))
     for i in range(len(lengths)):
-        own = y * [one.kind == "elastic" and one.link == i and one.mode is not None for one in lin.coordinates]
-        end = COLUMNS * (i + 1) - 1
-        found[i] = np.linalg.norm(lin.about.near.of_arm("axes", t, own)[:, :, end] - straight[:, :, end], axis=1).max()
-    return np.where(found > SUM_ROUNDING * lengths, found, 0.0)
+        own = [one.kind == "elastic" and one.link == i and one.mode is not None for one in lin.coordinates]
+        bent, end = lin.about.near.of_arm("axes", t, y * own) if any(own) else straight, COLUMNS * (i + 1) - 1
+        found[i] = np.linalg.norm(bent[:, :, end] - straight[:, :, end], axis=1).max()
+    return np.where(found > SUM_ROUNDING * lengths.sum(), found, 0.0)

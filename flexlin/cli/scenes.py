@@ -120,22 +120,22 @@ def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
         yield "at rest", "gives way under its loads even with its joints held: stiffen its links, or lessen the loads"
         return
     known = ", ".join(f"{frequency:.4g}" for frequency in rest.frequencies[:5])
-    yield "at rest", f"{say(known, 'Hz')}, its joints held where the motion begins"
+    yield "at rest", f"{report.with_unit(known, 'Hz')}, its joints held where the motion begins"
     bending = rest.bending
     if bending is None:
         return
     for i, share in enumerate(bending.largest):
         sides = ((bending.at_rest[i], "under gravity"), (bending.moving[i], "along the motion"))
-        said = " and ".join(f"{say(f'{size:.3g}', 'm')} {where}" for size, where in sides if size > 0)
+        said = " and ".join(f"{report.format_quantity(size, 'm')} {where}" for size, where in sides if size > 0)
         if said:
             further = BEYOND + ("" if stiffened else ", with effects.geometric_stiffening")
             beyond = "" if share <= analyses.SMALL_SHARE else MISTAKEN if share > 10 else further
             yield f"link {i + 1}", f"bends by {said}, {100 * share:.2g} % of its length{beyond}"
 
 
-def say(value: float | str, unit: str) -> str:
+def say(value: float, unit: str) -> str:
     """A value with its unit, which a scene without dimensions has not."""
-    return str(report.with_unit(value if isinstance(value, str) else f"{value:.4g}", unit))
+    return str(report.with_unit(f"{value:.4g}", unit))
 
 
 @scene_command("report", "write report.html and report.json", "require effects sensitivity margins loop_margins")
