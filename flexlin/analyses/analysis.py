@@ -211,7 +211,7 @@ def judge_period(a: Analysis) -> None:
     if result is not None and result.verdict == "unstable":
         look = partial(find_resonances, system, floquet_modes(system, result))
         a.resonances = tuple(a.attempt("resonances", "cause of the instability", look) or ())
-    work = partial(find_response, a.closed, system, a.t, a.asked.tol)
+    work = partial(find_response, a.closed, system, a.t, a.asked.tol, rest=True)
     response = a.attempt("response", "forced response", work, lambda found: found.relative_error)
     a.own = replace(a.own, response=response)
     follow_nonlinear(a)

@@ -14,7 +14,7 @@ from flexlin.linearization.linear import linearize
 from flexlin.linearization.linearization import Linearization
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.links import COLUMNS
-from flexlin.motion import SampledMotion
+from flexlin.motion import Motion, SampledMotion
 from flexlin.periodic.certificate import Certificate
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.response.forced import forced_response
@@ -32,7 +32,7 @@ class Response:
 
     `tip_by_bending` is the part of it that is left when only the elastic coordinates deviate; `error`, `amplification` and `status` are
     those of a forced response. Where a feedforward leads along an elastic motion, which any stable loop keeps, `law` commands the torque
-    and the amplification is not a number.
+    and the amplification is not a number. `at_rest`: the largest tip error in m that stays however slow the motion is, if it is known.
     """
 
     error: float
@@ -42,6 +42,7 @@ class Response:
     tip: Array
     tip_by_bending: Array
     law: Law | None = None
+    at_rest: float = float("nan")
 
     @property
     def relative_error(self) -> float:
@@ -59,8 +60,8 @@ class Response:
         return float(np.linalg.norm(self.tip_by_bending, axis=1).max()), float(self.tip_error.max())
 
 
-def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: float) -> Response:
-    """The periodic response to what the rigid motion leaves over, and what it does to the tip."""
+def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: float, rest: bool = False) -> Response:
+    """The periodic response to what the rigid motion leaves over, and what it does to the tip; `rest`: also to one at rest."""
     forward = scene_feedforward(closed, tol)
     if forward is None:
         solution = forced_response(loop, OfPlant(closed.forcing, 2 * closed.n, loop.n), tol)
@@ -72,7 +73,35 @@ def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: fl
     bent = states[:, : 2 * closed.n] * [coordinate.kind == "elastic" for coordinate in closed.coordinates * 2]
     rigid = tip_positions(closed, t, np.zeros_like(states))
     tip, by_bending = (tip_positions(closed, t, x) - rigid for x in (states, bent))
-    return Response(*known, states, tip, by_bending, None if forward is None else forward.law)
+    law, at_rest = None if forward is None else forward.law, find_tip_error_at_rest(closed, t[::4]) if rest else np.nan
+    return Response(*known, states, tip, by_bending, law, at_rest)
+
+
+def stand_still(motion: Motion) -> SampledMotion:
+    """The postures of a motion, at each of which the joints rest."""
+
+    def still(t: Array) -> tuple[Array, Array, Array]:
+        q = motion.sample(t)[0]
+        return q, np.zeros_like(q), np.zeros_like(q)
+
+    return SampledMotion(motion.joints, motion.period, motion.prescribed, motion.breaks, motion.periodic, sampler=still)
+
+
+def deflect(lin: Linearization, t: Array) -> Array:
+    """The deviations (N, n) that balance the loads at each time, K y = h; not numbers where K is singular."""
+    c = lin.sample(t)
+    try:
+        return np.asarray(np.linalg.solve(c.K, c.h[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        return np.full(c.h.shape, np.nan)
+
+
+def find_tip_error_at_rest(closed: Linearization, t: Array) -> float:
+    """The largest tip error of a loop that rests in each posture, in m; not a number where a joint is free, or the arm has no points."""
+    resting = linearize(closed.arm, stand_still(closed.motion), closed.control)
+    y = deflect(resting, t)
+    moved, rigid = (tip_positions(resting, t, one) for one in (y, 0 * y))
+    return float(np.linalg.norm(moved - rigid, axis=1).max())
 
 
 def arm_length(plant: Linearization) -> float:
@@ -234,16 +263,8 @@ def examine(plant: Linearization, lengths: Array) -> AtRest | None:
     """
     arm, motion = plant.arm, plant.motion
     held = replace(motion, prescribed=(True,) * motion.joints)
-
-    def still(t: Array) -> tuple[Array, Array, Array]:
-        q = motion.sample(t)[0]
-        return q, np.zeros_like(q), np.zeros_like(q)
-
-    resting = SampledMotion(
-        motion.joints, motion.period, held.prescribed, motion.breaks, motion.periodic, sampler=still
-    )
     try:
-        loads = [linearize(arm, one) for one in (resting, held)]
+        loads = [linearize(arm, one) for one in (stand_still(held), held)]
     except InputError:
         return None
     c = loads[0].sample(motion.period * np.arange(SAMPLES) / SAMPLES)
@@ -270,10 +291,8 @@ def bend(lin: Linearization, lengths: Array) -> Array:
     """The largest deflection of each link's tip (links,) against its own base, K y = h at each posture; infinite where K is singular,
     0 where it is rounding of the arm's length."""
     t = lin.period * np.arange(SAMPLES) / SAMPLES
-    c = lin.sample(t)
-    try:
-        y = np.linalg.solve(c.K, c.h[..., None])[..., 0]
-    except np.linalg.LinAlgError:
+    y = deflect(lin, t)
+    if np.isnan(y).any():
         return np.full(len(lengths), np.inf)
     straight = lin.about.near.of_arm("axes", t, np.zeros_like(y))
     found = np.zeros(len(lengths))

@@ -39,7 +39,7 @@ def comment_on_model(a: Analysis) -> Iterator[str]:
     """What to do where the linear model itself does not hold along the motion: its verdict then says little."""
     found = a.validity(a.own)
     if found.verdict == "invalid" and a.own.floquet is not None:
-        remedies = ["slow the motion down", "stiffen the links", "lower the payload"]
+        remedies = [*["slow the motion down"] * (not stays(a)), "stiffen the links", "lower the payload"]
         remedies += [("add feedback" if a.own.kind == "open" else "raise the gains")] * bool(a.plant.inputs)
         remedy = f"{', '.join(remedies[:-1])} or {remedies[-1]}"
         differs = found.reason is not None and found.reason.what == "difference"
@@ -314,27 +314,32 @@ def comment_on_tip(a: Analysis) -> Iterator[str]:
         yield f"In steady motion the tip stays up to {size} away from its rigid path, {explain_tip_error(a, largest)}."
 
 
-ELASTIC = 'or feed forward the elastic motion too (control.feedforward = "{}")'
+def stays(a: Analysis) -> bool:
+    """Whether most of the tip error stays however slow the motion is."""
+    return a.response is not None and a.response.at_rest > a.response.sizes[1] / 2
+
+
+ELASTIC = 'feed forward the elastic motion too (control.feedforward = "{}")'
 
 
 def explain_tip_error(a: Analysis, largest: float) -> str:
     """What makes most of a tip error, and what lowers it: what the scene does already is no advice."""
     assert a.response is not None
-    forward = a.scene.control.feedforward
+    forward, slower = a.scene.control.feedforward, "" if stays(a) else "slow down, or "
     if not a.plant.inputs:
-        return "by bending alone: slow down, or stiffen the links"
+        return f"by bending alone: {slower}stiffen the links"
     if a.response.law is not None:
         return f"with the {forward} feedforward: what is left is what it does not close"
     kinds, sizes = np.array([one.kind for one in a.plant.coordinates]), np.abs(a.response.states).max(axis=0)
     joints, motors = (sizes[: a.plant.n][kinds == kind].max(initial=0.0) for kind in ("joint", "motor"))
-    remedy = f"slow down, {ELASTIC.format('tip-exact') if a.response.tip.shape[1] == 2 else 'or stiffen them'}"
+    remedy = slower + (ELASTIC.format("tip-exact") if a.response.tip.shape[1] == 2 else "stiffen them")
     if np.linalg.norm(a.response.tip_by_bending, axis=1).max() > largest / 2:
         return f"most of it the links' bending, which no joint feedback removes: {remedy}"
     if "motor" in kinds and motors < joints / 2:
         return f"most of it the give of flexible joints, which no motor's feedback removes: {remedy}"
     gains = "add feedback" if a.own.kind == "open" else "raise the gains"
     rigid = f'feed the rigid torque forward (control.feedforward = "rigid"), or {gains}'
-    exact = f"{gains}, {ELASTIC.format('joint-exact')}"
+    exact = f"{gains}, or {ELASTIC.format('joint-exact')}"
     return f"most of it the joints' error: {rigid if forward == 'none' else exact}"
 
 

@@ -290,7 +290,7 @@ def describe_evidence(found: ModelEvidence) -> str:
     if found.what == "difference" and not math.isfinite(found.value):
         return OUTGROWN
     return {
-        "bending": f"{linear} links bend by {share} of the arm's length, too far for linear equations: slow down, or stiffen them",
+        "bending": f"{linear} links bend by {share} of the arm's length, too far for linear equations",
         "tip": f"{linear} tip is {share} of the arm's length, away from its rigid path, and deflections must be small",
         "difference": f"the linear answer misses the nonlinear one by {share} of the largest deviation",
         "stopped": f"the nonlinear equations lose their meaning after {format_quantity(found.bound, 's')}",
