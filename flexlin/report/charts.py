@@ -46,7 +46,7 @@ def find_boundary(
         find = partial(find_margin, scene, path, limits, seconds, loop=loop)
         margin, problem = clock.attempt("critical values", find)
         if margin is not None and margin.gap:
-            gap = with_unit_of(scene, path, f"{margin.gap:.2g}")
+            gap = with_unit_of(scene, path, f"{margin.gap:.3g}")
             problem = f"the {margin.values} values that time allowed leave gaps of up to {gap}"
         data.attrs["search"] = problem
         return [] if margin is None else list(margin.critical), []

@@ -326,6 +326,8 @@ def describe_filter(one: AnyFilter) -> str:
 
 CRITICAL_DIGITS = 4
 """Of a critical value."""
+FEW = 5
+"""Values of a search that had to end from which on its gaps say something."""
 SEARCHED = "margin "
 """What the keys of problems with critical values begin with; the number's path follows."""
 
@@ -333,7 +335,7 @@ SEARCHED = "margin "
 def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mapping[str, str] | None = None) -> str:
     """Becomes unstable at a motion frequency of 1.37 Hz (now 0.5) and at a payload mass of 0.41 kg (now 0.03).
 
-    Numbers whose search met a limit, by the problems, are named: of them nothing is known.
+    Numbers whose search met a limit, by the problems or after a FEW values, are named: of them nothing more is known.
     """
     met = [(margin, margin.nearest) for margin in margins]
     parts = []
@@ -345,10 +347,12 @@ def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mappin
     whole = [margin for margin, one in met if one is None and not margin.gap]
     kept = [with_unit_of(scene, m.path, f"a {name_number(m.path)} {say_ends(m.low, m.high)}") for m in whole]
     parts += [f"keeps its verdict for {' and '.join(kept)}"] if kept else []
-    gaps = [describe_gap(scene, margin, one) for margin, one in met if margin.gap]
-    parts += gaps + ["close the gaps by a narrower range (--margins) or more time (--limit-seconds)"] * bool(gaps)
-    left = [name_number(key.removeprefix(SEARCHED)) for key in problems or {} if key.startswith(SEARCHED)]
-    parts += [f"was not searched to the end over {' and '.join(left)}, of which nothing is said"] if left else []
+    gaps = [describe_gap(scene, margin, one) for margin, one in met if margin.gap and margin.values >= FEW]
+    left = [margin.path for margin in margins if margin.gap and margin.values < FEW]
+    left += [key.removeprefix(SEARCHED) for key in problems or {} if key.startswith(SEARCHED)]
+    few = f"was not searched to the end over {' and '.join(map(name_number, left))}, of which nothing more is said"
+    parts += gaps + [few] * bool(left)
+    parts += ["ask for a narrower range (--margins) or more time (--limit-seconds)"] * bool(gaps or left)
     return "; ".join(parts)
 
 
@@ -368,7 +372,7 @@ def say_value(scene: Scene, path: str, where: str, own: float) -> str:
 def describe_gap(scene: Scene, margin: Margin, one: CriticalValue | None) -> str:
     """Shows no change at 9 values of the motion frequency from 0.1 to 2 Hz that time allowed, which leave gaps of up to 0.3 Hz."""
     tried = "no other change" if one is not None else "the same verdict"
-    gap = with_unit_of(scene, margin.path, format_decimal(margin.gap, 2))
+    gap = with_unit_of(scene, margin.path, format_decimal(margin.gap, 3))
     where = with_unit_of(scene, margin.path, f"{name_number(margin.path)} {say_ends(margin.low, margin.high)}")
     low, high = max(margin.low, margin.searched[0]), min(margin.high, margin.searched[1])
     known = f", but none {say_ends(low, high)}" if low < high else ""

@@ -221,14 +221,16 @@ def test_a_search_that_had_to_end_says_where_a_change_may_hide():
     scene = fl.load_scene("single-link")
     path, limits = "motion.frequency", (0.125, 4.0)
     onset = CriticalValue(path, 2.5, 0.25, "onset", "not looked for", 2.0, np.nan)
-    margin = Margin(path, *limits, 0.5, 9, (), 0.5, (0.4, 0.9))
+    margin = Margin(path, *limits, 0.5, 9, (), 0.501, (0.4, 0.9))
     left = "shows the same verdict at the 9 values of motion frequency from 0.125 to 4 Hz that time allowed, "
-    left += "which leave gaps of up to 0.5 Hz"
-    todo = "close the gaps by a narrower range (--margins) or more time (--limit-seconds)"
+    left += "which leave gaps of up to 0.501 Hz"
+    todo = "ask for a narrower range (--margins) or more time (--limit-seconds)"
     assert describe_margins(scene, (margin,)) == f"{left}, but none from 0.4 to 0.9; {todo}"
     assert describe_margins(scene, (replace(margin, searched=(0.6, 0.4)),)) == f"{left}; {todo}"
+    none = "was not searched to the end over motion frequency, of which nothing more is said"
+    assert describe_margins(scene, (replace(margin, values=2, gap=3.875),)) == f"{none}; {todo}"
     said = describe_margins(scene, (replace(margin, high=2.6, critical=(onset,)),))
     known = "becomes unstable at a motion frequency between 2.25 and 2.6 Hz (now 0.5)"
     assert said.startswith(f"{known}; shows no other change")
     record = record_margin(replace(margin, critical=(onset,)))
-    assert (record["gap"], record["critical"][0]["error"]) == (0.5, 0.25)
+    assert (record["gap"], record["critical"][0]["error"]) == (0.501, 0.25)

@@ -171,7 +171,7 @@ def exhaust(scene: str, folder: Path, monkeypatch: pytest.MonkeyPatch, exhausted
 
 NOTED = {
     "forced response: lqr": "tip error, peak torque and peak power could not be compared",
-    "critical values of motion.frequency": "was not searched to the end over motion frequency, of which nothing is said",
+    "critical values of motion.frequency": "was not searched to the end over motion frequency, of which nothing more is said",
     "cause of the instability": "What is behind it was not found: cause of the instability: stopped at the time limit",
 }
 """Of stages what is said where they met their limit."""
