@@ -365,8 +365,9 @@ def measure_rounding(solution: PiecewiseSolution, sigma: float, Phi: Array) -> f
 
 def report_resonance(Phi: Array, sigma: float) -> ResonantForcing:
     """Name the multiplier nearest to 1; where that is none, states of other sizes make the condition singular."""
-    logs = find_spectrum(Phi).logs
-    nearest = logs[np.argmin(np.abs(logs))]
+    found = find_spectrum(Phi)
+    k = np.argmin(np.abs(found.logs))
+    nearest = found.logs[k] if abs(found.logs[k].imag) > found.rounding[k] else found.logs[k].real
     got = f"the multiplier {np.exp(nearest):.12g} with the periodicity condition's smallest singular value {sigma:.1e}"
     if abs(nearest) > MINOR:
         return ResonantForcing(

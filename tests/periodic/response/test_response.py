@@ -63,7 +63,7 @@ def test_a_mode_that_rings_behind_each_jump_of_the_force_is_followed():
 
 def test_resonance_names_the_multiplier_and_units_far_apart_are_none():
     for system, force, words, advice in (
-        (fl.PeriodicSystem([[0, 1.0], [-4.0, 0]], np.pi), beat, "the multiplier 1", "damping"),
+        (fl.PeriodicSystem([[0, 1.0], [-4.0, 0]], np.pi), beat, "the multiplier 1 with", "damping"),
         (fl.PeriodicSystem(colaneri, 2 * np.pi), [0.0, 1.0], "multiplier", "damping"),
         (fl.PeriodicSystem([[-1.0, 1e11], [0.0, -2.0]], 1.0), [1.0, 1.0], "no multiplier is near 1", "units"),
     ):
