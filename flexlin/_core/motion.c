@@ -9,6 +9,8 @@ static const double SAME[] = {1e-6, 1e-3, 0.1}; /* of ratios of multipliers that
 static const double ALONE = 0.01; /* an eigenvalue that moves by less than this part of the distance to its neighbour is in no block */
 static const double CLOSE = 0.1; /* couplings above this part of a gap move the pair by about their own size: of m multipliers of a split chain
                                   * by 1 / (2 m sin(pi / m)) */
+static const double COINCIDING = 1e-12; /* by which ratios of multipliers miss 1 that vectors are parted by: what couples them is far less, or they
+                                         * are one vector to that */
 static const double DOUBTED = 2.0; /* how many times the method's coupling counts where it is asked what has split a pair: better factors err too */
 static const double MOST = 300.0;  /* logarithm of the largest ratio of growths that differs from larger ones */
 static const double LOST = 0.5;    /* motion of a log by rounding beyond which nothing is known of the multiplier */
@@ -42,15 +44,18 @@ static void step_back(int n, int p, const cpx *T, cpx *X) {
 }
 
 /* X unit upper triangular with X = S (X o r) for the whole period, r_ji = mu_i / mu_j, in its first p columns; entries between multipliers whose
- * ratio is 1 up to `same` stay zero, and what couples these is left in N. */
+ * ratio is 1 up to `same` stay zero, and what couples these is left in N; without N they are parted as if their ratio missed 1 by that. */
 static void close_period(int n, int p, double same, const cpx *S, const cpx *total, cpx *X, cpx *N) {
-  for (int e = 0; e < n * n; e++) { X[e] = e % n < p ? e % (n + 1) == 0 : S[e]; N[e] = 0.0; }
+  for (int e = 0; e < n * n; e++) X[e] = e % n < p ? e % (n + 1) == 0 : S[e];
+  for (int e = 0; N && e < n * n; e++) N[e] = 0.0;
   for (int i = 0; i < p; i++)
     for (int j = i - 1; j >= 0; j--) {
       cpx own = 1.0 - find_ratio(total[i], total[j]), sum = S[j * n + i];
-      for (int l = j + 1; l < i; l++) sum += times(S[j * n + l], times(find_ratio(total[i], total[l]), X[l * n + i])) - times(X[j * n + l], N[l * n + i]);
-      if (cabs(own) < same) N[j * n + i] = sum;
-      else X[j * n + i] = over(sum, own);
+      for (int l = j + 1; l < i; l++)
+        sum += times(S[j * n + l], times(find_ratio(total[i], total[l]), X[l * n + i])) - (N ? times(X[j * n + l], N[l * n + i]) : 0.0);
+      if (cabs(own) >= same) X[j * n + i] = over(sum, own);
+      else if (N) N[j * n + i] = sum;
+      else X[j * n + i] = sum / same;
     }
 }
 
@@ -232,28 +237,32 @@ static double bound_block(int p, const Form *f, const double *loose) {
   return most;
 }
 
-/* Carry the eigenvectors backwards through all factors and sum what each adds. Returns 0 where modes that are not ordered by their growth grow
- * too far apart on the way for eigenvectors in double precision. */
+/* X at the end of the period, as `close_period` and `step_back` have it; S (n, n), work (n). Returns 0 where modes that are not ordered by their
+ * growth grow too far apart on the way for eigenvectors in double precision. */
+static int close_vectors(int p, double same, const Form *f, cpx *S, cpx *X, cpx *N, cpx *work) {
+  int n = f->n, count = f->count;
+  long size = (long)n * n;
+  for (long e = 0; e < size; e++) S[e] = e % (n + 1) == 0;
+  for (int k = count - 1; k >= 0; k--) step_back(n, p, f->T + k * size, S);
+  for (long e = 0; e < size; e++)
+    if (!isfinite(creal(S[e])) || !isfinite(cimag(S[e]))) return 0;
+  close_period(n, p, same, S, f->logs, X, N);
+  for (int turn = 1; p < n && turn < TURNS; turn++) {
+    pass_end(p, f, X, work);
+    for (int k = count - 1; k >= 0; k--) step_back(n, p, f->T + k * size, X);
+  }
+  pass_end(p, f, X, work);
+  return 1;
+}
+
+/* Carry the eigenvectors backwards through all factors and sum what each adds. Returns 0 where `close_vectors` does. */
 static int sum_factors(int p, double same, const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise,
                        const double *scale, const Sums *s) {
   int n = f->n, count = f->count;
   long size = (long)n * n;
-  for (long e = 0; e < size; e++) {
-    s->method[e] = s->squares[e] = s->sizes[e] = s->noise[e] = 0.0;
-    s->X[e] = e % (n + 1) == 0;
-  }
+  for (long e = 0; e < size; e++) s->method[e] = s->squares[e] = s->sizes[e] = s->noise[e] = 0.0;
   for (int i = 0; i < n; i++) s->shift[i] = 0.0;
-  for (int k = count - 1; k >= 0; k--) step_back(n, p, f->T + k * size, s->X);
-  for (long e = 0; e < size; e++) {
-    if (!isfinite(creal(s->X[e])) || !isfinite(cimag(s->X[e]))) return 0;
-    s->S[e] = s->X[e];
-  }
-  close_period(n, p, same, s->S, f->logs, s->X, s->N);
-  for (int turn = 1; p < n && turn < TURNS; turn++) {
-    pass_end(p, f, s->X, s->work);
-    for (int k = count - 1; k >= 0; k--) step_back(n, p, f->T + k * size, s->X);
-  }
-  pass_end(p, f, s->X, s->work);
+  if (!close_vectors(p, same, f, s->S, s->X, s->N, s->work)) return 0;
   find_left(n, s->X, f->Q + count * size, s->L);
   for (int k = count - 1; k >= 0; k--) {
     step_back(n, p, f->T + k * size, s->X);
@@ -407,4 +416,27 @@ int bound_motion(const Form *f, const double *factors, const double *better, con
   free(memory);
   free(space);
   return SOUND;
+}
+
+/* Right and left vectors (count, n, n) in the places of Q and T, of which Q has one more: columns of right and conjugates of columns of left belong
+ * to the modes, and left^H right is the identity. The last n - p modes are not parted where they stand apart from the others. */
+CALLED int find_vectors(int n, int count, int p, double complex *Q, double complex *T, double complex *closure, double complex *turn,
+                        double complex *logs) {
+  long size = (long)n * n;
+  Form f = {n, count, (cpx *)Q, (cpx *)T, (cpx *)closure, (cpx *)turn, (cpx *)logs, NULL, NULL};
+  cpx *X = malloc((4 * size + n) * sizeof(cpx)), *right = X + size, *left = X + 2 * size;
+  if (!X) return NO_MEMORY;
+  if (!may_part(p, &f)) p = n;
+  int code = close_vectors(p, COINCIDING, &f, X + 3 * size, X, NULL, X + 4 * size) ? SOUND : NOT_FINITE;
+  for (int k = count - 1; k >= 0 && code == SOUND; k--) {
+    cpx *Qk = f.Q + k * size, *Tk = f.T + k * size;
+    step_back(n, p, Tk, X);
+    multiply_complex(n, n, n, Qk, X, right);
+    find_left(n, X, Qk, left);
+    memcpy(Qk, right, size * sizeof(cpx));
+    for (int i = 0; i < n; i++)
+      for (int j = 0; j < n; j++) Tk[j * n + i] = conj(left[i * n + j]);
+  }
+  free(X);
+  return code;
 }

@@ -350,3 +350,14 @@ int find_schur_form(const Lapack *lapack, const double *factors, const double *s
   free(cut);
   return code;
 }
+
+/* The periodic Schur form of factors (count, n, n): Q (count + 1, n, n), T (count, n, n), and how the period closes. */
+CALLED int find_form(int n, int count, const double *factors, const void *lapack, double complex *Q, double complex *T, double complex *closure,
+                     double complex *turn, double complex *logs) {
+  double *defect = malloc(2L * n * n * sizeof(double));
+  if (!defect) return NO_MEMORY;
+  Form form = {n, count, (cpx *)Q, (cpx *)T, (cpx *)closure, (cpx *)turn, (cpx *)logs, defect, defect + n * n};
+  int code = find_schur_form(lapack, factors, NULL, &form);
+  free(defect);
+  return code;
+}

@@ -8,9 +8,8 @@ from scipy.interpolate import BPoly, PPoly
 from flexlin.checks import SUM_ROUNDING, Array, check_size
 from flexlin.errors import NumericalError
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import find_coinciding
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.product import balance_factors, periodic_vectors
+from flexlin.periodic.product import periodic_vectors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import METHODS, choose_setting, factor_period, place_segments
 
@@ -93,7 +92,7 @@ def slow_motions(
 def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, samples: int) -> tuple[Array, Array]:
     """Times (N,), both ends of the period included, and periodic right eigenvectors (k, N, n) of some exponents.
 
-    p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   the null vector of a cyclic system
+    p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   as `periodic_vectors`
     """
     n, setting = system.n, result.setting
     if setting.method not in METHODS:
@@ -102,13 +101,11 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
     grid = place_segments(system, setting)
     check_size(
         "a mode's system",
-        (8 + 64 * len(which)) * len(grid) * n * n,
+        88 * len(grid) * n * n,
         f"the modes need {len(grid)} transition matrices of order {n}: leave out the fastest modes, or lower the gains behind them",
     )
-    Phi, scale = balance_factors(factor_period(system, setting))
-    ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
-    found, _ = periodic_vectors(Phi, grid, result.exponents[which], ranks)
-    modes = np.moveaxis(found * scale[:, None], -1, 0)
+    found = periodic_vectors(factor_period(system, setting), grid, result.exponents)[0]
+    modes = np.moveaxis(found[:, :, which], -1, 0)
     return grid, np.concatenate([modes, modes[:, :1]], axis=1)
 
 

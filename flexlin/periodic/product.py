@@ -3,7 +3,6 @@
 import ctypes
 from dataclasses import dataclass
 from functools import cache
-from itertools import repeat
 
 import numpy as np
 from scipy.linalg import cython_lapack, lapack
@@ -11,7 +10,8 @@ from scipy.linalg import cython_lapack, lapack
 from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
-from flexlin.precision import CUBE_ROOT_EPS, EPS, LARGEST_LOG_GROWTH, MINOR, SAFETY, TINY
+from flexlin.periodic.circle import match_logs, measure_distances, wrap_log
+from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, LARGEST_LOG_GROWTH, MINOR, SAFETY, TINY
 
 GROUP_CONDITION = 1000.0
 """Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""
@@ -55,12 +55,8 @@ class CyclicSystem:
             rotated = level.Q @ np.concatenate([g[..., 0:last:2, :, :], g[..., 1:last:2, :, :]], axis=-2)
             tops.append(rotated[..., :n, :])
             g = np.concatenate([rotated[..., n:, :], g[..., last:, :, :]], axis=-3)
-        return self.expand(np.linalg.solve(self.closure, g[..., 0, :, :]), tops)
-
-    def expand(self, x: Array, tops: list[Array] | None = None) -> Array:
-        """Return all x_k (..., K, n, r) from x_0 (..., n, r); without tops for zero right sides."""
-        x = x[..., None, :, :]
-        for level, top in zip(self.levels[::-1], tops[::-1] if tops else repeat(0.0), strict=False):
+        x = np.linalg.solve(self.closure, g[..., 0, :, :])[..., None, :, :]
+        for level, top in zip(self.levels[::-1], tops[::-1], strict=True):
             pairs = level.R.shape[-3]
             left, right = x[..., :pairs, :, :], np.roll(x, -1, axis=-3)[..., :pairs, :, :]
             middle = np.linalg.solve(level.R, top - (level.left @ left + level.right @ right))
@@ -87,25 +83,70 @@ def cyclic_system(F: Array) -> CyclicSystem:
     return CyclicSystem(tuple(levels), C + D, np.linalg.norm(C, axis=(-2, -1)) + np.linalg.norm(D, axis=(-2, -1)))
 
 
-def periodic_vectors(factors: Array, times: Array, exponents: Array, ranks: Array) -> tuple[Array, Array]:
-    """p_k (K, n, m) with p_(k+1) = exp(-lambda_i h_k) F_k p_k, p_K = p_0, for factors (K, n, n) between times (K + 1,).
+find_form_in_core = declare(
+    "int find_form(int n, int count, const double *factors, const void *lapack, double complex *Q, double complex *T, "
+    "double complex *closure, double complex *turn, double complex *logs)",
+    lambda n, K, *_: ((K, n, n), (K + 1, n, n), (K, n, n), (n, n), n, n),
+)
+find_vectors_in_core = declare(
+    "int find_vectors(int n, int count, int p, double complex *Q, double complex *T, double complex *closure, double complex *turn, "
+    "double complex *logs)",
+    lambda n, K, *_: ((K + 1, n, n), (K, n, n), (n, n), n, n),
+)
 
-    They are null vectors of cyclic systems, the orthonormal p_0 those of the closure, of which members of a cluster take different ones,
-    by their ranks (m,).
-    Returns: p, and whether the factors know such vectors (m,): not where a mode is too fast for them, or numbers do not hold them.
+
+def periodic_vectors(factors: Array, times: Array, exponents: Array) -> tuple[Array, Array, Array]:
+    """p_k, q_k (K, n, n) for real factors (K, n, n) between times (K + 1,): of each exponent one, of all that there are.
+
+        p_(k+1) = exp(-lambda h_k) F_k p_k,   p_K = p_0,   q_k^H p_k = 1
+        F_k Q_k = Q_(k+1) T_k,   p_k = Q_k X_k c_k,   q_k = (Q_k X_k)^-H / conj(c_k),   log c_(k+1) = log c_k + log t_k - lambda h_k
+
+    Q, T: the periodic Schur form, t its diagonal; X: unit upper triangular, carried backwards through the period, on which what decays
+    faster loses weight. The largest entry of each p is 1. Each mode is the one whose own log is nearest to the exponent.
+    Returns: p, q, and whether the factors know such vectors (n,): not where a mode is too fast for them, or spans more than doubles hold.
     """
-    turns = -exponents[:, None] * np.diff(times)
-    loss = np.clip(turns.real, -LARGEST_LOG_GROWTH, LARGEST_LOG_GROWTH)
-    system = cyclic_system(np.exp(loss + 1j * turns.imag)[..., None, None] * factors)
-    smallest = slice(None, -int(ranks.max()) - 2, -1)
-    try:
-        _, sigma, Vh = np.linalg.svd(system.closure)
-        x = system.expand(np.conj(np.swapaxes(Vh[:, smallest], -1, -2)))
-    except np.linalg.LinAlgError:  # factors beyond what numbers hold
-        return np.ones((*factors.shape[:2], len(exponents))), np.zeros(len(exponents), bool)
-    small = sigma[:, smallest] < CUBE_ROOT_EPS * system.size[:, None]
-    vectors = [one[:, :, rank if known[rank] else 0] for one, known, rank in zip(x, small, ranks, strict=True)]
-    return np.stack(vectors, axis=-1), small[:, 0] & (np.abs(loss) < LARGEST_LOG_GROWTH).all(axis=1)
+    (K, n), (factors, scale), steps = factors.shape[:2], balance_factors(factors), np.diff(times)
+    period = times[-1] - times[0]
+    right, left = np.empty((K + 1, n, n), complex), np.empty((K, n, n), complex)
+    closure, turn, logs = np.empty((n, n), complex), np.empty(n, complex), np.empty(n, complex)
+    form = right, left, closure, turn, logs
+    if code := find_form_in_core(n, K, contiguous(factors), find_routines(), *form):
+        raise report_lost_product(code)
+    growth = np.log(np.diagonal(left, axis1=1, axis2=2))
+    column, apart = match_logs(exponents * period, logs)
+    known = apart < CUBE_ROOT_EPS * np.maximum(1.0, np.abs(logs[column]))
+    parted = max(1, 1 + int(column[known].max(initial=0)))
+    known &= not find_vectors_in_core(n, K, parted, *form)
+    right, left, growth = right[:-1, :, column], left[:, :, column], growth[:, column] - exponents * steps[:, None]
+    run = np.append(np.zeros((1, n)), growth.cumsum(axis=0), axis=0)
+    run -= wrap_log(run[-1] + np.log(turn[column])) * ((times - times[0]) / period)[:, None]
+    known &= np.ptp(run.real, axis=0) < LARGEST_LOG_GROWTH
+    run = np.where(known, run[:-1] - run.real.max(axis=0), 0)[:, None]
+    right *= scale[:, None] * np.exp(run)
+    largest = np.take_along_axis(right.reshape(-1, n), np.abs(right).reshape(-1, n).argmax(axis=0)[None], axis=0)
+    right /= largest
+    left *= np.exp(-run.conj()) / scale[:, None] * largest.conj()
+    make_real(
+        right,
+        left,
+        logs[column],
+        np.exp(1j * np.round(exponents.imag * period / np.pi) * np.pi / period * times[:-1, None]),
+    )
+    return right, left, known
+
+
+def make_real(right: Array, left: Array, logs: Array, turns: Array) -> None:
+    """Take, of real multipliers that coincide, vectors that are real times turns (K, n), in place: any in their span are theirs."""
+    near = measure_distances(logs, logs) + np.abs(np.sin(logs.imag))
+    for members in {tuple(np.flatnonzero(row).tolist()) for row in near < FAINT if row.sum() > 1}:
+        part = list(members)
+        turn = turns[:, None, part]
+        turned, dual = right[:, :, part] * turn, left[:, :, part] * turn
+        both = np.concatenate([turned.real, turned.imag], axis=-1)
+        found = both @ np.linalg.svd(both.reshape(-1, 2 * len(part)), full_matrices=False)[2][: len(part)].T
+        found /= np.abs(found).max(axis=(0, 1))
+        gram = np.einsum("tki,tkj->ij", dual.conj(), found) / len(left)
+        right[:, :, part], left[:, :, part] = found / turn, dual @ np.linalg.inv(gram).conj().T / turn
 
 
 def balance_factors(factors: Array) -> tuple[Array, Array]:
@@ -258,13 +299,18 @@ def find_spectrum(
     given = (contiguous(plain), contiguous(better), contiguous(start), limit, contiguous(steps), p, q, part)
     code = find_spectrum_in_core(n, K, *given, *map(contiguous, sides), routines, *made)
     if code:
-        raise NumericalError(
-            "the product of the transition matrices has no spectrum in double precision",
-            got="a factor that leaves the range of numbers" if code == 1 else "eigenvalues that are not found",
-            todo="use more segments, or scale the states",
-        )
+        raise report_lost_product(code)
     order = np.argsort(-logs.real, kind="stable")
     return ProductSpectrum(logs[order], shift[order], method[order], rounding[order], end, bool(stretched[0]))
+
+
+def report_lost_product(code: int) -> NumericalError:
+    """The error of factors whose product has no Schur form."""
+    return NumericalError(
+        "the product of the transition matrices has no spectrum in double precision",
+        got="a factor that leaves the range of numbers" if code == 1 else "eigenvalues that are not found",
+        todo="use more segments, or scale the states",
+    )
 
 
 def contiguous(values: Array | None) -> Array | None:

@@ -202,12 +202,12 @@ def follow_block(decoupled: Decoupled, index: int, group: Group) -> tuple[Array,
     if not errors.max() * period < CUBE_ROOT_EPS:
         return None
     middle, times = exponents.mean(), np.append(decoupled.times, period)
-    values = B - middle * np.eye(group.size)
-    Phi, p = gauss_transitions(lambda t: as_real(interpolated(values, period, t)), times), group.size
-    V, known = periodic_vectors(
-        Phi[:, :p, :p] + 1j * Phi[:, p:, :p], times, exponents - middle, np.zeros(group.size, int)
-    )
-    if not known.all() or not np.linalg.cond(V).max() < 1 / ROOT_EPS:  # else modes coincide nearly
+    p, turned = group.size, exponents - middle + 1j * GROUP_ANGLE / period
+    values = B + (turned - exponents)[0] * np.eye(p)
+    Phi = gauss_transitions(lambda t: as_real(interpolated(values, period, t)), times)
+    both, _, known = periodic_vectors(Phi, times, np.append(turned, turned.conj()))
+    V = (both[:, :p, :p] + 1j * both[:, p:, :p]) / 2  # [v; -i v] of its own, and nothing of a conjugate's [v; i v]
+    if not known[:p].all() or not np.linalg.cond(V).max() < 1 / ROOT_EPS:  # else modes coincide nearly
         return None
     return exponents, V, np.zeros(V.shape[:2])
 

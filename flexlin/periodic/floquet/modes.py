@@ -13,7 +13,7 @@ from flexlin.periodic.circle import assign, measure_distances
 from flexlin.periodic.floquet.by_decoupling import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.product import balance_factors, periodic_vectors
+from flexlin.periodic.product import periodic_vectors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choose_segments import (
     FEWER_SEGMENTS,
@@ -22,9 +22,9 @@ from flexlin.periodic.transition.choose_segments import (
     factor_by,
     place_segments,
 )
-from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss
+from flexlin.periodic.transition.gauss import gauss
 from flexlin.plots.view import Series, Shown, View
-from flexlin.precision import EPS, ROOT_EPS, TINY
+from flexlin.precision import EPS, ROOT_EPS
 
 if TYPE_CHECKING:
     import pandas
@@ -147,9 +147,9 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
 
         p_(k+1) = exp(-lambda h_k) Phi_k p_k,   p_K = p_0;      q_k = exp(-conj(lambda) h_k) Phi_k^H q_(k+1)
 
-    Where `floquet` has decoupled the system, they are the columns of its frame. Else each is the null vector of a cyclic two-point
-    system, condensed orthogonally: fast modes do not spoil slow ones, and those too fast for the segments, or that grow and
-    decay by more than numbers hold, get an infinite error.
+    Where `floquet` has decoupled the system, they are the columns of its frame. Else they follow from the periodic Schur form of the
+    segments: fast modes do not spoil slow ones, and those too fast for the segments, or that grow and decay by more than numbers
+    hold, get an infinite error.
     Assumes simple or semisimple exponents; at a defective one both modes coincide and `condition` is huge.
 
     Parameters
@@ -202,24 +202,8 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
 def solve_modes_at_nodes(system: PeriodicSystem, result: FloquetResult) -> FloquetModes:
     """The modes of some exponents, from transition matrices between the nodes."""
     times, weights, Phi = factor_at_nodes(system, result)
-    Phi, scale = balance_factors(Phi)
-    n, same = Phi.shape[-1], find_coinciding(result.log_multipliers)
-    size = max(1, CHUNK_BYTES // (64 * Phi.size))
-    right, left, known = *(np.empty((len(Phi), n, n), complex) for _ in range(2)), np.empty(n, bool)
-    adjoint, back = np.swapaxes(Phi[::-1], -1, -2), times[-1] - times[::-1]
-    for i in range(0, n, size):
-        part = slice(i, i + size)
-        ranks, exponents = np.tril(same, -1).sum(axis=1)[part], result.exponents[part]
-        right[:, :, part], known[part] = periodic_vectors(Phi, times, exponents, ranks)
-        turned, _ = periodic_vectors(adjoint, back, exponents.conj(), ranks)
-        left[:, :, part] = np.roll(turned[::-1], 1, axis=0)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        right, left = (one / np.abs(one).max(axis=(0, 1)) for one in (right, left))
-        lost = ~(np.abs(right * left).max(axis=(0, 1)) > TINY**0.5)  # grows and decays by more than numbers hold
-    right[:, :, lost] = left[:, :, lost] = 1.0
-    left = biorthogonalize(left, right, same)
-    right, left = right * scale[:, None], left / scale[:, None]
-    errors = np.where(known & ~lost, result.errors, np.inf)
+    right, left, known = periodic_vectors(Phi, times, result.exponents)
+    errors = np.where(known, result.errors, np.inf)
     return FloquetModes(times[:-1], weights, system.period, result.exponents, errors, right, left)
 
 
@@ -242,16 +226,6 @@ def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Arra
 def find_coinciding(logs: Array) -> Array:
     """Which logs of multipliers agree modulo 2 pi i, (n, n) booleans."""
     return measure_distances(logs, logs) < ROOT_EPS
-
-
-def biorthogonalize(left: Array, right: Array, same: Array) -> Array:
-    """Scale and, among coinciding exponents, mix the left modes so that q_i^H p_j is the identity."""
-    scaled = np.empty_like(left)
-    for members in {tuple(np.flatnonzero(row).tolist()) for row in same}:
-        part = list(members)
-        gram = np.einsum("tki,tkj->ij", left[:, :, part].conj(), right[:, :, part]) / len(left)
-        scaled[:, :, part] = left[:, :, part] @ np.linalg.pinv(gram).conj().T
-    return scaled
 
 
 def differentiate_exponents(

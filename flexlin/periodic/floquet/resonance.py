@@ -72,7 +72,7 @@ def find_resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonan
         if exponent.real > modes.errors[i] and exponent.imag >= 0:
             share = measure_shares(modes, i, vectors, values)
             if system.resolved.constant:  # modes that share a multiplier by chance do not drive each other
-                share[share < share.max()] = 0.0
+                share[np.arange(share.size).reshape(share.shape) != share.argmax()] = 0.0
             found.append(identify_resonance(exponent, share, values, 2 * np.pi / modes.period))
     return found
 
