@@ -132,15 +132,17 @@ def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int,
 def check_definite(name: str, weight: Callable[[Array], Array], t: Array, strict: bool) -> None:
     """Refuse a weight with an eigenvalue that is negative (or zero, when strict), naming it, its direction and time."""
     samples = take_once(weight(t))
-    values = np.linalg.eigvalsh(samples)
+    units = np.sqrt(np.abs(np.diagonal(samples, axis1=1, axis2=2)).max(axis=0)) if strict else np.ones(samples.shape[1])
+    values = np.linalg.eigvalsh(samples / np.outer(*2 * [np.where(units > 0, units, 1.0)]))
     floor = 1e-13 * max(np.abs(values).max(), TINY)
     smallest = values[:, 0]
     worst = int(np.argmin(smallest))
     if smallest[worst] < -floor or (strict and smallest[worst] <= floor):
-        direction = np.array2string(np.linalg.eigh(samples[worst])[1][:, 0], precision=3, suppress_small=True)
+        least, directions = np.linalg.eigh(samples[worst])
+        direction = np.array2string(directions[:, 0], precision=3, suppress_small=True)
         raise ArgumentError(
             f"{name} is {'not positive definite' if strict else 'indefinite'}",
-            got=f"eigenvalue {smallest[worst]:.6g} at t = {t[worst]:.6g} s in the direction {direction}",
+            got=f"eigenvalue {least[0]:.6g} at t = {t[worst]:.6g} s in the direction {direction}",
             expected=f"eigenvalues {'> 0' if strict else '>= 0'}",
             todo=f"raise the weight of that direction in {name}",
         )

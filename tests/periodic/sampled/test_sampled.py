@@ -201,10 +201,10 @@ def test_constant_plants_against_python_control(seed):
     made = fl.sampled_lqr(system, W, V, h)
     np.testing.assert_allclose(made.K, np.broadcast_to(K, made.K.shape), rtol=0, atol=1e-10 * np.abs(K).max())
     np.testing.assert_allclose(made.X, np.broadcast_to(X, made.X.shape), rtol=0, atol=1e-10 * np.abs(X).max())
-    units = 10.0 ** rng.uniform(-6, 6, n)
-    far = fl.PeriodicSystem(units[:, None] * A0 / units, 4 * h, B=1e-12 * units[:, None] * B0)
-    same = fl.sampled_lqr(far, W / np.outer(units, units), 1e-24 * V, h)
-    np.testing.assert_allclose(1e-12 * same.K * units, made.K, rtol=0, atol=1e-10 * np.abs(K).max())
+    units, own = 10.0 ** rng.uniform(-6, 6, n), 10.0 ** rng.uniform(-20, 0, B0.shape[1])
+    far = fl.PeriodicSystem(units[:, None] * A0 / units, 4 * h, B=units[:, None] * B0 * own)
+    same = fl.sampled_lqr(far, W / np.outer(units, units), V * np.outer(own, own), h)
+    np.testing.assert_allclose(own[:, None] * same.K * units, made.K, rtol=0, atol=1e-10 * np.abs(K).max())
     assert same.error < 1e-10
     weak, f = fl.sampled_lqr(fl.PeriodicSystem([[0.5]], h, B=[[0.5e-12]]), 1.0, 1.0, h), np.exp(h / 2)
     assert weak.K.item() == pytest.approx(1e12 * (1 + 1 / f), rel=1e-12)  # of least effort
