@@ -35,6 +35,8 @@ class InvariantZeros:
         How often each output is differentiated until the input appears in it.
     verdict : str
         "minimum phase" where all decay, "non-minimum phase" where one grows, else "undecided".
+    status : str
+        From how fast a zero on it would have been missed.
 
     Examples
     --------
@@ -49,6 +51,7 @@ class InvariantZeros:
     errors: Array
     relative_degree: tuple[int, ...]
     verdict: str
+    status: str
 
 
 @checked
@@ -63,7 +66,9 @@ def invariant_zeros(
         h_0 = C_i,   h_(j+1) = h_j' + h_j A,   y_i^(k) = h_k x + h_(k-1) B u   with the least k where the last term is not zero
 
     u = -E^-1 [h_k x + ...], E the matrix of the rows h_(k-1) B, gives each output poles that are chosen; the other exponents of this loop
-    are those of the motions along which the output stays zero. Assumes that E is invertible at all times.
+    are those of the motions along which the output stays zero. Assumes that E is invertible at all times. A last term counts as zero below
+    4e-11 of what it is summed from, where rounding may make it: a zero that lies as much farther out than the system's rates is missed,
+    of which the verdict says nothing, and the status gives the rate.
 
     Parameters
     ----------
@@ -113,7 +118,7 @@ def invariant_zeros(
     if plant.p != system.m:
         raise ArgumentError("C does not fit the system", got=plant.p, expected=f"{system.m}: as many outputs as inputs")
     A, B, *ports = plant.series
-    chains = find_chains(system, *ports)
+    chains, faint = find_chains(system, *ports)
     degrees = tuple(len(rows) - 1 for rows, _ in chains)
     poles = 2 * np.pi / system.period * (0.5 + 0.23 * np.arange(sum(degrees)))
     weights = (np.atleast_1d(np.poly(-own))[::-1] for own in np.split(poles, np.cumsum(degrees)[:-1]))
@@ -134,7 +139,17 @@ def invariant_zeros(
     real = exponents.real
     grows, decays = np.any(real > errors), np.all(real < -errors)
     verdict = "non-minimum phase" if grows else "minimum phase" if decays else "undecided"
-    return InvariantZeros(exponents, errors, degrees, verdict)
+    return InvariantZeros(exponents, errors, degrees, verdict, describe_missed(faint, float(np.abs(A(t)).max())))
+
+
+def describe_missed(faint: float, rate: float) -> str:
+    """What was left out: the input's largest action that counted as none, as a share of what it is summed from."""
+    if not faint:
+        return "no action of the input was left out"
+    return (
+        f"action of the input that is {faint:.1g} of its terms counts as rounding; were it real, a zero near {rate / faint:.1g} 1/s, "
+        "growing or not, would be missed: leave out states as fast as that, or bring units to like sizes"
+    )
 
 
 Chain = tuple[list[ResolvedMatrix], MatrixFunction]
@@ -157,8 +172,12 @@ def differentiate(row: ResolvedMatrix, A: MatrixFunction) -> MatrixFunction:
     return lambda t: slope(t) + row(t) @ A(t)
 
 
-def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) -> list[Chain]:
-    """Each output's derivatives until the input appears. Raises: NumericalError where it never does, or a derivative jumps before."""
+def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) -> tuple[list[Chain], float]:
+    """Each output's derivatives until the input appears, and the largest share of its terms by which it did not yet.
+
+    Raises: NumericalError where it never does, or a derivative jumps before.
+    """
+    faint = 0.0
     t, A, B, chains = system.period * stratified(4 * SAMPLES), system.resolved, system.resolved_input, list[Chain]()
     A_at, B_at, every = np.abs(A(t)), np.abs(B(t)), np.eye(system.n)
     for i in range(system.m):
@@ -166,7 +185,8 @@ def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) ->
         row = take(system, combine(of_output, C), C.breaks)
         rows, by_input, unknown = [row], combine(of_output, D), row.error
         size = np.abs(D(t)).max()
-        while not np.abs(by_input(t)).max() > FAINT * size:
+        while not (acts := float(np.abs(by_input(t)).max())) > FAINT * size:
+            faint = max(faint, acts / (size or 1.0))
             if len(rows) > system.n:
                 raise NumericalError(
                     f"the input does not reach output {i + 1}", expected="an output that the input moves"
@@ -185,7 +205,7 @@ def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) ->
             unknown = unknown + row.error
             rows.append(row)
         chains.append((rows, by_input))
-    return chains
+    return chains, faint
 
 
 def take(
