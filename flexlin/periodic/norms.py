@@ -41,6 +41,8 @@ class H2Norm:
         The norm.
     error : float
         Of the value.
+    status : str
+        What to make of it.
 
     Examples
     --------
@@ -51,6 +53,16 @@ class H2Norm:
 
     value: float
     error: float
+    status: str
+
+
+def describe_norm(value: float, error: float, tol: float) -> str:
+    """What to make of a norm."""
+    if error <= max(tol * value, TINY):
+        return "converged"
+    if error >= value:
+        return f"rounding hides the norm: it is at most {value + error:.3g}; bring states, inputs and outputs to like sizes"
+    return f"limited by rounding: known to {error / value:.1g} of the value, not to the asked {tol:.1g}"
 
 
 @checked
@@ -73,7 +85,7 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     Returns
     -------
     H2Norm
-        value and error.
+        value, error, status.
 
     Raises
     ------
@@ -108,7 +120,8 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     )
     doubt += SAFETY * quadrature
     value = float(np.sqrt(max(square, 0.0)))
-    return H2Norm(value, float(doubt / (2 * value) if value**2 > doubt else np.sqrt(abs(square) + doubt)))
+    error = float(doubt / (2 * value) if value**2 > doubt else np.sqrt(abs(square) + doubt))
+    return H2Norm(value, error, describe_norm(value, error, tol))
 
 
 def multiply_transposed(C: Array) -> Array:
@@ -301,6 +314,8 @@ class HinfNorm:
         Of the value.
     frequency : float
         In rad/s, in [0, pi/T]: the worst input is exp(i frequency t) times a periodic function.
+    status : str
+        What to make of it.
 
     Examples
     --------
@@ -313,6 +328,7 @@ class HinfNorm:
     value: float
     error: float
     frequency: float
+    status: str
 
 
 @checked
@@ -342,7 +358,7 @@ def hinf_norm(
     Returns
     -------
     HinfNorm
-        value, error, frequency.
+        value, error, frequency, status.
 
     Raises
     ------
@@ -405,11 +421,11 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
     _, *ports = problem.plant.series
     *largest, direct = map(find_largest_gain, ports)  # no level below the last one has a Hamiltonian system
     if 0 in largest:
-        return HinfNorm(direct, tol * direct, 0.0)
+        return rate_bracket(direct, tol * direct, 0.0, tol)
     search = PeakSearch(problem, largest, direct)
     if (search.shares <= search.noise).all():  # what is reached is not seen
         unknown = float((SAFETY * search.shares + SLIGHT * search.noise).sum())
-        return HinfNorm(direct + unknown, unknown + tol * direct, 0.0)
+        return rate_bracket(direct + unknown, unknown + tol * direct, 0.0, tol)
     search.begin()
     peak, (_, least) = search.best[0], search.between(min(search.gains, key=search.gains.__getitem__))
     low, high, aside, hidden = direct, np.inf, tol / 2, list[float]()
@@ -446,4 +462,9 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
             expected=f"more than {PARTIAL:g} of the upper one",
             todo="is the system nearly unstable? add damping, or take states of like sizes",
         )
-    return HinfNorm((low + high) / 2, (high - low) / 2 + EPS * high, search.best[1])
+    return rate_bracket((low + high) / 2, (high - low) / 2 + EPS * high, search.best[1], tol)
+
+
+def rate_bracket(value: float, error: float, frequency: float, tol: float) -> HinfNorm:
+    """A norm with its status."""
+    return HinfNorm(value, error, frequency, describe_norm(value, error, tol))
