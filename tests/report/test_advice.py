@@ -97,11 +97,9 @@ CASES = [
     (lambda a: with_difference(a, 0.0, 0.05, error=0.0), "are the same: the linear", True),
     # a difference far below an atom's size, though above an error of nearly nothing, is rounding
     (lambda a: with_difference(a, 5.6e-17, 0.05, error=1e-17), f"tips are the same: {HOLDS}", True),
-    (lambda a: with_difference(a, 1e-3, 0.05), "agree to the error", False),
     (lambda a: with_difference(a, 1e-3, 0.05), f"2 % of the largest deviation: {HOLDS}", True),
     # a simulation that is far from itself judges nothing
     (lambda a: replace(a, simulation=replace(a.simulation, error=1.1)), "judges no linear model", True),
-    (lambda a: replace(a, simulation=replace(a.simulation, error=1.1)), HOLDS, False),
     # gains of motors remove no give of joints
     (lambda _: analyse(fl.load_scene("flexible-joint-link")), "no motor's feedback removes: slow down", True),
     # the elastic motion is believed where it changes the verdict

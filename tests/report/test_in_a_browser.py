@@ -25,9 +25,11 @@ for (const width of WIDTHS) {
       && element.scrollWidth > element.clientWidth + 1 && !["auto", "scroll"].includes(style(element).overflowX));
     const found = document.createElement("p");
     const root = page.documentElement, names = cut.map((element) => element.outerHTML.slice(0, 80));
+    const inks = [...page.querySelectorAll(".drawing:not(:has(.probe)) text")];
+    const ink = Math.min(99, ...inks.map((text) => text.getBoundingClientRect().height));
     const map = page.querySelectorAll(".panels:has(.probe) > .panel");
     const feet = [...map].map((panel) => Math.round(panel.getBoundingClientRect().bottom));
-    found.textContent = "measured " + JSON.stringify({width, wide: root.scrollWidth, room: root.clientWidth, cut: names, feet});
+    found.textContent = "measured " + JSON.stringify({width, wide: root.scrollWidth, room: root.clientWidth, cut: names, feet, ink});
     document.body.append(found);
   };
   document.body.append(frame);
@@ -71,6 +73,7 @@ def test_nothing_is_cut_at_any_width(pages, page):
     for found in measured:
         assert found["wide"] <= found["room"]
         assert found["cut"] == []
+        assert found["ink"] > 9 or "chart" in page
         assert len(set(found["feet"])) == ("chart" in page)  # the bar of colours stands beside the map
 
 
