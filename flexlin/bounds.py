@@ -43,7 +43,7 @@ def read_text(path: Path, most: int) -> str:
     A pipe or device is refused before it is opened, since it may never end.
 
     Parameters: most: bytes that it may have.
-    Raises: OSError saying what is wrong with the file; UnicodeDecodeError (a ValueError).
+    Raises: OSError saying what is wrong with the file.
     """
     refuse_odd(path.stat(), most)
     with path.open("rb") as file:
@@ -51,7 +51,14 @@ def read_text(path: Path, most: int) -> str:
         content = file.read(most + 1)
     if len(content) > most:  # files of the system itself state no size
         raise OSError(f"more than {most:,} bytes")
-    return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    try:
+        return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        raise OSError(f"{NO_TEXT}, from byte {error.start} on") from None
+
+
+NO_TEXT = "bytes that are no text in UTF-8"
+"""What a person reads in place of a codec's own words."""
 
 
 def refuse_odd(about: os.stat_result, most: int) -> None:

@@ -341,11 +341,9 @@ def take_columns(source: Any, wanted: list[str]) -> dict[str, Array]:
         raise
     except Exception as error:  # whatever the reader of a damaged file meets
         expected = "a CSV file in UTF-8 with a head line and decimal points, .npz, or .nc"
-        raise ArgumentError(
-            f"the log {bounds.printable(path)} cannot be read",
-            got=bounds.printable(str(error).strip())[:120],
-            expected=expected,
-        ) from None
+        what, got = f"the log {bounds.printable(path)} cannot be read", bounds.printable(str(error).strip())[:120]
+        got = bounds.NO_TEXT if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", None) or got
+        raise ArgumentError(what, got=got, expected=expected) from None
 
 
 def pick_columns(data: Any, wanted: list[str]) -> dict[str, Array]:

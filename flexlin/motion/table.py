@@ -101,12 +101,9 @@ def read_rows(path: Path) -> tuple[list[str], list[list[float]]]:
     name = printable(path)
     try:
         text = read_text(path, LARGEST_TABLE)
-    except (OSError, ValueError) as error:
-        raise MotionError(
-            f"motion.file: the table {name} cannot be read",
-            got="no text in UTF-8" if isinstance(error, UnicodeError) else printable(error),
-            expected="a CSV file",
-        ) from None
+    except OSError as error:
+        got = printable(error.strerror or error)
+        raise MotionError(f"motion.file: the table {name} cannot be read", got=got, expected="a CSV file") from None
     lines = [line.split(",") for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if lines and len(lines[0]) == 1 and (";" in lines[0][0] or "\t" in lines[0][0]):
         got = "semicolons" if ";" in lines[0][0] else "tabs"

@@ -178,10 +178,8 @@ def scene_text(source: str | Path) -> str:
 def _read_text(path: Path) -> str:
     try:
         return bounds.read_text(path, bounds.LARGEST_SCENE)
-    except (UnicodeDecodeError, OSError) as error:
-        got = bounds.printable(getattr(error, "strerror", None) or error)
-        if isinstance(error, UnicodeDecodeError):
-            got = f"bytes that are no text in UTF-8, from byte {error.start} on"
+    except OSError as error:
+        got = bounds.printable(error.strerror or error)
         raise SceneError(bounds.printable(path), [Problem("file", got, "a TOML file in UTF-8")]) from None
 
 

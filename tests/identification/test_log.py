@@ -100,7 +100,7 @@ FILES = [
     ([""], "No columns"),
     (["ms,current_A,angle_rad"], "too short; got 0 samples"),
     (["ms,current_A,angle_rad", "s,A,rad"], "ms is not numeric; got 's' in row 1"),
-    ("ms,current_A,angle_rad\n".encode("utf-16"), "expected a CSV file in UTF-8"),
+    ("ms,current_A,angle_rad\n".encode("utf-16"), "got bytes that are no text in UTF-8, expected a CSV file in UTF-8"),
     (boast(10**12, ("ms", "current_A", "angle_rad")), "cannot be read.*less than it says"),
     (pack(COLUMNS | {"current_A": np.array([{}] * len(T), dtype=object)}), "cannot be read.*objects"),
 ]

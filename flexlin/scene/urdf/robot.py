@@ -102,11 +102,9 @@ def read_elements(path: Path) -> Element:
     parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = keep_words, refuse_type
     try:
         parser.Parse(bounds.read_text(path, bounds.LARGEST_ROBOT).encode("utf-8", errors="replace"), True)
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(
-            source,
-            [Problem("file", bounds.printable(getattr(error, "strerror", None) or error), "a readable URDF file")],
-        ) from None
+    except OSError as error:
+        got = bounds.printable(error.strerror or error)
+        raise SceneError(source, [Problem("file", got, "a readable URDF file")]) from None
     except expat.ExpatError as error:
         raise SceneError(
             source, [Problem(f"line {error.lineno}", bounds.printable(error), "well-formed XML")]
