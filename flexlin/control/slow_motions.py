@@ -101,7 +101,7 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
     grid = place_segments(system, setting)
     check_size(
         "a mode's system",
-        88 * len(grid) * n * n,
+        96 * len(grid) * n * n,
         f"the modes need {len(grid)} transition matrices of order {n}: leave out the fastest modes, or lower the gains behind them",
     )
     found = periodic_vectors(factor_period(system, setting), grid, result.exponents)[0]

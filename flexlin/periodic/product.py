@@ -126,12 +126,8 @@ def periodic_vectors(factors: Array, times: Array, exponents: Array) -> tuple[Ar
     largest = np.take_along_axis(right.reshape(-1, n), np.abs(right).reshape(-1, n).argmax(axis=0)[None], axis=0)
     right /= largest
     left *= np.exp(-run.conj()) / scale[:, None] * largest.conj()
-    make_real(
-        right,
-        left,
-        logs[column],
-        np.exp(1j * np.round(exponents.imag * period / np.pi) * np.pi / period * times[:-1, None]),
-    )
+    half_turns = np.round(exponents.imag * period / np.pi) * np.pi / period
+    make_real(right, left, logs[column], np.exp(1j * half_turns * times[:-1, None]))
     return right, left, known
 
 

@@ -148,8 +148,8 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
         p_(k+1) = exp(-lambda h_k) Phi_k p_k,   p_K = p_0;      q_k = exp(-conj(lambda) h_k) Phi_k^H q_(k+1)
 
     Where `floquet` has decoupled the system, they are the columns of its frame. Else they follow from the periodic Schur form of the
-    segments: fast modes do not spoil slow ones, and those too fast for the segments, or that grow and decay by more than numbers
-    hold, get an infinite error.
+    segments: fast modes do not spoil slow ones, and those too fast for the segments, or that swell by more than exp(300) within the
+    period, get an infinite error.
     Assumes simple or semisimple exponents; at a defective one both modes coincide and `condition` is huge.
 
     Parameters

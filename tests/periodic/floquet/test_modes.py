@@ -35,9 +35,10 @@ HALF_TURN = fl.PeriodicSystem(
     lyapunov_transformed(np.array([[-0.7, -0.5], [0.5, -0.7]]), 1.0, 2, np.random.default_rng(7)), 2 * np.pi
 )
 """Its multipliers coincide and are negative."""
+SWELLING = fl.PeriodicSystem(lambda t: np.stack([[[-0.1, 1], [1, -15 - 20 * np.cos(s)]] for s in t]), 2 * np.pi)
 
 
-@pytest.mark.parametrize("system", [TRANSFORMED, FAR_APART, mathieu_system(1, 0.2), JUMPING, HALF_TURN])
+@pytest.mark.parametrize("system", [TRANSFORMED, FAR_APART, mathieu_system(1, 0.2), JUMPING, HALF_TURN, SWELLING])
 def test_modes_solve_the_equations_and_are_biorthogonal(system):
     modes = floquet_modes(system)
     grid = np.append(modes.times, system.period)
