@@ -94,7 +94,8 @@ def tune_gains(work: Work, options: argparse.Namespace) -> int:
     for one in found.active[:6]:
         at = ((path, report.with_unit_of(work.scene, path, f"{value:.4g}")) for path, value in one.scenario.items())
         place = " at " * bool(one.scenario) + ", ".join(f"{path} = {value}" for path, value in at)
-        print(f"  active: {one.exponent.real:.6g} {one.exponent.imag:+.6g}i 1/s{place}")
+        exponent = report.with_unit(f"{one.exponent.real:.6g} {one.exponent.imag:+.6g}i", "1/s")
+        print(f"  active: {exponent}{place}")
     assert found.scene is not None
     return print_paths(work.write_files("tune", {"tuned.toml": scene_text(found.scene)}))
 

@@ -59,13 +59,13 @@ def page_unit(unit: str) -> str:
 
 
 def with_unit(text: str, unit: str) -> str:
-    """A number as it is written, with its unit behind it."""
-    return f"{text} {page_unit(unit)}".rstrip()
+    """A number as it is written, with its unit behind it, and a proper minus sign."""
+    return re.sub(r"(?<!\w)-(?=\d)", "−", f"{text} {page_unit(unit)}".rstrip())
 
 
 def with_unit_of(scene: Scene, path: str, text: str) -> str:
-    """A value of a number of a scene, as it is written, with its unit behind it."""
-    return f"{text} {show_unit(scene, path)}".rstrip()
+    """A value of a number of a scene, as it is written, with its unit behind it, and a proper minus sign."""
+    return with_unit(text, show_unit(scene, path))
 
 
 def in_unit(title: str, unit: str) -> str:
@@ -152,7 +152,7 @@ def format_list(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{key} {format_list(part)}" for key, part in value.items() if part) or "0"
     values = value if isinstance(value, (list, tuple)) else (value,)
-    return ", ".join(f"{v:.4g}" if isinstance(v, float) else str(v) for v in values)
+    return ", ".join(format_decimal(v, 4) if isinstance(v, float) else str(v) for v in values)
 
 
 UNITS = r"(?:1/s|%|°|kg|[nµmkMG]?(?:m|s|N|W|V|A|B|Hz|rad)(?:/\w+)?)(?!\w)"

@@ -116,8 +116,9 @@ def describe_critical(scene: Scene, one: CriticalValue) -> str:
     change = "becomes unstable" if one.kind == "onset" else "is no longer unstable"
     if one.touching:
         change = "touches instability"
-    size, resonance = with_unit_of(scene, one.path, f"{one.value:.8g}"), without_units(one.resonance)
-    return f"{name_number(one.path)}: {change} at {size} ± {one.error:.0e} ({one.distance:+.4g} from the scene's own); {resonance}"
+    size, away = (with_unit_of(scene, one.path, number) for number in (f"{one.value:.8g}", f"{one.distance:+.4g}"))
+    what = f"{name_number(one.path)}: {change} at {size} ± {one.error:.0e} ({away} from the scene's own)"
+    return f"{what}; {without_units(one.resonance)}"
 
 
 def say_none_was_found(data: xarray.Dataset) -> list[str]:
