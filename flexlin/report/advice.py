@@ -40,10 +40,11 @@ def comment_on_model(a: Analysis) -> Iterator[str]:
     found = a.validity(a.own)
     if found.verdict == "invalid" and a.own.floquet is not None:
         remedies = [*["slow the motion down"] * (not stays(a)), "stiffen the links", "lower the payload"]
-        remedies += [("add feedback" if a.own.kind == "open" else "raise the gains")] * bool(a.plant.inputs)
+        what = "" if found.reason is None else found.reason.what
+        held = a.plant.inputs and what != "bending"  # which gains do not lessen
+        remedies += [("add feedback" if a.own.kind == "open" else "raise the gains")] * bool(held)
         remedy = f"{', '.join(remedies[:-1])} or {remedies[-1]}"
-        differs = found.reason is not None and found.reason.what == "difference"
-        if differs and a.simulation is not None and a.simulation.sticking:
+        if what == "difference" and a.simulation is not None and a.simulation.sticking:
             remedy = "joints come to rest in friction, which it does not know: trust the simulation only"
         yield (
             f"The linear model does not hold along this motion: {reason(found)}. The verdict is about that model alone, so this is no "
