@@ -333,14 +333,15 @@ def explain_tip_error(a: Analysis, largest: float) -> str:
         return f"with the {forward} feedforward: what is left is what it does not close"
     kinds, sizes = np.array([one.kind for one in a.plant.coordinates]), np.abs(a.response.states).max(axis=0)
     joints, motors = (sizes[: a.plant.n][kinds == kind].max(initial=0.0) for kind in ("joint", "motor"))
-    remedy = slower + (ELASTIC.format("tip-exact") if a.response.tip.shape[1] == 2 else "stiffen them")
+    planar = a.response.tip.shape[1] == 2
+    remedy = slower + (ELASTIC.format("tip-exact") if planar else "stiffen them")
     if np.linalg.norm(a.response.tip_by_bending, axis=1).max() > largest / 2:
         return f"most of it the links' bending, which no joint feedback removes: {remedy}"
     if "motor" in kinds and motors < joints / 2:
         return f"most of it the give of flexible joints, which no motor's feedback removes: {remedy}"
     gains = "add feedback" if a.own.kind == "open" else "raise the gains"
     rigid = f'feed the rigid torque forward (control.feedforward = "rigid"), or {gains}'
-    exact = f"{gains}, or {ELASTIC.format('joint-exact')}"
+    exact = f"{gains}, or {ELASTIC.format('tip-exact' if planar else 'joint-exact')}"
     return f"most of it the joints' error: {rigid if forward == 'none' else exact}"
 
 
