@@ -23,6 +23,8 @@ UNREACHED, UNSEEN = (fl.PeriodicSystem(np.diag([0.5, -1.0]), 1.0, B=[[b], [1.0]]
 HIDDEN = fl.PeriodicSystem(np.diag([-1.0, -2.0]), 1.0, B=[[1.0], [0.0]])
 APART, SEEN = np.array([[0.5, 0.0], [0.3, -1000.0]]), fl.PeriodicSystem(np.diag([0.5, -1000.0]), 1.0, np.ones((2, 1)))
 FAR_FROM_NORMAL = turned([[-1.0, 1e12], [0.0, -1.0]], np.eye(2)[:, 1:], np.eye(2)[1:], 5.0)
+TOUCHING = fl.PeriodicStateSpace(LAG, ONE, lambda t: np.sin(TURN * t)[:, None, None] - 2)
+FAST = [fl.PeriodicSystem(lambda t, a=a: a * (np.cos(TURN * t) - 0.5)[:, None, None], 1.0, ONE) for a in (500, 4e3)]
 MIX = np.linalg.qr(np.random.default_rng(0).normal(size=(2, 2)))[0]
 MIXED = fl.PeriodicSystem(MIX @ APART @ MIX.T, 1.0, MIX[:, 1:])
 TOO_WEAKLY = "^(?!.*actuator).*too weakly to be computed with.*its share is "
@@ -57,14 +59,6 @@ def swinging_force(t):
     return both_waves(t)[:, 0]
 
 
-def once_minus_one(t):
-    return np.sin(TURN * t)[:, None, None] - 2
-
-
-def swinging_rate(size):
-    return fl.PeriodicSystem(lambda t: (size * np.cos(TURN * t) - size / 2)[:, None, None], 1.0, B=ONE)
-
-
 def through(D, system=LAG, C=ONE):
     return fl.PeriodicStateSpace(system, C, D)
 
@@ -72,8 +66,7 @@ def through(D, system=LAG, C=ONE):
 CASES = [
     *[(errors.NotStable, "stable", norm, UNSTABLE, ONE) for norm in (fl.h2_norm, fl.hinf_norm)],
     (errors.NotStable, "none that is known", fl.h2_norm, *FAR_FROM_NORMAL),
-    (errors.ToleranceNotReached, "hides the norm", fl.hinf_norm, swinging_rate(500.0), ONE),
-    *[(errors.ToleranceNotReached, "than numbers hold", fl.hinf_norm, swinging_rate(a), ONE) for a in (2e3, 4e3)],
+    *[(errors.ToleranceNotReached, "hides the norm|than numbers hold", fl.hinf_norm, one, ONE) for one in FAST],
     *[(ArgumentError, "C does not fit", norm, LAG, [[1.0, 2.0]]) for norm in (fl.h2_norm, fl.hinf_norm)],
     *[(ArgumentError, "no input", norm, DEAF, ONE) for norm in (fl.h2_norm, fl.hinf_norm, fl.invariant_zeros)],
     (ArgumentError, "D does not fit", fl.hinf_norm, LAG, ONE, [[1.0, 2.0]]),
@@ -94,7 +87,7 @@ CASES = [
     (ArgumentError, "two periods", add, through(ONE), through(ONE, fl.PeriodicSystem([[-1.0]], 2.0, B=ONE))),
     (ArgumentError, "inputs and outputs", mul, through(ONE), through(np.ones((2, 1)), C=np.ones((2, 1)))),
     (ArgumentError, "no solution", through(ONE).feedback, through(-ONE)),
-    (ArgumentError, "no solution.*some time", fl.floquet, through(ONE).feedback(through(once_minus_one)).system),
+    (ArgumentError, "no solution.*some time", fl.floquet, through(ONE).feedback(TOUCHING).system),
     (ArgumentError, "does not fit the system", through, None, LAG, np.ones((1, 2))),
     *[(ArgumentError, "delay", sampled_floquet, LAG, ONE, 0.1, late) for late in (0.2, -0.01)],
     (ArgumentError, "sample_time", sampled_floquet, LAG, ONE, 0.0),

@@ -81,7 +81,5 @@ def test_a_feedthrough_inverts_the_plant():
     system = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -1.0]], 1.0, B=[[0.0], [1.0]])
     found = fl.invariant_zeros(system, [[1.0, 0.0]], [[1.0]])  # A - B C
     np.testing.assert_allclose(np.sort_complex(found.exponents), np.roots([1, 1, 2])[::-1], atol=1e-9)
-    far = fl.invariant_zeros(
-        fl.PeriodicSystem([[0.0, 1.0], [-1.0, -1.0]], 1.0, B=[[1.0], [-1.0]]), [[1.0, 1.0 + 1e-12]]
-    )
-    assert "a zero near 2e+12 1/s, growing or not, would be missed" in far.status
+    far = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -1.0]], 1.0, B=[[1.0], [-1.0]])
+    assert "near 2e+12 1/s, growing or not, would be missed" in fl.invariant_zeros(far, [[1.0, 1.0 + 1e-12]]).status
