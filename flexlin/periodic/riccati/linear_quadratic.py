@@ -13,6 +13,7 @@ from flexlin.periodic.coefficient_series.sampling import stratified
 from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
 from flexlin.periodic.floquet.modes import find_coinciding, floquet_modes
 from flexlin.periodic.interpolation import ChebyshevPanels, FourierSeries, divided
+from flexlin.periodic.riccati.scattering import balance_states
 from flexlin.periodic.system import PeriodicSystem, as_port, dual_system, input_of
 from flexlin.precision import CUBE_ROOT_EPS, EPS, ROOT_EPS, SLIGHT, TINY
 from flexlin.summary import immutable
@@ -276,7 +277,7 @@ def name_blocked_mode(unreached: bool, problem: LinearQuadratic, edges: Array) -
         )
     if share > rounding:
         kind, what = (NotStabilizable, "reached by the input") if unreached else (NotDetectable, "seen by the weight Q")
-        got += f"; its share is {share:.1g}, and what it needs grows as the share's inverse square"
+        got += f"; its share is {share:.1g} in balanced units, and what it needs grows as the share's inverse square"
         return kind(f"a mode is {what} too weakly to be computed with", got=got, todo=todo)
     return refuse_mode(unreached, got)
 
@@ -297,19 +298,24 @@ def find_blocked(unreached: bool, problem: LinearQuadratic, loop: PeriodicSystem
 
         max over t of |Q p| / (|Q| |p|)   (or of |S q| / (|S| |q|),   S = B R^-1 B')
 
-    p(t) is a right Floquet vector, q(t) a left one: a right one of the dual loop. Of modes with one exponent every combination is one.
+    in balanced units. p(t) is a right Floquet vector, q(t) a left one: a right one of the dual loop. Of modes with one exponent every
+    combination is one.
     """
     modes = floquet_modes(loop)
-    weight = problem.reduced(np.mod(-modes.times, loop.period) if unreached else modes.times)[1 if unreached else 2]
+    parts = problem.reduced(np.mod(-modes.times, loop.period) if unreached else modes.times)
+    units = balance_states(*parts) ** (-1.0 if unreached else 1.0)
+    weight = parts[1 if unreached else 2] / np.outer(units, units)
     weight = weight / np.maximum(np.linalg.norm(weight, 2, axis=(1, 2)), TINY)[:, None, None]
     same, found = find_coinciding(loop.period * modes.exponents), []
     for i in np.flatnonzero(modes.exponents.real >= -np.maximum(ROOT_EPS, modes.errors)):
-        p = modes.right[:, :, same[i]]
+        p = modes.right[:, :, same[i]] * units[:, None]
         p = p @ np.linalg.svd(np.linalg.qr((weight @ p).reshape(-1, p.shape[2]), mode="r"))[2][-1].conj()
         length = np.linalg.norm(p, axis=1)
         share = float((np.linalg.norm((weight @ p[:, :, None])[:, :, 0], axis=1) / length).max())
-        condition = float((np.linalg.norm(modes.left[:, :, i], axis=1) * length).max())
+        condition = float((np.linalg.norm(modes.left[:, :, i] / units, axis=1) * length).max())
         rounding = min(CUBE_ROOT_EPS, 1e2 * len(modes.exponents) * EPS * max(condition, 1.0))
-        found.append((float(modes.exponents[i].real), share, rounding, (p[0] / length[0]).real))
+        found.append(
+            (float(modes.exponents[i].real), share, rounding, (p[0] / units / np.linalg.norm(p[0] / units)).real)
+        )
     nothing = 0.0, 1.0, 0.0, np.zeros(loop.n)
     return min(found, key=lambda mode: mode[1] if mode[1] > mode[2] else 0.0, default=nothing)
