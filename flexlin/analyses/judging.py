@@ -174,7 +174,8 @@ def judge_model(
 
     The steady motion's tip error may not exceed SMALL_SHARE of the arm, unless a simulation that came as far agrees; nor may its bending,
     where only links that bend as curves (`curved`) make the simulation a judge of it. The linear answer may miss the nonlinear one by
-    SMALL_SHARE of the largest deviation, or by what no arm repeats. A simulation that ended outside the equations' range is against it.
+    SMALL_SHARE of the largest deviation, or of the bending, which a feedforward may leave while it leads the tip; or by what no arm
+    repeats. A simulation that ended outside the equations' range is against it.
 
     Parameters: length: of the arm in m, not a number where it has no points; steady: bending and tip error in m of a steady motion that
     the loop keeps; simulated: how far the answers are apart, the largest deviation, the error of the first, the unit; stopped: when
@@ -183,6 +184,8 @@ def judge_model(
     found: list[ModelEvidence] = []
     if simulated is not None:
         apart, largest, error, unit = simulated
+        if steady is not None and unit == "m" and np.isfinite(steady[0]):
+            largest = max(largest, steady[0])
         floor = REPEATABILITY * length if unit == "m" and np.isfinite(length) else REPEATABILITY
         found.append(ModelEvidence("difference", apart, max(SMALL_SHARE * largest, error, floor), unit, largest))
     if stopped is not None:

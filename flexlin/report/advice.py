@@ -370,7 +370,9 @@ def agreement(a: Analysis, simulation: Simulation) -> str:
     elif apart <= REPEATABILITY * length:
         facts = f"{answers} differ by no more than {format_quantity(apart, unit.strip())}".rstrip()
     else:
-        share = f"{100 * apart / largest:.2g} % of the largest deviation"
+        judged = next((one for one in a.validity(a.own).evidence if one.what == "difference"), None)
+        whole = largest if judged is None else judged.whole
+        share = f"{100 * apart / whole:.2g} % of the " + ("links' bending" if whole > largest else "largest deviation")
         facts = f"{answers} differ by {format_quantity(apart, unit.strip()).rstrip()}, {share}"
     return f"{facts}: {holds(a, simulation)}"
 

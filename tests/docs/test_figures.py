@@ -54,13 +54,6 @@ def test_a_figure_of_a_block_is_what_the_library_answers():
     assert f"{left:.2g} mm" in figures.fill("<!-- built: tracking -->")
 
 
-def test_records_say_when_and_where():
-    for name in records.MEASURES:
-        record = records.measured(name)
-        assert record["date"].startswith("20")
-        assert "cores" in record["machine"]
-
-
 def test_every_study_has_its_picture():
     studies = (ROOT / "studies").glob("*.py")
     names = {path.stem for path in studies if ".savefig(" in path.read_text(encoding="utf-8")}  # the others only check
@@ -91,23 +84,6 @@ def test_the_picture_of_the_house_is_drawn_from_this_code_and_no_arrow_points_up
     picture, (rooms, _) = house.picture(), house.house()
     assert all(f">{name}<" in picture for name in rooms)
     assert all(rooms[a].y + rooms[a].h < rooms[b].y for a, b in house.arrows(list(rooms)))
-
-
-def test_the_house_shows_every_import(tmp_path, monkeypatch):
-    """The arrows against a list made by the eye: a package whose modules are known."""
-    (tmp_path / "flexlin" / "above").mkdir(parents=True)
-    inner = "def f():\n    import flexlin.below\n    import numpy\n    from flexlin.above import x\n"
-    door = "from flexlin.below.deep import a\nfrom flexlin import ground\n"
-    texts = {
-        "above/__init__.py": door,
-        "above/more.py": inner,
-        "below.py": "",
-        "ground.py": "from flexlin.errors import E\n",
-    }
-    for name, text in texts.items():
-        (tmp_path / "flexlin" / name).write_text(text)
-    monkeypatch.setattr(house, "PACKAGE", tmp_path / "flexlin")
-    assert house.arrows(["above", "below", "ground"]) == {("above", "below"): 2, ("above", "ground"): 1}
 
 
 def test_every_place_that_the_walks_name_exists():
@@ -148,8 +124,3 @@ def test_every_link_leads_somewhere(page):
     for name in re.findall(r"\{doc\}`([^`<>]+)`", text):
         base = DOCS if name.startswith("/") else page.parent
         assert (base / f"{name.lstrip('/')}.md").exists() or name.removeprefix("../") in BUILT, name
-
-
-def test_links_are_recognised():
-    text = "see [a](b.md), ![c](d.png) and <https://e.org/f>; `[g](h)` is code\n```{figure} i.png\n```\n"
-    assert sorted(set(collect_links(text))) == ["b.md", "d.png", "https://e.org/f", "i.png"]

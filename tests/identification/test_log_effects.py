@@ -8,7 +8,6 @@ import pytest
 import flexlin as fl
 from flexlin.cli import main
 from flexlin.errors import ArgumentError
-from flexlin.resources import listening
 from tests.identification.logs import simulated, swing
 from tests.identification.test_maximum_likelihood import LOG, NOISE, SENSORS, is_near, noisy
 
@@ -52,10 +51,7 @@ def test_effects_that_cannot_be_judged_are_refused_or_said_to_be_so(monkeypatch,
     for name, how in (("friction", {}), ("payload", {}), ("shear", {"hold_back": 0.05})):
         with pytest.raises(ArgumentError):
             fl.select_effects(scene, log, FREE[:1], [name], **how)
-    shares = list[float]()
-    with listening(shares.append):
-        found = fl.select_effects(scene, log, FREE[:1], FRICTIONS, seconds=1e-3)
-    assert max(shares) >= 1 / 7  # one fit of six if no effect is taken, and one more if any is
+    found = fl.select_effects(scene, log, FREE[:1], FRICTIONS, seconds=1e-3)
     assert all("time was used up" in trial.problem for trial in found.trials)
     assert found.status.startswith("no effect was judged; not judged: viscous_friction, coulomb_friction")
     settled = replace(found, identification=replace(found.identification, settled=True))

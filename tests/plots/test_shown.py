@@ -9,7 +9,6 @@ import pytest
 
 import flexlin as fl
 from flexlin.plots import MOST_POINTS, Series, Shown, View, make_card
-from tests.closed_arm import opened
 from tests.public_results import arm_results, stability_results
 
 pyplot = pytest.importorskip("matplotlib.pyplot")
@@ -172,8 +171,3 @@ def test_a_linearization_serves_where_a_system_is_meant():
     loops, Q = ((plant, 100.0), (plant.periodic_system(), [[100.0]])), np.diag([1.0, 1.0, 0.01, 0.01])
     np.testing.assert_array_equal(*[fl.periodic_lqr(system, Q, R, tol=1e-6).K(0.3) for system, R in loops])
     assert fl.control.pd_feedback(plant, [0], [10.0], [1.0]).K(np.zeros(1)).shape == (1, 1, 4)
-
-
-def test_curves_beyond_the_colours_are_dashed():
-    lin = opened("manutec-r3")[1]
-    assert len({(line.get_color(), line.get_linestyle()) for line in lin.plot().lines}) == lin.n == 9

@@ -73,6 +73,7 @@ def test_bending_breaks_the_equations_themselves_and_joints_do_not() -> None:
     assert judge_model(1.0, (0.05, 0.5), (0.001, 0.1, 1e-9, "m")).verdict == "invalid"  # it came a fifth as far
     assert judge_model(1.0, (0.05, 0.5)).verdict == "invalid"
     assert judge_model(1.0, (0.05, 0.1)).verdict == "unknown"
+    assert judge_model(1.0, (0.05, 1e-3), (4e-4, 1e-3, 1e-9, "m")).verdict == "valid"  # a feedforward leads the tip
     assert judge_model(float("nan"), (float("nan"), float("nan"))).verdict == "unknown"
 
 

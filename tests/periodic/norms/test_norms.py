@@ -67,6 +67,16 @@ def test_a_gain_that_is_alike_at_all_frequencies(period):
     assert found.error <= 1e-8 * found.value
 
 
+def test_a_level_just_above_the_norm_is_found_there():
+    """Modes 1e-4 apart were taken for each other where they were known to 1e-3: the norm was missed by 2,500 times its error."""
+    rng = np.random.default_rng(3)
+    A = -np.diag(10 ** rng.uniform(-1.5, 0, 3))
+    A[0, 1], A[1, 0] = -0.5, 30.0
+    B, C = rng.normal(size=(3, 2)), rng.normal(size=(1, 3))
+    found, known = fl.hinf_norm(*turned(A, B, C, 1.2566)), largest_gain(A, B, C)
+    assert abs(found.value - known) <= found.error <= 1e-8 * known
+
+
 @pytest.mark.parametrize("period", [0.05, 1.0, 7.0])
 @pytest.mark.parametrize("c", [1e-2, 1e-4, 1e-6])
 def test_no_norm_misses_by_more_than_its_error(c, period):
