@@ -135,7 +135,7 @@ def test_a_report_says_what_the_uncertain_numbers_may_do(tmp_path):
     assert found.confirmed
     page = files[0].read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
     assert "with its uncertain numbers: no instability found within the stated ranges; unstable from" in page
-    assert f"growth rates within the stated ranges from {found.growth[0]:.4g} to {found.growth[1]:.4g} 1/s" in page
+    assert f"growth rates within the stated ranges from −{-found.growth[0]:.4g} to −{-found.growth[1]:.4g} 1/s" in page
     # on the ray to the place the loop is stable at every smaller change
     own, shares = np.array(found.own), np.linspace(0, 1 - 1e-6, 9)[:, None]
     values = own + shares * (found.values - own)

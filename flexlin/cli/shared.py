@@ -348,10 +348,9 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     if options.data is not None and not options.data.is_dir():
         raise ArgumentError("--data names no folder", got=str(options.data), expected="a folder that is there")
     stated = [flexlin.scene.parse_assignment(text) for text in options.overrides]
-    asked = {f"accuracy.{key}": getattr(options, name, None) for name, key in ACCURACY.items()}
-    stated += [(key, value) for key, value in asked.items() if value is not None]
     name_once([key for key, _ in stated])
-    overrides = dict(stated)
+    asked = {f"accuracy.{key}": getattr(options, name, None) for name, key in ACCURACY.items()}
+    overrides = dict(stated) | {key: value for key, value in asked.items() if value is not None}
     scene: Scene = flexlin.load_scene(options.scene, overrides, options.data)
     if usual is not None and "seconds" not in scene.accuracy.model_fields_set:
         scene = scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"seconds": usual})})
