@@ -203,14 +203,15 @@ def select_effects(
         raise ArgumentError("too little of the log is kept back", got=f"{kept:.3g} s", expected=least)
     versions, trials, taken = choose_versions(scene, effects), list[EffectTrial](), list[str]()
     level = CHANCE / max(len(versions), 1)
-    fits = Fits(partial(identify, log=log, window=window, hold_back=hold_back), paths, seconds, 2 + 2 * len(versions))
+    fits = Fits(
+        partial(identify, log=log, window=window, hold_back=hold_back), paths, seconds, 1 / (3 + 2 * len(versions))
+    )
     best = fits.run(scene, [], FIRST_SHARE)
     while True:
         if fits.are_late:
             trials += [EffectTrial(name, tuple(taken), problem=LATE) for name in versions]
             break
         numbers = list_numbers(taken, scene)
-        fits.coming = 1 + 2 * len(versions)
         scene = fits.take_over(scene, numbers, best)
         further = fits.run(scene, numbers, PARTIAL, starts=1)
         loss, is_sure = compare(further.prediction, best.prediction), np.isfinite(list(further.errors.values())).any()
@@ -238,16 +239,15 @@ def select_effects(
 class Fits:
     """Fits of a log, which share the time among them; `identify`: of a scene; `free`: paths of numbers besides those of effects.
 
-    coming: fits that are left if no effect is taken any more; `done`: the share of the work that is, as progress says: one fit more is
-    left for what follows an effect.
+    next_part: of the work that is left, what a fit takes, as progress says: how many effects follow is not known.
     """
 
     identify: Callable[..., Identification]
     free: list[str]
     seconds: float | None
-    coming: int
+    next_part: float
     watch: Stopwatch = field(default_factory=Stopwatch)
-    done: float = 0.0
+    begun: int = 0
 
     @property
     def left(self) -> float:
@@ -262,9 +262,8 @@ class Fits:
     def run(self, scene: Scene, more: list[str], share: float, **how: int) -> Identification:
         """The numbers, and more of them, in a share of the time that is left."""
         paths = [*self.free, *more]
-        before, self.done = self.done, self.done + (1 - self.done) / (max(self.coming, 1) + 1)
-        self.coming -= 1
-        with part(before, self.done):
+        ahead, self.begun = (1 - self.next_part) ** self.begun, self.begun + 1
+        with part(1 - ahead, 1 - (1 - self.next_part) * ahead):
             seconds = None if self.seconds is None else max(share * self.left, TINY)
             return self.identify(scene, free=paths, seconds=seconds, **how)
 
@@ -282,7 +281,6 @@ class Fits:
         """
         trial, tried, others = EffectTrial(name, tuple(taken)), None, list_numbers(taken, made)
         own, every = (list_numbers([name], made, required) for required in (True, False))
-        self.coming -= own == every
         try:
             for numbers in [own, every][: 1 + (every != own)]:
                 if self.are_late:

@@ -335,7 +335,7 @@ SEARCHED = "margin "
 def describe_margins(scene: Scene, margins: tuple[Margin, ...], problems: Mapping[str, str] | None = None) -> str:
     """Becomes unstable at a motion frequency of 1.37 Hz (now 0.5) and at a payload mass of 0.41 kg (now 0.03).
 
-    Numbers whose search met a limit, by the problems or after a FEW values, are named: of them nothing more is known.
+    Numbers whose search met a limit, by the problems or after FEW values, are named: of them nothing more is known.
     """
     met = [(margin, margin.nearest) for margin in margins]
     parts = []
