@@ -60,15 +60,19 @@ class CurveRule:
 def make_rule(y: Shapes, z: Shapes, twist: Shapes, mu: Profile, eps: Profile) -> CurveRule:
     """The rule for shapes in y, in z and of twist: 2 n + 6 Gauss nodes, dealt out to the pieces between breaks, at least 3 to each.
 
-    Products of two slopes of n modes of a uniform beam are integrated to 3e-9 and better; other shapes get as many as that takes.
+    Products of two deflections or slopes of n modes of a uniform beam are integrated to 3e-9 and better; others get what that takes.
     """
     shapes = twist, z, y
     edges = np.unique([0.0, *(place for part in (*shapes, mu, eps) for place in part.breaks), 1.0])
     least = max(-(-(2 * max(part.n for part in shapes) + 6) // (len(edges) - 1)), 3)
-    order, exact = least, [integrate_slopes(part, edges, MOST_NODES) for part in shapes]
+
+    def integrals(order: int) -> list[Array]:
+        return [found for part in shapes for found in integrate_products(part, edges, order)]
+
+    order, exact = least, integrals(MOST_NODES)
     while order < MOST_NODES and any(
-        np.abs(integrate_slopes(part, edges, order) - known).max(initial=0.0) > 1e-8 * np.abs(known).max(initial=0.0)
-        for part, known in zip(shapes, exact, strict=True)
+        np.abs(found - known).max(initial=0.0) > 1e-8 * np.abs(known).max(initial=0.0)
+        for found, known in zip(integrals(order), exact, strict=True)
     ):
         order += 1
     xi, weight = panels(edges, order)
@@ -82,11 +86,11 @@ def make_rule(y: Shapes, z: Shapes, twist: Shapes, mu: Profile, eps: Profile) ->
     return CurveRule(weight, *loads, np.array(inside), upto(PLACES), slopes, turns, bends[2], twists)  # type: ignore[arg-type]
 
 
-def integrate_slopes(shapes: Shapes, edges: Array, order: int) -> Array:
-    """The integrals of slopes, of rotations of sections and of their products, (2 n + 1, 2 n), by a rule of `panels`."""
+def integrate_products(shapes: Shapes, edges: Array, order: int) -> list[Array]:
+    """Of deflections, of slopes and of sections' rotations: integrals of products of two, and of one, (n + 1, n), by a rule of `panels`."""
     xi, weight = panels(edges, order)
-    both = np.concatenate([shapes.values(xi, 1), shapes.rotation(xi)])
-    return np.concatenate([both, np.ones((1, len(xi)))]) @ (both * weight).T
+    kinds = shapes.values(xi), shapes.values(xi, 1), shapes.rotation(xi)
+    return [np.concatenate([kind, np.ones((1, len(xi)))]) @ (kind * weight).T for kind in kinds]
 
 
 def integrate_to(edges: Array, order: int, ends: Array) -> Array:

@@ -119,11 +119,10 @@ def test_to_first_order_the_curve_is_the_energy_of_second_order(case):
     state = [part[0] for part in lin.about.positions(rng.uniform(0, lin.period, 1), *np.zeros((3, 1, lin.n)))]
     found = []
     for form in (arm, arm.near):
-        by = ca.vertcat(form.s, form.s_dot, form.s_ddot)
-        phase = ca.SX.sym("phase") if form.phase is None else form.phase
-        inputs, outputs = [by, form.parameters.symbols, phase], [ca.jacobian(form.residual, by), form.residual]
-        slopes = ca.Function("slopes", inputs, outputs)(np.concatenate(state), form.parameters.values, 0.3)
-        found.append([part.full() for part in slopes])
+        by, phase = (form.s, form.s_dot, form.s_ddot), ca.SX.sym("phase") if form.phase is None else form.phase
+        outputs = [*(ca.jacobian(form.residual, part) for part in by), form.residual]
+        slopes = ca.Function("slopes", [*by, form.parameters.symbols, phase], outputs)
+        found.append([part.full() for part in slopes(*state, form.parameters.values, 0.3)])
     for curve, second in zip(*found, strict=True):
         np.testing.assert_allclose(curve, second, atol=1e-12 + 1e-8 * np.abs(second).max())
 
