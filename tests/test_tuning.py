@@ -146,12 +146,11 @@ def test_time_ends_the_search_with_the_best_gains_so_far(monkeypatch, spectra):
     assert found.growth == pytest.approx(max(np.linalg.eigvals([[0, 1], [-1, -found.gains["gain"]]]).real), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_each_joint_keeps_its_own_limit_of_torque():
     """Joint 1 takes 0.26 N m, joint 2 0.09; on the way to the fastest decay of the single link its torque comes to the limit."""
-    wide, few = (
-        fl.load_scene("de-luca-siciliano-1991", {"control.saturation.torque": [20.0, 0.15]}),
-        {"steps": 3, "starts": 1},
-    )
+    wide = fl.load_scene("de-luca-siciliano-1991", {"control.saturation.torque": [20.0, 0.15]})
+    few = {"steps": 3, "starts": 1}
     assert fl.tune(wide, ["control.feedback.kd.1"], **few).limits == ("one exponent at one scenario",)
     assert "exceeds" in fl.tune(wide, ["control.feedback.kd.1"], None, {"torque": 0.15}, **few).limits[0]
     control = {"feedforward": "none", "feedback": {"kind": "pd", "kp": [1.5], "kd": [3.0]}}

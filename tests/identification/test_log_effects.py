@@ -60,6 +60,7 @@ def test_effects_that_cannot_be_judged_are_refused_or_said_to_be_so(monkeypatch,
     assert main(["identify", "single-link", "--log=x", f"--free={FREE[0]}", "--effects", "--out", str(tmp_path)]) == 4
 
 
+@pytest.mark.slow
 def test_slopes_of_friction_that_is_sharper_than_steps_give_no_errors():
     sharp = scene_with(payload={"mass": 0.1}, coulomb_friction={"torque": [0.03], "rate": 1e-6})
     log = log_of(scene_with(payload={"mass": 0.1}, coulomb_friction={"torque": [0.03], "rate": 1e-3}), 4)

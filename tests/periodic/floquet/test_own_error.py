@@ -57,7 +57,7 @@ def crossing(seed):
     return piecewise_case(np.array([0.0, 0.4, 0.7]), 1.0, [axes * row @ axes.T for row in rates], 1e-9)
 
 
-@pytest.mark.parametrize("seed", thin([1, 9, 0, *range(2, 9), 10, 11], 2))
+@pytest.mark.parametrize("seed", thin([1, 9, 0, *range(2, 9), 10, 11]))
 def test_modes_whose_decays_cross_leave_slower_ones_known(seed):
     """They follow each other by rounding alone; the slow one's error was 1e3 1/s for that, and all undecided. Hidden ones lie below it."""
     outcome = judged(crossing(seed))

@@ -115,6 +115,7 @@ def test_a_feedthrough_that_no_gain_exceeds_is_the_norm_and_no_level_takes_back_
     assert fl.hinf_norm(fl.PeriodicSystem([[-0.1]], 1.0, B=[[1.0]]), [[0.0]], [[2.0]]).value == pytest.approx(2.0)
 
 
+@pytest.mark.slow
 def test_modes_that_numbers_do_not_hold_are_none_to_the_norm():
     """Where the damping is large, all but its zero is far: the norm is that of x' = -c t^2 x + u, which goes with its cube root."""
     damped = lambda a: fl.PeriodicSystem(lambda t: a * (np.cos(2 * np.pi * t) - 1)[:, None, None], 1.0, B=[[1.0]])  # noqa: E731
