@@ -271,12 +271,31 @@ def examine(plant: Linearization, lengths: Array) -> AtRest | None:
     except InputError:
         return None
     c = loads[0].sample(motion.period * np.arange(SAMPLES) / SAMPLES)
-    squares = np.linalg.eigvals(np.linalg.solve(c.M, c.K))
-    rounding = SUM_ROUNDING * np.abs(squares).max()
-    if squares.real.min() <= rounding or np.abs(squares.imag).max() > rounding:
+    squares = find_squares(c.M, c.K)
+    if squares is None:
         return AtRest(np.zeros(0), True, None)
     known = None if arm.axes is None else Bending(lengths, *(bend(lin, lengths) for lin in loads))
-    return AtRest(np.sqrt(np.sort(squares[0].real)) / (2 * np.pi), False, known)
+    return AtRest(np.sqrt(squares[0]) / (2 * np.pi), False, known)
+
+
+def find_squares(M: Array, K: Array) -> Array | None:
+    """The squared natural frequencies (N, n) of M y'' + K y = 0, rising; none where one at any time is not positive, or not real.
+
+    Rounding is a share of the largest eigenvalue: of M^-1 K, which gives the high ones, and of K^-1 M, which gives the low ones.
+    """
+    try:
+        stiff, soft = (np.linalg.eigvals(np.linalg.solve(*pair)) for pair in ((M, K), (K, M)))
+    except np.linalg.LinAlgError:
+        return None
+    for found in (stiff, soft):
+        rounding = SUM_ROUNDING * np.abs(found).max()
+        if not max(-found.real.min(), np.abs(found.imag).max()) <= rounding:
+            return None
+    low, high = np.sort(1 / np.maximum(soft.real, np.finfo(float).tiny)), np.sort(stiff.real)
+    softest = (np.diagonal(K, axis1=1, axis2=2) / np.diagonal(M, axis1=1, axis2=2)).min(axis=1)
+    if (low[:, 0] <= SUM_ROUNDING * softest).any():
+        return None
+    return np.asarray(np.where(high**2 < low[:, :1] * high[:, -1:], low, high))
 
 
 def find_bending(scene: Scene) -> float:

@@ -99,7 +99,7 @@ def check(work: Work, options: argparse.Namespace) -> int:
         for i, link in enumerate(scene.links):
             if any(link.counts.by_direction().values()):
                 print(f"  link {i + 1:<8}{', '.join(describe_link(link))}")
-        for name, words in () if rest is None else describe_rest(rest, "geometric_stiffening" in scene.effects.on()):
+        for name, words in () if rest is None else describe_rest(rest, set(scene.effects.on())):
             print(f"  {name:<13}{words}")
     return DONE
 
@@ -114,8 +114,8 @@ def describe_link(link: "Link") -> Iterator[str]:
         yield f"rho I_p {say(link.polar_inertia, 'kg m')}"
 
 
-def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
-    """What the arm does with its joints held; `stiffened`: its equations hold at large deflections."""
+def describe_rest(rest: "AtRest", effects: set[str]) -> Iterator[tuple[str, str]]:
+    """What the arm does with its joints held, and the effects that are on."""
     if rest.gives_way:
         yield "at rest", "gives way under its loads even with its joints held: stiffen its links, or lessen the loads"
         return
@@ -124,11 +124,12 @@ def describe_rest(rest: "AtRest", stiffened: bool) -> Iterator[tuple[str, str]]:
     bending = rest.bending
     if bending is None:
         return
+    still = "under gravity" if effects & {"gravity", "tip_force"} == {"gravity"} else "at rest"
     for i, share in enumerate(bending.largest):
-        sides = ((bending.at_rest[i], "under gravity"), (bending.moving[i], "along the motion"))
+        sides = ((bending.at_rest[i], still), (bending.moving[i], "along the motion"))
         said = " and ".join(f"{report.format_quantity(size, 'm')} {where}" for size, where in sides if size > 0)
         if said:
-            further = BEYOND + ("" if stiffened else ", with effects.geometric_stiffening")
+            further = BEYOND + ("" if "geometric_stiffening" in effects else ", with effects.geometric_stiffening")
             beyond = "" if share <= analyses.SMALL_SHARE else MISTAKEN if share > 10 else further
             yield f"link {i + 1}", f"bends by {said}, {100 * share:.2g} % of its length{beyond}"
 
