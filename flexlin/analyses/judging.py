@@ -1,5 +1,6 @@
 """A loop with its verdict and steady motion, whether the linear model holds there, and how links bend with the joints held."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -8,7 +9,7 @@ import numpy as np
 from flexlin.checks import SAMPLES, SUM_ROUNDING, Array
 from flexlin.control.designed_loop import Design
 from flexlin.control.tracking import scene_feedforward, tip_positions
-from flexlin.errors import InputError
+from flexlin.errors import InputError, NumericalError, ResonantForcing, TimeLimit
 from flexlin.linearization.law import Law
 from flexlin.linearization.linear import linearize
 from flexlin.linearization.linearization import Linearization
@@ -260,7 +261,7 @@ class AtRest:
 
 
 def examine(plant: Linearization, lengths: Array) -> AtRest | None:
-    """Natural frequencies with the motors held, and the links' quasi-static deflections: K y = h at rest in each posture, and in motion.
+    """Natural frequencies with the motors held, and the links' deflections: K y = h at rest in each posture, and in motion.
 
     Returns: None for an arm of which nothing moves then.
     """
@@ -274,7 +275,7 @@ def examine(plant: Linearization, lengths: Array) -> AtRest | None:
     squares = find_squares(c.M, c.K)
     if squares is None:
         return AtRest(np.zeros(0), True, None)
-    known = None if arm.axes is None else Bending(lengths, *(bend(lin, lengths) for lin in loads))
+    known = None if arm.axes is None else Bending(lengths, bend(loads[0], lengths), bend(loads[1], lengths, respond))
     return AtRest(np.sqrt(squares[0]) / (2 * np.pi), False, known)
 
 
@@ -309,11 +310,22 @@ def find_bending(scene: Scene) -> float:
     return np.inf if found.bending is None else float(found.bending.largest.max())
 
 
-def bend(lin: Linearization, lengths: Array) -> Array:
-    """The largest deflection of each link's tip (links,) against its own base, K y = h at each posture; infinite where K is singular,
-    0 where it is rounding of the arm's length."""
+def respond(lin: Linearization, t: Array) -> Array:
+    """The deviations (N, n) of the periodic motion, which near a resonance are larger than the loads' and beyond it smaller; those that
+    balance the loads where none is found."""
+    try:
+        return forced_response(lin.periodic_system(), lin.forcing, LEAST_TOL)(t)[:, : lin.n]
+    except TimeLimit:
+        raise
+    except (InputError, NumericalError) as error:
+        return deflect(lin, t) * (np.nan if isinstance(error, ResonantForcing) else 1.0)
+
+
+def bend(lin: Linearization, lengths: Array, deviations: Callable[[Linearization, Array], Array] = deflect) -> Array:
+    """The largest deflection of each link's tip (links,) against its own base; infinite where K is singular, 0 where it is rounding of
+    the arm's length."""
     t = lin.period * np.arange(SAMPLES) / SAMPLES
-    y = deflect(lin, t)
+    y = deviations(lin, t)
     if np.isnan(y).any():
         return np.full(len(lengths), np.inf)
     straight = lin.about.near.of_arm("axes", t, np.zeros_like(y))

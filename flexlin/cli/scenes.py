@@ -130,7 +130,9 @@ def describe_rest(rest: "AtRest", effects: set[str]) -> Iterator[tuple[str, str]
         said = " and ".join(f"{report.format_quantity(size, 'm')} {where}" for size, where in sides if size > 0)
         if said:
             further = BEYOND + ("" if "geometric_stiffening" in effects else ", with effects.geometric_stiffening")
-            beyond = "" if share <= analyses.SMALL_SHARE else MISTAKEN if share > 10 else further
+            if bending.at_rest[i] > 10 * bending.lengths[i]:
+                further = MISTAKEN
+            beyond = further if share > analyses.SMALL_SHARE else ""
             yield f"link {i + 1}", f"bends by {said}, {100 * share:.2g} % of its length{beyond}"
 
 
