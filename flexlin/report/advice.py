@@ -104,7 +104,8 @@ def comment_on_zeros(a: Analysis) -> Iterator[str]:
     """
     if a.zeros is None or a.zeros.verdict != "non-minimum phase":
         return
-    slowest = min(z.real for z in a.zeros.exponents if z.real > 0)
+    real = a.zeros.exponents.real
+    slowest = real[real > a.zeros.errors].min()
     if slowest / 2 < find_fastest_mode(a):
         rate = with_unit(format_decimal(slowest, 3), "1/s")
         yield (

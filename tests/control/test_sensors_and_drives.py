@@ -56,12 +56,13 @@ def test_every_sensor_that_a_log_may_name_is_read():
 
 def test_a_report_names_the_zero_that_bounds_every_controller():
     found = analyse(fl.load_scene("single-link", SMALL | {"designs": []}))
-    assert found.zeros.verdict == "non-minimum phase"
-    exact = tip_zeros(found.plant)
-    assert np.all(np.abs(found.zeros.exponents.real - exact.exponents.real) <= found.zeros.errors + exact.errors)
-    assert "non-minimum phase" in next(comment_on_zeros(found))
-    far = replace(found.zeros, exponents=100 * found.zeros.exponents)  # far beyond every mode of the arm
-    assert not [*comment_on_zeros(replace(found, zeros=far))]
+    zeros, exact = found.zeros, tip_zeros(found.plant)
+    assert np.all(np.abs(zeros.exponents.real - exact.exponents.real) <= zeros.errors + exact.errors)
+    marginal = replace(zeros, exponents=np.append(zeros.exponents, 1e-16), errors=np.append(zeros.errors, 1e-9))
+    said = [next(comment_on_zeros(replace(found, zeros=one))) for one in (zeros, marginal)]
+    assert "non-minimum phase" in said[0] == said[1]  # one whose real part is rounding bounds nothing
+    # far beyond every mode of the arm
+    assert not [*comment_on_zeros(replace(found, zeros=replace(zeros, exponents=100 * zeros.exponents)))]
 
 
 @pytest.mark.slow
