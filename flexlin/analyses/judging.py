@@ -275,7 +275,11 @@ def examine(plant: Linearization, lengths: Array) -> AtRest | None:
     squares = find_squares(c.M, c.K)
     if squares is None:
         return AtRest(np.zeros(0), True, None)
-    known = None if arm.axes is None else Bending(lengths, bend(loads[0], lengths), bend(loads[1], lengths, respond))
+    known = (
+        None
+        if arm.axes is None
+        else Bending(lengths, bend(loads[0], lengths), bend(loads[1], lengths, find_deviations))
+    )
     return AtRest(np.sqrt(squares[0]) / (2 * np.pi), False, known)
 
 
@@ -310,7 +314,7 @@ def find_bending(scene: Scene) -> float:
     return np.inf if found.bending is None else float(found.bending.largest.max())
 
 
-def respond(lin: Linearization, t: Array) -> Array:
+def find_deviations(lin: Linearization, t: Array) -> Array:
     """The deviations (N, n) of the periodic motion, which near a resonance are larger than the loads' and beyond it smaller; those that
     balance the loads where none is found."""
     try:
