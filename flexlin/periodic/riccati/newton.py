@@ -116,7 +116,7 @@ def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool
         with np.errstate(over="ignore", invalid="ignore"):
             X = LoopLyapunov(A, nodes, step_exactly(problem.A, nodes, np.ones(A.shape[1]))).solve(Q)
         if X is not None:
-            return nodes, X, 0
+            return nodes, np.where(np.isfinite(X), X, 0.0), 0  # what numbers do not hold, no correction settles
         if 4 * nodes.count <= most_nodes(A.shape[1]):
             return begin(problem, nodes.resize(4 * nodes.count), end)
     H = assemble_hamiltonian(A, S, Q)
