@@ -11,7 +11,7 @@ from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.periodic.circle import match_logs, measure_distances, wrap_log
-from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, LARGEST_LOG_GROWTH, MINOR, SAFETY, TINY
+from flexlin.precision import CUBE_ROOT_EPS, EPS, FAINT, LARGEST_LOG_GROWTH, MINOR, ROOT_EPS, SAFETY, TINY
 
 GROUP_CONDITION = 1000.0
 """Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""
@@ -139,7 +139,10 @@ def make_real(right: Array, left: Array, logs: Array, turns: Array) -> None:
         turn = turns[:, None, part]
         turned, dual = right[:, :, part] * turn, left[:, :, part] * turn
         both = np.concatenate([turned.real, turned.imag], axis=-1)
-        found = both @ np.linalg.svd(both.reshape(-1, 2 * len(part)), full_matrices=False)[2][: len(part)].T
+        _, sizes, rows = np.linalg.svd(both.reshape(-1, 2 * len(part)), full_matrices=False)
+        if sizes[len(part) - 1] < ROOT_EPS * sizes[0]:  # of a chain there are fewer than multipliers
+            continue
+        found = both @ rows[: len(part)].T
         found /= np.abs(found).max(axis=(0, 1))
         gram = np.einsum("tki,tkj->ij", dual.conj(), found) / len(left)
         right[:, :, part], left[:, :, part] = found / turn, dual @ np.linalg.inv(gram).conj().T / turn

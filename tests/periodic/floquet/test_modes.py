@@ -29,16 +29,18 @@ def mathieu_system(a, q):
 
 D = block_diag([[0.3, 2.0], [-2.0, 0.3]], [[-1.5]])
 TRANSFORMED = fl.PeriodicSystem(lyapunov_transformed(D, 3.0, 2, np.random.default_rng(4)), 2 * np.pi / 3)
-FAR_APART = fl.PeriodicSystem(colaneri, 2 * np.pi)
+FAR = fl.PeriodicSystem(colaneri, 2 * np.pi)
 JUMPING = fl.PeriodicSystem(meissner, np.pi, breaks=(np.pi / 3,))
 HALF_TURN = fl.PeriodicSystem(
     lyapunov_transformed(np.array([[-0.7, -0.5], [0.5, -0.7]]), 1.0, 2, np.random.default_rng(7)), 2 * np.pi
 )
 """Its multipliers coincide and are negative."""
+CHAIN = fl.PeriodicSystem(lambda t: np.multiply.outer(np.cos(t) - 2, [[1.0, -1.0], [0.0, 1.0]]), 2 * np.pi)
+"""Of two equal multipliers, with one mode."""
 SWELLING = fl.PeriodicSystem(lambda t: np.stack([[[-0.1, 1], [1, -15 - 20 * np.cos(s)]] for s in t]), 2 * np.pi)
 
 
-@pytest.mark.parametrize("system", [TRANSFORMED, FAR_APART, mathieu_system(1, 0.2), JUMPING, HALF_TURN, SWELLING])
+@pytest.mark.parametrize("system", [TRANSFORMED, FAR, mathieu_system(1, 0.2), JUMPING, HALF_TURN, CHAIN, SWELLING])
 def test_modes_solve_the_equations_and_are_biorthogonal(system):
     modes = floquet_modes(system)
     grid = np.append(modes.times, system.period)
@@ -195,8 +197,7 @@ def test_a_mode_that_does_not_oscillate_has_no_frequency():
 
 
 def test_defective_matrices_are_followed():
-    free = np.zeros((5, 2, 2))
-    free[:, 0, 1] = 1.0  # a free body: its eigenvectors coincide
+    free = np.tile(np.eye(2, k=1), (5, 1, 1))  # a free body: its eigenvectors coincide
     assert np.isnan(follow_frozen_modes(free).frequencies).all()
 
 
