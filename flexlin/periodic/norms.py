@@ -1,6 +1,6 @@
 """Norms of a periodic system: H2 by its periodic Lyapunov equation, H-infinity by levels at which multipliers leave the unit circle."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
@@ -110,7 +110,9 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     """
     plant = PeriodicStateSpace(system, C)
     system, B = plant.system, plant.system.resolved_input
-    solution = periodic_lyapunov(system, combine(multiply_transposed, plant.C), MINOR * positive("tol", tol))
+    solution = periodic_lyapunov(
+        system, combine(lambda C: np.swapaxes(C, 1, 2) @ C, plant.C), MINOR * positive("tol", tol)
+    )
     corners = np.union1d(solution.edges, B.edges)
     power = resolve(combine(reach, B, solution.X), system.period, corners[:-1].tolist(), complete=True)
     square, quadrature = float(power.mean()[0, 0]), float(power.mean_error(corners[[0, -1]])[0, 0, 0])
@@ -122,11 +124,6 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     value = float(np.sqrt(max(square, 0.0)))
     error = float(doubt / (2 * value) if value**2 > doubt else np.sqrt(abs(square) + doubt))
     return H2Norm(value, error, describe_norm(value, error, tol))
-
-
-def multiply_transposed(C: Array) -> Array:
-    """C' C."""
-    return np.swapaxes(C, 1, 2) @ C
 
 
 def reach(B: Array, X: Array) -> Array:
@@ -251,7 +248,7 @@ class PeakSearch:
 
     def gain(self, omega: float) -> float:
         """The gain at a frequency, remembered for it folded into [0, pi/T]."""
-        omega = abs(float(wrap_angle(np.array(omega * self.period)))) / self.period
+        omega = fold_frequency(omega, self.period)
         if omega not in self.gains:
             self.gains[omega] = self.measure(omega)
         return self.gains[omega]
@@ -388,13 +385,18 @@ def hinf_norm(
     if verdict.verdict != "stable":
         raise NotStable("the norm is infinite or unknown", got=verdict.status, expected="a stable system")
     problem, T = BoundedReal(plant, verdict), plant.system.period
-    if not problem.constant:
-        return bracket_norm(problem, tol)
-    means = [one.mean() for one in plant.series]
-    period = min(T, 1 / (float(np.linalg.norm(means[0])) + TINY))  # no frequency is folded
-    short = PeriodicStateSpace(PeriodicSystem(means[0], period, B=means[1]), *means[2:])
-    found = bracket_norm(BoundedReal(short, floquet(short.system)), tol)
-    return replace(found, frequency=abs(float(wrap_angle(np.array(found.frequency * T)))) / T)
+    if problem.constant:
+        means = [one.mean() for one in plant.series]
+        period = min(T, 1 / (float(np.linalg.norm(means[0])) + TINY))  # no frequency is folded
+        plant = PeriodicStateSpace(PeriodicSystem(means[0], period, B=means[1]), *means[2:])
+        problem = BoundedReal(plant, floquet(plant.system))
+    value, error, omega = bracket_norm(problem, tol)
+    return HinfNorm(value, error, fold_frequency(omega, T), describe_norm(value, error, tol))
+
+
+def fold_frequency(omega: float, period: float) -> float:
+    """The frequency in [0, pi/T] of the same waves."""
+    return abs(float(wrap_angle(np.array(omega * period)))) / period
 
 
 def find_largest_gain(D: ResolvedMatrix) -> float:
@@ -411,8 +413,9 @@ def find_largest_gain(D: ResolvedMatrix) -> float:
     return best
 
 
-def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
-    """The middle of a level below and a level above the norm, as near to the largest gain that was found as the exponents' errors allow.
+def bracket_norm(problem: BoundedReal, tol: float) -> tuple[float, float, float]:
+    """The middle of a level below and a level above the norm, as near to the largest gain that was found as the exponents' errors allow;
+    its error, and the gain's frequency.
 
     A level that no gain equals is above all of them where it is above one: that at the frequency where the least was found.
     The feedthrough's own gain is the least level; one that is said to lie below, where no larger gain is found, says nothing.
@@ -421,11 +424,11 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
     _, *ports = problem.plant.series
     *largest, direct = map(find_largest_gain, ports)  # no level below the last one has a Hamiltonian system
     if 0 in largest:
-        return rate_bracket(direct, tol * direct, 0.0, tol)
+        return direct, tol * direct, 0.0
     search = PeakSearch(problem, largest, direct)
     if (search.shares <= search.noise).all():  # what is reached is not seen
         unknown = float((SAFETY * search.shares + SLIGHT * search.noise).sum())
-        return rate_bracket(direct + unknown, unknown + tol * direct, 0.0, tol)
+        return direct + unknown, unknown + tol * direct, 0.0
     search.begin()
     peak, (_, least) = search.best[0], search.between(min(search.gains, key=search.gains.__getitem__))
     low, high, aside, hidden = direct, np.inf, tol / 2, list[float]()
@@ -462,9 +465,4 @@ def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
             expected=f"more than {PARTIAL:g} of the upper one",
             todo="is the system nearly unstable? add damping, or take states of like sizes",
         )
-    return rate_bracket((low + high) / 2, (high - low) / 2 + EPS * high, search.best[1], tol)
-
-
-def rate_bracket(value: float, error: float, frequency: float, tol: float) -> HinfNorm:
-    """A norm with its status."""
-    return HinfNorm(value, error, frequency, describe_norm(value, error, tol))
+    return (low + high) / 2, (high - low) / 2 + EPS * high, search.best[1]
