@@ -19,7 +19,7 @@ from flexlin.motion import Motion, SampledMotion
 from flexlin.periodic.certificate import Certificate
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.response.forced import forced_response
-from flexlin.periodic.system import OfPlant, PeriodicSystem
+from flexlin.periodic.system import PeriodicSystem, of_plant
 from flexlin.scene.scene import Scene
 
 LEAST_TOL = 1e-8
@@ -65,7 +65,7 @@ def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: fl
     """The periodic response to what the rigid motion leaves over, and what it does to the tip; `rest`: also to one at rest."""
     forward = scene_feedforward(closed, tol)
     if forward is None:
-        solution = forced_response(loop, OfPlant(closed.forcing, 2 * closed.n, loop.n), tol)
+        solution = forced_response(loop, of_plant(closed.forcing, 2 * closed.n, loop.n), tol)
         states, known = solution(t), (solution.error, solution.amplification, solution.status)
     else:
         reference = forward.law.reference(t)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -383,24 +383,16 @@ def extend_state(A: Array, rates: Array) -> Array:
     return out
 
 
-@dataclass(frozen=True, eq=False)
-class OfPlant:
-    """What acts on the n states of a plant, (N, n or more, ...), in a system of `states` states of which they are the first.
+def lead_states(values: Array, n: int, states: int) -> Array:
+    """The first n rows (N, n or more, ...) as the first of `states`, the others zero."""
+    out = np.zeros((len(values), states, *values.shape[2:]))
+    out[:, :n] = values[:, :n]
+    return out
 
-    A function of the motion: it is narrow where the plant's coefficients are.
-    """
 
-    function: MatrixFunction
-    n: int
-    states: int
-
-    complete: ClassVar[bool] = True
-
-    def __call__(self, t: Array) -> Array:
-        values = self.function(t)
-        out = np.zeros((len(t), self.states, *values.shape[2:]))
-        out[:, : self.n] = values[:, : self.n]
-        return out
+def of_plant(function: MatrixFunction, n: int, states: int) -> Combined:
+    """What acts on the n states of a plant in a system of `states` states: a function of the motion, narrow where the coefficients are."""
+    return Combined(partial(lead_states, n=n, states=states), (function,), True)
 
 
 def extend_system(system: PeriodicSystem, rates: Array) -> PeriodicSystem:
@@ -408,5 +400,5 @@ def extend_system(system: PeriodicSystem, rates: Array) -> PeriodicSystem:
 
     [x; z]' = [[A, 0], [rates]] [x; z] + [B; 0] u,   rates (k, n + k)
     """
-    B = None if system.B is None else OfPlant(system.B, system.n, system.n + len(rates))
+    B = None if system.B is None else of_plant(system.B, system.n, system.n + len(rates))
     return with_matrices(system, Combined(partial(extend_state, rates=rates), (system.A,)), B)

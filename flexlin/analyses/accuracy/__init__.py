@@ -36,7 +36,7 @@ from flexlin.periodic.interpolation import FourierSeries
 from flexlin.periodic.product import find_spectrum
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.riccati.riccati import periodic_riccati
-from flexlin.periodic.system import OfPlant, PeriodicSystem
+from flexlin.periodic.system import PeriodicSystem, of_plant
 from flexlin.periodic.transition.choose_segments import Setting, choose_setting, factor_period
 from flexlin.resources import part
 from flexlin.scene.links import Modes
@@ -149,7 +149,7 @@ def try_forced_response(closed: Linearization, tols: Sequence[float]) -> Trials:
 
     def run(tol: float) -> Array:
         system = replace(closed).periodic_system()
-        return forced_response(system, OfPlant(closed.forcing, system.n, system.n), tol)(t)
+        return forced_response(system, of_plant(closed.forcing, system.n, system.n), tol)(t)
 
     return against(run(REFERENCE_TOL), at_each_tol("forced_response", run), scipy_methods.responses(closed, tols))
 

@@ -23,7 +23,7 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.riccati.riccati import periodic_lyapunov
 from flexlin.periodic.sampled import STEP_STAGES, sections
-from flexlin.periodic.system import Backward, OfPlant, PeriodicSystem, dual_system
+from flexlin.periodic.system import Backward, PeriodicSystem, dual_system, of_plant
 from flexlin.precision import SLIGHT
 from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
@@ -229,7 +229,7 @@ def respond(
     found = floquet(loop, tol)
     if found.verdict != "stable":
         raise ArgumentError("the loop keeps no steady motion", got=f"{found.verdict}", expected="a stable loop")
-    enters, T = OfPlant(partial(disturb, closed, stated), 2 * closed.n, loop.n), closed.period
+    enters, T = of_plant(partial(disturb, closed, stated), 2 * closed.n, loop.n), closed.period
     count = steps_of(float(found.exponents[0].real), T, periods)
     size = 8 * len(PHASES) * count * (2 * loop.n + 4)
     check_size(f"an answer over {count / SAMPLES:.3g} periods", size, "ask for fewer periods")
@@ -249,7 +249,7 @@ def respond(
     nonlinear: Array | None = None
     problem, load, begin = "", None, PHASES[worst] * T
     try:
-        first = forced_response(loop, OfPlant(closed.forcing, 2 * closed.n, loop.n), tol)(np.array([begin]))[0]
+        first = forced_response(loop, of_plant(closed.forcing, 2 * closed.n, loop.n), tol)(np.array([begin]))[0]
         disturbed, without = answer_nonlinearly(closed, law, stated, begin, t, first, max(tol, 1e-9))
         nonlinear = seen(begin + t, disturbed - without)
         load = drive_load(closed, np.mod(begin + t, T), disturbed, law, drives)
@@ -327,7 +327,7 @@ def answer_noise(lin: Linearization, stated: Disturbance, loop: PeriodicSystem, 
     """
     T = lin.period
     intensity = stated.size**2 / (2 * stated.time)
-    spread = combine(lambda B: intensity * B @ np.swapaxes(B, 1, 2), OfPlant(lin.input_matrix, 2 * lin.n, loop.n))
+    spread = combine(lambda B: intensity * B @ np.swapaxes(B, 1, 2), of_plant(lin.input_matrix, 2 * lin.n, loop.n))
     solution = periodic_lyapunov(dual_system(loop), Backward(spread, T), tol)
     t = np.linspace(0.0, T, SAMPLES + 1)
     P = solution.X(np.mod(-t, T))[:, : 2 * lin.n, : 2 * lin.n]
