@@ -1,6 +1,6 @@
 """The linear motions that decay slowest, from Floquet modes: nothing is multiplied out over a period."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BPoly, PPoly
@@ -97,7 +97,7 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
     n, setting = system.n, result.setting
     if setting.method not in METHODS:
         setting = choose_setting(system, SLOW_TOL, "radau")
-    setting = setting.with_segments(max(samples, setting.segments))
+    setting = replace(setting, segments=max(samples, setting.segments))
     grid = place_segments(system, setting)
     check_size(
         "a mode's system",

@@ -221,8 +221,6 @@ def take(
 
 def jumps(row: ResolvedMatrix) -> bool:
     """Whether a row is not the same on both sides of an edge."""
-    if row.panels == 1:
-        return False
     edges = row.edges[:-1]
     apart = np.abs(row(edges) - row(edges, left=True)).max(axis=0)
     return bool(np.any(apart > SAFETY * row.error + FAINT * np.abs(row(edges)).max()))

@@ -185,7 +185,9 @@ def find_middles(
     along = 6 * (second.points - first.points) - length[:, None] * (first.directions + second.directions)
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
     normal /= np.maximum(np.linalg.norm(along, axis=1), TINY)[:, None]
-    undamped, angles = first.undamped & second.undamped, mean_angles(first.angles, second.angles)
+    both = np.exp(1j * first.angles) + np.exp(1j * second.angles)
+    angles = np.where(np.abs(both) > 0.5, np.angle(both), first.angles)  # not of opposite ones, as at -1
+    undamped = first.undamped & second.undamped
 
     def margin(which: Array, offsets: Array) -> tuple[Array, Array]:
         places = np.clip(middle[which] + offsets[:, None] * normal[which], 0.0, 1.0)
@@ -200,8 +202,8 @@ def find_middles(
         which = which[(np.sign(there) == np.sign(here))[which] & (offset < 1)]
         offset *= EXACT_PARTS
     met = np.flatnonzero(here * there <= 0)
-    both = (0.0 * outer, outer), (here, there), (unknown, farther)
-    start = SignedEnds(*(np.array(pair)[:, met] for pair in both))
+    pairs = (0.0 * outer, outer), (here, there), (unknown, farther)
+    start = SignedEnds(*(np.array(pair)[:, met] for pair in pairs))
     ends = solve_brackets(lambda k, x: margin(met[k], x), start, accuracy)
     best, left, unsure = ends.best
     off, error, slope = np.full(len(middle), np.inf), np.zeros(len(middle)), np.full(len(middle), TINY)
@@ -224,9 +226,3 @@ def measure_quarters(
     spectra = function(places.reshape(-1, 2))
     left, uncertain = measure_margins(spectra, np.repeat(found.undamped, 2), np.repeat(found.angles, 2))
     return np.asarray(np.maximum(np.abs(left) - uncertain, 0.0).reshape(-1, 2).max(axis=1) / slope)
-
-
-def mean_angles(first: Array, second: Array) -> Array:
-    """Half-way between angles on the circle; the first where they are opposite, as for a multiplier at -1."""
-    together = np.exp(1j * first) + np.exp(1j * second)
-    return np.where(np.abs(together) > 0.5, np.angle(together), first)

@@ -231,7 +231,9 @@ class FourierFit:
         entries cancels in the sum but with probability zero.
         """
         sample, T, c = self.sample, self.sample.period, self.coefficients
-        weights = _draw(c.shape[1]) / (np.maximum(self.deviation, EPS * sample.scale) + LEAST_SIZE)
+        rng = np.random.default_rng(c.shape[1])  # always the same weights, so that answers repeat
+        weights = rng.uniform(1, 2, c.shape[1]) * rng.choice([-1.0, 1.0], c.shape[1])
+        weights /= np.maximum(self.deviation, EPS * sample.scale) + LEAST_SIZE
         heard = sample.contract(T * search_phases(), weights)
         with np.errstate(over="ignore", invalid="ignore"):
             apart = np.abs(heard - _evaluate_search(c @ weights))
@@ -254,13 +256,6 @@ def _flat(size: Array) -> bool:
     """Whether some entry's last harmonics have stopped falling: noise, a narrow feature, or a place that is not smooth."""
     quarter = len(size) // 4
     return bool(np.any(np.median(size[-quarter:], axis=0) >= 0.1 * np.median(size[-2 * quarter : -quarter], axis=0)))
-
-
-@lru_cache(maxsize=16)
-def _draw(entries: int) -> Array:
-    """A weight of each entry, of size 1 to 2 and either sign; always the same ones, so that answers repeat."""
-    rng = np.random.default_rng(entries)
-    return rng.uniform(1, 2, entries) * rng.choice([-1.0, 1.0], entries)
 
 
 @lru_cache(maxsize=16)

@@ -69,7 +69,7 @@ def solve_by_segments(
     most = int(np.ceil(FINER_BOUNDS[0] * max_segments))
     if setting.segments > most:
         raise report_too_many(setting.segments, max_segments, tol)
-    setting = setting.with_segments(min(setting.segments, max_segments))
+    setting = replace(setting, segments=min(setting.segments, max_segments))
     start, before, refined, factored, part = None, np.inf, False, None, False
     while True:
         factored = factored or factor_twice(system, setting)
@@ -87,7 +87,7 @@ def solve_by_segments(
         twice = 2 * setting.segments
         may_help = spectrum.stretched and not fixed and twice <= min(max_segments, FEWER_SEGMENTS)
         if may_help and 1 < rounded < HELPED_PART * before:
-            setting, start, before, factored = setting.with_segments(twice), spectrum.start, rounded, None
+            setting, start, before, factored = replace(setting, segments=twice), spectrum.start, rounded, None
             continue
         finer = np.clip(1.1 * excess ** (1 / setting.order), *FINER_BOUNDS) if np.isfinite(excess) else FINER_BOUNDS[1]
         count = int(np.ceil(setting.segments * finer))
@@ -100,7 +100,7 @@ def solve_by_segments(
             return add_blind(compare_noise(system, spectrum) if noisy else spectrum, system, tol)
         if count > most:
             raise report_too_many(count, max_segments, tol)
-        setting = setting.with_segments(min(count, max_segments))
+        setting = replace(setting, segments=min(count, max_segments))
         start, refined, factored = spectrum.start, True, None
 
 
@@ -127,7 +127,7 @@ def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum) -> Segmen
     The rounding of a strongly non-normal factor is far above that of its entries, in both methods, which may agree by accident.
     """
     setting, panels = spectrum.setting, len(spectrum.setting.shares)
-    finer = setting.with_segments(int(np.ceil(FINER_BOUNDS[0] * setting.segments)) + panels)  # more in every panel
+    finer = replace(setting, segments=int(np.ceil(FINER_BOUNDS[0] * setting.segments)) + panels)  # more in every panel
     other = find_exponents_with_errors(system, finer, factor_twice(system, finer), spectrum.start)[0]
     moved = match_logs(spectrum.logs, other.logs)[1]
     return replace(spectrum, errors=np.maximum(spectrum.errors, METHOD_SAFETY * moved))

@@ -44,10 +44,8 @@ class FourierNodes:
         """The times (N,)."""
         return fourier_nodes(self.count, self.period)
 
-    @property
-    def places(self) -> Array:
-        """The times at which X stands."""
-        return self.t
+    places = t
+    """The times at which X stands."""
 
     @property
     def between(self) -> Array:

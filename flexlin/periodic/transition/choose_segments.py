@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import gamma
@@ -58,9 +58,6 @@ class Setting:
         if self.method not in METHODS:
             return f"{self.method} ({self.reason})"
         return f"{self.method} of order {self.order} on {counted(self.segments, 'segment')} ({self.reason})"
-
-    def with_segments(self, segments: int) -> "Setting":
-        return replace(self, segments=segments)
 
 
 def find_rule(method: str, order: int) -> Tableau:
