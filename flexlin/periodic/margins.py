@@ -10,10 +10,10 @@ from scipy.optimize import brentq
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
-from flexlin.errors import NotStable, NumericalError, TimeLimit
+from flexlin.errors import NumericalError, TimeLimit
 from flexlin.periodic.coefficients import Combined, MatrixFunction, as_matrix_function, combine, hold_input
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.floquet.result import FloquetResult, need_stable
 from flexlin.periodic.system import PeriodicSystem, input_of, with_matrices
 from flexlin.periodic.transition.choose_segments import FEWER_SEGMENTS
 from flexlin.precision import ROOT_EPS
@@ -114,8 +114,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     B, K = input_of(system), as_matrix_function("gain", gain)
     nominal = system.feedback(K)
     found = floquet(nominal, ROOT_EPS)
-    if found.verdict != "stable":
-        raise NotStable(f"the loop is {found.verdict} as it is", got=found.status, expected="a stable loop")
+    need_stable(found, f"the loop is {found.verdict} as it is")
     breaks, decay = tuple(nominal.resolved.breaks), float(found.exponents[0].real)
 
     def with_gain(kappa: float) -> PeriodicSystem:

@@ -8,14 +8,14 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import SAMPLES, Array, positive
-from flexlin.errors import NotStable, ToleranceNotReached
+from flexlin.errors import ToleranceNotReached
 from flexlin.periodic.circle import measure_distances, wrap_angle
 from flexlin.periodic.coefficient_series.matrix import ResolvedMatrix
 from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficients import MatrixFunction, assemble_hamiltonian, combine
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import MODES_TOL, floquet_modes
-from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.floquet.result import FloquetResult, need_stable
 from flexlin.periodic.interpolation import fourier_nodes
 from flexlin.periodic.related import PeriodicStateSpace
 from flexlin.periodic.response.frequency import Segments, condense
@@ -381,10 +381,9 @@ def hinf_norm(
     5.025189 5.025189
     """
     plant, tol = PeriodicStateSpace(system, C, D), positive("tol", tol)
-    verdict = floquet(plant.system)
-    if verdict.verdict != "stable":
-        raise NotStable("the norm is infinite or unknown", got=verdict.status, expected="a stable system")
-    problem, T = BoundedReal(plant, verdict), plant.system.period
+    found = floquet(plant.system)
+    need_stable(found, "the norm is infinite or unknown")
+    problem, T = BoundedReal(plant, found), plant.system.period
     if problem.constant:
         means = [one.mean() for one in plant.series]
         period = min(T, 1 / (float(np.linalg.norm(means[0])) + TINY))  # no frequency is folded

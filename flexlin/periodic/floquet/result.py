@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import counted
+from flexlin.errors import NotStable, counted
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.coefficient_series.matrix import ResolvedCompanion, ResolvedMatrix
 from flexlin.periodic.coefficient_series.sampling import RESOLVED_TOL
@@ -203,6 +203,12 @@ def judge(
     limit = f"; tol {tol:.0e} was not reached, the error above is what {allows}" if missed else ""
     status = f"{verdict}: {facts}; {advice}{limit}"
     return FloquetResult(exponents, errors, period, verdict, status, setting, reason, None, decoupled)
+
+
+def need_stable(found: FloquetResult, what: str) -> None:
+    """Refuse what a system that is not known to be stable does not have. Raises: NotStable, with `what` as its reason."""
+    if found.verdict != "stable":
+        raise NotStable(what, got=found.status, expected="a stable system")
 
 
 def find_reached(exponents: Array, errors: Array, tol: float) -> Array:

@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
-from flexlin.errors import NotStable, ToleranceNotReached
+from flexlin.errors import ToleranceNotReached
 from flexlin.lazy import lazy
 from flexlin.periodic.coefficient_series.matrix import couple_uncertainty
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.result import need_stable
 from flexlin.periodic.interpolation import place_edges
 from flexlin.periodic.product import COHERENT_PART, cyclic_system
 from flexlin.periodic.related import PeriodicStateSpace
@@ -156,9 +157,7 @@ def frequency_response(
     """
     plant, tol = PeriodicStateSpace(system, C), positive("tol", tol)
     frequencies, system = np.atleast_1d(real_array("omega", omega)), plant.system
-    verdict = floquet(system)
-    if verdict.verdict != "stable":
-        raise NotStable("there is no response that lasts", got=verdict.status, expected="a stable system")
+    need_stable(floquet(system), "there is no response that lasts")
     count, before = DEFAULT_STAGES, np.zeros((len(frequencies), 1, plant.p, system.m), complex)
     while True:
         found = find_harmonics(plant, count, frequencies, min(count, FARTHEST_ORDER))

@@ -9,10 +9,11 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
-from flexlin.errors import NotStable, NumericalError
+from flexlin.errors import NumericalError
 from flexlin.periodic.coefficient_series.resolve import resolve
 from flexlin.periodic.coefficients import Constant, MatrixFunction, assemble_hamiltonian, has_nothing_narrow, varies
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.result import need_stable
 from flexlin.periodic.interpolation import FourierSeries, divided, edges_of_short
 from flexlin.periodic.riccati.linear_quadratic import (
     PANEL_HARMONICS,
@@ -247,11 +248,7 @@ def solve_lyapunov(
     try:
         return solve_by_newton(problem, choose_nodes(problem, edges, tol), None, tol, bounded=bounded)
     except NumericalError:
-        found = floquet(system)
-        if found.verdict != "stable":
-            raise NotStable(
-                "the equation has no solution, or none that is known", got=found.status, expected="a stable system"
-            ) from None
+        need_stable(floquet(system), "the equation has no solution, or none that is known")
         raise
 
 
