@@ -223,10 +223,12 @@ def list_chains(pieces: list[Piece]) -> list[list[Piece]]:
 
 
 def draw_curve(chain: list[Piece], vertices: Vertices, tol: float) -> Curve:
-    """Points on the cubics, as close as the wanted error asks of a polyline; errors of the vertices and of the cubics together."""
+    """Points on the cubics, of which no chord is farther away than tol / 4; errors of the vertices and of the cubics together."""
     begin, end, off = map(np.array, zip(*chain, strict=True))
     first, second = vertices.at(begin), vertices.at(end)
-    counts = count_points(first, second, tol)
+    length, unit = measure_chords(first.points, second.points)
+    turn = np.linalg.norm(first.directions - unit, axis=1) + np.linalg.norm(second.directions - unit, axis=1)
+    counts = np.where(length > 0, np.maximum(np.ceil(np.sqrt(turn * length / (2 * tol))), 1), 1).astype(int)  # chords
     piece = np.repeat(np.arange(len(counts)), counts)
     share = divide_evenly(np.arange(len(counts) + 1.0), counts)[:-1] - piece
     points = place_cubic(first.at(piece), second.at(piece), share[:, None])[:, 0]
@@ -235,13 +237,6 @@ def draw_curve(chain: list[Piece], vertices: Vertices, tol: float) -> Curve:
     inside = second.inside[(len(chain) - 1) // 2]
     points, errors = np.append(points, second.points[-1:], axis=0), np.append(errors, second.errors[-1])
     return Curve(np.clip(points, 0.0, 1.0), errors, bool(begin[0] == end[-1]), inside)
-
-
-def count_points(first: Vertices, second: Vertices, tol: float) -> Array:
-    """How many chords each cubic needs, so that none is farther from it than tol / 4."""
-    length, unit = measure_chords(first.points, second.points)
-    turn = np.linalg.norm(first.directions - unit, axis=1) + np.linalg.norm(second.directions - unit, axis=1)
-    return np.where(length > 0, np.maximum(np.ceil(np.sqrt(turn * length / (2 * tol))), 1), 1).astype(int)
 
 
 def find_tip(
