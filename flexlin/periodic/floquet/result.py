@@ -208,7 +208,7 @@ def judge(
 def need_stable(found: FloquetResult, what: str) -> None:
     """Refuse what a system that is not known to be stable does not have. Raises: NotStable, with `what` as its reason."""
     if found.verdict != "stable":
-        raise NotStable(what, got=found.status, expected="a stable system")
+        raise NotStable(what, got=found.status, expected="a stable system") from None  # the verdict is the reason
 
 
 def find_reached(exponents: Array, errors: Array, tol: float) -> Array:
