@@ -119,7 +119,7 @@ def test_the_command_writes_page_and_numbers(tmp_path, capsys):
     assert len(data["linear"]) == len(data["phases"]) == 16
     assert data["nonlinear"] is not None
     assert "--push" in (tmp_path / "respond.html").read_text()
-    for words in ("settles to 2 % in", "above the drive: peak torque of q1"):
+    for words in ("settles to 2 % in", "mm at the most", "above the drive: peak torque of q1"):
         assert words in said
 
 

@@ -30,8 +30,8 @@ def draw_answer(a: DisturbanceAnswer) -> Picture:
     for k, row in enumerate(everything):
         upper.line(a.t, row, "faint", width=0.6, label="linear, all phases" if k == 0 else "")
     if a.nonlinear is not None:
-        upper.line(a.t, factor * a.nonlinear, "blue", width=4.5, opacity=0.5, label="nonlinear, worst phase")
-    upper.line(a.t, everything[a.worst], "ink", dash="5 3", label="linear, worst phase")
+        upper.line(a.t, factor * a.nonlinear, "blue", width=4.5, opacity=0.5, label="nonlinear, slowest phase")
+    upper.line(a.t, everything[a.worst], "ink", dash="5 3", label="linear, slowest phase")
     title = f"{in_unit('settling time', 's')} by phase"
     lower = Panel(title, Linear(0.0, 1.0), x_label="phase t/T of the disturbance")
     shown = np.isfinite(a.settling)
@@ -46,10 +46,12 @@ def describe_answer(a: DisturbanceAnswer) -> str:
     settles = f"settles to 2 % in {format_duration(longest)}"
     if longest == np.inf:
         settles = f"has not settled after {a.t[-1]:.3g} s"
-    others = f"over all phases settling takes {format_duration(least)} at the least"
+    others = f"over all phases it settles in {format_duration(least)} at the least"
+    largest = format_quantity(float(np.abs(a.linear).max()), a.unit)
     text = (
-        f"{a.words}: at the worst phase, {a.phases[a.worst]:.3g} of the period, the {a.seen} moves by {format_quantity(a.peak, a.unit)}, "
-        f"overshoots by {100 * a.overshoot[a.worst]:.3g} % and {settles}; {others if least < np.inf else 'nor has it at any other'}. "
+        f"{a.words}: at the phase that settles last, {a.phases[a.worst]:.3g} of the period, the {a.seen} moves by "
+        f"{format_quantity(a.peak, a.unit)}, overshoots by {100 * a.overshoot[a.worst]:.3g} % and {settles}; "
+        f"{others if least < np.inf else 'nor has it at any other'}, and moves by {largest} at the most. "
     )
     if a.nonlinear is None:
         return f"{text}There is no nonlinear answer: {a.problem}."
